@@ -1,0 +1,76 @@
+# Every target works alone in a fresh clone: it makes .venv, installs what it needs, and does its job.
+#   make fly     one safe flight over real mountains, with its video and report
+#   make test    the tests           make test ARGS="-k terrain"
+#   make lint    style, types and the floors of the house
+#   make bench   the benchmarks against other people's software
+#   make clean   remove caches and outputs
+# PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend.
+
+FLY_OUT ?= renders/out/fly
+FLY_RADAR ?= --radar 41000 41000 10000 10 --radar-time 30
+FLY ?= safe-flight --seed 1 $(FLY_RADAR)
+PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
+WORKERS ?= 2
+ARGS ?=
+
+PACKAGES := models sim controllers estimators renders
+BENCHMARKS := $(filter-out benchmarks/_%,$(wildcard benchmarks/*.py))
+INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: fly test lint bench clean opengl .venv
+.NOTPARALLEL:
+
+fly: .venv/.installed opengl
+	.venv/bin/mathnavi run $(FLY) --video --report --out $(FLY_OUT)
+	@for file in video.mp4 report.html; do \
+	    if [ -f "$(FLY_OUT)/$$file" ]; then echo "$(CURDIR)/$(FLY_OUT)/$$file"; fi; \
+	done
+
+test: .venv/.developed opengl
+	.venv/bin/python -m pytest -n $(WORKERS) $(ARGS)
+
+lint: .venv/.developed
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy --strict $(PACKAGES) $(BENCHMARKS)
+	.venv/bin/lint-imports
+
+bench: .venv/.benchmarked
+	@set -e; for benchmark in $(BENCHMARKS); do echo "$$benchmark"; .venv/bin/python "$$benchmark"; done
+
+clean:
+	rm -rf renders/out dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find $(PACKAGES) $(wildcard tests benchmarks) -name __pycache__ -type d -prune -exec rm -rf {} +
+
+opengl: | .venv/bin/pip
+	@bash .ci/opengl
+
+.venv: .venv/.developed
+
+# A change of pyproject.toml, a new entry point for one, installs again.
+.venv/.installed: pyproject.toml | .venv/bin/pip
+	@echo "Installing mathnavi and what it needs into .venv (a few minutes the first time)"
+	$(INSTALL) --editable .
+	@touch $@
+
+.venv/.developed: pyproject.toml | .venv/bin/pip
+	@echo "Installing mathnavi and its development tools into .venv (a few minutes the first time)"
+	$(INSTALL) --editable '.[dev]'
+	@touch .venv/.installed $@
+
+.venv/.benchmarked: pyproject.toml | .venv/bin/pip
+	@echo "Installing mathnavi and the benchmarks' peers into .venv (a few minutes the first time)"
+	$(INSTALL) --editable '.[bench]'
+	@touch .venv/.installed $@
+
+# pip comes last into a new environment: where it is, the environment is whole.
+.venv/bin/pip:
+	@for python in $(PYTHONS); do \
+	    if $$python -c 'import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+	        echo "Making .venv with $$python: $$($$python --version)"; \
+	        exec $$python -m venv .venv; \
+	    fi; \
+	done; \
+	echo "No Python >= 3.11 with its venv module among: $(PYTHONS)." \
+	    "Install one (Debian, Ubuntu: apt-get install python3 python3-venv) or name it: make PYTHON=/path/to/python" >&2; \
+	exit 1

@@ -1,0 +1,232 @@
+"""What makes "never collides, always arrives" true: nothing is flown that has not been certified whole.
+
+A plan pi is certified, C(pi), if over all of it, to rest, the least clearance above the triangles is at least h_min + delta (delta
+what the tracker may deviate), it stays on the map, |v| and |a| keep the bounds left to a plan, its arcs join, and it rests
+within reach of the target. ``Certified`` keeps the invariant, at every t before arrival:
+
+    x(t) = x_pi(t) (within the tracking bound),  C(pi),  t_e <= gamma V_0.
+
+A candidate replaces the plan being flown at its start time if and only if it starts on it, is certified, and ends by the
+deadline. Otherwise the stored plan stays, which is safe and arrives. This is Propositions A.2 and A.3, made true for arcs instead
+of nodes, for any planner.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.aerial.dynamics import state_at
+from models.aerial.mission import FlightMission
+from models.terrain.height_field import HeightField
+from sim.protocols import Planner
+from sim.signals import Array, Phase, Plan, PlanRequest, Status
+
+_JOIN = 1e-6  # [m, m/s] two states closer than this are the same
+_BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
+_PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
+
+
+@dataclass(frozen=True)
+class TrackingBound:
+    """What the tracker keeps: the vehicle stays this close to the plan, at this much feedback."""
+
+    horizontal: float  # [m] r_h
+    vertical: float  # [m] r_z
+    speed: float  # [m/s] r_v
+    feedback: float  # [m/s^2] a_fb
+
+    def broken_by(self, error: Array) -> bool:
+        """Whether an error (6,) [m, m/s] of the state lies outside."""
+        return bool(np.hypot(error[0], error[1]) > self.horizontal or abs(error[2]) > self.vertical)
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a plan is not certified."""
+
+    status: Status
+    message: str
+    phase: Phase | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """C(pi) as a function; ``terrain`` is raised by the tracking bound, the other bounds are lowered by it."""
+
+    terrain: HeightField
+    clearance_min: float  # [m] h_min
+    speed_max: float  # [m/s]
+    acceleration_max: float  # [m/s^2]
+    target: Array  # (3,) [m]
+    arrival_radius: float  # [m]
+
+    @staticmethod
+    def of(mission: FlightMission, bound: TrackingBound) -> Certificate:
+        """The certificate of a mission whose tracker keeps ``bound``; ValueError if the bounds leave nothing to fly with."""
+        speed = mission.speed_max - bound.speed
+        acceleration = mission.acceleration_max - bound.feedback
+        radius = mission.arrival_radius - float(np.hypot(bound.horizontal, bound.vertical))
+        for name, left, whole in (
+            ("speed_max", speed, mission.speed_max),
+            ("acceleration_max", acceleration, mission.acceleration_max),
+            ("arrival_radius", radius, mission.arrival_radius),
+        ):
+            if left <= 0.0:
+                raise ValueError(
+                    f"{name} = {whole:g} leaves nothing to plan with: noise and gusts need {whole - left:.3g} of it"
+                )
+        return Certificate(
+            mission.terrain.inflated(bound.horizontal, bound.vertical),
+            mission.clearance_min,
+            speed,
+            acceleration,
+            np.array(mission.target),
+            radius,
+        )
+
+    def refuse(self, plan: Plan) -> Refusal | None:
+        """None if C(plan) holds, else the first reason why not."""
+        if malformed := _malformed(plan):
+            return malformed
+        duration = np.diff(plan.t)
+        p, v = plan.x[:, :3], plan.x[:, 3:]
+        joint = np.hstack(
+            [
+                p[:-1] + duration[:, None] * v[:-1] + 0.5 * duration[:, None] ** 2 * plan.u - p[1:],
+                v[:-1] + duration[:, None] * plan.u - v[1:],
+            ]
+        )
+        gap = float(np.abs(joint).max(initial=0.0))
+        if gap > _JOIN:
+            return Refusal(Status.MALFORMED, f"arcs miss each other by {gap:.3g}")
+        speed, push = np.linalg.norm(v, axis=1), np.linalg.norm(plan.u, axis=1)
+        if speed.max() > self.speed_max + _BOUND:
+            return Refusal(Status.BOUNDS, f"|v| reaches {speed.max():.2f} m/s; allowed {self.speed_max:.2f}")
+        if push.max(initial=0.0) > self.acceleration_max + _BOUND:
+            return Refusal(Status.BOUNDS, f"|a| reaches {push.max():.2f} m/s^2; allowed {self.acceleration_max:.2f}")
+        miss = float(np.linalg.norm(p[-1] - self.target))
+        if miss > self.arrival_radius or speed[-1] > _BOUND:
+            return Refusal(Status.NO_ARRIVAL, f"ends {miss:.1f} m from the target at {speed[-1]:.2f} m/s")
+        clearance = self.terrain.path_clearance(p[:-1], v[:-1], plan.u, duration)
+        worst = int(clearance.argmin()) if len(clearance) else 0
+        if len(clearance) and clearance[worst] < self.clearance_min:
+            phase = Phase(int(plan.phase[worst]))
+            if np.isneginf(clearance[worst]):
+                return Refusal(Status.OFF_MAP, f"in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s", phase)
+            low = f"{clearance[worst]:.1f} m in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s"
+            return Refusal(Status.LOW_CLEARANCE, f"{low}; allowed {self.clearance_min:g}", phase)
+        return None
+
+
+def _malformed(plan: Plan) -> Refusal | None:
+    arcs = len(plan.t) - 1
+    if arcs < 1 or plan.x.shape != (arcs + 1, 6) or plan.u.shape != (arcs, 3) or plan.phase.shape != (arcs,):
+        shapes = f"t {plan.t.shape}, x {plan.x.shape}, u {plan.u.shape}, phase {plan.phase.shape}"
+        return Refusal(Status.MALFORMED, f"{shapes}; allowed (K + 1,), (K + 1, 6), (K, 3), (K,) with K >= 1")
+    if not (np.isfinite(plan.t).all() and np.isfinite(plan.x).all() and np.isfinite(plan.u).all()):
+        return Refusal(Status.NOT_FINITE, "t, x or u is not finite")
+    if (np.diff(plan.t) <= 0.0).any():
+        return Refusal(Status.MALFORMED, "times do not increase")
+    return None
+
+
+def pass_time(plan: Plan, target: Array, after: float) -> float:
+    """First breakpoint [s] later than ``after`` at which the plan is at the target; inf if none."""
+    near = (np.linalg.norm(plan.x[:, :3] - target, axis=1) <= _PASS) & (plan.t > after + 1e-9)
+    return float(plan.t[near][0]) if near.any() else np.inf
+
+
+class Certified:
+    """A planner whose every answer is certified, and which answers something safe where that can be had.
+
+    ``reserve`` is asked where there is no plan to fall back on: at the start, and when the vehicle has left its plan.
+    """
+
+    def __init__(
+        self,
+        planner: Planner,
+        reserve: Planner,
+        certificate: Certificate,
+        bound: TrackingBound,
+        deadline_factor: float,
+    ) -> None:
+        if not deadline_factor >= 1.0:
+            raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
+        self.period = planner.period
+        self.deadline = np.inf  # [s] gamma V_0 after the first plan's start
+        self._planner, self._reserve = planner, reserve
+        self._certificate, self._bound, self._factor = certificate, bound, deadline_factor
+        self._reported_pass = -np.inf
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """The planner's answer if it may be flown; a failure that says why not otherwise."""
+        current = request.current
+        if current is None:
+            plan = self._fresh(request)
+            if plan.ok:
+                self.deadline = request.t + self._factor * (plan.t_end - request.t)
+            return plan
+        notes: tuple[str, ...] = ()
+        if self._missed(current, request.t):
+            notes = ("missed-pass",)
+            self.deadline = request.t + self._factor * max(current.t_end - request.t, self.period)
+        error = request.estimate.x - state_at(current, request.t)
+        if self._bound.broken_by(error):
+            return self._rebased(request, error, notes)
+        plan = self._judged(self._planner.plan(request), request)
+        return dataclasses.replace(plan, notes=notes + plan.notes)
+
+    def _fresh(self, request: PlanRequest) -> Plan:
+        """A certified plan from the estimate itself, by the planner or, failing that, the reserve."""
+        plan = self._judged(self._planner.plan(request), request)
+        if plan.ok:
+            return plan
+        reserve = self._judged(self._reserve.plan(request), request)
+        if not reserve.ok:
+            return dataclasses.replace(reserve, message=f"{plan.message}; the reserve: {reserve.message}")
+        return dataclasses.replace(reserve, notes=("reserve-plan",), message=plan.message)
+
+    def _rebased(self, request: PlanRequest, error: Array, notes: tuple[str, ...]) -> Plan:
+        """The vehicle is off its plan: plan anew from the estimate, at once, or announce the loss."""
+        notes = (*notes, "tracking-breach")
+        far = f"{np.hypot(error[0], error[1]):.1f} m across, {error[2]:.1f} m up from the plan"
+        here = dataclasses.replace(request, t_start=request.t, current=None)
+        plan = self._fresh(here)
+        if not plan.ok:
+            return dataclasses.replace(plan, notes=(*notes, "guarantee-lost"), message=f"{far}; {plan.message}")
+        if plan.t_end > self.deadline:
+            notes = (*notes, "deadline-lost")
+            self.deadline = plan.t_end
+        return dataclasses.replace(plan, notes=(*notes, "rebased"), message=far)
+
+    def _missed(self, current: Plan, t: float) -> bool:
+        """Whether the plan went through the target and the mission still goes on; true once for each such pass."""
+        passed = pass_time(current, self._certificate.target, current.t_start)
+        if passed > t - 1e-9 or passed == self._reported_pass:
+            return False
+        self._reported_pass = passed
+        return True
+
+    def _judged(self, plan: Plan, request: PlanRequest) -> Plan:
+        """``plan``, or the failure it is."""
+        if not plan.ok:
+            return plan
+        refusal = self._certificate.refuse(plan)
+        if refusal is None and abs(plan.t_start - request.t_start) > 1e-9:
+            refusal = Refusal(Status.WRONG_START, f"starts at {plan.t_start:.3f} s, asked for {request.t_start:.3f} s")
+        if refusal is None:
+            origin = request.estimate.x if request.current is None else state_at(request.current, request.t_start)
+            gap = float(np.abs(plan.x[0] - origin).max())
+            if gap > _JOIN:
+                refusal = Refusal(Status.WRONG_START, f"starts {gap:.3g} beside the plan being flown")
+        if refusal is None and request.current is not None and plan.t_end > self.deadline + 1e-9:
+            refusal = Refusal(Status.DEADLINE, f"ends at {plan.t_end:.1f} s; the deadline is {self.deadline:.1f} s")
+        if refusal is None:
+            return plan
+        notes = ("manoeuvre-rejected",) if refusal.phase is Phase.MANOEUVRE else ()
+        return dataclasses.replace(
+            Plan.failure(refusal.status, refusal.message, ready=plan.ready, solve_ms=plan.solve_ms), notes=notes
+        )

@@ -1,0 +1,102 @@
+"""From the end of a safety manoeuvre to the target, without an optimiser: hover, climb, level flight, descent.
+
+The manoeuvre ends in vertical flight, so the way on is a stack of straight lines: up to a level that clears everything between
+here and the target, across, and down onto p_f, each flown at the bounds with a rest at its end (thesis A.4, Fig. A.2). Over a
+height field the vertical parts need no look at the terrain; the level is chosen from it, and the certificate has the last word.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.terrain.height_field import HeightField
+from sim.signals import Array, Phase, Plan
+
+_LEVEL_MARGIN = 1.0  # [m] above the clearance, so that rounding cannot spoil a level flight
+_NEGLIGIBLE = 1e-9  # [s]
+
+
+@dataclass
+class ArcList:
+    """Arcs appended one after the other; each starts exactly where the last one ended."""
+
+    t: list[float]
+    x: list[Array]
+    u: list[Array]
+    phase: list[int]
+
+    @staticmethod
+    def begin(t: float, x: Array) -> ArcList:
+        return ArcList([t], [np.asarray(x, dtype=float)], [], [])
+
+    def add(self, u: Array, duration: float, phase: Phase) -> None:
+        """Hold the acceleration ``u`` (3,) [m/s^2] for ``duration`` [s]."""
+        if duration <= _NEGLIGIBLE:
+            return
+        p, v = self.x[-1][:3], self.x[-1][3:]
+        self.x.append(np.concatenate([p + duration * v + 0.5 * duration**2 * u, v + duration * u]))
+        self.t.append(self.t[-1] + duration)
+        self.u.append(np.asarray(u, dtype=float))
+        self.phase.append(int(phase))
+
+    def rest(self) -> None:
+        """Round the velocity that rounding left over to exactly zero."""
+        self.x[-1] = np.concatenate([self.x[-1][:3], np.zeros(3)])
+
+    def plan(self, cost: float, solve_ms: float) -> Plan:
+        u = np.array(self.u) if self.u else np.empty((0, 3))
+        phase = np.array(self.phase, dtype=np.int64)
+        return Plan(np.array(self.t), np.array(self.x), u, phase, cost=cost, solve_ms=solve_ms)
+
+
+def _straight(arcs: ArcList, direction: Array, distance: float, speed: float, a: float, phase: Phase) -> None:
+    """From rest to rest along ``direction`` in the least time under |v| <= speed and |u| <= a."""
+    if distance <= 0.0:
+        return
+    peak = min(speed, math.sqrt(distance * a))
+    ramp = peak / a
+    arcs.add(a * direction, ramp, phase)
+    arcs.add(np.zeros(3), (distance - peak * ramp) / peak, phase)
+    arcs.add(-a * direction, ramp, phase)
+    arcs.rest()
+
+
+def complete(
+    arcs: ArcList,
+    terrain: HeightField,
+    target: Array,
+    clearance: float,
+    speed: float,
+    acceleration: float,
+    wait: float = 0.0,
+) -> None:
+    """Append the way from vertical flight to rest on the target; ``wait`` [s] is spent in hover before it.
+
+    ``clearance`` [m] is what level flight keeps above the ground; ``speed`` [m/s] and ``acceleration`` [m/s^2] are the
+    bounds the plan may use.
+    """
+    up = np.array([0.0, 0.0, 1.0])
+    rise = float(arcs.x[-1][5])
+    arcs.add(-math.copysign(acceleration, rise) * up, abs(rise) / acceleration, Phase.MANOEUVRE)
+    arcs.rest()
+    arcs.add(np.zeros(3), wait, Phase.HOVER)
+    here = arcs.x[-1][:3]
+    across = target[:2] - here[:2]
+    distance = float(np.hypot(*across))
+    if distance > 0.0:
+        level = max(here[2], target[2], highest_ground(terrain, here[:2], target[:2]) + clearance + _LEVEL_MARGIN)
+        _straight(arcs, up, level - here[2], speed, acceleration, Phase.CLIMB)
+        _straight(arcs, np.append(across / distance, 0.0), distance, speed, acceleration, Phase.CRUISE)
+    drop = float(arcs.x[-1][2] - target[2])
+    phase = Phase.DESCENT if drop > 0.0 else Phase.CLIMB
+    _straight(arcs, -math.copysign(1.0, drop) * up, abs(drop), speed, acceleration, phase)
+
+
+def highest_ground(terrain: HeightField, a: Array, b: Array) -> float:
+    """Highest point [m] of the triangles under the straight line from a to b (2,) [m]; inf if it leaves the map."""
+    span = b - a
+    clearance = terrain.arc_clearance([a[0], a[1], 0.0], [span[0], span[1], 0.0], np.zeros(3), 1.0)
+    return -clearance

@@ -1,0 +1,245 @@
+"""Terminal cost Psi: what is left to pay from a point to the target (thesis A.5).
+
+Dijkstra's algorithm on a grid whose layers follow the terrain gives the distance D from every node to the target, lengths
+inside a threat counted (1 + weight) fold. Two interpolants turn the node values into Psi(p):
+
+* ``FactoredCost``: Psi(p) = (beta / v_c) (sqrt(|p - p_f|^2 + l^2) tau(p) - l). The ratio tau of D to the length that the
+  same grid would measure over flat, empty ground is interpolated by a tricubic spline in the stretched coordinates (layer,
+  row, column); the root carries the distance itself. Psi decreases towards the target from everywhere, its gradient is
+  continuous, and the grid's preference for its own directions cancels in the ratio.
+* ``TrilinearCost``: (beta / v_c) D interpolated linearly in each cell, as in the print. It has stationary points.
+
+The print leaves Psi's unit open. With a running cost |a|^2 + beta, beta has the unit of a cost per second, so a distance costs
+beta / v_c per metre, v_c the speed at which flying on costs as much as Psi falls (150 m/s).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from controllers.flight import spline
+from models.terrain.height_field import HeightField
+from models.terrain.visibility import Radar
+from sim.signals import Array, Integers
+
+REFERENCE_SPEED = 150.0  # [m/s] v_c
+TARGET_LENGTH = 50.0  # [m] l: within it the distance to the target is rounded off
+THREAT_SMOOTHING = 0.7  # [cells] standard deviation: a threat's sharp edge would trap every interpolant
+_LOWEST_LAYER = 120.0  # [m] above ground
+
+
+@dataclass(frozen=True, eq=False)
+class TerrainGrid:
+    """Nodes in horizontal layers stretched on the terrain; the target is a node.
+
+    Node (k, i, j) lies at x = x_0 + j spacing, y = y_0 + i spacing, z = ground[i, j] + level_0 + k layer_spacing.
+    """
+
+    x_0: float  # [m]
+    y_0: float  # [m]
+    spacing: float  # [m] between rows and columns
+    ground: Array  # (rows, columns) [m]
+    level_0: float  # [m] height of the lowest layer above ground
+    layer_spacing: float  # [m]
+    layers: int
+    target: tuple[int, int, int]  # (layer, row, column)
+
+    @staticmethod
+    def around(terrain: HeightField, target: Array, nodes: int, layers: int, height: float = 2400.0) -> TerrainGrid:
+        """A grid of ``nodes`` x ``nodes`` x ``layers`` over the map's longer side, moved so that the target is a node."""
+        side = max(terrain.width, terrain.depth)
+        spacing = side / (nodes - 1)
+        j = round(float(target[0]) / spacing)
+        i = round(float(target[1]) / spacing)
+        x_0, y_0 = float(target[0]) - j * spacing, float(target[1]) - i * spacing
+        x = np.clip(x_0 + spacing * np.arange(nodes), 0.0, terrain.width)
+        y = np.clip(y_0 + spacing * np.arange(nodes), 0.0, terrain.depth)
+        ground = terrain.height(*np.meshgrid(x, y))
+        above = float(target[2]) - float(ground[i, j])
+        step = height / (layers - 1)
+        k = min(round(max(0.0, above - _LOWEST_LAYER) / step), layers - 1)
+        # The layer that is to hold the target is moved onto it: by its spacing, or, for the lowest, by its level.
+        level_0 = above if k == 0 else _LOWEST_LAYER
+        layer_spacing = step if k == 0 else (above - _LOWEST_LAYER) / k
+        return TerrainGrid(x_0, y_0, spacing, ground, level_0, layer_spacing, layers, (k, i, j))
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        return (self.layers, *self.ground.shape)
+
+    @cached_property
+    def positions(self) -> Array:
+        """(layers, rows, columns, 3) [m]."""
+        k, i, j = np.meshgrid(*(np.arange(n, dtype=float) for n in self.shape), indexing="ij")
+        x, y = self.x_0 + self.spacing * j, self.y_0 + self.spacing * i
+        return np.stack([x, y, self.ground + self.level_0 + self.layer_spacing * k], axis=-1)
+
+    @cached_property
+    def edges(self) -> tuple[Integers, Integers, Array]:
+        """The 26-neighbour graph as (row starts, neighbours, lengths [m]) of a sparse matrix."""
+        layers, rows, columns = self.shape
+        node = np.arange(layers * rows * columns, dtype=np.int32).reshape(self.shape)
+        padded = np.pad(node, 1, constant_values=-1)
+        offsets = [(a, b, c) for a in (-1, 0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1) if (a, b, c) != (0, 0, 0)]
+        neighbours = np.stack(
+            [padded[1 + a : 1 + a + layers, 1 + b : 1 + b + rows, 1 + c : 1 + c + columns] for a, b, c in offsets],
+            axis=-1,
+        ).reshape(-1, len(offsets))
+        # |edge|^2 from the height difference alone: the horizontal part depends on the offset only.
+        z = self.positions[..., 2].ravel()
+        flat = np.array([self.spacing**2 * (b * b + c * c) for _, b, c in offsets])
+        inside = neighbours >= 0
+        length = np.sqrt(flat + (z[neighbours] - z[:, None]) ** 2)
+        starts = np.concatenate([[0], np.cumsum(inside.sum(axis=1))])
+        return starts.astype(np.int32), neighbours[inside], length[inside]
+
+    def flat_distance(self) -> Array:
+        """What the 26-neighbour graph would measure from the target over flat ground, (layers, rows, columns) [m].
+
+        On a flat layer the shortest way over (m, n) cells is min(m, n) diagonals and the rest straight; the height
+        difference is joined by Pythagoras.
+        """
+        k, i, j = self.target
+        m, n = np.abs(np.arange(self.shape[1]) - i)[:, None], np.abs(np.arange(self.shape[2]) - j)[None, :]
+        level = self.spacing * (np.maximum(m, n) + (math.sqrt(2.0) - 1.0) * np.minimum(m, n))
+        rise = self.positions[..., 2] - self.positions[k, i, j, 2]
+        return np.hypot(level, rise)
+
+
+def threat_density(grid: TerrainGrid, terrain: HeightField, radars: Sequence[Radar]) -> Array:
+    """Sum of weight times visibility at each node, smoothed, (layers, rows, columns)."""
+    density = np.zeros(grid.shape)
+    for radar in radars:
+        near = np.linalg.norm(grid.positions - radar.position(terrain), axis=-1) <= radar.radius
+        seen = np.zeros(grid.shape)
+        seen[near] = radar.exposed(terrain, grid.positions[near])
+        density += radar.weight * gaussian_filter(seen, THREAT_SMOOTHING, mode="nearest")
+    return density
+
+
+def node_distance(grid: TerrainGrid, density: Array) -> Array:
+    """Cheapest way from every node to the target by Dijkstra, (layers, rows, columns) [m].
+
+    The cost of an edge is c_ij = length (1 + mean threat density of its ends) (thesis A.5).
+    """
+    starts, neighbours, length = grid.edges
+    cost = length
+    if density.any():
+        flat = density.ravel()
+        cost = length * (1.0 + 0.5 * (np.repeat(flat, np.diff(starts)) + flat[neighbours]))
+    count = density.size
+    graph = csr_array((cost, neighbours, starts), shape=(count, count))
+    source = int(np.ravel_multi_index(grid.target, grid.shape))
+    return np.asarray(dijkstra(graph, directed=True, indices=source)).reshape(grid.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class FactoredCost:
+    """Psi without its factor beta / v_c: a length [m]. Coordinates outside the grid are held at its edge."""
+
+    grid: TerrainGrid
+    target: Array  # (3,) [m] p_f
+    ground: Array  # spline coefficients of the grid's ground [m]
+    ratio: Array  # spline coefficients of tau
+
+    @staticmethod
+    def build(grid: TerrainGrid, distance: Array) -> FactoredCost:
+        ratio = np.sqrt(distance**2 + TARGET_LENGTH**2) / np.sqrt(grid.flat_distance() ** 2 + TARGET_LENGTH**2)
+        target = grid.positions[grid.target]
+        return FactoredCost(grid, target, spline.coefficients(grid.ground), spline.coefficients(ratio))
+
+    @cached_property
+    def scales(self) -> Array:
+        """(x_0, y_0, spacing, level_0, layer_spacing, target x, y, z): what the compiled kernel needs beside the splines."""
+        g = self.grid
+        return np.array([g.x_0, g.y_0, g.spacing, g.level_0, g.layer_spacing, *self.target])
+
+    def __call__(self, points: Array) -> Array:
+        """Length-to-go [m] at (n, 3) points [m]."""
+        from controllers.flight.kernels import cost_many
+
+        return cost_many(self.ground, self.ratio, self.scales, np.atleast_2d(points))[0]
+
+    def gradient(self, points: Array) -> Array:
+        """Its gradient (n, 3) at (n, 3) points [m]."""
+        from controllers.flight.kernels import cost_many
+
+        return cost_many(self.ground, self.ratio, self.scales, np.atleast_2d(points))[1]
+
+
+@dataclass(frozen=True, eq=False)
+class TrilinearCost:
+    """D interpolated linearly in each cell of the stretched grid, as in the print: a length [m]."""
+
+    grid: TerrainGrid
+    target: Array
+    distance: Array  # (layers, rows, columns) [m]
+
+    def __call__(self, points: Array) -> Array:
+        """Length-to-go [m] at (n, 3) points [m], coordinates held to the grid."""
+        return self._evaluate(points)[0]
+
+    def gradient(self, points: Array) -> Array:
+        """Its gradient (n, 3), one-sided on the faces of cells."""
+        return self._evaluate(points)[1]
+
+    def _evaluate(self, points: Array) -> tuple[Array, Array]:
+        g, p = self.grid, np.atleast_2d(points)
+        layers, rows, columns = g.shape
+        v = np.clip((p[:, 1] - g.y_0) / g.spacing, 0.0, rows - 1.0)
+        w = np.clip((p[:, 0] - g.x_0) / g.spacing, 0.0, columns - 1.0)
+        i, j = np.minimum(v.astype(int), rows - 2), np.minimum(w.astype(int), columns - 2)
+        fv, fw = v - i, w - j
+        corner = g.ground[i, j], g.ground[i, j + 1], g.ground[i + 1, j], g.ground[i + 1, j + 1]
+        low, high = corner[0] + fw * (corner[1] - corner[0]), corner[2] + fw * (corner[3] - corner[2])
+        ground = low + fv * (high - low)
+        ground_x = ((1 - fv) * (corner[1] - corner[0]) + fv * (corner[3] - corner[2])) / g.spacing
+        ground_y = (high - low) / g.spacing
+        raw = (p[:, 2] - ground - g.level_0) / g.layer_spacing
+        u = np.clip(raw, 0.0, layers - 1.0)
+        held = (raw == u).astype(float)
+        k = np.minimum(u.astype(int), layers - 2)
+        fu = u - k
+        d = self.distance
+        face = [
+            (1 - fv) * ((1 - fw) * d[k + a, i, j] + fw * d[k + a, i, j + 1])
+            + fv * ((1 - fw) * d[k + a, i + 1, j] + fw * d[k + a, i + 1, j + 1])
+            for a in (0, 1)
+        ]
+        along_w = [
+            (1 - fv) * (d[k + a, i, j + 1] - d[k + a, i, j]) + fv * (d[k + a, i + 1, j + 1] - d[k + a, i + 1, j])
+            for a in (0, 1)
+        ]
+        along_v = [
+            (1 - fw) * (d[k + a, i + 1, j] - d[k + a, i, j]) + fw * (d[k + a, i + 1, j + 1] - d[k + a, i, j + 1])
+            for a in (0, 1)
+        ]
+        value = (1 - fu) * face[0] + fu * face[1]
+        up = held * (face[1] - face[0]) / g.layer_spacing
+        east = ((1 - fu) * along_w[0] + fu * along_w[1]) / g.spacing - up * ground_x
+        north = ((1 - fu) * along_v[0] + fu * along_v[1]) / g.spacing - up * ground_y
+        return value, np.stack([east, north, up], axis=-1)
+
+
+def factored_cost(
+    terrain: HeightField, target: Array, radars: Sequence[Radar], nodes: int, layers: int
+) -> FactoredCost:
+    """Grid, threats, Dijkstra and spline in one call."""
+    grid = TerrainGrid.around(terrain, target, nodes, layers)
+    return FactoredCost.build(grid, node_distance(grid, threat_density(grid, terrain, radars)))
+
+
+def trilinear_cost(
+    terrain: HeightField, target: Array, radars: Sequence[Radar], nodes: int, layers: int
+) -> TrilinearCost:
+    """The same with the print's interpolation."""
+    grid = TerrainGrid.around(terrain, target, nodes, layers)
+    return TrilinearCost(grid, grid.positions[grid.target], node_distance(grid, threat_density(grid, terrain, radars)))

@@ -1,0 +1,122 @@
+"""Uniform cubic B-splines: coefficients by scipy, evaluation by compiled kernels.
+
+A spline on the nodes 0 ... n - 1 has the coefficients c[-1] ... c[n], stored with an offset of one. The boundary is
+mirrored, so the slope across an edge of the grid is zero there and holding the coordinate at the edge continues the
+function with a continuous derivative.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from scipy.ndimage import spline_filter
+
+from sim.signals import Array
+
+
+def coefficients(values: Array) -> Array:
+    """Coefficients of the interpolating spline of node values, each axis two longer than the values' own."""
+    return np.ascontiguousarray(np.pad(spline_filter(values, order=3, mode="mirror"), 1, mode="reflect"))
+
+
+def knots(count: int) -> list[float]:
+    """Knots for ``count`` nodes in the convention of a general B-spline routine of degree three."""
+    return [float(k) for k in range(-3, count + 3)]
+
+
+@njit(cache=True, nogil=True)
+def _basis(f: float) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+    """Values, first and second derivatives of the four cubic basis functions at the fraction f of a cell."""
+    g = 1.0 - f
+    value = (
+        g * g * g / 6.0,
+        (4.0 - 6.0 * f * f + 3.0 * f * f * f) / 6.0,
+        (4.0 - 6.0 * g * g + 3.0 * g * g * g) / 6.0,
+        f * f * f / 6.0,
+    )
+    first = (-0.5 * g * g, -2.0 * f + 1.5 * f * f, 2.0 * g - 1.5 * g * g, 0.5 * f * f)
+    second = (g, -2.0 + 3.0 * f, -2.0 + 3.0 * g, f)
+    return value, first, second
+
+
+@njit(cache=True, nogil=True)
+def _cell(u: float, nodes: int) -> tuple[int, float, float]:
+    """Cell and fraction of the coordinate u held to [0, nodes - 1], and the derivative of the holding (1 or 0)."""
+    if u <= 0.0:
+        return 0, 0.0, 0.0
+    if u >= nodes - 1.0:
+        return nodes - 2, 1.0, 0.0
+    i = min(int(u), nodes - 2)
+    return i, u - i, 1.0
+
+
+@njit(cache=True, nogil=True)
+def surface(c: Array, u: float, v: float) -> tuple[float, float, float]:
+    """Spline over (row u, column v): value and derivatives with respect to u and v."""
+    i, fu, hu = _cell(u, c.shape[0] - 2)
+    j, fv, hv = _cell(v, c.shape[1] - 2)
+    wu, du, _ = _basis(fu)
+    wv, dv, _ = _basis(fv)
+    value = slope_u = slope_v = 0.0
+    for k in range(4):
+        along = across = 0.0
+        for m in range(4):
+            along += c[i + k, j + m] * wv[m]
+            across += c[i + k, j + m] * dv[m]
+        value += wu[k] * along
+        slope_u += du[k] * along
+        slope_v += wu[k] * across
+    return value, hu * slope_u, hv * slope_v
+
+
+@njit(cache=True, nogil=True)
+def surface_curvature(c: Array, u: float, v: float) -> tuple[float, float, float]:
+    """Second derivatives uu, uv, vv of ``surface``."""
+    i, fu, hu = _cell(u, c.shape[0] - 2)
+    j, fv, hv = _cell(v, c.shape[1] - 2)
+    wu, du, su = _basis(fu)
+    wv, dv, sv = _basis(fv)
+    uu = uv = vv = 0.0
+    for k in range(4):
+        for m in range(4):
+            coefficient = c[i + k, j + m]
+            uu += su[k] * wv[m] * coefficient
+            uv += du[k] * dv[m] * coefficient
+            vv += wu[k] * sv[m] * coefficient
+    return hu * uu, hu * hv * uv, hv * vv
+
+
+@njit(cache=True, nogil=True)
+def volume(c: Array, u: float, v: float, w: float, gradient: Array, hessian: Array) -> float:
+    """Spline over (layer u, row v, column w): value; fills the gradient (3,) and the Hessian (3, 3)."""
+    i, fu, hu = _cell(u, c.shape[0] - 2)
+    j, fv, hv = _cell(v, c.shape[1] - 2)
+    k, fw, hw = _cell(w, c.shape[2] - 2)
+    wu, du, su = _basis(fu)
+    wv, dv, sv = _basis(fv)
+    ww, dw, sw = _basis(fw)
+    value = gu = gv = gw = uu = uv = uw = vv = vw = ww_ = 0.0
+    for a in range(4):
+        for b in range(4):
+            line = slope = bend = 0.0
+            for m in range(4):
+                coefficient = c[i + a, j + b, k + m]
+                line += coefficient * ww[m]
+                slope += coefficient * dw[m]
+                bend += coefficient * sw[m]
+            value += wu[a] * wv[b] * line
+            gu += du[a] * wv[b] * line
+            gv += wu[a] * dv[b] * line
+            gw += wu[a] * wv[b] * slope
+            uu += su[a] * wv[b] * line
+            uv += du[a] * dv[b] * line
+            uw += du[a] * wv[b] * slope
+            vv += wu[a] * sv[b] * line
+            vw += wu[a] * dv[b] * slope
+            ww_ += wu[a] * wv[b] * bend
+    gradient[0], gradient[1], gradient[2] = hu * gu, hv * gv, hw * gw
+    hessian[0, 0], hessian[1, 1], hessian[2, 2] = hu * uu, hv * vv, hw * ww_
+    hessian[0, 1] = hessian[1, 0] = hu * hv * uv
+    hessian[0, 2] = hessian[2, 0] = hu * hw * uw
+    hessian[1, 2] = hessian[2, 1] = hv * hw * vw
+    return value

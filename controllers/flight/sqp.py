@@ -1,0 +1,130 @@
+"""The default solver: a condensed Gauss-Newton method, each step a dense quadratic programme solved by ``daqp``.
+
+All that is not convex in the problem (terrain, terminal cost, approach condition) sits in its objective, as cost or as a
+quadratic penalty on a slack; the hard constraints are balls and boxes, taken by their tangent planes. So a step of the
+Gauss-Newton method is a descent direction of the objective plus an exact penalty on the balls, and a backtracking line
+search makes every iteration an improvement. Iterations stop when one gains less than ``tolerance`` (1 + cost).
+"""
+
+from __future__ import annotations
+
+import daqp
+import numpy as np
+
+from controllers.flight import kernels
+from controllers.flight.problem import Problem, Solution
+from sim.signals import Array
+
+_SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
+_TANGENT_ERROR = 1e-2  # [m/s, m/s^2] by which a ball's tangent planes may overshoot it on convergence
+_INFEASIBLE = "the quadratic programme has no feasible point"
+
+
+class GaussNewton:
+    """Solves ``Problem`` after ``Problem``; holds no state but the solver's workspaces, one per horizon length."""
+
+    def __init__(self, tolerance: float = 1e-6, iteration_limit: int = 12) -> None:
+        if not tolerance > 0.0:
+            raise ValueError(f"tolerance = {tolerance!r}; allowed: > 0")
+        if iteration_limit < 1:
+            raise ValueError(f"iteration_limit = {iteration_limit!r}; allowed: >= 1")
+        self._tolerance, self._iteration_limit = tolerance, iteration_limit
+        self._workspaces: dict[tuple[int, bool], _Workspace] = {}
+
+    def solve(self, problem: Problem, guess: Array) -> Solution | str:
+        """A solution from ``guess`` (3n + 1,), or the reason why there is none."""
+        key = (problem.arcs, problem.hold is not None)
+        if key not in self._workspaces:
+            self._workspaces[key] = _Workspace(problem)
+        work, cost, s = self._workspaces[key], problem.landscape.cost, problem.stencil
+        packed = problem.packed
+        data = (
+            problem.start,
+            s.base,
+            s.weights,
+            s.climbs,
+            problem.landscape.heights,
+            cost.ground,
+            cost.ratio,
+            cost.scales,
+            packed,
+        )
+        hold = np.empty(0) if problem.hold is None else problem.hold
+        penalty = 100.0 + 10.0 * problem.parameters.psi_per_metre * problem.arcs * problem.parameters.h
+        unknowns = guess.copy()
+        value, violation = kernels.objective(unknowns, *data)
+        gap = _gap(work, unknowns, hold, problem)
+        merit = value + penalty * (violation + gap)
+        converged, iteration = False, 0
+        while iteration < self._iteration_limit and not converged:
+            iteration += 1
+            kernels.linearise(unknowns, *data, hold, work.hessian, work.gradient, work.rows, work.upper, work.lower)
+            step = work.step()
+            if step is None:
+                return _INFEASIBLE
+            length = 1.0
+            while True:
+                trial = unknowns + length * step
+                trial_value, trial_violation = kernels.objective(trial, *data)
+                trial_gap = _gap(work, trial, hold, problem)
+                trial_merit = trial_value + penalty * (trial_violation + trial_gap)
+                if trial_merit <= merit or length < 1e-3:
+                    break
+                length *= 0.5
+            gain = merit - trial_merit
+            if gain >= 0.0:
+                unknowns, value, violation, merit = trial, trial_value, trial_violation, trial_merit
+            converged = gain <= self._tolerance * (1.0 + abs(value)) and violation <= _TANGENT_ERROR
+        message = "" if converged else f"stopped after {iteration} iterations"
+        accelerations = unknowns[:-1].reshape(-1, 3)
+        return Solution(accelerations, float(unknowns[-1]), float(value), converged, iteration, message)
+
+
+def _gap(work: _Workspace, unknowns: Array, hold: Array, problem: Problem) -> float:
+    """Distance of the last node from ``hold`` [m], 0 without one."""
+    if not hold.size:
+        return 0.0
+    s, n = problem.stencil, problem.arcs
+    p = problem.start[:3] + s.base[-2] * problem.start[3:] + s.weights[-2] @ unknowns[:-1].reshape(n, 3)
+    return float(np.abs(p - hold).max())
+
+
+class _Workspace:
+    """Arrays and the quadratic programme's solver for one horizon length."""
+
+    def __init__(self, problem: Problem) -> None:
+        n, clearance = problem.arcs, len(problem.stencil.base) - 2
+        size, held = 3 * n + 1, 3 if problem.hold is not None else 0
+        count = clearance + 1 + 2 * n + 1 + 4 + held
+        self.hessian, self.gradient = np.zeros((size, size)), np.zeros(size)
+        self.rows = np.zeros((count, size))
+        self.upper, self.lower = np.zeros(size + count), np.zeros(size + count)
+        self._sense = np.zeros(size + count, np.int32)
+        self._sense[size : size + clearance + 1] = _SOFT
+        if held:
+            self._sense[-held:] = _EQUALITY
+        self._solver: daqp.Model | None = None
+
+    def step(self) -> Array | None:
+        """The solution of the filled quadratic programme, or None."""
+        if self._solver is None:
+            solver = daqp.Model()
+            solver.settings = {"iter_limit": 1000}
+            flag, _ = solver.setup(self.hessian, self.gradient, self.rows, self.upper, self.lower, self._sense.copy())
+            # Rows carry the square root of their weight, so every slack costs s^2 / 2. The setting "rho_soft" would apply
+            # to rows that daqp has normalised.
+            solver.soft_weights(rho_l=np.ones(self.upper.size), rho_u=np.ones(self.upper.size))
+            self._solver = solver if flag >= 0 else None
+        else:
+            flag = self._solver.update(
+                H=self.hessian,
+                f=self.gradient,
+                A=self.rows,
+                bupper=self.upper,
+                blower=self.lower,
+                sense=self._sense.copy(),
+            )
+        if flag < 0 or self._solver is None:
+            return None
+        x, _, exit_flag, _ = self._solver.solve()
+        return np.array(x) if exit_flag > 0 else None

@@ -1,0 +1,63 @@
+"""The tracker: the plan's acceleration plus critically damped feedback, and the bound it keeps.
+
+    u = a_ref - omega^2 (p^ - p_ref) - 2 omega (v^ - v_ref),   the feedback's norm held to a_fb.
+
+``a_ref`` is the plan's mean acceleration until the next command, so arcs may change between commands. With the estimate
+x^ = x - e of a linear-Gaussian estimator, the loop's stationary covariance follows from one Lyapunov equation per axis (see
+``EstimateQuality``); five standard deviations of it are the bound that plans are certified with.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
+
+from controllers.flight.certificate import TrackingBound
+from models.aerial.dynamics import state_at
+from models.aerial.mission import EstimateQuality, GustModel
+from sim.signals import Array, Estimate, Plan
+
+_DEVIATIONS = 5.0
+_NUMERICAL = TrackingBound(0.05, 0.05, 0.05, 0.1)  # what rounding and arcs that end between ticks need
+
+
+def tracking_bound(bandwidth: float, quality: EstimateQuality, gust: GustModel) -> TrackingBound:
+    """Five standard deviations of the tracked vehicle about its plan, and of the feedback that keeps it there.
+
+    Per axis, with the estimated error (p^ - p_ref, v^ - v_ref, g^): d/dt = A . + noise of covariance W per second,
+    A = [[0, 1, 0], [-omega^2, -2 omega, 1], [0, 0, -1/tau]]; the true error's covariance is that of the estimated one plus P.
+    """
+    omega = bandwidth
+    a = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2.0 * omega, 1.0], [0.0, 0.0, -1.0 / gust.time_constant]])
+    estimated = solve_continuous_lyapunov(a, -quality.driving)
+    true = estimated + quality.error
+    gain = np.array([omega**2, 2.0 * omega, 0.0])
+    position = _DEVIATIONS * math.sqrt(max(0.0, true[0, 0]))
+    speed = _DEVIATIONS * math.sqrt(max(0.0, true[1, 1]))
+    # A sensor's own noise reaches the feedback directly where no filter stands between (P without W).
+    feedback = _DEVIATIONS * math.sqrt(max(0.0, float(gain @ estimated @ gain)))
+    floor = _NUMERICAL
+    return TrackingBound(
+        floor.horizontal + position, floor.vertical + position, floor.speed + speed, floor.feedback + feedback
+    )
+
+
+class CriticallyDamped:
+    """Flies the last accepted plan, to rest and beyond."""
+
+    def __init__(self, period: float, bandwidth: float, bound: TrackingBound) -> None:
+        self.period = period
+        self._stiffness, self._damping = bandwidth**2, 2.0 * bandwidth
+        self._limit = bound.feedback
+
+    def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        reference, ahead = state_at(plan, t), state_at(plan, t + self.period)
+        error = estimate.x - reference
+        feedback = -self._stiffness * error[:3] - self._damping * error[3:]
+        size = math.sqrt(float(feedback @ feedback))
+        if size > self._limit:
+            feedback = feedback * (self._limit / size)
+        command: Array = (ahead[3:] - reference[3:]) / self.period + feedback
+        return command

@@ -1,0 +1,167 @@
+"""The Kalman filter for position fixes under gusts.
+
+Each axis has the state (p, v, g), position, velocity and gust, with the known input u and a first-order Gauss-Markov gust:
+
+    p' = v,   v' = u + g,   g' = -g / tau + w,   w white with intensity 2 rms^2 / tau,
+
+and fixes y = p + noise of variance R. The axes are independent and alike, so one filter (filterpy's) carries all three:
+its state is the matrix (3, 3) with one column an axis, and its covariance P (3, 3) is that of any one of them. The model is
+discretised exactly, Q by Van Loan's matrix exponential. The filter predicts at its period and conditions on each fix at
+the time of the fix.
+
+A gust vector clipped to a length has a smaller variance than its rms says; the filter uses that of the clipped one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm, solve_discrete_are
+from scipy.special import gammainc
+
+from models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from models.aerial.sensors import PositionSensor
+from sim.signals import Array, Estimate, Measurement, Status
+
+_SIMULTANEOUS = 1e-9  # [s]
+_H = np.array([[1.0, 0.0, 0.0]])  # a fix reads the position
+_EYE = np.eye(3)
+
+
+@dataclass(frozen=True)
+class Config:
+    """Fields of the command line."""
+
+    period: float = 0.01  # [s]
+    timeout: float = 1.0  # [s] without a fix after which the estimate is lost
+    start_position_std: float = 5.0  # [m] of the start as the mission states it, per axis
+    start_velocity_std: float = 1.0  # [m/s]
+    noise_floor: float = 0.1  # [m] least standard deviation that a fix is trusted with: R stays positive
+    gust_floor: float = 0.05  # [m/s^2] least gust assumed: without any the filter would stop listening to its fixes
+
+    def __post_init__(self) -> None:
+        for field in ("period", "timeout", "start_position_std", "start_velocity_std", "noise_floor", "gust_floor"):
+            value = getattr(self, field)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{field} = {value!r}; allowed: a finite value > 0")
+
+
+@dataclass(frozen=True, eq=False)
+class AxisModel:
+    """Position, velocity and gust on one axis."""
+
+    gust_rms: float  # [m/s^2]
+    time_constant: float  # [s] tau
+    fix_std: float  # [m]
+
+    @staticmethod
+    def of(config: Config, mission: FlightMission) -> AxisModel:
+        return AxisModel(
+            max(clipped_rms(mission.gust), config.gust_floor),
+            mission.gust.time_constant,
+            max(mission.position_noise, config.noise_floor),
+        )
+
+    def discretised(self, h: float) -> tuple[Array, Array, Array]:
+        """F (3, 3), B (3, 1) and Q (3, 3) over h [s], exact (C. F. Van Loan, IEEE Trans. Autom. Control 23, 1978)."""
+        A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0 / self.time_constant]])
+        intensity = np.diag([0.0, 0.0, 2.0 * self.gust_rms**2 / self.time_constant])
+        exponential = expm(h * np.block([[-A, intensity], [np.zeros((3, 3)), A.T]]))
+        F = exponential[3:, 3:].T
+        Q = F @ exponential[:3, 3:]
+        return F, np.array([[0.5 * h * h], [h], [0.0]]), 0.5 * (Q + Q.T)
+
+
+class Kalman:
+    """Position fixes to position, velocity and gust."""
+
+    Config = Config
+
+    def __init__(self, config: Config, mission: FlightMission) -> None:
+        from filterpy.kalman import KalmanFilter  # takes .7 s to import
+
+        self.period = config.period
+        self._timeout = config.timeout
+        self._model = AxisModel.of(config, mission)
+        self._discrete: dict[float, tuple[Array, Array, Array]] = {}
+        self._filter = KalmanFilter(dim_x=3, dim_z=1, dim_u=1)
+        self._filter.x = np.vstack([mission.start, np.zeros((2, 3))])  # (3, 3) one column an axis
+        self._filter.P = np.diag([config.start_position_std, config.start_velocity_std, self._model.gust_rms]) ** 2
+        self._filter.R = np.array([[self._model.fix_std**2]])
+        self._filter.H = _H
+        self._t: float | None = None  # [s] of the filter's state; None before the first call
+        self._t_fix = -math.inf  # [s] of the last fix
+
+    @staticmethod
+    def build(config: Config, mission: FlightMission) -> Kalman:
+        return Kalman(config, mission)
+
+    @staticmethod
+    def sensors(config: Config, mission: FlightMission) -> tuple[PositionSensor, ...]:
+        """What the vehicle has to carry for this estimator."""
+        return (PositionSensor(mission.position_noise, mission.position_rate),)
+
+    @staticmethod
+    def quality(config: Config, mission: FlightMission) -> EstimateQuality:
+        """The stationary filter, by its discrete Riccati equation at the rate of the fixes.
+
+        P is the covariance just before a fix, when each variance is largest; a fix feeds K S K' = P - P+ into the estimate.
+        """
+        model, interval = AxisModel.of(config, mission), 1.0 / mission.position_rate
+        F, _, Q = model.discretised(interval)
+        R = np.array([[model.fix_std**2]])
+        before = solve_discrete_are(F.T, _H.T, Q, R)
+        before = 0.5 * (before + before.T)
+        correction = before @ _H.T @ np.linalg.solve(_H @ before @ _H.T + R, _H @ before)
+        return EstimateQuality(before, 0.5 * (correction + correction.T) / interval)
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        for fix in measurements:
+            if fix.name == "position":
+                self._predict(fix.t, command)
+                self._condition(fix)
+        self._predict(t, command)
+        x, P = self._filter.x, self._filter.P
+        covariance = (P[:2, None, :2, None] * _EYE[None, :, None, :]).reshape(6, 6)
+        return Estimate(t, x[:2].reshape(6), 0.5 * (covariance + covariance.T), self._status(t), {"gust": x[2].copy()})
+
+    def _predict(self, t: float, command: Array) -> None:
+        """From the filter's time to t [s] with the input held."""
+        if self._t is None:
+            self._t = t
+        h = t - self._t
+        if h < -_SIMULTANEOUS:
+            raise ValueError(f"a fix at {t:.6f} s reached a Kalman filter that is at {self._t:.6f} s already")
+        if h > _SIMULTANEOUS:
+            key = round(h, 10)  # so that the last bit of a time does not cost a matrix exponential
+            if key not in self._discrete:
+                self._discrete[key] = self._model.discretised(h)
+            F, B, Q = self._discrete[key]
+            self._filter.predict(command[np.newaxis, :], B, F, Q)
+            self._t = t
+
+    def _condition(self, fix: Measurement) -> None:
+        # With H given, filterpy leaves the row z (1, 3) as it is; a flat z would be made a column and spoil the state.
+        self._filter.update(fix.value[np.newaxis, :], H=_H)
+        self._t_fix = fix.t
+
+    def _status(self, t: float) -> Status:
+        if self._t_fix == -math.inf:
+            return Status.INITIALISING
+        return Status.OK if t - self._t_fix <= self._timeout + _SIMULTANEOUS else Status.LOST
+
+
+def clipped_rms(gust: GustModel) -> float:
+    """[m/s^2] on each axis, of a gust vector with three independent normal components after it was clipped to a length.
+
+    E min(|g|^2, L^2) = 3 s^2 F_5(L^2 / s^2) + L^2 (1 - F_3(L^2 / s^2)), F_k the chi-squared distribution with k degrees of
+    freedom, s the rms before clipping.
+    """
+    if gust.rms == 0.0:
+        return 0.0
+    ratio = (gust.limit / gust.rms) ** 2
+    square = 3.0 * gust.rms**2 * gammainc(2.5, 0.5 * ratio) + gust.limit**2 * (1.0 - gammainc(1.5, 0.5 * ratio))
+    return math.sqrt(square / 3.0)

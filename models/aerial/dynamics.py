@@ -1,0 +1,95 @@
+"""Motion of the aerial vehicle: the double integrator p'' = a of the thesis (A.2), with the input held.
+
+State x = (p, v), p (3,) [m] and v (3,) [m/s] in the map frame; input u = a (3,) [m/s^2], the net acceleration. With u
+held over a time h the motion is, exactly,
+
+    p(h) = p + v h + u h^2 / 2,        v(h) = v + u h.
+
+The print's forward Euler step differs from it by up to 45 m at h = 5/3 s. ``f`` and ``F`` are CasADi functions, the
+rest is the same in numpy; the tests hold all of it against MuJoCo.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi
+import numpy as np
+
+from sim.signals import Array, Plan
+
+TICK = 1.0 / 300.0  # [s] of the flight physics
+
+_SIMULTANEOUS = 1e-9  # [s] two times closer than this are the same
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Bounds of the vehicle, both on Euclidean norms."""
+
+    speed_max: float = 300.0  # [m/s] v_max
+    acceleration_max: float = 40.0  # [m/s^2] a_max
+
+    def admissible(self, x: Array, u: Array, tolerance: float = 1e-9) -> bool:
+        """Whether state x (..., 6) and input u (..., 3) keep the bounds, up to a relative tolerance."""
+        speed, acceleration = np.linalg.norm(x[..., 3:], axis=-1), np.linalg.norm(u, axis=-1)
+        within = 1.0 + tolerance
+        return bool(np.all(speed <= self.speed_max * within) and np.all(acceleration <= self.acceleration_max * within))
+
+
+@lru_cache(maxsize=1)
+def continuous_dynamics() -> casadi.Function:
+    """f(x, u) -> x' (6,)."""
+    x, u = casadi.SX.sym("x", 6), casadi.SX.sym("u", 3)
+    return casadi.Function("f", [x, u], [casadi.vertcat(x[3:], u)], ["x", "u"], ["x_dot"])
+
+
+@lru_cache(maxsize=1)
+def discrete_dynamics() -> casadi.Function:
+    """F(x, u, h) -> x after u was held for h [s], exact."""
+    x, u, h = casadi.SX.sym("x", 6), casadi.SX.sym("u", 3), casadi.SX.sym("h")
+    p, v = x[:3], x[3:]
+    after = casadi.vertcat(p + v * h + u * h**2 / 2, v + u * h)
+    return casadi.Function("F", [x, u, h], [after], ["x", "u", "h"], ["x_next"])
+
+
+def flow(x: Array, u: Array, dt: float | Array) -> Array:
+    """The state (..., 6) after the input u (..., 3) was held for dt [s] from x (..., 6); ``F`` in numpy.
+
+    dt is a number or an array (..., 1).
+    """
+    p, v = x[..., :3], x[..., 3:]
+    after: Array = np.concatenate([p + dt * v + (0.5 * dt * dt) * u, v + dt * u], axis=-1)
+    return after
+
+
+def state_at(plan: Plan, t: float | Array) -> Array:
+    """The state of a plan at absolute time t [s]: (6,) for a number, (n, 6) for an array (n,).
+
+    Before the plan starts it is the plan's first state, after its end the state of rest in which it ends.
+    """
+    if not isinstance(t, np.ndarray):
+        arc = _arc(plan, t)
+        if 0 <= arc < len(plan.u):
+            return flow(plan.x[arc], plan.u[arc], t - float(plan.t[arc]))
+        state: Array = plan.x[max(arc, 0)].copy()
+        return state
+    k = plan.t.searchsorted(t + _SIMULTANEOUS, side="right") - 1
+    states: Array = plan.x[np.clip(k, 0, len(plan.u))]
+    inside = (k >= 0) & (k < len(plan.u))
+    arcs = k[inside]
+    states[inside] = flow(plan.x[arcs], plan.u[arcs], (t[inside] - plan.t[arcs])[:, np.newaxis])
+    return states
+
+
+def input_at(plan: Plan, t: float) -> Array:
+    """The input (3,) of a plan from absolute time t [s] on; zero before its start and after its end."""
+    k = _arc(plan, t)
+    held: Array = plan.u[k].copy() if 0 <= k < len(plan.u) else np.zeros(3)
+    return held
+
+
+def _arc(plan: Plan, t: float) -> int:
+    """The arc that holds from t on, -1 before the first, K after the last; a breakpoint belongs to the later arc."""
+    return int(plan.t.searchsorted(t + _SIMULTANEOUS, side="right")) - 1

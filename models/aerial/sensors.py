@@ -1,0 +1,132 @@
+"""Sensors of the aerial vehicle: what turns its true motion into readings.
+
+A sensor is a frozen description; ``read`` draws its noise from the generator it is given. It keeps no time: the plant
+reads it ``rate`` times a second, or at every tick where ``rate`` is None.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from sim.signals import Array
+
+
+class Motion(Protocol):
+    """The truth of one vehicle, as the plant shows it to sensors."""
+
+    @property
+    def x(self) -> Array:
+        """(6,) position [m] and velocity [m/s], map frame."""
+        ...
+
+    @property
+    def acceleration(self) -> Array:
+        """(3,) [m/s^2] over the last tick, disturbances included."""
+        ...
+
+
+class Sensor(Protocol):
+    """What a vehicle can carry."""
+
+    @property
+    def name(self) -> str:
+        """Name of its readings."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Length of a reading."""
+        ...
+
+    @property
+    def rate(self) -> float | None:
+        """[Hz]; None: once a tick."""
+        ...
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+        """A reading (size,), or None if it was lost."""
+        ...
+
+
+@dataclass(frozen=True)
+class FullStateSensor:
+    """Position and velocity, (6,) [m, m/s]: the position off by a noise uniform in a cube, the velocity exact.
+
+    Thesis (A.7) draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
+    """
+
+    position_noise: float = 0.0  # [m] standard deviation on each axis
+    rate: float | None = None  # [Hz]; None: once a tick
+    name: str = "full_state"
+    size: int = 6
+
+    def __post_init__(self) -> None:
+        _not_negative(self.name, "position_noise", self.position_noise)
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+        reading = motion.x.copy()
+        if self.position_noise > 0.0:
+            half_width = math.sqrt(3.0) * self.position_noise
+            reading[:3] += rng.uniform(-half_width, half_width, 3)
+        return reading
+
+
+@dataclass(frozen=True)
+class PositionSensor:
+    """Position fixes, (3,) [m], with Gaussian noise."""
+
+    noise: float = 0.0  # [m] standard deviation on each axis
+    rate: float | None = 10.0  # [Hz]; None: once a tick
+    name: str = "position"
+    size: int = 3
+
+    def __post_init__(self) -> None:
+        _not_negative(self.name, "noise", self.noise)
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+        position = motion.x[:3]
+        return position + self.noise * rng.standard_normal(3) if self.noise > 0.0 else position.copy()
+
+
+@dataclass(frozen=True)
+class AccelerationSensor:
+    """Net acceleration over the last tick, gusts included, (3,) [m/s^2], with Gaussian noise."""
+
+    noise: float = 0.0  # [m/s^2] standard deviation on each axis
+    rate: float | None = None  # [Hz]; None: once a tick
+    name: str = "acceleration"
+    size: int = 3
+
+    def __post_init__(self) -> None:
+        _not_negative(self.name, "noise", self.noise)
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+        acceleration = motion.acceleration
+        return acceleration + self.noise * rng.standard_normal(3) if self.noise > 0.0 else acceleration.copy()
+
+
+class Dropout:
+    """A sensor that loses a fraction ``rate`` of its readings.
+
+    The losses are drawn from ``rng``, not from the sensor's own generator, so the readings that do arrive are those of
+    the faultless sensor.
+    """
+
+    def __init__(self, sensor: Sensor, rate: float, rng: np.random.Generator) -> None:
+        if not 0.0 <= rate <= 1.0:
+            raise ValueError(f"{sensor.name}: dropout rate = {rate!r} is not a rate; allowed: 0 to 1")
+        self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
+        self._sensor, self._loss, self._rng = sensor, rate, rng
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+        reading = self._sensor.read(motion, rng)
+        return None if self._rng.random() < self._loss else reading
+
+
+def _not_negative(sensor: str, field: str, value: float) -> None:
+    if not (math.isfinite(value) and value >= 0.0):
+        raise ValueError(f"{sensor} sensor: {field} = {value!r}; allowed: a finite value >= 0")

@@ -1,0 +1,170 @@
+"""The ground: a height field made of triangles, the same ones that MuJoCo collides with.
+
+Map frame: x [m] east and y [m] north of the south-west corner, z [m] above sea level. Node (i, j) stands at
+(i, j) * spacing with the height z[j, i]; every cell is cut along its diagonal (i, j)-(i + 1, j + 1). A plan is accepted
+only on these triangles: a smooth interpolation of the same nodes lies up to tens of metres beside them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from models.terrain import kernels
+from models.terrain.kernels import Booleans, arc_clearance, height_at
+from sim.signals import Array
+
+__all__ = ["HeightField", "arc_clearance", "height_at"]
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField:
+    """A rectangular map of heights on a square grid, linear on each triangle."""
+
+    z: Array  # (rows, cols) [m] above sea level; row 0 south, column 0 west; read-only
+    spacing: float  # [m] between neighbouring nodes, both ways
+    name: str = "unnamed"
+    source: str = ""
+    licence: str = ""
+
+    def __post_init__(self) -> None:
+        try:
+            z = np.array(self.z, dtype=np.float64, order="C")
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"terrain {self.name!r}: z is not a rectangle of numbers ({error})") from None
+        if z.ndim != 2 or min(z.shape) < 2:
+            raise ValueError(f"terrain {self.name!r}: z has shape {z.shape}; allowed is (rows, cols), each at least 2")
+        if not np.isfinite(z).all():
+            row, column = np.argwhere(~np.isfinite(z))[0]
+            raise ValueError(
+                f"terrain {self.name!r}: {np.count_nonzero(~np.isfinite(z))} heights are not finite, "
+                f"the first is {z[row, column]} at row {row}, column {column}"
+            )
+        spacing = float(self.spacing)
+        if not (math.isfinite(spacing) and spacing > 0.0):
+            raise ValueError(f"terrain {self.name!r}: spacing is {spacing} m; allowed is a finite number above 0")
+        z.setflags(write=False)
+        object.__setattr__(self, "z", z)
+        object.__setattr__(self, "spacing", spacing)
+
+    def __reduce__(self) -> tuple[type[HeightField], tuple[Array, float, str, str, str]]:
+        # Pickle forgets that an array is read-only; the constructor restores it in the worker.
+        return HeightField, (self.z, self.spacing, self.name, self.source, self.licence)
+
+    @property
+    def width(self) -> float:
+        """[m] from west to east."""
+        return float((self.z.shape[1] - 1) * self.spacing)
+
+    @property
+    def depth(self) -> float:
+        """[m] from south to north."""
+        return float((self.z.shape[0] - 1) * self.spacing)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of shape, spacing and heights, in hexadecimal: equal if and only if the ground is."""
+        shape_and_spacing = np.array([*self.z.shape, self.spacing], dtype="<f8").tobytes()
+        return hashlib.sha256(shape_and_spacing + self.z.astype("<f8").tobytes()).hexdigest()
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Height of the ground [m] at x, y [m] (any shapes that broadcast); NaN off the map."""
+        return self._surface(x, y)[..., 0]
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """(..., 2) dH/dx and dH/dy of the triangle at x, y [m]; NaN off the map.
+
+        On a diagonal it is the triangle south-east of it, on another edge the one to the east or north.
+        """
+        return self._surface(x, y)[..., 1:]
+
+    def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """(..., 3) unit normal of the triangle at x, y [m], upwards; NaN off the map."""
+        gradient = self.gradient(x, y)
+        upward = np.concatenate([-gradient, np.ones((*gradient.shape[:-1], 1))], axis=-1)
+        normal: Array = upward / np.linalg.norm(upward, axis=-1, keepdims=True)
+        return normal
+
+    def contains(self, x: ArrayLike, y: ArrayLike) -> Booleans:
+        """Whether x, y [m] lie on the map, its border included."""
+        east, north = np.asarray(x, np.float64), np.asarray(y, np.float64)
+        inside: Booleans = (east >= 0.0) & (east <= self.width) & (north >= 0.0) & (north <= self.depth)
+        return inside
+
+    def arc_clearance(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, duration: float) -> float:
+        """Least height above ground [m] of the arc p + v t + a t^2 / 2, 0 <= t <= duration [s]; exact.
+
+        -inf if the arc leaves the map anywhere, or if an argument is not finite.
+        """
+        (px, py, pz), (vx, vy, vz), (ax, ay, az) = _vector("p", p), _vector("v", v), _vector("a", a)
+        return arc_clearance(self.z, self.spacing, px, py, pz, vx, vy, vz, ax, ay, az, float(duration))
+
+    def path_clearance(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, duration: ArrayLike) -> Array:
+        """(K,) ``arc_clearance`` of K arcs: p, v, a (K, 3), duration (K,)."""
+        p, v, a = _rows("p", p), _rows("v", v), _rows("a", a)
+        times = np.array(duration, dtype=np.float64, order="C")
+        if not times.shape == p.shape[:1] == v.shape[:1] == a.shape[:1]:
+            raise ValueError(
+                f"p {p.shape}, v {v.shape}, a {a.shape} and duration {times.shape} disagree on the number of arcs"
+            )
+        result: Array = kernels.path_clearance(self.z, self.spacing, p, v, a, times)
+        return result
+
+    def line_of_sight(self, p: ArrayLike, q: ArrayLike) -> bool:
+        """Whether the straight segment between p and q (3,) [m] is clear of the ground; symmetric in p and q.
+
+        A segment that touches the ground within a micrometre is clear, so that a point resting on the ground can see
+        and be seen. A segment that leaves the map is not clear: what stands there is not known.
+        """
+        (px, py, pz), (qx, qy, qz) = _vector("p", p), _vector("q", q)
+        return kernels.sight(self.z, self.spacing, px, py, pz, qx, qy, qz)
+
+    def visible(self, p: ArrayLike, points: ArrayLike) -> Booleans:
+        """(n,) ``line_of_sight`` between p (3,) and each of the points (n, 3) [m]."""
+        px, py, pz = _vector("p", p)
+        return kernels.sights(self.z, self.spacing, px, py, pz, _rows("points", points))
+
+    def inflated(self, horizontal: float, vertical: float) -> HeightField:
+        """Ground that lies ``vertical`` above the highest ground within ``horizontal`` [m] of each point, or higher.
+
+        Every node is raised by vertical + horizontal * G, G the steepest triangle in the 4 x 4 cells around the node.
+        The corners of a triangle then agree on the 3 x 3 cells around its cell, which contain every point within one
+        spacing: hence the limit on ``horizontal``.
+        """
+        if not 0.0 <= horizontal <= self.spacing:
+            raise ValueError(f"horizontal is {horizontal} m; allowed is 0 to the spacing of the map, {self.spacing} m")
+        if not (math.isfinite(vertical) and vertical >= 0.0):
+            raise ValueError(f"vertical is {vertical} m; allowed is a finite number of at least 0")
+        east, north = np.diff(self.z, axis=1), np.diff(self.z, axis=0)
+        below_diagonal = np.hypot(east[:-1], north[:, 1:])
+        above_diagonal = np.hypot(east[1:], north[:, :-1])
+        steepest = np.pad(np.maximum(below_diagonal, above_diagonal) / self.spacing, 2)  # no cells beyond the border
+        around_node = np.lib.stride_tricks.sliding_window_view(steepest, (4, 4)).max(axis=(2, 3))
+        raised = self.z + vertical + horizontal * around_node
+        name = f"{self.name} inflated by {horizontal:g} m and {vertical:g} m"
+        return HeightField(raised, self.spacing, name, self.source, self.licence)
+
+    def _surface(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """(..., 3) height and gradient."""
+        east, north = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        points: Array = kernels.surface(self.z, self.spacing, east.flatten(), north.flatten())
+        return points.reshape(*east.shape, 3)
+
+
+def _vector(name: str, value: ArrayLike) -> tuple[float, float, float]:
+    vector = np.asarray(value, dtype=np.float64)
+    if vector.shape != (3,):
+        raise ValueError(f"{name} has shape {vector.shape}; allowed is (3,)")
+    return float(vector[0]), float(vector[1]), float(vector[2])
+
+
+def _rows(name: str, value: ArrayLike) -> Array:
+    rows = np.array(value, dtype=np.float64, order="C")
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise ValueError(f"{name} has shape {rows.shape}; allowed is (n, 3)")
+    return rows

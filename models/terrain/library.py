@@ -1,0 +1,77 @@
+"""The terrains by name. A terrain is an entry point of the group ``mathnavi.terrains``: a function without arguments
+that returns a ``HeightField``. Those of this project enter by the same door as a stranger's.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+import numpy as np
+
+from models.terrain.dem import Raster, height_field, read_npz, read_png, square_grid
+from models.terrain.height_field import HeightField
+
+GROUP = "mathnavi.terrains"
+DATA = Path(__file__).parent / "data"
+
+
+@cache
+def tian_shan() -> HeightField:
+    """The Tian Shan around Jengish Chokusu: 257 x 257 nodes at 320 m, 1805 to 6971 m (data/SOURCES.md)."""
+    meta = json.loads((DATA / "tian_shan.json").read_text(encoding="utf-8"))
+    raster = read_png(DATA / "tian_shan.png", meta["spacing_m"], meta["scale_m"])
+    return HeightField(raster.z, raster.step_north, raster.name, meta["source"], meta["licence"])
+
+
+@cache
+def jacksboro() -> HeightField:
+    """The Jacksboro fault in Tennessee: 30 km by 32 km of low ridges at 90 m, from matplotlib's sample data."""
+    from matplotlib import cbook  # slow to import, and no other terrain needs it
+
+    with np.load(cbook.get_sample_data("jacksboro_fault_dem.npz", asfileobj=False)) as sample:
+        z = sample["elevation"][::-1].astype(np.float64)  # the file's row 0 is north, and it calls that side ymin
+        latitude = 0.5 * (float(sample["ymin"]) + float(sample["ymax"]))
+        degrees_north, degrees_east = float(sample["dy"]), float(sample["dx"])
+    source = "matplotlib's sample data, jacksboro_fault_dem.npz"
+    licence = "distributed with matplotlib"
+    raster = Raster("jacksboro", z, degrees_north, degrees_east, latitude, source, licence)
+    return height_field(square_grid(raster, spacing=90.0))
+
+
+def terrain_names() -> tuple[str, ...]:
+    """The names of the terrains that are installed, in order."""
+    return tuple(sorted(_installed()))
+
+
+def load_terrain(name_or_path: str | Path) -> HeightField:
+    """A terrain by its name, or the map in an ``.npz`` file; each is loaded once."""
+    installed = _installed()
+    if isinstance(name_or_path, str) and name_or_path in installed:
+        return _load(installed[name_or_path])
+    path = Path(name_or_path)
+    if path.suffix == ".npz":
+        return _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_npz(path)
+    raise ValueError(
+        f"terrain {str(name_or_path)!r} is not known; allowed are {', '.join(sorted(installed))} or an .npz"
+    )
+
+
+def _installed() -> dict[str, EntryPoint]:
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+@cache
+def _load(point: EntryPoint) -> HeightField:
+    terrain = point.load()()
+    if not isinstance(terrain, HeightField):
+        raise ValueError(f"terrain {point.name!r}: {point.value} returned {type(terrain).__name__}, not a HeightField")
+    return terrain
+
+
+@cache
+def _read(path: Path, _modified: int) -> HeightField:
+    """The time of the last change is part of the key, so that a file that was written anew is read anew."""
+    return read_npz(path)

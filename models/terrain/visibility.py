@@ -1,0 +1,54 @@
+"""Radars: what is within their range and in their line of sight is exposed (thesis, A.6: Figure A.6)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from models.terrain.height_field import HeightField
+from models.terrain.kernels import Booleans
+from sim.signals import Array
+
+
+@dataclass(frozen=True)
+class Radar:
+    """A radar on a mast. ``weight`` says how much a planner shuns its sight: by it the transition costs c_ij there rise."""
+
+    x: float  # [m] east, map frame
+    y: float  # [m] north, map frame
+    radius: float  # [m] of the sphere around its antenna
+    weight: float
+    mast: float = 10.0  # [m] height of the antenna above the ground
+
+    def __post_init__(self) -> None:
+        for name in ("x", "y", "radius", "weight", "mast"):
+            value = getattr(self, name)
+            if not math.isfinite(value):
+                raise ValueError(f"radar: {name} is {value}; allowed is a finite number")
+        if self.radius <= 0.0:
+            raise ValueError(f"radar: radius is {self.radius} m; allowed is a number above 0")
+        for name in ("weight", "mast"):
+            if getattr(self, name) < 0.0:
+                raise ValueError(f"radar: {name} is {getattr(self, name)}; allowed is a number of at least 0")
+
+    def position(self, terrain: HeightField) -> Array:
+        """(3,) [m] where the antenna stands on ``terrain``."""
+        if not terrain.contains(self.x, self.y):
+            raise ValueError(
+                f"radar: ({self.x}, {self.y}) m is not on the terrain {terrain.name!r}; "
+                f"allowed are 0 to {terrain.width} m east and 0 to {terrain.depth} m north"
+            )
+        return np.array([self.x, self.y, float(terrain.height(self.x, self.y)) + self.mast])
+
+    def exposed(self, terrain: HeightField, points: ArrayLike) -> Booleans:
+        """(n,) whether each of the points (n, 3) [m] is within the radius and in line of sight."""
+        antenna = self.position(terrain)
+        positions = np.asarray(points, dtype=np.float64)
+        if positions.ndim != 2 or positions.shape[1] != 3:
+            raise ValueError(f"points has shape {positions.shape}; allowed is (n, 3)")
+        exposed: Booleans = np.linalg.norm(positions - antenna, axis=1) <= self.radius
+        exposed[exposed] = terrain.visible(antenna, positions[exposed])  # sight lines only where the range allows
+        return exposed

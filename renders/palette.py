@@ -1,0 +1,42 @@
+"""One colour for each thing, the same in videos, figures and reports."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from sim.signals import Phase
+
+Colour = tuple[float, float, float]  # red, green, blue in [0, 1]
+
+
+class Part(Enum):
+    """What a line or a mark stands for; the value is its name in a legend."""
+
+    FLOWN = "flown"
+    OPTIMISED = "optimised plan"
+    MANOEUVRE = "safety manoeuvre"
+    COMPLETION = "completion path"
+    RADAR = "radar"
+    START = "start"
+    TARGET = "target"
+
+
+COLOURS: dict[Part, Colour] = {
+    Part.FLOWN: (1.00, 0.50, 0.05),
+    Part.OPTIMISED: (0.05, 0.42, 0.95),
+    Part.MANOEUVRE: (0.86, 0.10, 0.72),
+    Part.COMPLETION: (0.02, 0.55, 0.38),
+    Part.RADAR: (0.85, 0.05, 0.15),
+    Part.START: (0.98, 0.98, 0.98),
+    Part.TARGET: (1.00, 0.85, 0.05),
+}
+
+
+def part_of(phase: int) -> Part:
+    """The part of a plan that an arc of this phase belongs to."""
+    return {Phase.OPTIMISED: Part.OPTIMISED, Phase.MANOEUVRE: Part.MANOEUVRE}.get(Phase(phase), Part.COMPLETION)
+
+
+def hexadecimal(colour: Colour) -> str:
+    """#rrggbb."""
+    return "#" + "".join(f"{round(255 * channel):02x}" for channel in colour)

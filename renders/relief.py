@@ -1,0 +1,92 @@
+"""Colours of the ground: height tints, rock on steep slopes, snow on high gentle ones, and shade from the north-west.
+
+Shade is Lambert's law on the normal of a smooth surface through the nodes, with the slopes exaggerated, mixed with the
+height above the surroundings, so that ridges stand out from valleys wherever the light comes from.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from models.terrain.height_field import HeightField
+from sim.signals import Array
+
+SUN_AZIMUTH = np.radians(315.0)  # from the north-west, as on printed maps
+SUN_ELEVATION = np.radians(42.0)
+SNOW_LINE_LEAST = 2200.0  # [m] no snow below, however low the map
+# Height tints: share of the map's range of heights, red, green, blue.
+TINTS = np.array(
+    [
+        [0.00, 0.36, 0.43, 0.27],
+        [0.12, 0.50, 0.53, 0.33],
+        [0.26, 0.66, 0.61, 0.42],
+        [0.42, 0.64, 0.53, 0.38],
+        [0.60, 0.53, 0.44, 0.36],
+        [0.80, 0.50, 0.46, 0.43],
+        [1.00, 0.62, 0.60, 0.58],
+    ]
+)
+ROCK = np.array([0.44, 0.39, 0.35])
+SNOW = np.array([0.86, 0.885, 0.93])  # leaves room for the sunlit side to be whiter
+SHADOW = np.array([0.30, 0.36, 0.52])  # what shade multiplies the colours by: bluish, never black
+
+
+def resampled(terrain: HeightField, size: int, order: int) -> Array:
+    """(rows, cols) heights [m], row 0 south, the longer side ``size`` nodes; order 1 on the grid's edges, 3 smooth."""
+    rows, cols = terrain.z.shape
+    longest = max(rows, cols) - 1
+    shape = [max(2, round((size - 1) * (n - 1) / longest) + 1) for n in (rows, cols)]
+    axes = [np.linspace(0.0, n - 1, m) for n, m in zip((rows, cols), shape, strict=True)]
+    grid = np.meshgrid(*axes, indexing="ij")
+    heights: Array = ndimage.map_coordinates(terrain.z, grid, order=order, mode="nearest")
+    return heights
+
+
+def relief(terrain: HeightField, size: int) -> NDArray[np.uint8]:
+    """(rows, cols, 3) picture of the ground seen from above, row 0 NORTH, the longer side ``size`` pixels."""
+    z = resampled(terrain, size, order=3)
+    spacing = terrain.depth / (z.shape[0] - 1)
+    north, east = np.gradient(z, spacing)
+    low, high = float(terrain.z.min()), float(terrain.z.max())
+    height = np.clip((z - low) / max(high - low, 1.0), 0.0, 1.0)
+    colour = np.stack([np.interp(height, TINTS[:, 0], TINTS[:, k]) for k in (1, 2, 3)], axis=-1)
+
+    slope = np.hypot(east, north)
+    roughness = np.clip(np.percentile(slope, 95), 0.05, 1.0)  # flat maps get their relief, too
+    colour = _mix(colour, ROCK, _step(slope, 0.55, 1.1) * _step(height, 0.15, 0.45))
+    snow_line = max(SNOW_LINE_LEAST, low + 0.50 * (high - low))
+    depth = 0.10 * (high - low) + 100.0
+    facing_south = np.clip(-north, -0.6, 0.6)  # the sun melts the southern slopes first
+    snow = _step(z - snow_line + depth * (0.5 - slope) - 0.6 * depth * -facing_south, -0.5 * depth, 0.6 * depth)
+    colour = _mix(colour, SNOW, snow)
+
+    steep = 1.1 / roughness  # slopes drawn steeper until the 95th percentile stands at 48 degrees
+    normal = np.stack([-steep * east, -steep * north, np.ones_like(z)], axis=-1)
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    sun = np.array(
+        [
+            np.sin(SUN_AZIMUTH) * np.cos(SUN_ELEVATION),
+            np.cos(SUN_AZIMUTH) * np.cos(SUN_ELEVATION),
+            np.sin(SUN_ELEVATION),
+        ]
+    )
+    lit = np.clip(normal @ sun, 0.0, None) / np.sin(SUN_ELEVATION)  # 1 on level ground
+    prominence = z - ndimage.gaussian_filter(z, 0.02 * size, mode="nearest")
+    openness = np.clip(prominence / max(2.0 * float(prominence.std()), 1.0), -1.0, 1.0)
+    light = np.clip(0.80 * lit + 0.18 + 0.12 * openness, 0.0, 1.35)[..., None]
+    shaded = colour * np.where(light < 1.0, SHADOW + (1.0 - SHADOW) * light, 1.0 + 0.45 * (light - 1.0))
+    return (255.0 * np.clip(shaded[::-1], 0.0, 1.0)).astype(np.uint8)
+
+
+def _mix(colour: Array, other: Array, share: Array) -> Array:
+    mixed: Array = colour + share[..., None] * (other - colour)
+    return mixed
+
+
+def _step(value: Array, low: float, high: float) -> Array:
+    """0 below ``low``, 1 above ``high``, a cubic between."""
+    s = np.clip((value - low) / (high - low), 0.0, 1.0)
+    smooth: Array = s * s * (3.0 - 2.0 * s)
+    return smooth

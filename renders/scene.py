@@ -1,0 +1,374 @@
+"""A run drawn by MuJoCo: the ground, the airframe, the path flown, the plan ahead, radars, start and target.
+
+Two worlds stand in one model. The true one is seen by the chase camera; the other one, of which the overview and the top
+view show pictures, has its heights above the lowest ground multiplied by ``EXAGGERATION``. A map of 82 km shows nothing at
+its true size, so vehicle, lines and beacons are drawn at a size in pixels and never smaller than they are.
+
+Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+import models.aerial
+from models.aerial.entity import airframe_pose
+from renders.palette import COLOURS, Part, part_of
+from renders.relief import relief, resampled
+from renders.run_data import RunData, plan_arcs
+from sim.signals import Array
+
+Image = NDArray[np.uint8]  # (height, width, 3)
+Camera = Literal["chase", "overview", "top"]
+
+EXAGGERATION = 1.7  # of heights in the overview and the top view
+GROUND_NODES, TEXTURE_PIXELS = 257, 1025  # along the longer side
+FIELD_OF_VIEW = 45.0  # [degrees] vertical
+MAX_GEOMS = 4000
+TRUE_WORLD, TALL_WORLD, AIRFRAME = 0, 1, 2  # geom groups
+TRUE_SPAN = 12.0  # [m] of the airframe as drawn
+CHASE_DISTANCE = 700.0  # [m] behind the vehicle
+HORIZON, ZENITH = (0.80, 0.87, 0.93), (0.24, 0.43, 0.70)  # sky colours; fog has that of the horizon
+
+
+@dataclass(frozen=True)
+class View:
+    """Where the camera looks: MuJoCo's free camera."""
+
+    lookat: Array  # (3,) [m] in the world that is drawn
+    distance: float  # [m]
+    azimuth: float  # [degrees] of the line of sight, from east, counter-clockwise
+    elevation: float  # [degrees] of the line of sight, negative downwards
+
+
+class Scene:
+    """A context manager: the renderer is closed at its end, or OSMesa complains when the process ends."""
+
+    def __init__(self, run: RunData, width: int = 1280, height: int = 720, samples: int = 0) -> None:
+        self.run = run
+        self._low = float(run.terrain.z.min())
+        self._renderer: Any = None
+        self.model = _model(run, width, height, samples)
+        self.data = mujoco.MjData(self.model)
+        airframe = self.model.body("airframe").id
+        self._airframe_geoms = np.flatnonzero(self.model.geom_bodyid == airframe)
+        self._airframe_size = self.model.geom_size[self._airframe_geoms].copy()
+        self._airframe_pos = self.model.geom_pos[self._airframe_geoms].copy()
+        self._camera = mujoco.MjvCamera()
+        self._options = mujoco.MjvOption()
+        self._chase = ChaseCamera(run)
+        self._renderer = mujoco.Renderer(self.model, height, width, max_geom=MAX_GEOMS)
+
+    def __enter__(self) -> Scene:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._renderer.close()
+
+    def draw(self, t: float, camera: Camera, turn: float = 0.0) -> Image:
+        """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""
+        view = self._chase.view(t) if camera == "chase" else self._map_view(camera, turn)
+        self._look(view, camera)
+        self._place_airframe(t, camera)
+        mujoco.mj_forward(self.model, self.data)
+        self._renderer.update_scene(self.data, self._camera, self._options)
+        flags = self._renderer.scene.flags
+        flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
+        flags[mujoco.mjtRndFlag.mjRND_FOG] = camera == "chase"
+        self._add_lines(t, camera)
+        self._add_beacons(camera)
+        picture: Image = self._renderer.render()
+        return picture
+
+    def world(self, points: Array, camera: Camera) -> Array:
+        """(..., 3) map points [m] where the camera's world shows them."""
+        factor = 1.0 if camera == "chase" else EXAGGERATION
+        return np.concatenate(
+            [points[..., :2], self._low + factor * (points[..., 2:] - self._low)], axis=-1, dtype=np.float64
+        )
+
+    def pixels(self, points: Array, camera: Camera) -> Array:
+        """(n, 3) column, row and depth [m] of map points (n, 3) in the picture drawn last; depth <= 0 is behind."""
+        eye, forward, up = self._eye()
+        ahead = self.world(points, camera) - eye
+        depth = ahead @ forward
+        scale = self._renderer.height / (2.0 * math.tan(math.radians(FIELD_OF_VIEW) / 2.0)) / np.maximum(depth, 1e-6)
+        column = self._renderer.width / 2.0 + ahead @ np.cross(forward, up) * scale
+        row = self._renderer.height / 2.0 - ahead @ up * scale
+        return np.column_stack([column, row, depth])
+
+    # ---- cameras
+
+    def _map_view(self, camera: Camera, turn: float) -> View:
+        terrain = self.run.terrain
+        side = max(terrain.width, terrain.depth)
+        middle = EXAGGERATION * 0.5 * (float(terrain.z.mean()) - self._low)
+        lookat = np.array([0.5 * terrain.width, 0.5 * terrain.depth, self._low + middle])
+        if camera == "top":
+            return View(lookat, 1.32 * side, 90.0, -89.9)
+        # Seen from the side of the map the path does not run towards, so that it crosses the picture.
+        course = self.run.mission.target - self.run.mission.start
+        across = math.degrees(math.atan2(course[1], course[0])) + 90.0
+        azimuth = min((across, across + 180.0), key=lambda a: abs((a - 90.0 + 180.0) % 360.0 - 180.0))  # most northward
+        return View(lookat - np.array([0.0, 0.0, 0.06 * side]), 1.36 * side, azimuth + turn, -38.0)
+
+    def _look(self, view: View, camera: Camera) -> None:
+        self._camera.lookat[:] = view.lookat
+        self._camera.distance = view.distance
+        self._camera.azimuth, self._camera.elevation = view.azimuth, view.elevation
+        self._options.geomgroup[:] = 0
+        self._options.geomgroup[TRUE_WORLD if camera == "chase" else TALL_WORLD] = 1
+        self._options.geomgroup[AIRFRAME] = 1
+
+    def _eye(self) -> tuple[Array, Array, Array]:
+        """Position [m], line of sight and upward direction of the camera of the picture drawn last."""
+        left, right = self._renderer.scene.camera
+        return 0.5 * (left.pos + right.pos).astype(float), left.forward.astype(float), left.up.astype(float)
+
+    def _metres_per_pixel(self, points: Array) -> Array:
+        """(n,) [m] that a pixel spans at world points (n, 3)."""
+        eye, forward, _ = self._eye()
+        depth = np.maximum((points - eye) @ forward, 1.0)
+        span: Array = 2.0 * depth * math.tan(math.radians(FIELD_OF_VIEW) / 2.0) / self._renderer.height
+        return span
+
+    # ---- what is drawn
+
+    def _place_airframe(self, t: float, camera: Camera) -> None:
+        i = self.run.index(t)
+        x = self.run.state(t)
+        position, quaternion = airframe_pose(x[:3], x[3:], self.run.u[min(i, len(self.run.u) - 1)])
+        position = self.world(position, camera)
+        span = 0.16 if camera == "chase" else 0.075  # of the picture's height
+        distance = CHASE_DISTANCE if camera == "chase" else self._camera.distance
+        scale = span * 2.0 * distance * math.tan(math.radians(FIELD_OF_VIEW) / 2.0) / TRUE_SPAN
+        if camera != "chase":
+            position[2] += 0.15 * scale * TRUE_SPAN  # so that the enlarged airframe hovers over its place on the map
+        self.data.mocap_pos[0], self.data.mocap_quat[0] = position, quaternion
+        self.model.geom_size[self._airframe_geoms] = scale * self._airframe_size
+        self.model.geom_pos[self._airframe_geoms] = scale * self._airframe_pos
+        for k, radar in enumerate(self.run.mission.radars):
+            for world in ("true", "tall"):
+                self.model.geom(f"radar {k} {world}").rgba[3] = 0.26 if t >= radar.time else 0.0
+
+    def _add_lines(self, t: float, camera: Camera) -> None:
+        width = 4.0 if camera == "chase" else 3.4  # [pixels] at a picture 720 pixels high
+        for part, points in self._lines(t, camera):
+            self._add_capsules(self.world(points, camera), part, width, dashed=part is Part.COMPLETION)
+        x = self.run.state(t)
+        if camera != "chase":  # a plumb line tells where over the ground the vehicle is
+            foot = np.array([x[0], x[1], float(self.run.terrain.height(x[0], x[1]))])
+            self._add_capsules(self.world(np.array([foot, x[:3]]), camera), Part.FLOWN, 2.0, dashed=False)
+
+    def _lines(self, t: float, camera: Camera) -> Iterator[tuple[Part, Array]]:
+        run = self.run
+        now = run.index(t)
+        if now > 0:
+            here = run.travelled[now]
+            total = max(float(run.travelled[-1]), 1.0)
+            fine, coarse = (60.0, total / 150.0) if camera == "chase" else (total / 260.0, total / 260.0)
+            near = max(0.0, here - 6000.0)
+            stops = np.concatenate([np.arange(0.0, near, coarse), np.arange(near, here, fine), [here]])
+            yield Part.FLOWN, np.vstack([run.x[np.searchsorted(run.travelled, stops), :3], run.state(t)[:3]])
+        plan = run.plan(t)
+        if plan is not None:
+            for phase, points in plan_arcs(plan, t, step=0.6):
+                yield part_of(phase), points
+
+    def _add_capsules(self, points: Array, part: Part, width: float, dashed: bool) -> None:
+        """A line through world points (n, 3), ``width`` pixels wide wherever it runs."""
+        if dashed:
+            points = _resample(points, self._metres_per_pixel(points).mean() * 9.0)
+        radii = 0.5 * width * self._metres_per_pixel(0.5 * (points[:-1] + points[1:])) * self._renderer.height / 720.0
+        for k, (a, b) in enumerate(zip(points[:-1], points[1:], strict=True)):
+            if dashed and k % 2:
+                continue
+            self._add_capsule(a, b, float(radii[k]), COLOURS[part])
+
+    def _add_capsule(self, a: Array, b: Array, radius: float, colour: tuple[float, float, float]) -> None:
+        scene = self._renderer.scene
+        if scene.ngeom >= scene.maxgeom or float(np.linalg.norm(b - a)) < 1e-3:
+            return
+        geom = scene.geoms[scene.ngeom]
+        rgba = np.array([*colour, 1.0], np.float32)
+        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+        mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)
+        geom.emission = 0.5
+        scene.ngeom += 1
+
+    def _add_beacons(self, camera: Camera) -> None:
+        for part, place in ((Part.START, self.run.mission.start), (Part.TARGET, self.run.mission.target)):
+            ground = np.array([place[0], place[1], float(self.run.terrain.height(place[0], place[1]))])
+            foot, top = self.world(np.array([ground, place]), camera)
+            pixel = float(self._metres_per_pixel(top[None])[0]) * self._renderer.height / 720.0
+            high = top + np.array([0.0, 0.0, 34.0 * pixel])
+            self._add_capsule(foot, high, 1.6 * pixel, COLOURS[part])
+            self._add_capsule(high, high + np.array([0.0, 0.0, 0.1 * pixel]), 6.0 * pixel, COLOURS[part])
+
+
+class ChaseCamera:
+    """Behind and above the vehicle, on a smoothed path that stays clear of the ground."""
+
+    STEP = 0.25  # [s] between the precomputed places
+    SMOOTHING = 2.5  # [s] standard deviation of the Gaussian that steadies the camera
+
+    def __init__(self, run: RunData) -> None:
+        from scipy.ndimage import gaussian_filter1d, maximum_filter1d
+
+        self.t = np.arange(0.0, run.duration + self.STEP, self.STEP)
+        position = np.array([run.state(float(t))[:3] for t in self.t])
+        sigma = self.SMOOTHING / self.STEP
+        course = run.mission.target[:2] - run.mission.start[:2]
+        # Where the vehicle hovers the course to the target stands in for a direction of flight.
+        rate = np.gradient(position[:, :2], self.STEP, axis=0) + course / max(float(np.linalg.norm(course)), 1.0)
+        rate = gaussian_filter1d(rate, 1.6 * sigma, axis=0, mode="nearest")
+        heading = rate / np.maximum(np.linalg.norm(rate, axis=1, keepdims=True), 1e-9)
+        climb = gaussian_filter1d(position[:, 2], sigma, mode="nearest")
+        back = position[:, :2] - CHASE_DISTANCE * heading
+        # The camera clears the highest ground between itself and the vehicle, known a little in advance.
+        line = np.linspace(0.0, 1.0, 9)[:, None, None]
+        east, north = np.moveaxis(back + line * (position[:, :2] - back), -1, 0)
+        ground = run.terrain.height(np.clip(east, 0.0, run.terrain.width), np.clip(north, 0.0, run.terrain.depth))
+        least = maximum_filter1d(np.max(ground, axis=0) + 110.0, round(2.0 * sigma) | 1, mode="nearest")
+        height = gaussian_filter1d(np.maximum(climb + 0.30 * CHASE_DISTANCE, least), 0.7 * sigma, mode="nearest")
+        self.eye = np.column_stack([back, height])
+        ahead = 0.55 * CHASE_DISTANCE * heading
+        self.lookat = np.column_stack([position[:, :2] + ahead, gaussian_filter1d(position[:, 2], 2.0, mode="nearest")])
+
+    def view(self, t: float) -> View:
+        eye, lookat = (
+            np.array([np.interp(t, self.t, path[:, k]) for k in range(3)]) for path in (self.eye, self.lookat)
+        )
+        sight = lookat - eye
+        distance = float(np.linalg.norm(sight))
+        return View(
+            lookat,
+            distance,
+            math.degrees(math.atan2(sight[1], sight[0])),
+            math.degrees(math.asin(sight[2] / distance)),
+        )
+
+
+def _resample(points: Array, step: float) -> Array:
+    """The line through points (n, 3) with about ``step`` [m] between its points."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    stops = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / max(step, 1e-6)) + 1))
+    return np.column_stack([np.interp(stops, along, points[:, k]) for k in range(3)])
+
+
+# ---- the model
+
+
+def _model(run: RunData, width: int, height: int, samples: int) -> Any:
+    terrain = run.terrain
+    spec = mujoco.MjSpec()
+    side = max(terrain.width, terrain.depth)
+    low, high = float(terrain.z.min()), float(terrain.z.max())
+    spec.stat.extent = 0.5 * side
+    spec.stat.center = [0.5 * terrain.width, 0.5 * terrain.depth, 0.5 * (low + high)]
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    spec.visual.global_.fovy = FIELD_OF_VIEW
+    spec.visual.map.znear, spec.visual.map.zfar = 2e-4, 5.0  # in units of the extent
+    spec.visual.map.fogstart, spec.visual.map.fogend = 0.25, 2.6
+    spec.visual.rgba.fog = [*HORIZON, 1.0]
+    spec.visual.quality.offsamples = samples
+    spec.visual.quality.numslices, spec.visual.quality.numstacks = 20, 6  # a line has hundreds of capsules
+    spec.visual.headlight.active = 0
+    spec.worldbody.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        dir=[0.55, -0.55, -0.75],
+        diffuse=[0.62, 0.61, 0.58],
+        ambient=[0.34, 0.35, 0.38],
+        specular=[0.1, 0.1, 0.1],
+        castshadow=False,
+    )
+    _add_sky(spec)
+    _add_ground(spec, run, low, high)
+    for k, radar in enumerate(run.mission.radars):
+        foot = float(terrain.height(radar.x, radar.y))
+        for group, name, factor in ((TRUE_WORLD, "true", 1.0), (TALL_WORLD, "tall", EXAGGERATION)):
+            mesh = spec.add_mesh(name=f"radar {k} {name}", scale=[radar.radius, radar.radius, factor * radar.radius])
+            mesh.make_sphere(subdivision=4)
+            spec.worldbody.add_geom(
+                name=f"radar {k} {name}",
+                type=mujoco.mjtGeom.mjGEOM_MESH,
+                meshname=mesh.name,
+                pos=[radar.x, radar.y, low + factor * (foot - low)],
+                rgba=[*COLOURS[Part.RADAR], 0.26],
+                group=group,
+                contype=0,
+                conaffinity=0,
+            )
+    vehicle = mujoco.MjSpec.from_file(str(Path(models.aerial.__file__).parent / "airframe.xml"))
+    body = spec.worldbody.add_body(name="airframe", mocap=True)
+    for geom in vehicle.worldbody.geoms:
+        _copy_geom(body, geom)
+    return spec.compile()
+
+
+def _copy_geom(body: Any, geom: Any) -> None:
+    body.add_geom(
+        type=geom.type, size=geom.size, pos=geom.pos, quat=geom.quat, fromto=geom.fromto, rgba=geom.rgba,
+        group=AIRFRAME, contype=0, conaffinity=0,
+    )  # fmt: skip
+
+
+def _add_sky(spec: Any) -> None:
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=ZENITH,
+        rgb2=HORIZON,
+        width=256,
+        height=256 * 6,
+    )
+
+
+def _add_ground(spec: Any, run: RunData, low: float, high: float) -> None:
+    terrain = run.terrain
+    nodes = resampled(terrain, GROUND_NODES, order=1)
+    picture = relief(terrain, TEXTURE_PIXELS)
+    # A texture's row 0 is its northern edge in relief() and its southern one in MuJoCo.
+    spec.add_texture(
+        name="relief",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        width=picture.shape[1],
+        height=picture.shape[0],
+        nchannel=3,
+        data=picture.tobytes(),
+    )
+    ground = spec.add_material(name="ground", emission=0.62, specular=0.0, shininess=0.0)
+    textures = [""] * len(ground.textures)
+    textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "relief"
+    ground.textures = textures
+    for group, name, factor in ((TRUE_WORLD, "true", 1.0), (TALL_WORLD, "tall", EXAGGERATION)):
+        spec.add_hfield(
+            name=name,
+            nrow=nodes.shape[0],
+            ncol=nodes.shape[1],
+            size=[0.5 * terrain.width, 0.5 * terrain.depth, factor * max(high - low, 1.0), 0.02 * terrain.width],
+            userdata=((nodes - low) / max(high - low, 1.0)).ravel(),
+        )
+        spec.worldbody.add_geom(
+            name=f"ground {name}",
+            type=mujoco.mjtGeom.mjGEOM_HFIELD,
+            hfieldname=name,
+            pos=[0.5 * terrain.width, 0.5 * terrain.depth, low],
+            material="ground",
+            group=group,
+            contype=0,
+            conaffinity=0,
+        )
+
+
+Lines = Sequence[tuple[Part, Array]]

@@ -1,0 +1,168 @@
+"""Faults as wrappers: around a planner (no answer, a wrong answer, a late answer) and around a plant (gusts, jumps).
+
+Every fault draws from a generator that is passed in, so a run with faults is as reproducible as one without.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from sim.protocols import Planner, Plant
+from sim.signals import Array, Event, Measurement, Plan, PlanRequest, Status
+
+
+def _rate(rate: float, what: str) -> float:
+    if not 0.0 <= rate <= 1.0:
+        raise ValueError(f"{what} = {rate!r} is not a rate; allowed: 0 to 1")
+    return rate
+
+
+class FailingSolver:
+    """A planner whose solver gives up on a fraction ``rate`` of the requests.
+
+    The first request is always answered: a mission starts with a plan or not at all.
+    """
+
+    def __init__(self, planner: Planner, rate: float, rng: np.random.Generator) -> None:
+        self.period = planner.period
+        self._planner, self._rate, self._rng = planner, _rate(rate, "solver failure rate"), rng
+
+    def plan(self, request: PlanRequest) -> Plan:
+        plan = self._planner.plan(request)  # asked all the same, so that messages reach it
+        if request.current is not None and self._rng.random() < self._rate:
+            return Plan.failure(Status.SOLVER_FAILED, "injected solver failure", solve_ms=plan.solve_ms)
+        return plan
+
+
+class CorruptedPlan:
+    """A planner that answers a fraction ``rate`` of the requests with a plan that contains NaN."""
+
+    def __init__(self, planner: Planner, rate: float, rng: np.random.Generator) -> None:
+        self.period = planner.period
+        self._planner, self._rate, self._rng = planner, _rate(rate, "corrupted plan rate"), rng
+
+    def plan(self, request: PlanRequest) -> Plan:
+        plan = self._planner.plan(request)
+        if request.current is None or not plan.ok or self._rng.random() >= self._rate:
+            return plan
+        x = plan.x.copy()
+        x[int(self._rng.integers(len(x)))] = np.nan
+        return dataclasses.replace(plan, x=x)
+
+
+class Delayed:
+    """A planner that needs ``latency`` [s] of simulated time for a fraction ``rate`` of the requests."""
+
+    def __init__(self, planner: Planner, latency: float, rate: float, rng: np.random.Generator) -> None:
+        if not (math.isfinite(latency) and latency >= 0.0):
+            raise ValueError(f"latency = {latency!r} s; allowed: a finite time >= 0")
+        self.period = planner.period
+        self._planner, self._latency, self._rate, self._rng = planner, latency, _rate(rate, "late plan rate"), rng
+
+    def plan(self, request: PlanRequest) -> Plan:
+        plan = self._planner.plan(request)
+        if request.current is None or self._rng.random() >= self._rate:
+            return plan
+        return dataclasses.replace(plan, ready=request.t + self._latency)
+
+
+class Disturbance(Protocol):
+    """Something that acts on a plant at every tick."""
+
+    def act(self, plant: Plant) -> Sequence[Event]:
+        """Apply to the coming tick."""
+        ...
+
+
+class Gusts:
+    """First-order Gauss-Markov forces on every vehicle: g' = -g / tau + white noise, clipped to a length."""
+
+    def __init__(self, rms: float, time_constant: float, limit: float, rng: np.random.Generator) -> None:
+        if not (math.isfinite(rms) and rms >= 0.0):
+            raise ValueError(f"gust rms = {rms!r} m/s^2; allowed: a finite value >= 0")
+        if not (math.isfinite(time_constant) and time_constant > 0.0):
+            raise ValueError(f"gust time constant = {time_constant!r} s; allowed: a finite value > 0")
+        if not limit > 0.0:
+            raise ValueError(f"gust limit = {limit!r} m/s^2; allowed: > 0")
+        self._rms, self._time_constant, self._limit, self._rng = rms, time_constant, limit, rng
+        self._gust: dict[str, Array] = {}
+
+    def act(self, plant: Plant) -> Sequence[Event]:
+        keep = math.exp(-plant.dt / self._time_constant)
+        stir = self._rms * math.sqrt(1.0 - keep * keep)
+        for name in plant.names:
+            fresh = self._rng.standard_normal(3)
+            gust = keep * self._gust[name] + stir * fresh if name in self._gust else self._rms * fresh
+            self._gust[name] = gust
+            length = math.sqrt(float(gust @ gust))
+            plant.apply_force(name, gust * min(1.0, self._limit / length) if length > 0.0 else gust)
+        return ()
+
+
+class PositionJumps:
+    """p := p + w once a period, w uniform in a cube of half-width w_bar [m] (thesis A.7, Table A.3)."""
+
+    def __init__(self, half_width: float, period: float, rng: np.random.Generator) -> None:
+        if not (math.isfinite(half_width) and half_width >= 0.0):
+            raise ValueError(f"position jump = {half_width!r} m; allowed: a finite value >= 0")
+        self._half_width, self._period, self._rng = half_width, period, rng
+        self._next = period
+
+    def act(self, plant: Plant) -> Sequence[Event]:
+        if plant.t < self._next - 0.5 * plant.dt:
+            return ()
+        self._next += self._period
+        events: list[Event] = []
+        for name in plant.names:
+            offset = self._rng.uniform(-self._half_width, self._half_width, 3)
+            plant.displace(name, offset)
+            events.append(Event(plant.t, name, "position-jump", f"by {np.round(offset, 1).tolist()} m"))
+        return events
+
+
+@dataclass
+class Disturbed:
+    """A plant with disturbances; everything else is the plant's own."""
+
+    plant: Plant
+    disturbances: Sequence[Disturbance]
+    dt: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.dt = self.plant.dt
+
+    @property
+    def t(self) -> float:
+        return self.plant.t
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.plant.names
+
+    def state(self, name: str) -> Array:
+        return self.plant.state(name)
+
+    def state_names(self, name: str) -> tuple[str, ...]:
+        return self.plant.state_names(name)
+
+    def sensor_sizes(self, name: str) -> dict[str, int]:
+        return self.plant.sensor_sizes(name)
+
+    def sense(self, name: str) -> Sequence[Measurement]:
+        return self.plant.sense(name)
+
+    def apply_force(self, name: str, force: Array) -> None:
+        self.plant.apply_force(name, force)
+
+    def displace(self, name: str, offset: Array) -> None:
+        self.plant.displace(name, offset)
+
+    def step(self, commands: dict[str, Array]) -> Sequence[Event]:
+        events = [event for disturbance in self.disturbances for event in disturbance.act(self.plant)]
+        return [*events, *self.plant.step(commands)]

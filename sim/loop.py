@@ -1,0 +1,171 @@
+"""The closed loop, for one vehicle or many.
+
+    sensors -> estimator -> planner (slow) -> tracker (fast) -> actuators
+
+Each part runs at its own rate, a whole number of physics ticks. A plan asked for at t takes over at its own start time,
+one planning period later, if it is at hand by then; until then, and whenever there is none, the vehicle flies the last
+plan that was adopted, which leads to rest. The loop knows protocols only: it never asks what a plan is for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sim.log import AgentRecorder, Recording
+from sim.protocols import Estimator, Planner, Plant, Tracker
+from sim.signals import Array, Estimate, Event, Measurement, Message, Plan, PlanRequest, Status
+
+_SIMULTANEOUS = 1e-9  # [s] two times closer than this are the same tick
+
+
+@dataclass(frozen=True)
+class Agent:
+    """What flies one vehicle: it sees measurements and messages, never the truth."""
+
+    estimator: Estimator
+    planner: Planner
+    tracker: Tracker
+    input_size: int = 3
+    messages: Sequence[Message] = ()  # delivered at their own times
+
+
+def whole_ticks(period: float, dt: float, what: str) -> int:
+    """``period`` [s] as a number of ticks of ``dt`` [s]; ValueError if it is not a whole positive number of them."""
+    ticks = round(period / dt) if math.isfinite(period) else 0
+    if ticks < 1 or abs(ticks * dt - period) > _SIMULTANEOUS * max(1.0, ticks):
+        raise ValueError(f"{what} = {period!r} s is not a whole number of physics ticks of {dt!r} s")
+    return ticks
+
+
+@dataclass
+class _Cockpit:
+    """One agent with what it remembers between ticks."""
+
+    name: str
+    agent: Agent
+    estimator_ticks: int
+    planner_ticks: int
+    tracker_ticks: int
+    record: AgentRecorder
+    command: Array
+    inbox: list[Measurement] = field(default_factory=list)
+    undelivered: list[Message] = field(default_factory=list)
+    delivered: list[Message] = field(default_factory=list)
+    pending: list[Plan] = field(default_factory=list)
+    estimate: Estimate | None = None
+    plan: Plan | None = None
+    finite: bool = True
+
+    def tick(self, k: int, t: float, readings: Sequence[Measurement]) -> None:
+        self.record.measurements(k, readings)
+        self.inbox.extend(readings)
+        if k % self.estimator_ticks == 0:
+            self.estimate = self.agent.estimator.update(t, self.inbox, self.command)
+            self.inbox = []
+            self.record.estimate(self.estimate)
+        if self.estimate is None:
+            return
+        if k % self.planner_ticks == 0:
+            self._adopt(t)
+            self._ask(t, self.estimate)
+            self._adopt(t)
+        if self.plan is not None and k % self.tracker_ticks == 0:
+            self._track(t, self.estimate, self.plan)
+
+    def _ask(self, t: float, estimate: Estimate) -> None:
+        while self.undelivered and self.undelivered[0].t <= t + _SIMULTANEOUS:
+            message = self.undelivered.pop(0)
+            self.delivered.append(message)
+            self.record.event(t, "message", f"{message.topic} from {message.sender}")
+        t_start = t + self.agent.planner.period if self.plan is not None else t
+        request = PlanRequest(t, t_start, estimate, self.plan, tuple(self.delivered))
+        try:
+            plan = self.agent.planner.plan(request)
+        except Exception as error:  # a planner that raises in flight is a recorded failure, not the end of the flight
+            plan = Plan.failure(Status.RAISED, f"{type(error).__name__}: {error}")
+        self.delivered = []
+        self.record.asked(plan)
+        if plan.ok:
+            self.pending.append(plan)
+        else:
+            self._refused(t, plan, plan.status, plan.message)
+
+    def _adopt(self, t: float) -> None:
+        waiting: list[Plan] = []
+        for plan in self.pending:
+            if plan.t_start > t + _SIMULTANEOUS:
+                waiting.append(plan)
+            elif plan.ready > plan.t_start + _SIMULTANEOUS:
+                self._refused(t, plan, Status.LATE, f"ready at {plan.ready:.3f} s for a start at {plan.t_start:.3f} s")
+            else:
+                self.plan = plan
+                self.record.adopted(t, plan)
+                for note in plan.notes:
+                    self.record.event(t, note, plan.message)
+        self.pending = waiting
+
+    def _refused(self, t: float, plan: Plan, status: Status, message: str) -> None:
+        self.record.event(t, status.name.lower().replace("_", "-"), message or status.value)
+        for note in plan.notes:
+            self.record.event(t, note, message)
+
+    def _track(self, t: float, estimate: Estimate, plan: Plan) -> None:
+        command = self.agent.tracker.command(t, estimate, plan)
+        finite = bool(np.isfinite(command).all())
+        if finite:
+            self.command = command
+        elif self.finite:
+            self.record.event(t, "command-not-finite", f"{command!r}; the last finite command is held")
+        self.finite = finite
+
+
+def simulate(
+    plant: Plant,
+    agents: Mapping[str, Agent],
+    duration: float,
+    finished: Callable[[float, Mapping[str, Array]], bool] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Recording:
+    """Run the loop from the plant's present time for at most ``duration`` [s], or until ``finished(t, truths)``.
+
+    ``finished`` is the referee: it sees the truth and belongs to the scenario, not to a controller. ``progress`` is told
+    the simulated time once a simulated second.
+
+    Raises ValueError if an agent has no vehicle, or a rate is not a whole number of ticks.
+    """
+    if unknown := sorted(set(agents) - set(plant.names)):
+        raise ValueError(f"agents {unknown} have no vehicle; the plant has {list(plant.names)}")
+    dt, steps = plant.dt, whole_ticks(duration, plant.dt, "duration")
+    every_second = max(1, round(1.0 / dt))
+    recording = Recording.begin(plant, {name: agent.input_size for name, agent in agents.items()}, steps + 1)
+    cockpits = [
+        _Cockpit(
+            name,
+            agent,
+            whole_ticks(agent.estimator.period, dt, f"{name}: the estimator's period"),
+            whole_ticks(agent.planner.period, dt, f"{name}: the planner's period"),
+            whole_ticks(agent.tracker.period, dt, f"{name}: the tracker's period"),
+            recording.agents[name],
+            np.zeros(agent.input_size),
+            undelivered=sorted(agent.messages, key=lambda message: message.t),
+        )
+        for name, agent in agents.items()
+    ]
+    for k in range(steps + 1):
+        t = plant.t
+        truths = {name: plant.state(name) for name in plant.names}
+        recording.truth(k, t, truths)
+        for cockpit in cockpits:
+            cockpit.tick(k, t, plant.sense(cockpit.name))
+            recording.agents[cockpit.name].command(k, cockpit.command)
+        if k == steps or (finished is not None and finished(t, truths)):
+            break
+        events: Sequence[Event] = plant.step({cockpit.name: cockpit.command for cockpit in cockpits})
+        recording.events.extend(events)
+        if progress is not None and k % every_second == 0:
+            progress(t)
+    return recording.end()

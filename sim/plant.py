@@ -1,0 +1,289 @@
+"""A plant whose physics is MuJoCo: named vehicles in one compiled model, with their sensors.
+
+A vehicle NAME is everything in the model whose name starts with ``NAME/``: its joints (slides and hinges) are its
+state, (qpos, qvel), and its actuators, in the order of the model, its input. The plant steps the ``mujoco.MjModel``
+itself and counts ticks in whole numbers, so that time does not drift.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+
+from sim.signals import Array, Event, Measurement
+
+_SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
+_GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
+_ROUND_OFF = 1e-9  # relative excess of an input that is not worth an event
+
+
+class Sensor(Protocol):
+    """What a vehicle carries; it reads the truth of its own vehicle."""
+
+    @property
+    def name(self) -> str:
+        """Name of its readings."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Length of a reading."""
+        ...
+
+    @property
+    def rate(self) -> float | None:
+        """[Hz]; None: once a tick."""
+        ...
+
+    def read(self, motion: Any, rng: np.random.Generator) -> Array | None:
+        """A reading (size,) of a ``Motion``, or None if it was lost."""
+        ...
+
+
+@dataclass(frozen=True)
+class Equipment:
+    """What a scenario gives a vehicle."""
+
+    start: Array  # (nx,) the state at t = 0
+    sensors: tuple[Sensor, ...] = ()
+    input_max: float = math.inf  # on the Euclidean norm of the input; the model bounds each actuator by itself
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The truth of one vehicle, for its sensors: views that follow the simulation."""
+
+    q: Array  # (nq,) joint positions
+    v: Array  # (nv,) joint velocities
+    acceleration: Array  # (nv,) joint accelerations over the last tick, disturbances included
+
+    @property
+    def x(self) -> Array:
+        """(nq + nv,) the state, a copy."""
+        return np.concatenate((self.q, self.v))
+
+
+@dataclass(frozen=True)
+class _Mounted:
+    """A sensor with what the plant needs to read it."""
+
+    sensor: Sensor
+    every: int  # ticks
+    rng: np.random.Generator
+
+
+class _Vehicle:
+    """One vehicle's views into the simulation."""
+
+    def __init__(
+        self, name: str, equipment: Equipment, model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator
+    ) -> None:
+        self.name = name
+        joints = [j for j in range(model.njnt) if model.joint(j).name.startswith(f"{name}/")]
+        actuators = [i for i in range(model.nu) if model.actuator(i).name.startswith(f"{name}/")]
+        if not joints:
+            known = sorted({model.joint(j).name.partition("/")[0] for j in range(model.njnt)})
+            raise ValueError(f"the model has no vehicle {name!r}; it has {known}")
+        kinds = [int(model.jnt_type[j]) for j in joints]
+        if not set(kinds) <= {_SLIDE, _HINGE}:
+            raise ValueError(f"vehicle {name!r} has joints other than slides and hinges")
+        q, v = _slice(model.jnt_qposadr[joints]), _slice(model.jnt_dofadr[joints])
+        self.motion = Motion(data.qpos[q], data.qvel[v], data.qacc[v])
+        self.control = data.ctrl[_slice(np.array(actuators))] if actuators else data.ctrl[:0]
+        self.force = data.xfrc_applied[int(model.jnt_bodyid[joints[0]]), :3]
+        self.slides = [(i, model.jnt_axis[j].copy()) for i, j in enumerate(joints) if kinds[i] == _SLIDE]
+        self.geoms = frozenset(
+            g for g in range(model.ngeom) if model.body(int(model.geom_bodyid[g])).name.startswith(f"{name}/")
+        )
+        names = [model.joint(j).name.partition("/")[2] for j in joints]
+        units = ["m" if kind == _SLIDE else "rad" for kind in kinds]
+        self.state_names = (
+            *(f"position_{joint} [{unit}]" for joint, unit in zip(names, units, strict=True)),
+            *(f"velocity_{joint} [{unit}/s]" for joint, unit in zip(names, units, strict=True)),
+        )
+        start = np.asarray(equipment.start, dtype=np.float64)
+        if start.shape != (2 * len(joints),) or not np.isfinite(start).all():
+            raise ValueError(f"vehicle {name!r}: start = {start.tolist()}; allowed: {2 * len(joints)} finite numbers")
+        self.motion.q[:], self.motion.v[:] = start[: len(joints)], start[len(joints) :]
+        if not equipment.input_max > 0.0:
+            raise ValueError(f"vehicle {name!r}: input_max = {equipment.input_max!r}; allowed: > 0")
+        self.input_max = equipment.input_max
+        sensors = equipment.sensors
+        if len({sensor.name for sensor in sensors}) != len(sensors):
+            raise ValueError(f"vehicle {name!r} carries two sensors of one name: {[s.name for s in sensors]}")
+        generators = rng.spawn(len(sensors))
+        self.sensors = [
+            _Mounted(sensor, _every(sensor, float(model.opt.timestep)), generator)
+            for sensor, generator in zip(sensors, generators, strict=True)
+        ]
+        self.touched: frozenset[str] = frozenset()  # what it touches now
+        self.contacts = 0
+        self.clipped = False
+        self.disturbed = False
+
+
+class MujocoPlant:
+    """Vehicles of a compiled MuJoCo model behind ``sim.protocols.Plant``."""
+
+    def __init__(self, model: mujoco.MjModel, vehicles: Mapping[str, Equipment], rng: np.random.Generator) -> None:
+        """The plant at t = 0; each sensor draws from a stream of its own, spawned from ``rng``.
+
+        Raises ValueError if a vehicle is not in the model, its start does not fit its joints, or the rate of a sensor
+        is not a whole number of ticks.
+        """
+        if not vehicles:
+            raise ValueError("a plant needs at least one vehicle")
+        self.model, self.data = model, mujoco.MjData(model)
+        self.dt = float(model.opt.timestep)
+        self._ticks = 0
+        generators = rng.spawn(len(vehicles))
+        self._vehicles = {
+            name: _Vehicle(name, equipment, model, self.data, generator)
+            for (name, equipment), generator in zip(vehicles.items(), generators, strict=True)
+        }
+        self._names = tuple(self._vehicles)
+        self._owner = {geom: vehicle for vehicle in self._vehicles.values() for geom in vehicle.geoms}
+        mujoco.mj_forward(model, self.data)
+
+    @property
+    def t(self) -> float:
+        return self._ticks * self.dt
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self._names
+
+    def state(self, name: str) -> Array:
+        return self._vehicle(name).motion.x
+
+    def state_names(self, name: str) -> tuple[str, ...]:
+        return self._vehicle(name).state_names
+
+    def sensor_sizes(self, name: str) -> dict[str, int]:
+        return {mounted.sensor.name: mounted.sensor.size for mounted in self._vehicle(name).sensors}
+
+    def contacts(self, name: str) -> int:
+        """How often the vehicle has begun to touch something."""
+        return self._vehicle(name).contacts
+
+    def sense(self, name: str) -> Sequence[Measurement]:
+        vehicle, tick = self._vehicle(name), self._ticks
+        readings: list[Measurement] = []
+        for mounted in vehicle.sensors:
+            if tick % mounted.every == 0:
+                value = mounted.sensor.read(vehicle.motion, mounted.rng)
+                if value is not None:
+                    readings.append(Measurement(mounted.sensor.name, tick * self.dt, value))
+        return readings
+
+    def apply_force(self, name: str, force: Array) -> None:
+        vehicle = self._vehicle(name)
+        vehicle.force += force
+        vehicle.disturbed = True
+
+    def displace(self, name: str, offset: Array) -> None:
+        vehicle = self._vehicle(name)
+        for i, axis in vehicle.slides:
+            vehicle.motion.q[i] += float(axis @ offset)
+
+    def step(self, commands: Mapping[str, Array]) -> Sequence[Event]:
+        """Advance by one tick; a vehicle without a command gets none.
+
+        An input longer than its bound is shortened to it. That, and every contact, is an event when it begins:
+        "input-clipped", "ground-contact", "vehicle-contact", "contact".
+        """
+        events: list[Event] = []
+        for vehicle in self._vehicles.values():
+            command = commands.get(vehicle.name)
+            if command is None:
+                vehicle.control[:] = 0.0
+            else:
+                self._actuate(vehicle, command, events)
+        mujoco.mj_step(self.model, self.data)
+        self._ticks += 1
+        self.data.time = self._ticks * self.dt
+        for vehicle in self._vehicles.values():
+            if vehicle.disturbed:
+                vehicle.force[:] = 0.0
+                vehicle.disturbed = False
+        if self.data.ncon or any(vehicle.touched for vehicle in self._vehicles.values()):
+            self._touch(events)
+        return events
+
+    def _vehicle(self, name: str) -> _Vehicle:
+        try:
+            return self._vehicles[name]
+        except KeyError:
+            raise ValueError(f"the plant has no vehicle {name!r}; it has {list(self._names)}") from None
+
+    def _actuate(self, vehicle: _Vehicle, command: Array, events: list[Event]) -> None:
+        if command.shape != vehicle.control.shape:
+            raise ValueError(
+                f"vehicle {vehicle.name!r}: the command has shape {command.shape}; allowed is {vehicle.control.shape}"
+            )
+        length = math.sqrt(float(command @ command))
+        if not math.isfinite(length):
+            raise ValueError(
+                f"vehicle {vehicle.name!r}: the command {command.tolist()} at {self.t:.3f} s is not finite"
+            )
+        if length <= vehicle.input_max:
+            vehicle.control[:] = command
+            vehicle.clipped = False
+            return
+        vehicle.control[:] = command * (vehicle.input_max / length)
+        clipped = length > vehicle.input_max * (1.0 + _ROUND_OFF)
+        if clipped and not vehicle.clipped:
+            message = f"an input of length {length:.6g} was shortened to {vehicle.input_max:.6g}"
+            events.append(Event(self.t, vehicle.name, "input-clipped", message))
+        vehicle.clipped = clipped
+
+    def _touch(self, events: list[Event]) -> None:
+        """Contacts that began with this tick."""
+        touching: dict[str, dict[str, str]] = {name: {} for name in self._names}  # vehicle -> what it touches -> kind
+        for contact in self.data.contact:
+            pair = int(contact.geom1), int(contact.geom2)
+            for own, other in (pair, pair[::-1]):
+                owner, stranger = self._owner.get(own), self._owner.get(other)
+                if owner is None or owner is stranger:
+                    continue
+                if stranger is not None:
+                    touching[owner.name][stranger.name] = "vehicle-contact"
+                else:
+                    ground = int(self.model.geom_type[other]) in _GROUND
+                    touching[owner.name][self.model.geom(other).name] = "ground-contact" if ground else "contact"
+        for vehicle in self._vehicles.values():
+            now = touching[vehicle.name]
+            for thing in sorted(now.keys() - vehicle.touched):
+                where = np.round(vehicle.motion.q, 1).tolist()
+                speed = float(np.linalg.norm(vehicle.motion.v))
+                message = f"touches {thing} at {where} with {speed:.1f} m/s"
+                events.append(Event(self.t, vehicle.name, now[thing], message))
+                vehicle.contacts += 1
+            vehicle.touched = frozenset(now)
+
+
+def _slice(indices: Array) -> slice:
+    """The slice that holds these indices: a view into MuJoCo's arrays instead of a copy."""
+    first, last = int(indices[0]), int(indices[-1])
+    if last - first + 1 != len(indices):
+        raise ValueError(f"the joints or actuators of a vehicle do not lie together in the model: {indices.tolist()}")
+    return slice(first, last + 1)
+
+
+def _every(sensor: Sensor, dt: float) -> int:
+    if sensor.rate is None:
+        return 1
+    if not (math.isfinite(sensor.rate) and sensor.rate > 0.0):
+        raise ValueError(f"sensor {sensor.name!r}: rate = {sensor.rate!r} Hz; allowed: a finite rate > 0")
+    ticks = 1.0 / (sensor.rate * dt)
+    if round(ticks) < 1 or abs(ticks - round(ticks)) > 1e-9 * ticks:
+        raise ValueError(
+            f"sensor {sensor.name!r}: rate = {sensor.rate!r} Hz is not a whole number of physics ticks of {dt!r} s "
+            f"(that is {ticks:.6g} ticks a reading)"
+        )
+    return round(ticks)

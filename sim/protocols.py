@@ -1,0 +1,112 @@
+"""The parts of a closed loop. They conform by shape; there is nothing to inherit.
+
+Periods are in seconds and are whole multiples of the plant's tick; the loop checks that once, at the start. No part has
+a reset(): a scenario builds fresh parts for every seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+from sim.signals import Array, Estimate, Event, Measurement, Plan, PlanRequest
+
+
+@runtime_checkable
+class Plant(Protocol):
+    """The physical world: vehicles, sensors, disturbances."""
+
+    dt: float  # [s] the physics tick
+
+    @property
+    def t(self) -> float:
+        """Time [s]."""
+        ...
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the vehicles."""
+        ...
+
+    def state(self, name: str) -> Array:
+        """The truth of one vehicle, (nx,). For log and metrics only, never for a controller."""
+        ...
+
+    def state_names(self, name: str) -> tuple[str, ...]:
+        """Name and unit of each component of the state, "position_x [m]" for one."""
+        ...
+
+    def sensor_sizes(self, name: str) -> dict[str, int]:
+        """Length of each sensor's reading, by sensor name."""
+        ...
+
+    def sense(self, name: str) -> Sequence[Measurement]:
+        """The readings that fall due at this tick. Called once per tick."""
+        ...
+
+    def apply_force(self, name: str, force: Array) -> None:
+        """Add a disturbance force (3,) [N], world frame, over the next tick."""
+        ...
+
+    def displace(self, name: str, offset: Array) -> None:
+        """Move a vehicle by (3,) [m] at once: the jumps w of Table A.3."""
+        ...
+
+    def step(self, commands: dict[str, Array]) -> Sequence[Event]:
+        """Advance by one tick with these inputs held; returns what happened (a contact with the ground)."""
+        ...
+
+
+@runtime_checkable
+class Estimator(Protocol):
+    """Measurements to estimate."""
+
+    period: float  # [s]
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """The estimate at ``t``, given the readings since the last call and the input ``command`` held since then."""
+        ...
+
+
+@runtime_checkable
+class Planner(Protocol):
+    """Estimate to plan, slowly."""
+
+    period: float  # [s]
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """A plan for ``request``, or a Plan whose status says why there is none."""
+        ...
+
+
+@runtime_checkable
+class Tracker(Protocol):
+    """Plan to command, fast."""
+
+    period: float  # [s]
+
+    def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        """The input (nu,) to hold until t + period."""
+        ...
+
+
+class ControllerPlugin(Protocol):
+    """An entry point of ``mathnavi.controllers``: builds the pair (planner, tracker)."""
+
+    Config: ClassVar[type[Any]]  # a frozen dataclass; its fields become --planner.FIELD
+
+    @staticmethod
+    def build(config: Any, mission: Any) -> tuple[Planner, Tracker]:
+        """Fresh parts for one run. ``mission`` is the scenario's public description of the task."""
+        ...
+
+
+class EstimatorPlugin(Protocol):
+    """An entry point of ``mathnavi.estimators``."""
+
+    Config: ClassVar[type[Any]]  # a frozen dataclass; its fields become --estimator.FIELD
+
+    @staticmethod
+    def build(config: Any, mission: Any) -> Estimator:
+        """A fresh estimator for one run."""
+        ...

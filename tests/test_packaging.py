@@ -1,0 +1,59 @@
+"""The installed package is this repository: its packages, its entry points, its versions."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import EntryPoint, distribution, entry_points, version
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PACKAGES = ("models", "sim", "controllers", "estimators", "renders")
+ENTRY_POINTS = [
+    EntryPoint(name, value, group)
+    for group, members in {**PROJECT["entry-points"], "console_scripts": PROJECT["scripts"]}.items()
+    for name, value in members.items()
+]
+
+
+def test_every_package_is_imported_from_this_repository(tmp_path: Path) -> None:
+    """PyPI has strangers of the same names, which would win if they were installed.
+
+    A fresh interpreter in another folder, so that neither pytest nor the working directory helps.
+    """
+    script = f"import importlib, json; print(json.dumps([importlib.import_module(p).__file__ for p in {PACKAGES}]))"
+    shown = subprocess.check_output([sys.executable, "-P", "-c", script], cwd=tmp_path, text=True)
+    assert [Path(file) for file in json.loads(shown)] == [ROOT / package / "__init__.py" for package in PACKAGES]
+
+
+def test_packages_add_nothing_of_their_own() -> None:
+    assert not [package for package in PACKAGES if (ROOT / package / "__init__.py").read_text(encoding="utf-8").strip()]
+
+
+@pytest.mark.parametrize("entry_point", ENTRY_POINTS, ids=lambda e: f"{e.group}:{e.name}")
+def test_every_entry_point_is_installed_and_loads(entry_point: EntryPoint) -> None:
+    installed = entry_points(group=entry_point.group, name=entry_point.name)
+    assert [e.value for e in installed] == [entry_point.value], "re-install: make .venv"
+    assert callable(entry_point.load())
+
+
+def test_nothing_else_is_installed_as_an_entry_point() -> None:
+    installed = distribution("mathnavi").entry_points
+    assert {(e.group, e.name) for e in installed} == {(e.group, e.name) for e in ENTRY_POINTS}
+
+
+def test_installed_version_is_the_projects_and_in_the_changelog() -> None:
+    assert version("mathnavi") == PROJECT["version"]
+    lines = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").splitlines()
+    assert any(line.startswith("## ") and PROJECT["version"] in line for line in lines)
+
+
+@pytest.mark.parametrize("requirement", [Requirement(text) for text in PROJECT["dependencies"]], ids=lambda r: r.name)
+def test_every_dependency_is_in_its_tested_range(requirement: Requirement) -> None:
+    assert version(requirement.name) in requirement.specifier

@@ -1,7 +1,7 @@
 """The state as a sensor reads it: the estimator of a simulation that is not about estimating.
 
-The newest reading of the sensor "full_state" is the estimate. Between readings the vehicle's exact motion under the held
-input carries it on (thesis A.2); what the gusts do meanwhile stays unknown and widens the covariance.
+The newest reading of the sensor "full_state" is the estimate. Between readings the vehicle's exact motion under the
+held input carries it on (thesis A.2); what the gusts do meanwhile stays unknown and widens the covariance.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True)
-class Config:
+class FullStateConfig:
     """Fields of the command line."""
 
     period: float = TICK  # [s]
@@ -38,9 +38,9 @@ class Config:
 class FullState:
     """Hands the newest full-state reading on."""
 
-    Config = Config
+    Config = FullStateConfig
 
-    def __init__(self, config: Config, mission: FlightMission) -> None:
+    def __init__(self, config: FullStateConfig, mission: FlightMission) -> None:
         self.period = config.period
         self._timeout = config.timeout
         self._position_variance = mission.position_noise**2  # [m^2]
@@ -50,17 +50,17 @@ class FullState:
         self._t_read = -math.inf  # [s] of the last reading
 
     @staticmethod
-    def build(config: Config, mission: FlightMission) -> FullState:
+    def build(config: FullStateConfig, mission: FlightMission) -> FullState:
         return FullState(config, mission)
 
     @staticmethod
-    def sensors(config: Config, mission: FlightMission) -> tuple[FullStateSensor, ...]:
+    def sensors(config: FullStateConfig, mission: FlightMission) -> tuple[FullStateSensor, ...]:
         """What the vehicle has to carry for this estimator."""
         return (FullStateSensor(mission.position_noise, config.rate),)
 
     @staticmethod
-    def quality(config: Config, mission: FlightMission) -> EstimateQuality:
-        """Position readings are off by the mission's noise, independently of each other; only the gusts drive the loop."""
+    def quality(config: FullStateConfig, mission: FlightMission) -> EstimateQuality:
+        """Positions are off by the mission's noise, independently of each other; only the gusts drive the loop."""
         return EstimateQuality(
             np.diag([mission.position_noise**2, 0.0, 0.0]), EstimateQuality.exact(mission.gust).driving
         )

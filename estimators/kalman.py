@@ -1,13 +1,13 @@
 """The Kalman filter for position fixes under gusts.
 
-Each axis has the state (p, v, g), position, velocity and gust, with the known input u and a first-order Gauss-Markov gust:
+Each axis has the state (p, v, g), position, velocity and a first-order Gauss-Markov gust, and the known input u:
 
     p' = v,   v' = u + g,   g' = -g / tau + w,   w white with intensity 2 rms^2 / tau,
 
 and fixes y = p + noise of variance R. The axes are independent and alike, so one filter (filterpy's) carries all three:
-its state is the matrix (3, 3) with one column an axis, and its covariance P (3, 3) is that of any one of them. The model is
-discretised exactly, Q by Van Loan's matrix exponential. The filter predicts at its period and conditions on each fix at
-the time of the fix.
+its state is the matrix (3, 3) with one column an axis, and its covariance P (3, 3) is that of any one of them. The
+model is discretised exactly, Q by Van Loan's matrix exponential. The filter predicts at its period and conditions on
+each fix at the time of the fix.
 
 A gust vector clipped to a length has a smaller variance than its rms says; the filter uses that of the clipped one.
 """
@@ -32,7 +32,7 @@ _EYE = np.eye(3)
 
 
 @dataclass(frozen=True)
-class Config:
+class KalmanConfig:
     """Fields of the command line."""
 
     period: float = 0.01  # [s]
@@ -58,7 +58,7 @@ class AxisModel:
     fix_std: float  # [m]
 
     @staticmethod
-    def of(config: Config, mission: FlightMission) -> AxisModel:
+    def of(config: KalmanConfig, mission: FlightMission) -> AxisModel:
         return AxisModel(
             max(clipped_rms(mission.gust), config.gust_floor),
             mission.gust.time_constant,
@@ -78,9 +78,9 @@ class AxisModel:
 class Kalman:
     """Position fixes to position, velocity and gust."""
 
-    Config = Config
+    Config = KalmanConfig
 
-    def __init__(self, config: Config, mission: FlightMission) -> None:
+    def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
         from filterpy.kalman import KalmanFilter  # takes .7 s to import
 
         self.period = config.period
@@ -96,19 +96,20 @@ class Kalman:
         self._t_fix = -math.inf  # [s] of the last fix
 
     @staticmethod
-    def build(config: Config, mission: FlightMission) -> Kalman:
+    def build(config: KalmanConfig, mission: FlightMission) -> Kalman:
         return Kalman(config, mission)
 
     @staticmethod
-    def sensors(config: Config, mission: FlightMission) -> tuple[PositionSensor, ...]:
+    def sensors(config: KalmanConfig, mission: FlightMission) -> tuple[PositionSensor, ...]:
         """What the vehicle has to carry for this estimator."""
         return (PositionSensor(mission.position_noise, mission.position_rate),)
 
     @staticmethod
-    def quality(config: Config, mission: FlightMission) -> EstimateQuality:
+    def quality(config: KalmanConfig, mission: FlightMission) -> EstimateQuality:
         """The stationary filter, by its discrete Riccati equation at the rate of the fixes.
 
-        P is the covariance just before a fix, when each variance is largest; a fix feeds K S K' = P - P+ into the estimate.
+        P is the covariance just before a fix, when each variance is largest; a fix feeds K S K' into the estimate, with
+        S = H P H' + R.
         """
         model, interval = AxisModel.of(config, mission), 1.0 / mission.position_rate
         F, _, Q = model.discretised(interval)
@@ -116,7 +117,7 @@ class Kalman:
         before = solve_discrete_are(F.T, _H.T, Q, R)
         before = 0.5 * (before + before.T)
         correction = before @ _H.T @ np.linalg.solve(_H @ before @ _H.T + R, _H @ before)
-        return EstimateQuality(before, 0.5 * (correction + correction.T) / interval)
+        return EstimateQuality(before, 0.5 * (correction + correction.T) / interval, estimates_gust=True)
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         for fix in measurements:
@@ -155,10 +156,10 @@ class Kalman:
 
 
 def clipped_rms(gust: GustModel) -> float:
-    """[m/s^2] on each axis, of a gust vector with three independent normal components after it was clipped to a length.
+    """[m/s^2] on each axis, of a gust vector with three independent normal components, clipped to the length L.
 
-    E min(|g|^2, L^2) = 3 s^2 F_5(L^2 / s^2) + L^2 (1 - F_3(L^2 / s^2)), F_k the chi-squared distribution with k degrees of
-    freedom, s the rms before clipping.
+    E min(|g|^2, L^2) = 3 s^2 F_5(L^2 / s^2) + L^2 (1 - F_3(L^2 / s^2)), F_k the chi-squared distribution with k degrees
+    of freedom, s the rms before clipping.
     """
     if gust.rms == 0.0:
         return 0.0

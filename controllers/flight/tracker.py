@@ -1,8 +1,8 @@
 """The tracker: the plan's acceleration plus critically damped feedback, and the bound it keeps.
 
-    u = a_ref - omega^2 (p^ - p_ref) - 2 omega (v^ - v_ref),   the feedback's norm held to a_fb.
+    u = a_ref - omega^2 (p^ - p_ref) - 2 omega (v^ - v_ref) - g^,   the last three terms' norm held to a_fb,
 
-``a_ref`` is the plan's mean acceleration until the next command, so arcs may change between commands. With the estimate
+g^ the gust that the estimator sees, if it does. ``a_ref`` is the plan's mean acceleration until the next command, so arcs may change between commands. With the estimate
 x^ = x - e of a linear-Gaussian estimator, the loop's stationary covariance follows from one Lyapunov equation per axis (see
 ``EstimateQuality``); five standard deviations of it are the bound that plans are certified with.
 """
@@ -27,17 +27,18 @@ def tracking_bound(bandwidth: float, quality: EstimateQuality, gust: GustModel) 
     """Five standard deviations of the tracked vehicle about its plan, and of the feedback that keeps it there.
 
     Per axis, with the estimated error (p^ - p_ref, v^ - v_ref, g^): d/dt = A . + noise of covariance W per second,
-    A = [[0, 1, 0], [-omega^2, -2 omega, 1], [0, 0, -1/tau]]; the true error's covariance is that of the estimated one plus P.
+    A = [[0, 1, 0], [-omega^2, -2 omega, c], [0, 0, -1/tau]], c = 0 if the gust's estimate is fed forward and 1 if not; the
+    true error's covariance is that of the estimated one plus P.
     """
-    omega = bandwidth
-    a = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2.0 * omega, 1.0], [0.0, 0.0, -1.0 / gust.time_constant]])
+    omega, forward = bandwidth, 1.0 if quality.estimates_gust else 0.0
+    a = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2.0 * omega, 1.0 - forward], [0.0, 0.0, -1.0 / gust.time_constant]])
     estimated = solve_continuous_lyapunov(a, -quality.driving)
     true = estimated + quality.error
-    gain = np.array([omega**2, 2.0 * omega, 0.0])
+    gain = np.array([omega**2, 2.0 * omega, forward])
     position = _DEVIATIONS * math.sqrt(max(0.0, true[0, 0]))
     speed = _DEVIATIONS * math.sqrt(max(0.0, true[1, 1]))
-    # A sensor's own noise reaches the feedback directly where no filter stands between (P without W).
-    feedback = _DEVIATIONS * math.sqrt(max(0.0, float(gain @ estimated @ gain)))
+    # Where no filter stands between, the noise of a position reading reaches the feedback directly.
+    feedback = _DEVIATIONS * math.sqrt(max(0.0, float(gain @ estimated @ gain) + omega**4 * quality.error[0, 0]))
     floor = _NUMERICAL
     return TrackingBound(
         floor.horizontal + position, floor.vertical + position, floor.speed + speed, floor.feedback + feedback
@@ -48,7 +49,7 @@ class CriticallyDamped:
     """Flies the last accepted plan, to rest and beyond."""
 
     def __init__(self, period: float, bandwidth: float, bound: TrackingBound) -> None:
-        self.period = period
+        self.period, self.bound = period, bound
         self._stiffness, self._damping = bandwidth**2, 2.0 * bandwidth
         self._limit = bound.feedback
 
@@ -56,6 +57,8 @@ class CriticallyDamped:
         reference, ahead = state_at(plan, t), state_at(plan, t + self.period)
         error = estimate.x - reference
         feedback = -self._stiffness * error[:3] - self._damping * error[3:]
+        if (gust := estimate.extra.get("gust")) is not None:
+            feedback = feedback - gust
         size = math.sqrt(float(feedback @ feedback))
         if size > self._limit:
             feedback = feedback * (self._limit / size)

@@ -35,6 +35,7 @@ class EstimateQuality:
 
     error: Array  # (3, 3) P, units [m, m/s, m/s^2]
     driving: Array  # (3, 3) W, the same units squared per second
+    estimates_gust: bool = False  # whether an estimate carries the gust as extra["gust"], (3,) [m/s^2]
 
     @staticmethod
     def exact(gust: GustModel) -> EstimateQuality:
@@ -55,7 +56,7 @@ class FlightMission:
     speed_max: float = 300.0  # [m/s] v_max
     acceleration_max: float = 40.0  # [m/s^2] a_max
     deadline_factor: float = 1.3  # gamma
-    arrival_radius: float = 30.0  # [m] r_f
+    arrival_radius: float = 50.0  # [m] r_f
     position_noise: float = 0.0  # [m] standard deviation of a position reading, per axis
     position_rate: float = 10.0  # [Hz] of the position fixes
     gust: GustModel = GustModel()

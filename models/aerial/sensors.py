@@ -8,48 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
+from sim.protocols import Motion, Sensor
 from sim.signals import Array
-
-
-class Motion(Protocol):
-    """The truth of one vehicle, as the plant shows it to sensors."""
-
-    @property
-    def x(self) -> Array:
-        """(6,) position [m] and velocity [m/s], map frame."""
-        ...
-
-    @property
-    def acceleration(self) -> Array:
-        """(3,) [m/s^2] over the last tick, disturbances included."""
-        ...
-
-
-class Sensor(Protocol):
-    """What a vehicle can carry."""
-
-    @property
-    def name(self) -> str:
-        """Name of its readings."""
-        ...
-
-    @property
-    def size(self) -> int:
-        """Length of a reading."""
-        ...
-
-    @property
-    def rate(self) -> float | None:
-        """[Hz]; None: once a tick."""
-        ...
-
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
-        """A reading (size,), or None if it was lost."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,9 @@ import json
 import math
 import os
 import re
+import warnings
 import zipfile
+import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -115,9 +117,9 @@ def read_npz(path: str | Path) -> HeightField:
     """The map in an ``.npz`` file."""
     path = _existing(path)
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.lib.npyio.NpzFile(file, allow_pickle=False) as archive:
             entries = {name: archive[name] for name in ("z", "meta") if name in archive}
-    except (zipfile.BadZipFile, ValueError, EOFError, OSError, AttributeError) as error:
+    except (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError, EOFError, OSError) as error:
         raise ValueError(f"{path}: not a readable .npz file ({error})") from None
     for name in ("z", "meta"):
         if name not in entries:
@@ -260,7 +262,8 @@ def _read_with_rasterio(path: Path) -> Raster:
     import rasterio
 
     try:
-        with rasterio.open(path) as dataset:
+        # It warns of a missing place, which is an error below.
+        with warnings.catch_warnings(action="ignore"), rasterio.open(path) as dataset:
             bands, transform, crs = dataset.count, dataset.transform, dataset.crs
             values = dataset.read(1, masked=True)
     except rasterio.errors.RasterioError as error:
@@ -297,9 +300,9 @@ def _read_with_pillow(path: Path) -> Raster:
     model = keys.get(KEY_MODEL_TYPE)
     if model not in (MODEL_PROJECTED, MODEL_GEOGRAPHIC):
         raise ValueError(f"{path}: model type {model}; allowed are 1 (projected) and 2 (geographic)")
-    unit = keys.get(KEY_LINEAR_UNIT, UNIT_METRE)
+    unit = keys.get(KEY_LINEAR_UNIT)
     if model == MODEL_PROJECTED and unit != UNIT_METRE:
-        raise ValueError(f"{path}: projected in the unit {unit}; allowed is {UNIT_METRE}, metres: use gdalwarp")
+        raise ValueError(f"{path}: projected in the unit {unit}; allowed is {UNIT_METRE}, metres; {advice}")
     if TIFF_NODATA in tags:
         text = str(tags[TIFF_NODATA]).strip("\0 ")
         try:
@@ -322,9 +325,10 @@ def _read_with_pillow(path: Path) -> Raster:
 def _decode(path: Path) -> tuple[Image.Image, Array]:
     """A picture and its values (rows, cols) as stored, row 0 on top."""
     try:
-        with Image.open(path) as image:
+        # What pillow warns of is either an error below or a large map, which is no fault.
+        with warnings.catch_warnings(action="ignore"), Image.open(path) as image:
             image.load()
-    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+    except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError, ValueError) as error:
         raise ValueError(f"{path}: pillow cannot read it ({error})") from None
     return image, np.asarray(image).astype(np.float64)
 

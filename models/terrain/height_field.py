@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +26,7 @@ __all__ = ["HeightField", "arc_clearance", "height_at"]
 class HeightField:
     """A rectangular map of heights on a square grid, linear on each triangle."""
 
-    z: Array  # (rows, cols) [m] above sea level; row 0 south, column 0 west; read-only
+    z: Array = field(repr=False)  # (rows, cols) [m] above sea level; row 0 south, column 0 west; read-only
     spacing: float  # [m] between neighbouring nodes, both ways
     name: str = "unnamed"
     source: str = ""

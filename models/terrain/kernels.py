@@ -41,11 +41,17 @@ def _triangle(z: Array, x: float, y: float) -> tuple[int, int, float, float]:
 
 
 @njit(cache=True, error_model="numpy")
+def _last(nodes: int, spacing: float) -> float:
+    """The far border [cells]: nodes - 1, rounded as x / spacing is for a point x [m] on the border."""
+    return ((nodes - 1) * spacing) / spacing
+
+
+@njit(cache=True, error_model="numpy")
 def surface_at(z: Array, spacing: float, x: float, y: float) -> tuple[float, float, float]:
     """Height [m] and gradient (dH/dx, dH/dy) of the ground at (x, y) [m]; NaN off the map."""
     x_cells = x / spacing
     y_cells = y / spacing
-    if not (0.0 <= x_cells <= z.shape[1] - 1 and 0.0 <= y_cells <= z.shape[0] - 1):
+    if not (0.0 <= x_cells <= _last(z.shape[1], spacing) and 0.0 <= y_cells <= _last(z.shape[0], spacing)):
         return math.nan, math.nan, math.nan
     i, j, slope_x, slope_y = _triangle(z, x_cells, y_cells)
     height = z[j, i] + slope_x * (x_cells - i) + slope_y * (y_cells - j)
@@ -155,9 +161,9 @@ def _least_clearance(
     x0, x1, x2 = px / spacing, vx / spacing, 0.5 * ax / spacing
     y0, y1, y2 = py / spacing, vy / spacing, 0.5 * ay / spacing
     h2 = 0.5 * az
-    if not (
-        _stays_within(x0, x1, x2, duration, z.shape[1] - 1.0) and _stays_within(y0, y1, y2, duration, z.shape[0] - 1.0)
-    ):
+    on_map_east = _stays_within(x0, x1, x2, duration, _last(z.shape[1], spacing))
+    on_map_north = _stays_within(y0, y1, y2, duration, _last(z.shape[0], spacing))
+    if not (on_map_east and on_map_north):
         return -math.inf
 
     d0, d1, d2 = x0 - y0, x1 - y1, x2 - y2

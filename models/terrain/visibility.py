@@ -15,7 +15,7 @@ from sim.signals import Array
 
 @dataclass(frozen=True)
 class Radar:
-    """A radar on a mast. ``weight`` says how much a planner shuns its sight: by it the transition costs c_ij there rise."""
+    """A radar on a mast. The larger its ``weight``, the higher a planner sets the costs c_ij in its sight."""
 
     x: float  # [m] east, map frame
     y: float  # [m] north, map frame

@@ -32,7 +32,8 @@ def ground(terrain: HeightField, x: Array, y: Array) -> Array:
     south_east, north_west = terrain.z[j, i + 1], terrain.z[j + 1, i]
     below = (1.0 - u) * south_west + (u - w) * south_east + w * north_east
     above = (1.0 - w) * south_west + (w - u) * north_west + u * north_east
-    return np.where(u >= w, below, above)
+    height: Array = np.where(u >= w, below, above)
+    return height
 
 
 def sampled_clearance(terrain: HeightField, p: Array, v: Array, a: Array, duration: float) -> float:
@@ -41,7 +42,8 @@ def sampled_clearance(terrain: HeightField, p: Array, v: Array, a: Array, durati
     def clearance(t: Array) -> Array:
         x, y, z = (p[k] + v[k] * t + 0.5 * a[k] * t**2 for k in range(3))
         # The map is closed; rounding may put a sample of an arc along its border just outside.
-        return z - ground(terrain, np.clip(x, 0.0, terrain.width), np.clip(y, 0.0, terrain.depth))
+        result: Array = z - ground(terrain, np.clip(x, 0.0, terrain.width), np.clip(y, 0.0, terrain.depth))
+        return result
 
     times = np.linspace(0.0, duration, 2001)
     values = clearance(times)
@@ -57,7 +59,7 @@ def sampled_clearance(terrain: HeightField, p: Array, v: Array, a: Array, durati
     return least
 
 
-# Arcs in units of cells and seconds, in halves, so that edges, diagonals and corners are hit as often as the open field.
+# Arcs in units of cells and seconds, in halves, so that edges, diagonals and corners are hit often.
 halves = st.integers(-8, 8).map(lambda n: 0.5 * n)
 components = st.one_of(st.just(0.0), halves, st.floats(-3.0, 3.0, allow_subnormal=False))
 durations = st.one_of(st.just(0.0), st.integers(1, 6).map(lambda n: 0.5 * n), st.floats(1e-3, 4.0))
@@ -160,7 +162,9 @@ def test_an_arc_that_leaves_the_map_only_at_its_vertex_is_refused() -> None:
     duration = 3.0
     assert terrain.contains(*(p + v * duration + 0.5 * a * duration**2)[:2])  # both ends are on the map
     assert terrain.arc_clearance(p, v, a, duration) == -math.inf
-    assert terrain.arc_clearance(p + [1.25, 0.0, 0.0], v, a, duration) > 0.0  # now the vertex is on the border
+    assert (
+        terrain.arc_clearance(p + np.array([1.25, 0.0, 0.0]), v, a, duration) > 0.0
+    )  # now the vertex is on the border
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -195,10 +199,19 @@ def test_height_interpolates_the_triangles_and_is_nan_off_the_map() -> None:
     terrain = rough()
     x, y = np.random.default_rng(2).uniform(0.0, 1.0, (2, 500)) * [[terrain.width], [terrain.depth]]
     np.testing.assert_allclose(terrain.height(x, y), ground(terrain, x, y), atol=1e-10)
-    assert terrain.height(800.0, 600.0) == terrain.z[-1, -1]
-    assert height_at(terrain.z, terrain.spacing, 800.0, 600.0) == terrain.z[-1, -1]
+    assert terrain.height(800.0, 600.0) == pytest.approx(terrain.z[-1, -1], abs=1e-10)
+    assert height_at(terrain.z, terrain.spacing, 800.0, 600.0) == terrain.height(800.0, 600.0)
     off = terrain.height([-1e-9, 800.1, 0.0, math.nan], [0.0, 0.0, 600.1, 0.0])
     assert np.isnan(off).all()
+
+
+@given(st.floats(0.01, 1000.0), st.integers(2, 600))
+def test_the_far_border_belongs_to_the_map_whatever_the_spacing(spacing: float, nodes: int) -> None:
+    terrain = HeightField(np.zeros((2, nodes)), spacing)
+    assert terrain.height(terrain.width, terrain.depth) == 0.0
+    p = [terrain.width, terrain.depth, 7.0]
+    assert terrain.arc_clearance(p, STILL, STILL, 1.0) == 7.0
+    assert np.isnan(terrain.height(terrain.width * (1.0 + 1e-12), 0.0))
 
 
 def test_gradient_is_the_slope_of_the_height_and_the_normal_is_square_to_it() -> None:
@@ -207,8 +220,12 @@ def test_gradient_is_the_slope_of_the_height_and_the_normal_is_square_to_it() ->
     for u, w in ((0.7, 0.2), (0.2, 0.7)):  # within either triangle
         x, y = SPACING * (i + u), SPACING * (j + w)
         gradient = terrain.gradient(x, y)
-        np.testing.assert_allclose(gradient[..., 0], (terrain.height(x + 1, y) - terrain.height(x - 1, y)) / 2, atol=1e-9)
-        np.testing.assert_allclose(gradient[..., 1], (terrain.height(x, y + 1) - terrain.height(x, y - 1)) / 2, atol=1e-9)
+        np.testing.assert_allclose(
+            gradient[..., 0], (terrain.height(x + 1, y) - terrain.height(x - 1, y)) / 2, atol=1e-9
+        )
+        np.testing.assert_allclose(
+            gradient[..., 1], (terrain.height(x, y + 1) - terrain.height(x, y - 1)) / 2, atol=1e-9
+        )
         normal = terrain.normal(x, y)
         np.testing.assert_allclose(np.linalg.norm(normal, axis=-1), 1.0, atol=1e-12)
         np.testing.assert_allclose(normal[..., :2] + normal[..., 2:] * gradient, 0.0, atol=1e-12)

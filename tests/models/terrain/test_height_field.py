@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,13 +27,13 @@ from models.terrain.height_field import HeightField
         (np.zeros((2, 2)), math.nan, "spacing is nan m"),
     ],
 )
-def test_a_bad_height_field_names_its_culprit(z: object, spacing: float, message: str) -> None:
+def test_a_bad_height_field_names_its_culprit(z: Any, spacing: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        HeightField(z, spacing)  # type: ignore[arg-type]
+        HeightField(z, spacing)
 
 
 def test_heights_are_a_read_only_copy() -> None:
-    z = np.zeros((3, 4), dtype=np.float32)
+    z = np.zeros((3, 4))
     terrain = HeightField(z, 10)
     z[:] = 5.0
     assert terrain.z.dtype == np.float64
@@ -49,7 +50,7 @@ def test_pickling_keeps_the_heights_read_only() -> None:
 
 
 def test_rows_run_north_and_columns_east() -> None:
-    terrain = HeightField([[0.0, 1.0, 2.0], [10.0, 11.0, 12.0]], 50.0)
+    terrain = HeightField(np.array([[0.0, 1.0, 2.0], [10.0, 11.0, 12.0]]), 50.0)
     assert (terrain.width, terrain.depth) == (100.0, 50.0)
     assert terrain.height(100.0, 0.0) == 2.0
     assert terrain.height(0.0, 50.0) == 10.0

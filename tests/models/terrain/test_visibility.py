@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
 
-RIDGE = HeightField([[0.0, 0.0, 100.0, 0.0, 0.0]] * 5, 100.0)  # runs north at x = 200 m
+RIDGE = HeightField(np.array([[0.0, 0.0, 100.0, 0.0, 0.0]] * 5), 100.0)  # runs north at x = 200 m
 ROUGH = HeightField(np.random.default_rng(0).uniform(0.0, 300.0, (7, 9)), 100.0)
 places = st.tuples(st.floats(0.0, 800.0), st.floats(0.0, 600.0), st.floats(-10.0, 500.0))
 

@@ -1,0 +1,122 @@
+"""What a flight was worth, from its log and the truth."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from models.aerial.dynamics import state_at
+from models.aerial.mission import FlightMission
+from models.terrain.visibility import Radar
+from sim.log import AgentRecorder, Recording
+from sim.signals import Array
+
+FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
+REJECTIONS = ("low-clearance", "off-map", "bounds", "deadline", "no-arrival", "wrong-start")
+
+
+class Bound(Protocol):
+    """What a tracker says it keeps."""
+
+    horizontal: float  # [m]
+    vertical: float  # [m]
+
+
+@dataclass(frozen=True)
+class TimedRadar:
+    """A radar and when it is switched on."""
+
+    radar: Radar
+    time: float = 0.0  # [s]
+
+
+def references(t: Array, agent: AgentRecorder) -> Array:
+    """The state (n, 6) that the tracker was asked for at each time; NaN before the first plan."""
+    out = np.full((len(t), 6), np.nan)
+    for (adopted, plan), following in zip(
+        agent.plans, [*(start for start, _ in agent.plans[1:]), math.inf], strict=True
+    ):
+        flown = (t >= adopted - 1e-9) & (t < following - 1e-9)
+        out[flown] = state_at(plan, t[flown])
+    return out
+
+
+def episodes(flags: Array) -> int:
+    """How often a sequence of booleans becomes true."""
+    return int(np.count_nonzero(np.diff(np.concatenate([[False], flags]).astype(np.int8)) == 1))
+
+
+def flown_clearance(t: Array, x: Array, mission: FlightMission) -> Array:
+    """Least height above ground [m] of each physics step (n - 1,), exact: the force is constant over a step."""
+    dt = np.diff(t)
+    acceleration = np.diff(x[:, 3:], axis=0) / dt[:, None]
+    return mission.terrain.path_clearance(x[:-1, :3], x[:-1, 3:], acceleration, dt)
+
+
+def exposure(t: Array, x: Array, mission: FlightMission, radars: Sequence[TimedRadar]) -> float:
+    """Time [s] spent in sight of at least one radar that is on."""
+    seen = np.zeros(len(t), dtype=bool)
+    for timed in radars:
+        on = t >= timed.time
+        seen[on] |= timed.radar.exposed(mission.terrain, x[on, :3])
+    return float(np.sum(np.diff(t)[seen[:-1]]))
+
+
+def flight_summary(
+    recording: Recording,
+    name: str,
+    mission: FlightMission,
+    radars: Sequence[TimedRadar],
+    bound: Bound,
+    deadline: float,
+    seed: int,
+    wall_seconds: float,
+) -> dict[str, Any]:
+    """The flat summary of one vehicle's flight, SI units in the names."""
+    t, x, agent = recording.t, recording.truths[name], recording.agents[name]
+    kinds = Counter(event.kind for event in recording.events if event.agent == name)
+    distance = np.linalg.norm(x[:, :3] - np.array(mission.target), axis=1)
+    arrived = bool(distance[-1] <= mission.arrival_radius)
+    error = x - references(t, agent)
+    broken = (np.hypot(error[:, 0], error[:, 1]) > bound.horizontal) | (np.abs(error[:, 2]) > bound.vertical)
+    clearance = flown_clearance(t, x, mission)
+    command = agent.commands[: recording.length - 1]
+    solve = np.array(agent.solve_ms) if agent.solve_ms else np.array([np.nan])
+    return {
+        "arrived": arrived,
+        "arrival_time_s": float(t[-1]) if arrived else None,
+        "deadline_s": deadline,
+        "flight_time_s": float(t[-1]),
+        "path_length_m": float(np.linalg.norm(np.diff(x[:, :3], axis=0), axis=1).sum()),
+        "straight_line_m": float(np.linalg.norm(np.subtract(mission.target, mission.start))),
+        "control_effort": float((np.square(command).sum(axis=1) * np.diff(t)).sum()),
+        "min_clearance_m": float(clearance.min()),
+        "speed_max_m_s": float(np.linalg.norm(x[:, 3:], axis=1).max()),
+        "ground_contacts": kinds["ground-contact"],
+        "replans": agent.requests,
+        "plans_adopted": len(agent.plans),
+        "plans_rejected": sum(kinds[kind] for kind in REJECTIONS),
+        "manoeuvres_rejected": kinds["manoeuvre-rejected"],
+        "late_plans": kinds["late"],
+        "fallback_steps": sum(kinds[kind] for kind in (*FAILURES, *REJECTIONS, "late")),
+        "solver_failures": sum(kinds[kind] for kind in FAILURES),
+        "iteration_limits": kinds["iteration-limit"],
+        "tracking_breaches": episodes(broken),
+        "tracking_error_max_m": float(np.nanmax(np.linalg.norm(error[:, :3], axis=1))),
+        "tracking_bound_m": float(math.hypot(bound.horizontal, bound.vertical)),
+        "rebased_plans": kinds["rebased"],
+        "missed_passes": kinds["missed-pass"],
+        "guarantee_lost": kinds["guarantee-lost"] + kinds["deadline-lost"],
+        "radar_exposure_s": exposure(t, x, mission, radars),
+        "solve_ms_mean": float(solve.mean()),
+        "solve_ms_p50": float(np.percentile(solve, 50)),
+        "solve_ms_p99": float(np.percentile(solve, 99)),
+        "solve_ms_max": float(solve.max()),
+        "real_time_factor": float(t[-1]) / wall_seconds,
+        "seed": seed,
+    }

@@ -1,0 +1,355 @@
+"""``safe-flight``: one aerial vehicle crosses real mountains, plans on line, and arrives (thesis A.1 to A.7).
+
+    sensors -> estimator -> Certified(faults(planner)) -> tracker -> MuJoCo
+
+Every plan is certified before it is flown, whoever made it, unless its plug-in declares ``certified = False`` (the planner of the
+print does, for comparison).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from controllers.flight.certificate import Certificate, Certified
+from controllers.flight.planner import Retreat
+from models.aerial.dynamics import TICK
+from models.aerial.entity import build_model
+from models.aerial.mission import FlightMission, GustModel
+from models.aerial.sensors import AccelerationSensor, Dropout, Sensor
+from models.terrain.height_field import HeightField
+from models.terrain.library import load_terrain
+from models.terrain.visibility import Radar
+from sim.faults import CorruptedPlan, Delayed, Disturbance, Disturbed, FailingSolver, Gusts, PositionJumps
+from sim.log import Recording
+from sim.loop import Agent
+from sim.metrics import TimedRadar, flight_summary
+from sim.plant import Equipment, MujocoPlant
+from sim.plugins import Part, load
+from sim.protocols import Planner, Plant
+from sim.scenarios.experiment import Experiment
+from sim.signals import Array, Estimate, Message, Plan, PlanRequest
+
+VEHICLE = "vehicle"
+_DRAWS = 200
+_SEPARATION = 0.8  # of the map's side
+_BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
+_HEIGHTS = (50.0, 450.0)  # [m] above what the clearance needs, of drawn starts and targets
+
+Point = tuple[float, float, float]
+
+
+def _check(value: float, name: str, low: float, high: float = math.inf, *, open_low: bool = False) -> None:
+    allowed = f"{'>' if open_low else '>='} {low:g}" + (f" and <= {high:g}" if high < math.inf else "")
+    inside = low < value <= high if open_low else low <= value <= high
+    if not (math.isfinite(value) and inside):
+        raise ValueError(f"{name} = {value!r}; allowed: a finite value {allowed}")
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Fields of ``--noise``."""
+
+    position: float = 0.0
+    """standard deviation of a position reading on each axis [m]"""
+    position_rate: float = 10.0
+    """position fixes a second [Hz]"""
+
+    def __post_init__(self) -> None:
+        _check(self.position, "noise.position", 0.0)
+        _check(self.position_rate, "noise.position_rate", 0.0, 300.0, open_low=True)
+
+
+@dataclass(frozen=True)
+class Faults:
+    """Fields of ``--faults``."""
+
+    solver_failure_rate: float = 0.0
+    """fraction of the requests on which the solver gives up"""
+    corrupted_plan_rate: float = 0.0
+    """fraction of the requests answered with NaN"""
+    late_plan_rate: float = 0.0
+    """fraction of the requests answered late_plan_latency too late to be of use"""
+    late_plan_latency: float = 2.0
+    """simulated time that a late answer takes [s]"""
+    position_jump: float = 0.0
+    """half-width w of the jump p := p + w once a planning period [m] (Table A.3); carries no guarantee"""
+    gust_rms: float = 0.0
+    """force per mass on each axis [m/s^2]"""
+    gust_time_constant: float = 3.0
+    """of the gusts' first-order model [s]"""
+    gust_limit: float = 4.0
+    """longest gust [m/s^2]"""
+    dropout_rate: float = 0.0
+    """fraction of the sensors' readings that are lost"""
+
+    def __post_init__(self) -> None:
+        for name in ("solver_failure_rate", "corrupted_plan_rate", "late_plan_rate", "dropout_rate"):
+            _check(getattr(self, name), f"faults.{name}", 0.0, 1.0)
+        for name in ("late_plan_latency", "position_jump", "gust_rms"):
+            _check(getattr(self, name), f"faults.{name}", 0.0)
+        for name in ("gust_time_constant", "gust_limit"):
+            _check(getattr(self, name), f"faults.{name}", 0.0, open_low=True)
+
+
+@dataclass(frozen=True)
+class SafeFlightConfig:
+    """Fields of the scenario."""
+
+    terrain: str = "tian_shan"
+    """name of a terrain, or an .npz file"""
+    start: Point | None = None
+    """x, y, z [m] on the map; drawn from the seed if not given"""
+    target: Point | None = None
+    """x, y, z [m] on the map; drawn from the seed if not given"""
+    clearance_min: float = 50.0
+    """h_min, least height above ground [m]"""
+    speed_max: float = 300.0
+    """v_max [m/s]"""
+    acceleration_max: float = 40.0
+    """a_max [m/s^2]"""
+    deadline_factor: float = 1.3
+    """gamma: the deadline over the duration of the first plan"""
+    arrival_radius: float = 50.0
+    """r_f, how near to the target counts as arrived [m]"""
+    radar: tuple[tuple[float, float, float, float], ...] = ()
+    """X Y RADIUS WEIGHT [m, m, m, -] of a radar; may be given several times"""
+    radar_time: float = 0.0
+    """when the radars are switched on [s]; the planner learns of them then"""
+    noise: Noise = field(default_factory=Noise)
+    faults: Faults = field(default_factory=Faults)
+
+    def __post_init__(self) -> None:
+        for name in ("start", "target"):
+            point = getattr(self, name)
+            if point is not None and not all(math.isfinite(c) for c in point):
+                raise ValueError(f"{name} = {point!r}; allowed: three finite numbers")
+        _check(self.clearance_min, "clearance_min", 0.0)
+        for name in ("speed_max", "acceleration_max", "arrival_radius"):
+            _check(getattr(self, name), name, 0.0, open_low=True)
+        _check(self.deadline_factor, "deadline_factor", 1.0)
+        _check(self.radar_time, "radar_time", 0.0)
+        for radar in self.radar:
+            Radar(*radar)
+
+
+class SafeFlight:
+    """Entry point ``safe-flight`` of ``mathnavi.scenarios``."""
+
+    Config = SafeFlightConfig
+    controller = "flight"
+    estimator = "full_state"
+
+    @staticmethod
+    def build(
+        config: SafeFlightConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
+    ) -> Experiment:
+        """The closed loop of one seed.
+
+        Raises ValueError for a start or target below h_min, off the map or without an initial certificate, for an
+        unknown terrain and for a radar off the map; FileNotFoundError for a terrain file that is not there.
+        """
+        controller = controller or Part.of(load("controllers", SafeFlight.controller))
+        estimator = estimator or Part.of(load("estimators", SafeFlight.estimator))
+        draws, sensing, failing, corrupting, delaying, gusting, jumping, losing = np.random.default_rng(seed).spawn(8)
+        terrain = load_terrain(config.terrain)
+        radars = tuple(TimedRadar(Radar(*radar), config.radar_time) for radar in config.radar)
+        for timed in radars:
+            timed.radar.position(terrain)
+        mission = _mission(config, terrain, radars, estimator)
+        mission, first = _certified_mission(config, mission, controller, draws)
+
+        raw, tracker = controller.plugin.build(controller.config, mission)
+        faults = config.faults
+        faulty: Planner = raw
+        if faults.solver_failure_rate > 0.0:
+            faulty = FailingSolver(faulty, faults.solver_failure_rate, failing)
+        if faults.corrupted_plan_rate > 0.0:
+            faulty = CorruptedPlan(faulty, faults.corrupted_plan_rate, corrupting)
+        if faults.late_plan_rate > 0.0:
+            faulty = Delayed(faulty, faults.late_plan_latency, faults.late_plan_rate, delaying)
+        planner = _certified(faulty, mission, tracker.bound) if _wants_certificate(controller) else faulty
+
+        sensors: list[Sensor] = [*estimator.plugin.sensors(estimator.config, mission), AccelerationSensor()]
+        if faults.dropout_rate > 0.0:
+            sensors = [
+                Dropout(sensor, faults.dropout_rate, rng)
+                for sensor, rng in zip(sensors, losing.spawn(len(sensors)), strict=True)
+            ]
+        start = np.array([*mission.start, 0.0, 0.0, 0.0])
+        body = MujocoPlant(
+            _model(terrain, config.acceleration_max),
+            {VEHICLE: Equipment(start, tuple(sensors), config.acceleration_max)},
+            sensing,
+        )
+        disturbances: list[Disturbance] = []
+        if faults.gust_rms > 0.0:
+            disturbances.append(Gusts(faults.gust_rms, faults.gust_time_constant, faults.gust_limit, gusting))
+        if faults.position_jump > 0.0:
+            disturbances.append(PositionJumps(faults.position_jump, planner.period, jumping))
+        plant: Plant = Disturbed(body, disturbances) if disturbances else body
+
+        messages = [Message(r.time, "radar warning", "radar", r.radar) for r in radars if r.time > 0.0]
+        agent = Agent(estimator.plugin.build(estimator.config, mission), planner, tracker, messages=messages)
+        deadline = config.deadline_factor * first.t_end
+        target = np.array(mission.target)
+
+        def finished(t: float, truths: Mapping[str, Array]) -> bool:
+            away = truths[VEHICLE][:3] - target
+            return bool(away @ away <= mission.arrival_radius**2) or body.contacts(VEHICLE) > 0
+
+        def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
+            summary = flight_summary(recording, VEHICLE, mission, radars, tracker.bound, deadline, seed, wall_seconds)
+            success = (
+                summary["arrived"]
+                and summary["arrival_time_s"] <= deadline
+                and summary["ground_contacts"] == 0
+                and summary["min_clearance_m"] >= mission.clearance_min
+            )
+            return summary, bool(success)
+
+        # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
+        duration = math.ceil(2.0 * deadline / TICK) * TICK
+        record = _record(config, seed, controller, estimator, mission, radars, tracker.bound)
+        return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record)
+
+
+def _wants_certificate(controller: Part) -> bool:
+    return bool(getattr(controller.plugin, "certified", True))
+
+
+def _certified(planner: Planner, mission: FlightMission, bound: Any) -> Certified:
+    certificate = Certificate.of(mission, bound)
+    return Certified(planner, Retreat(certificate, planner.period), certificate, bound, mission.deadline_factor)
+
+
+@lru_cache(maxsize=2)
+def _model(terrain: HeightField, acceleration_max: float) -> mujoco.MjModel:
+    return build_model(terrain, (VEHICLE,), acceleration_max)
+
+
+def _mission(
+    config: SafeFlightConfig, terrain: HeightField, radars: tuple[TimedRadar, ...], estimator: Part
+) -> FlightMission:
+    """The mission but for its end points."""
+    mission = FlightMission(
+        terrain=terrain,
+        start=(math.nan,) * 3,
+        target=(math.nan,) * 3,
+        clearance_min=config.clearance_min,
+        speed_max=config.speed_max,
+        acceleration_max=config.acceleration_max,
+        deadline_factor=config.deadline_factor,
+        arrival_radius=config.arrival_radius,
+        position_noise=config.noise.position,
+        position_rate=config.noise.position_rate,
+        gust=GustModel(config.faults.gust_rms, config.faults.gust_time_constant, config.faults.gust_limit),
+        radars=tuple(r.radar for r in radars if r.time <= 0.0),
+    )
+    return dataclasses.replace(mission, quality=estimator.plugin.quality(estimator.config, mission))
+
+
+def _certified_mission(
+    config: SafeFlightConfig, mission: FlightMission, controller: Part, rng: np.random.Generator
+) -> tuple[FlightMission, Plan]:
+    """The mission with its end points, and a first plan that proves it can be flown.
+
+    End points that are given must be right; those that are not are redrawn until a first plan is certified.
+    """
+    for name in ("start", "target"):
+        point = getattr(config, name)
+        if point is not None:
+            _above_ground(name, point, mission)
+    if config.start is not None and config.target is not None:
+        fixed = dataclasses.replace(mission, start=config.start, target=config.target)
+        plan = _first_plan(fixed, controller)
+        if not plan.ok:
+            raise ValueError(
+                f"start = {config.start!r}, target = {config.target!r}: no initial certificate: {plan.status.value} "
+                f"({plan.message}); allowed: a start from which a first plan can be certified"
+            )
+        return fixed, plan
+    side = max(mission.terrain.width, mission.terrain.depth)
+    for _ in range(_DRAWS):
+        start = config.start or _drawn(mission, rng)
+        target = config.target or _drawn(mission, rng)
+        if math.hypot(target[0] - start[0], target[1] - start[1]) < _SEPARATION * side:
+            continue
+        drawn = dataclasses.replace(mission, start=start, target=target)
+        plan = _first_plan(drawn, controller)
+        if plan.ok:
+            return drawn, plan
+    raise ValueError(
+        f"start = {config.start!r}, target = {config.target!r}: none of {_DRAWS} drawn missions has its ends "
+        f"{_SEPARATION:g} of the side apart and an initial certificate; give both --start and --target"
+    )
+
+
+def _above_ground(name: str, point: Point, mission: FlightMission) -> None:
+    terrain, (x, y, z) = mission.terrain, point
+    if not terrain.contains(x, y):
+        raise ValueError(
+            f"{name} = {point!r} is off the map; allowed: 0 to {terrain.width:g} m east, 0 to {terrain.depth:g} m north"
+        )
+    ground = float(terrain.height(x, y))
+    if z < ground + mission.clearance_min:
+        where = "under ground" if z < ground else "below the least clearance"
+        raise ValueError(
+            f"{name} = {point!r} is {where}; the ground there is {ground:.1f} m high; "
+            f"allowed: z >= {ground + mission.clearance_min:.1f} m"
+        )
+
+
+def _drawn(mission: FlightMission, rng: np.random.Generator) -> Point:
+    terrain = mission.terrain
+    margin = _BORDER * max(terrain.width, terrain.depth)
+    x = float(rng.uniform(margin, terrain.width - margin))
+    y = float(rng.uniform(margin, terrain.depth - margin))
+    return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*_HEIGHTS))
+
+
+def _first_plan(mission: FlightMission, controller: Part) -> Plan:
+    """What the certified planner answers at the start; a planner without a certificate is held to it here too."""
+    planner, tracker = controller.plugin.build(controller.config, mission)
+    x = np.array([*mission.start, 0.0, 0.0, 0.0])
+    request = PlanRequest(0.0, 0.0, Estimate(0.0, x), None)
+    return _certified(planner, mission, tracker.bound).plan(request)
+
+
+def _record(
+    config: SafeFlightConfig,
+    seed: int,
+    controller: Part,
+    estimator: Part,
+    mission: FlightMission,
+    radars: tuple[TimedRadar, ...],
+    bound: Any,
+) -> dict[str, Any]:
+    """What config.json holds beside the versions."""
+    terrain = mission.terrain
+    return {
+        "scenario": "safe-flight",
+        "seed": seed,
+        "fields": dataclasses.asdict(dataclasses.replace(config, start=mission.start, target=mission.target)),
+        "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
+        "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
+        "terrain": {"name": terrain.name, "path": config.terrain, "digest": terrain.digest},
+        "mission": {
+            "start": mission.start,
+            "target": mission.target,
+            "clearance_min": mission.clearance_min,
+            "speed_max": mission.speed_max,
+            "acceleration_max": mission.acceleration_max,
+            "deadline_factor": mission.deadline_factor,
+            "arrival_radius": mission.arrival_radius,
+            "tracking_bound": dataclasses.asdict(bound),
+            "radars": [{**dataclasses.asdict(r.radar), "time": r.time} for r in radars],
+        },
+    }

@@ -1,0 +1,396 @@
+"""Readers of elevation models: what goes in comes out, and every bad file names its culprit."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image, TiffImagePlugin
+
+from models.terrain import dem
+from models.terrain.dem import import_dem, metres_per_degree, read_hgt, read_npz, write_npz
+from models.terrain.height_field import HeightField
+
+METRE, FOOT = 9001, 9002
+
+
+def save_npz(path: Path, z: Any, meta: Any) -> Path:
+    np.savez(path, z=z, meta=np.array(meta if isinstance(meta, str) else json.dumps(meta)))
+    return path
+
+
+def save_png(path: Path, values: NDArray[Any]) -> Path:
+    Image.fromarray(values).save(path)
+    return path
+
+
+def save_hgt(path: Path, values: NDArray[Any]) -> Path:
+    values.astype(">i2").tofile(path)
+    return path
+
+
+def save_geotiff(
+    path: Path,
+    values: NDArray[Any],
+    steps: tuple[float, float] = (30.0, 30.0),
+    model: int = 1,
+    unit: int = METRE,
+    nodata: str | None = None,
+    compression: str = "tiff_adobe_deflate",
+    north: float = 5e6,
+) -> Path:
+    """North-up, as pillow writes it; model 1 is projected, 2 in degrees. ``steps`` are (east, north)."""
+    tags = TiffImagePlugin.ImageFileDirectory_v2()
+    keys = [1, 1, 0, 3, 1024, 0, 1, model, 1025, 0, 1, 1]
+    keys += [3072, 0, 1, 32644, 3076, 0, 1, unit] if model == 1 else [2048, 0, 1, 4326]
+    keys[3] = len(keys) // 4 - 1
+    for tag, kind, value in (
+        (33550, 12, (*steps, 0.0)),
+        (33922, 12, (0.0, 0.0, 0.0, 5e5 if model == 1 else 80.0, north, 0.0)),
+        (34735, 3, tuple(keys)),
+        (42113, 2, nodata),
+    ):
+        if value is not None:
+            tags.tagtype[tag] = kind
+            tags[tag] = value
+    Image.fromarray(values).save(path, tiffinfo=tags, compression=compression)
+    return path
+
+
+@pytest.fixture
+def heights() -> NDArray[np.float64]:
+    """(5, 7) whole metres, row 0 south, no symmetry."""
+    return np.random.default_rng(0).integers(0, 3000, (5, 7)).astype(np.float64)
+
+
+@pytest.fixture(params=["pillow", "rasterio"])
+def geotiff_reader(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    if request.param == "rasterio":
+        pytest.importorskip("rasterio")
+    else:
+        monkeypatch.setattr(dem, "read_geotiff", dem._read_with_pillow)
+    return str(request.param)
+
+
+def test_an_npz_comes_back_as_it_was_written(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    terrain = HeightField(heights + 0.25, 92.5, "hills", "me", "CC0")
+    write_npz(terrain, tmp_path / "a.npz")
+    back = read_npz(tmp_path / "a.npz")
+    assert back.digest == terrain.digest  # quarters of a metre are exact in float32
+    assert (back.name, back.source, back.licence) == ("hills", "me", "CC0")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
+
+
+def test_an_npz_without_a_name_bears_that_of_its_file(tmp_path: Path) -> None:
+    assert read_npz(save_npz(tmp_path / "dunes.npz", np.zeros((2, 3), np.float32), {"spacing_m": 5})).name == "dunes"
+
+
+@pytest.mark.parametrize(
+    ("z", "meta", "message"),
+    [
+        (np.zeros((2, 3)), {}, "meta has no spacing_m"),
+        (np.zeros((2, 3)), [1], "meta has no spacing_m"),
+        (np.zeros((2, 3)), "{spacing", "meta is not JSON"),
+        (np.zeros((2, 3)), {"spacing_m": "5"}, "spacing_m is '5'"),
+        (np.zeros((2, 3)), {"spacing_m": True}, "spacing_m is True"),
+        (np.zeros((2, 3)), {"spacing_m": 0}, r"spacing is 0\.0 m"),
+        (np.zeros((2, 3)), {"spacing_m": -2.5}, r"spacing is -2\.5 m"),
+        (np.zeros((2, 3)), {"spacing_m": 5, "name": 3}, "name is 3"),
+        (np.zeros(6), {"spacing_m": 5}, r"z has shape \(6,\)"),
+        (
+            np.array([[1.0, np.nan]] * 2),
+            {"spacing_m": 5},
+            "2 heights are not finite, the first is nan at row 0, column 1",
+        ),
+        (np.array([["a"]]), {"spacing_m": 5}, "z has the type <U1"),
+        (np.zeros((2, 3), bool), {"spacing_m": 5}, "z has the type bool"),
+        (np.array([[1, None]], dtype=object), {"spacing_m": 5}, "not a readable .npz"),
+    ],
+)
+def test_a_bad_npz_names_its_culprit(tmp_path: Path, z: Any, meta: Any, message: str) -> None:
+    path = save_npz(tmp_path / "bad.npz", z, meta)
+    with pytest.raises(ValueError, match=message) as caught:
+        read_npz(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("missing", ["z", "meta"])
+def test_an_npz_without_a_part_names_it(tmp_path: Path, missing: str) -> None:
+    parts = {"z": np.zeros((2, 2)), "meta": np.array('{"spacing_m": 1}')}
+    del parts[missing]
+    np.savez(tmp_path / "bad.npz", **parts)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=f"{missing} is missing"):
+        read_npz(tmp_path / "bad.npz")
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut off", b"hello", b"\x93NUMPY\x01\x00"])
+def test_a_file_that_is_no_npz_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "bad.npz").write_bytes(content)
+    with pytest.raises(ValueError, match=r"not a readable \.npz"):
+        read_npz(tmp_path / "bad.npz")
+
+
+def test_a_truncated_npz_is_refused(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    write_npz(HeightField(heights, 10.0), tmp_path / "a.npz")
+    whole = (tmp_path / "a.npz").read_bytes()
+    (tmp_path / "b.npz").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ValueError, match=r"not a readable \.npz"):
+        read_npz(tmp_path / "b.npz")
+
+
+def test_a_bare_array_is_not_a_map(tmp_path: Path) -> None:
+    with (tmp_path / "bare.npz").open("wb") as file:
+        np.save(file, np.zeros((2, 2)))
+    with pytest.raises(ValueError, match=r"not a readable \.npz"):
+        read_npz(tmp_path / "bare.npz")
+
+
+@pytest.mark.parametrize("name", ["none.npz", "none.png", "N42E080.hgt", "none.tif"])
+def test_a_file_that_is_not_there_is_named(tmp_path: Path, name: str) -> None:
+    with pytest.raises(FileNotFoundError, match=name):
+        import_dem(tmp_path / name, tmp_path / "out.npz", spacing=1.0, scale=1.0)
+
+
+def test_a_png_is_flipped_and_scaled(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    path = save_png(tmp_path / "a.png", heights[::-1].astype(np.uint16))
+    terrain = import_dem(path, tmp_path / "out.npz", spacing=25.0, scale=0.5)
+    np.testing.assert_array_equal(terrain.z, 0.5 * heights)
+    assert terrain.spacing == 25.0
+    assert terrain.digest == read_npz(tmp_path / "out.npz").digest
+
+
+@pytest.mark.parametrize(
+    ("spacing", "scale", "message"),
+    [
+        (None, 1.0, "needs both spacing"),
+        (1.0, None, "needs both spacing"),
+        (0.0, 1.0, r"spacing is 0\.0 m"),
+        (1.0, -1.0, r"scale is -1\.0 m per unit"),
+        (float("nan"), 1.0, "spacing is nan m"),
+    ],
+)
+def test_a_png_needs_a_good_spacing_and_scale(
+    tmp_path: Path, spacing: float | None, scale: float | None, message: str
+) -> None:
+    path = save_png(tmp_path / "a.png", np.zeros((3, 3), np.uint16))
+    with pytest.raises(ValueError, match=message):
+        import_dem(path, tmp_path / "out.npz", spacing=spacing, scale=scale)
+    assert not (tmp_path / "out.npz").exists()
+
+
+@pytest.mark.parametrize("values", [np.zeros((3, 3), np.uint8), np.zeros((3, 3, 3), np.uint8)])
+def test_a_png_of_another_depth_is_refused(tmp_path: Path, values: NDArray[np.uint8]) -> None:
+    with pytest.raises(ValueError, match="allowed is 16-bit grey"):
+        import_dem(save_png(tmp_path / "a.png", values), tmp_path / "out.npz", spacing=1.0, scale=1.0)
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.tif"])
+@pytest.mark.usefixtures("geotiff_reader")
+def test_a_picture_cut_off_is_refused(tmp_path: Path, name: str) -> None:
+    values = np.random.default_rng(0).integers(0, 60000, (64, 64)).astype(np.uint16)
+    path = save_png(tmp_path / name, values) if name == "a.png" else save_geotiff(tmp_path / name, values)
+    path.write_bytes(path.read_bytes()[:3000])
+    scale, spacing = (1.0, 1.0) if name == "a.png" else (None, None)
+    with pytest.raises(ValueError, match=name):
+        import_dem(path, tmp_path / "out.npz", spacing=spacing, scale=scale)
+    assert not (tmp_path / "out.npz").exists()
+
+
+def test_an_hgt_tile_is_flipped_and_brought_to_square_metres(tmp_path: Path) -> None:
+    north, east = metres_per_degree(42.5)
+    row, column = np.mgrid[0:1201, 0:1201]
+    values = 1000 + row - 2 * column // 3  # row 0 is north
+    terrain = import_dem(save_hgt(tmp_path / "N42E080.hgt", values), tmp_path / "out.npz", spacing=500.0)
+    assert terrain.spacing == 500.0
+    assert terrain.width == pytest.approx(east, abs=500.0)
+    assert terrain.depth == pytest.approx(north, abs=500.0)
+    assert terrain.z[0, 0] == values[-1, 0]
+    x, y = 30_000.0, 80_000.0
+    expected = 1000 + 1200 * (1.0 - y / north) - 2 / 3 * 1200 * x / east
+    assert float(terrain.height(x, y)) == pytest.approx(expected, abs=1.0)  # the tile holds whole metres
+
+
+def test_the_spacing_of_an_hgt_tile_follows_from_the_latitude_in_its_name(tmp_path: Path) -> None:
+    values = np.zeros((1201, 1201))
+    for name, latitude in (("N00E006.hgt", 0.5), ("s34w071.hgt", -33.5), ("N59E018.hgt", 59.5)):
+        terrain = import_dem(save_hgt(tmp_path / name, values), tmp_path / "out.npz")
+        assert terrain.spacing == pytest.approx(metres_per_degree(latitude)[0] / 1200)
+        assert terrain.z.shape[0] == 1201
+
+
+def test_metres_per_degree_are_those_of_the_ellipsoid() -> None:
+    # NGA's table of the length of a degree (WGS84): latitude, north, east.
+    for latitude, north, east in ((0.0, 110574.3, 111319.5), (45.0, 111131.8, 78846.8), (60.0, 111412.2, 55800.0)):
+        assert metres_per_degree(latitude) == pytest.approx((north, east), abs=0.5)
+
+
+def test_voids_are_counted_and_the_first_is_placed(tmp_path: Path) -> None:
+    values = np.zeros((1201, 1201))
+    values[1200, 7] = values[1100, 900] = -32768  # the last row is south
+    path = save_hgt(tmp_path / "N00E006.hgt", values)
+    assert np.isnan(read_hgt(path).z).sum() == 2
+    with pytest.raises(
+        ValueError, match=r"\d+ heights are void or NaN, the first at row 0 from the south, column [67]"
+    ):
+        import_dem(path, tmp_path / "out.npz")
+    assert not (tmp_path / "out.npz").exists()
+    assert import_dem(path, tmp_path / "out.npz", crop=(300, 100, 50)).z.shape == (50, 50)  # voids outside do no harm
+
+
+@pytest.mark.parametrize("size", [0, 2 * 1201**2 - 2, 2 * 1201 * 1200, 2 * 1000**2])
+def test_an_hgt_that_is_no_whole_square_is_refused(tmp_path: Path, size: int) -> None:
+    (tmp_path / "N00E006.hgt").write_bytes(bytes(size))
+    with pytest.raises(ValueError, match=f"{size} bytes are not a whole square tile"):
+        import_dem(tmp_path / "N00E006.hgt", tmp_path / "out.npz")
+
+
+def test_an_hgt_without_its_corner_in_the_name_is_refused(tmp_path: Path) -> None:
+    path = save_hgt(tmp_path / "mountains.hgt", np.zeros((1201, 1201)))
+    with pytest.raises(ValueError, match="the name must state the south-west corner"):
+        import_dem(path, tmp_path / "out.npz")
+
+
+@pytest.mark.usefixtures("geotiff_reader")
+@pytest.mark.parametrize("dtype", [np.uint16, np.int16, np.int32, np.float32])
+@pytest.mark.parametrize("compression", ["raw", "tiff_adobe_deflate", "tiff_lzw"])
+def test_a_projected_geotiff_is_taken_as_it_is(
+    tmp_path: Path, heights: NDArray[np.float64], dtype: type, compression: str
+) -> None:
+    path = save_geotiff(tmp_path / "a.tif", heights[::-1].astype(dtype), compression=compression)
+    terrain = import_dem(path, tmp_path / "out.npz")
+    np.testing.assert_array_equal(terrain.z, heights)
+    assert terrain.spacing == 30.0
+
+
+@pytest.mark.usefixtures("geotiff_reader")
+def test_a_projected_geotiff_is_resampled_to_the_spacing_asked_for(tmp_path: Path) -> None:
+    plane = np.add.outer(3.0 * np.arange(11.0), 5.0 * np.arange(21.0)).astype(np.float32)  # per 30 m north, 15 m east
+    path = save_geotiff(tmp_path / "a.tiff", plane[::-1], steps=(15.0, 30.0))
+    assert import_dem(path, tmp_path / "out.npz").z.shape == (11, 11)
+    terrain = import_dem(path, tmp_path / "out.npz", spacing=20.0)
+    assert (terrain.width, terrain.depth) == (300.0, 300.0)
+    assert float(terrain.height(140.0, 100.0)) == pytest.approx(3.0 * 100.0 / 30.0 + 5.0 * 140.0 / 15.0, abs=1e-4)
+
+
+@pytest.mark.usefixtures("geotiff_reader")
+def test_a_geographic_geotiff_is_brought_to_metres(tmp_path: Path) -> None:
+    step = 1.0 / 1200
+    values = np.zeros((61, 61), np.int16)
+    path = save_geotiff(tmp_path / "a.tif", values, steps=(step, step), model=2, north=42.5 + 30.5 * step)
+    terrain = import_dem(path, tmp_path / "out.npz")
+    north, east = metres_per_degree(42.5)
+    assert terrain.spacing == pytest.approx(step * north, rel=1e-9)
+    assert terrain.width == pytest.approx(60 * step * east, abs=terrain.spacing)
+
+
+@pytest.mark.usefixtures("geotiff_reader")
+def test_a_geotiff_takes_a_scale(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    path = save_geotiff(tmp_path / "a.tif", heights[::-1].astype(np.int16))
+    np.testing.assert_array_equal(import_dem(path, tmp_path / "out.npz", scale=0.5).z, 0.5 * heights)
+
+
+@pytest.mark.usefixtures("geotiff_reader")
+def test_the_no_data_value_of_a_geotiff_is_a_void(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    heights[2, 3] = -9999.0
+    path = save_geotiff(tmp_path / "a.tif", heights[::-1].astype(np.int16), nodata="-9999")
+    with pytest.raises(ValueError, match="1 heights are void or NaN, the first at row 2 from the south, column 3"):
+        import_dem(path, tmp_path / "out.npz")
+
+
+@pytest.mark.usefixtures("geotiff_reader")
+def test_a_geotiff_in_feet_is_refused(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    path = save_geotiff(tmp_path / "a.tif", heights.astype(np.int16), unit=FOOT)
+    with pytest.raises(ValueError, match=r"projected in .* metres"):
+        import_dem(path, tmp_path / "out.npz")
+
+
+@pytest.mark.usefixtures("geotiff_reader")
+def test_a_tiff_without_a_place_is_refused(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    Image.fromarray(heights.astype(np.int16)).save(tmp_path / "a.tif")
+    with pytest.raises(ValueError, match=r"no .*coordinate system"):
+        import_dem(tmp_path / "a.tif", tmp_path / "out.npz")
+
+
+@pytest.mark.usefixtures("geotiff_reader")
+def test_a_geotiff_of_colours_is_refused(tmp_path: Path) -> None:
+    path = save_geotiff(tmp_path / "a.tif", np.zeros((3, 3, 3), np.uint8))
+    with pytest.raises(ValueError, match="allowed is one"):
+        import_dem(path, tmp_path / "out.npz")
+
+
+def test_what_pillow_cannot_read_names_the_extra_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dem, "read_geotiff", dem._read_with_pillow)
+    # A directory of one 64-bit float sample, which pillow has no mode for.
+    entries = [(256, 3, 1, 1), (257, 3, 1, 1), (258, 3, 1, 64), (259, 3, 1, 1), (262, 3, 1, 1), (273, 4, 1, 122)]
+    entries += [(277, 3, 1, 1), (278, 3, 1, 1), (279, 4, 1, 8), (339, 3, 1, 3)]
+    directory = struct.pack("<H", len(entries)) + b"".join(struct.pack("<HHII", *entry) for entry in entries)
+    (tmp_path / "a.tif").write_bytes(b"II*\0" + struct.pack("<I", 8) + directory + bytes(16))
+    with pytest.raises(ValueError, match=r"mathnavi\[dem\]"):
+        import_dem(tmp_path / "a.tif", tmp_path / "out.npz")
+
+
+def test_a_crop_counts_from_the_south_west(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    path = save_png(tmp_path / "a.png", heights[::-1].astype(np.uint16))
+    terrain = import_dem(path, tmp_path / "out.npz", spacing=10.0, scale=1.0, crop=(1, 2, 3))
+    np.testing.assert_array_equal(terrain.z, heights[1:4, 2:5])
+
+
+@pytest.mark.parametrize("crop", [(-1, 0, 2), (0, -1, 2), (0, 0, 1), (0, 0, 6), (3, 0, 3), (0, 5, 3)])
+def test_a_crop_outside_the_map_is_refused(
+    tmp_path: Path, heights: NDArray[np.float64], crop: tuple[int, int, int]
+) -> None:
+    path = save_png(tmp_path / "a.png", heights.astype(np.uint16))
+    with pytest.raises(ValueError, match=r"crop \(row .* is not within 5 rows and 7 columns; allowed sizes are 2 to 5"):
+        import_dem(path, tmp_path / "out.npz", spacing=10.0, scale=1.0, crop=crop)
+
+
+def test_an_npz_can_be_resampled_but_not_scaled(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    path = save_npz(tmp_path / "a.npz", heights, {"spacing_m": 10.0, "licence": "CC0"})
+    coarse = import_dem(path, tmp_path / "out.npz", spacing=20.0)
+    np.testing.assert_array_equal(coarse.z, heights[::2, ::2])
+    assert (coarse.name, coarse.licence) == ("a", "CC0")
+    with pytest.raises(ValueError, match=r"scale is 2\.0"):
+        import_dem(path, tmp_path / "out.npz", scale=2.0)
+
+
+def test_a_spacing_wider_than_the_map_is_refused(tmp_path: Path, heights: NDArray[np.float64]) -> None:
+    path = save_npz(tmp_path / "a.npz", heights, {"spacing_m": 10.0})
+    with pytest.raises(ValueError, match=r"spacing is 41\.0 m, which leaves 1 x 2 nodes"):
+        import_dem(path, tmp_path / "out.npz", spacing=41.0)
+
+
+def test_an_unknown_ending_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.asc").write_text("ncols 3")
+    with pytest.raises(ValueError, match=r"the ending '\.asc' is not known; allowed are \.png, \.hgt"):
+        import_dem(tmp_path / "a.asc", tmp_path / "out.npz")
+
+
+def test_the_output_must_be_an_npz_in_a_folder_that_exists(tmp_path: Path) -> None:
+    terrain = HeightField(np.zeros((2, 2)), 1.0)
+    with pytest.raises(ValueError, match=r"written as \.npz"):
+        write_npz(terrain, tmp_path / "out.png")
+    with pytest.raises(FileNotFoundError, match=r"the folder .* does not exist"):
+        write_npz(terrain, tmp_path / "none" / "out.npz")
+
+
+def test_a_failed_write_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_npz(HeightField(np.zeros((2, 2)), 1.0), tmp_path / "out.npz")
+    before = (tmp_path / "out.npz").read_bytes()
+
+    def full_disc(file: Any, **arrays: Any) -> None:
+        file.write(b"half")
+        raise OSError("no space left on device")
+
+    save: Callable[..., None] = full_disc
+    monkeypatch.setattr(np, "savez_compressed", save)
+    with pytest.raises(OSError, match="no space"):
+        write_npz(HeightField(np.ones((2, 2)), 1.0), tmp_path / "out.npz")
+    assert (tmp_path / "out.npz").read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["out.npz"]

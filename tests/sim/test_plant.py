@@ -1,0 +1,248 @@
+"""The MuJoCo plant: exact motion, bounded inputs, honest sensors, contacts on the triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from models.aerial.dynamics import TICK, flow
+from models.aerial.entity import build_model
+from models.aerial.sensors import AccelerationSensor, Dropout, FullStateSensor, PositionSensor
+from models.terrain.height_field import HeightField
+from sim.plant import Equipment, MujocoPlant
+from sim.protocols import Motion, Plant, Sensor
+from sim.signals import Array
+
+HIGH = np.array([2000.0, 2000.0, 3000.0, 20.0, -10.0, 5.0])
+RADIUS = 0.5  # [m] of the vehicle's sphere
+
+
+@pytest.fixture(scope="module")
+def terrain() -> HeightField:
+    """A cone of 1500 m in the middle of a plain."""
+    x, y = np.meshgrid(np.arange(41) * 100.0, np.arange(41) * 100.0)
+    return HeightField(np.maximum(0.0, 1500.0 - 1.2 * np.hypot(x - 2000.0, y - 2000.0)), 100.0)
+
+
+def plant_of(terrain: HeightField, seed: int = 0, **vehicles: Equipment) -> MujocoPlant:
+    return MujocoPlant(build_model(terrain, list(vehicles), 40.0), vehicles, np.random.default_rng(seed))
+
+
+def test_conforms_to_the_protocol(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH))
+    assert isinstance(plant, Plant)
+    assert plant.names == ("uav",)
+    assert plant.state_names("uav")[0] == "position_x [m]"
+    assert plant.state_names("uav")[5] == "velocity_z [m/s]"
+
+
+def test_flies_the_exact_flow_with_input_and_disturbance(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH))
+    rng, x = np.random.default_rng(0), HIGH
+    for _ in range(600):
+        u, force = rng.uniform(-20.0, 20.0, 3), rng.normal(size=3)
+        plant.apply_force("uav", force)
+        plant.step({"uav": u})
+        x = flow(x, u + force, TICK)
+    np.testing.assert_allclose(plant.state("uav"), x, rtol=0.0, atol=1e-9)
+
+
+def test_a_disturbance_lasts_one_tick_and_several_add_up(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH))
+    plant.apply_force("uav", np.array([1.0, 0.0, 0.0]))
+    plant.apply_force("uav", np.array([2.0, 1.0, 0.0]))
+    plant.step({"uav": np.zeros(3)})
+    plant.step({"uav": np.zeros(3)})
+    np.testing.assert_allclose(plant.state("uav")[3:] - HIGH[3:], np.array([3.0, 1.0, 0.0]) * TICK, atol=1e-12)
+
+
+def test_time_does_not_drift(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH))
+    for _ in range(3000):
+        plant.step({"uav": np.zeros(3)})
+    assert plant.t == 3000 * TICK == plant.data.time
+
+
+def test_an_input_too_long_is_shortened_and_told_once_an_episode(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH, input_max=40.0))
+    long, short = np.array([30.0, 30.0, 30.0]), np.array([1.0, 0.0, 0.0])
+    kinds = [event.kind for u in (long, long, short, long) for event in plant.step({"uav": u})]
+    assert kinds == ["input-clipped", "input-clipped"]
+    u = long * 40.0 / np.linalg.norm(long)
+    expected = flow(flow(flow(HIGH, u, 2 * TICK), short, TICK), u, TICK)
+    np.testing.assert_allclose(plant.state("uav"), expected, rtol=0.0, atol=1e-9)
+
+
+def test_round_off_on_the_bound_is_no_event(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH, input_max=40.0))
+    assert plant.step({"uav": np.array([40.0 * (1.0 + 1e-14), 0.0, 0.0])}) == []
+
+
+def test_a_vehicle_without_a_command_coasts(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH))
+    plant.step({"uav": np.ones(3)})
+    x = plant.state("uav")
+    plant.step({})
+    np.testing.assert_allclose(plant.state("uav"), flow(x, np.zeros(3), TICK), rtol=0.0, atol=1e-12)
+
+
+def test_the_acceleration_sensor_feels_input_and_gust(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH, (AccelerationSensor(),)))
+    plant.apply_force("uav", np.array([0.5, 0.0, -0.5]))
+    plant.step({"uav": np.array([1.0, 2.0, 3.0])})
+    (reading,) = plant.sense("uav")
+    np.testing.assert_allclose(reading.value, [1.5, 2.0, 2.5], atol=1e-12)
+
+
+def test_sensors_read_at_their_rates_and_stamp_the_time(terrain: HeightField) -> None:
+    sensors: tuple[Sensor, ...] = (FullStateSensor(), PositionSensor(rate=10.0))
+    plant = plant_of(terrain, uav=Equipment(HIGH, sensors))
+    assert plant.sensor_sizes("uav") == {"full_state": 6, "position": 3}
+    times: dict[str, list[float]] = {"full_state": [], "position": []}
+    for _ in range(91):
+        for reading in plant.sense("uav"):
+            assert reading.t == plant.t
+            np.testing.assert_array_equal(reading.value, plant.state("uav")[: len(reading.value)])
+            times[reading.name].append(reading.t)
+        plant.step({"uav": np.ones(3)})
+    assert times["position"] == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert len(times["full_state"]) == 91
+
+
+def test_lost_readings_are_no_measurements(terrain: HeightField) -> None:
+    sensor = Dropout(FullStateSensor(), 1.0, np.random.default_rng(0))
+    plant = plant_of(terrain, uav=Equipment(HIGH, (sensor,)))
+    assert list(plant.sense("uav")) == []
+
+
+def test_noise_depends_on_the_seed_and_not_on_the_other_sensors(terrain: HeightField) -> None:
+    def fixes(seed: int, *more: Sensor) -> Array:
+        plant = plant_of(terrain, seed, uav=Equipment(HIGH, (PositionSensor(5.0, rate=None), *more)))
+        values = []
+        for _ in range(10):
+            values.append(plant.sense("uav")[0].value)
+            plant.step({})
+        return np.array(values)
+
+    np.testing.assert_array_equal(fixes(1), fixes(1))
+    np.testing.assert_array_equal(fixes(1), fixes(1, FullStateSensor(3.0)))
+    assert not np.array_equal(fixes(1), fixes(2))
+
+
+@pytest.mark.parametrize("rate", [7.0, 301.0, 0.0, -1.0, np.inf])
+def test_a_rate_that_is_not_whole_ticks_is_refused(terrain: HeightField, rate: float) -> None:
+    with pytest.raises(ValueError, match="'position'"):
+        plant_of(terrain, uav=Equipment(HIGH, (PositionSensor(rate=rate),)))
+
+
+@dataclass(frozen=True)
+class ByHand:
+    """A sensor that is not ours: a plant takes what has the shape."""
+
+    name: str = "altitude"
+    size: int = 1
+    rate: float | None = None
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+        return motion.x[2:3]
+
+
+def test_a_strangers_sensor_is_read_too(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH, (ByHand(),)))
+    assert plant.sense("uav")[0].value == HIGH[2]
+
+
+def test_a_vehicle_flown_into_a_mountain_touches_it_where_it_stands(terrain: HeightField) -> None:
+    start = np.array([100.0, 2000.0, 600.0, 150.0, 0.0, 0.0])
+    plant = plant_of(terrain, uav=Equipment(start))
+    events = []
+    while not events:
+        events = list(plant.step({"uav": np.zeros(3)}))
+        assert plant.t < 20.0
+    (event,) = events
+    assert event.kind == "ground-contact"
+    assert "terrain" in event.message
+    x = plant.state("uav")
+    slope = 1.2
+    expected = 2000.0 - (1500.0 - 600.0) / slope - RADIUS * np.hypot(1.0, slope) / slope
+    assert x[0] == pytest.approx(expected, abs=2.0 * 150.0 * TICK)
+    assert plant.contacts("uav") == 1
+
+
+def test_an_exact_graze_is_no_contact_and_half_a_metre_lower_is(terrain: HeightField) -> None:
+    for lower, touches in ((-0.1, False), (0.1, True)):
+        plant = plant_of(terrain, uav=Equipment(np.array([200.0, 200.0, RADIUS - lower, 10.0, 0.0, 0.0])))
+        plant.step({"uav": np.zeros(3)})
+        assert (plant.contacts("uav") == 1) == touches
+
+
+def test_a_contact_that_lasts_is_one_and_a_second_one_is_two(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(np.array([300.0, 300.0, RADIUS - 1e-3, 0.0, 0.0, 0.0])))
+
+    def push(force: float, ticks: int) -> list[str]:
+        return [event.kind for _ in range(ticks) for event in plant.step({"uav": np.array([0.0, 0.0, force])})]
+
+    assert push(-5.0, 300) == ["ground-contact"]
+    assert push(5.0, 300) == []
+    assert push(-1.0, 1200)[:1] == ["ground-contact"]
+    assert plant.contacts("uav") >= 2
+
+
+def test_a_fast_vehicle_cannot_pass_through_the_ground_unseen(terrain: HeightField) -> None:
+    for speed in (50.0, 300.0):
+        plant = plant_of(terrain, uav=Equipment(np.array([250.0, 250.0, 30.0, 0.0, 0.0, -speed])))
+        for _ in range(300):
+            plant.step({"uav": np.zeros(3)})
+        assert plant.contacts("uav") >= 1
+
+
+def test_a_jump_moves_the_vehicle_at_once_and_keeps_its_velocity(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH))
+    plant.displace("uav", np.array([10.0, -20.0, 30.0]))
+    np.testing.assert_array_equal(plant.state("uav"), HIGH + np.array([10.0, -20.0, 30.0, 0.0, 0.0, 0.0]))
+
+
+def test_vehicles_of_a_fleet_do_not_disturb_each_other(terrain: HeightField) -> None:
+    above = HIGH + np.array([0.0, 0.0, 100.0, 0.0, 0.0, 0.0])
+    fleet = plant_of(terrain, a=Equipment(HIGH, (PositionSensor(5.0),)), b=Equipment(above))
+    x = HIGH
+    for _ in range(100):
+        fleet.apply_force("b", np.ones(3))
+        fleet.step({"a": np.array([1.0, 0.0, 0.0]), "b": np.array([0.0, 5.0, 0.0])})
+        x = flow(x, np.array([1.0, 0.0, 0.0]), TICK)
+    np.testing.assert_allclose(fleet.state("a"), x, rtol=0.0, atol=1e-9)
+
+
+def test_two_vehicles_that_meet_are_told_apart_from_the_ground(terrain: HeightField) -> None:
+    towards = np.array([20.0, 0.0, 0.0])
+    fleet = plant_of(
+        terrain,
+        a=Equipment(np.array([1000.0, 1000.0, 2500.0, *towards])),
+        b=Equipment(np.array([1010.0, 1000.0, 2500.0, *-towards])),
+    )
+    events = [event for _ in range(150) for event in fleet.step({})]
+    assert {(event.agent, event.kind) for event in events} == {("a", "vehicle-contact"), ("b", "vehicle-contact")}
+
+
+def test_the_truth_handed_out_is_a_copy(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH))
+    plant.state("uav")[:] = np.nan
+    np.testing.assert_array_equal(plant.state("uav"), HIGH)
+
+
+def test_errors_name_the_culprit(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH))
+    with pytest.raises(ValueError, match=r"no vehicle 'ghost'.*uav"):
+        plant.state("ghost")
+    with pytest.raises(ValueError, match=r"shape \(2,\)"):
+        plant.step({"uav": np.zeros(2)})
+    with pytest.raises(ValueError, match="not finite"):
+        plant.step({"uav": np.array([np.nan, 0.0, 0.0])})
+    with pytest.raises(ValueError, match="start"):
+        plant_of(terrain, uav=Equipment(HIGH[:3]))
+    with pytest.raises(ValueError, match="two sensors of one name"):
+        plant_of(terrain, uav=Equipment(HIGH, (PositionSensor(), PositionSensor(1.0))))
+    with pytest.raises(ValueError, match=r"no vehicle 'ghost'.*uav"):
+        MujocoPlant(build_model(terrain, ["uav"], 40.0), {"ghost": Equipment(HIGH)}, np.random.default_rng(0))

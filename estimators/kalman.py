@@ -22,6 +22,7 @@ import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 from scipy.special import gammainc
 
+from models.aerial.dynamics import TICK
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from models.aerial.sensors import PositionSensor
 from sim.signals import Array, Estimate, Measurement, Status
@@ -35,7 +36,7 @@ _EYE = np.eye(3)
 class KalmanConfig:
     """Fields of the command line."""
 
-    period: float = 0.01  # [s]
+    period: float = TICK  # [s]
     timeout: float = 1.0  # [s] without a fix after which the estimate is lost
     start_position_std: float = 5.0  # [m] of the start as the mission states it, per axis
     start_velocity_std: float = 1.0  # [m/s]
@@ -127,7 +128,7 @@ class Kalman:
         self._predict(t, command)
         x, P = self._filter.x, self._filter.P
         covariance = (P[:2, None, :2, None] * _EYE[None, :, None, :]).reshape(6, 6)
-        return Estimate(t, x[:2].reshape(6), 0.5 * (covariance + covariance.T), self._status(t), {"gust": x[2].copy()})
+        return Estimate(t, x[:2].flatten(), 0.5 * (covariance + covariance.T), self._status(t), {"gust": x[2].copy()})
 
     def _predict(self, t: float, command: Array) -> None:
         """From the filter's time to t [s] with the input held."""

@@ -10,11 +10,11 @@ Import ``renders.opengl`` and choose the backend before this module, which impor
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -25,10 +25,11 @@ from models.aerial.entity import airframe_pose
 from renders.palette import COLOURS, Part, part_of
 from renders.relief import relief, resampled, roughened
 from renders.run_data import RunData, plan_arcs
+from renders.storyboard import Camera
 from sim.signals import Array
 
 Image = NDArray[np.uint8]  # (height, width, 3)
-Camera = Literal["chase", "overview", "top"]
+
 
 EXAGGERATION = 1.7  # of heights in the overview and the top view
 GROUND_NODES, TEXTURE_PIXELS = 257, 1025  # along the longer side
@@ -44,6 +45,7 @@ MAX_GEOMS = 4000
 TRUE_WORLD, TALL_WORLD, AIRFRAME = 0, 1, 2  # geom groups
 TRUE_SPAN = 12.0  # [m] of the airframe as drawn
 CHASE_DISTANCE = 1300.0  # [m] behind the vehicle
+BASE = 0.02  # share of the width: thickness of the slab under the lowest ground
 FILL = {"overview": 0.97, "top": 0.95}  # share of the picture that the map takes
 HORIZON, ZENITH, NADIR = (0.82, 0.88, 0.93), (0.20, 0.42, 0.74), (0.46, 0.55, 0.66)  # sky; fog is as the horizon
 
@@ -105,10 +107,12 @@ class Scene:
         rows = (1.0 - (2.0 * np.arange(picture.shape[0]) + 1.0) / picture.shape[0]) * self._tangent()
         sight = forward + rows[:, None] * up
         sine = sight[:, 2] / np.linalg.norm(sight, axis=1)
-        clear = (np.clip(sine / 0.5, 0.0, 1.0) ** 0.8)[:, None]
+        above = picture[: np.count_nonzero(sine > 0.0)]
+        clear = (np.clip(sine[: len(above)] / 0.5, 0.0, 1.0) ** 0.8)[:, None]
         colours = (255.0 * (np.array(HORIZON) * (1.0 - clear) + np.array(ZENITH) * clear)).astype(np.uint8)
-        sky = np.abs(picture.astype(np.int16) - np.round(255.0 * np.array(HORIZON)).astype(np.int16)).max(axis=-1) <= 1
-        picture[sky] = np.broadcast_to(colours[:, None], picture.shape)[sky]
+        haze = np.round(255.0 * np.array(HORIZON)).astype(np.uint8)
+        sky = ((above >= haze - 1) & (above <= haze + 1)).all(axis=-1)
+        above[sky] = np.broadcast_to(colours[:, None], above.shape)[sky]
 
     def world(self, points: Array, camera: Camera) -> Array:
         """(..., 3) map points [m] where the camera's world shows them."""
@@ -144,7 +148,7 @@ class Scene:
         forward = np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
         right = np.array([math.sin(a), -math.cos(a), 0.0])
         up = np.cross(right, forward)
-        heights = (self._low, 0.6 * float(terrain.z.max()) + 0.4 * self._low)
+        heights = (self._low - BASE * terrain.width / EXAGGERATION, 0.6 * float(terrain.z.max()) + 0.4 * self._low)
         corners = np.array([[x, y, z] for x in (0.0, terrain.width) for y in (0.0, terrain.depth) for z in heights])
         corners = self.world(corners, camera)
         tangent = math.tan(math.radians(OPTICS[camera][0]) / 2.0)
@@ -201,9 +205,10 @@ class Scene:
         self.data.mocap_pos[0], self.data.mocap_quat[0] = position, quaternion
         self.model.geom_size[self._airframe_geoms] = scale * self._airframe_size
         self.model.geom_pos[self._airframe_geoms] = scale * self._airframe_pos
+        opacity = 0.16 if camera == "chase" else 0.24  # the chase camera often looks from inside
         for k, radar in enumerate(self.run.mission.radars):
             for world in ("true", "tall"):
-                self.model.geom(f"radar {k} {world}").rgba[3] = 0.26 if t >= radar.time else 0.0
+                self.model.geom(f"radar {k} {world}").rgba[3] = opacity if t >= radar.time else 0.0
 
     def _add_lines(self, t: float, camera: Camera) -> None:
         width = 4.0 if camera == "chase" else 3.4  # [pixels] at a picture 720 pixels high
@@ -356,7 +361,7 @@ def _model(run: RunData, width: int, height: int, samples: int) -> Any:
                 type=mujoco.mjtGeom.mjGEOM_MESH,
                 meshname=mesh.name,
                 pos=[radar.x, radar.y, low + factor * (foot - low)],
-                rgba=[*COLOURS[Part.RADAR], 0.26],
+                rgba=[*COLOURS[Part.RADAR], 0.0],
                 material="radar",
                 group=group,
                 contype=0,
@@ -380,7 +385,7 @@ def _copy_geom(body: Any, geom: Any) -> None:
 def _add_ground(spec: Any, run: RunData, low: float, high: float) -> None:
     terrain = run.terrain
     nodes = resampled(terrain, GROUND_NODES, order=1)
-    picture = roughened(relief(terrain, TEXTURE_PIXELS), DETAIL, contrast=0.07)
+    picture = roughened(relief(terrain, TEXTURE_PIXELS), DETAIL, contrast=0.05)
     # A texture's row 0 is its northern edge in relief() and its southern one in MuJoCo.
     texture = spec.add_texture(
         name="relief",
@@ -399,7 +404,7 @@ def _add_ground(spec: Any, run: RunData, low: float, high: float) -> None:
             name=name,
             nrow=nodes.shape[0],
             ncol=nodes.shape[1],
-            size=[0.5 * terrain.width, 0.5 * terrain.depth, factor * max(high - low, 1.0), 0.02 * terrain.width],
+            size=[0.5 * terrain.width, 0.5 * terrain.depth, factor * max(high - low, 1.0), BASE * terrain.width],
             userdata=((nodes - low) / max(high - low, 1.0)).ravel(),
         )
         spec.worldbody.add_geom(
@@ -414,4 +419,3 @@ def _add_ground(spec: Any, run: RunData, low: float, high: float) -> None:
         )
 
 
-Lines = Sequence[tuple[Part, Array]]

@@ -115,7 +115,7 @@ class PositionJumps:
         self._next = period
 
     def act(self, plant: Plant) -> Sequence[Event]:
-        if plant.t < self._next - 0.5 * plant.dt:
+        if plant.t < self._next - 1.5 * plant.dt:  # in the tick before, so that the planner finds the vehicle displaced
             return ()
         self._next += self._period
         events: list[Event] = []

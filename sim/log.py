@@ -1,9 +1,9 @@
 """What a run leaves behind: arrays over time, events, and the times its solvers took.
 
-Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m; NaN where none fell due), ``estimate.t``,
-``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``. A single vehicle
-is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are kept apart from the arrays, so
-that the same seed gives the same log bit for bit.
+Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m; NaN where none fell due),
+``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``.
+A single vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are kept
+apart from the arrays, so that the same seed gives the same log bit for bit.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def write_run(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any], recording: Recording) -> None:
-    """Write config.json, events.jsonl, log.npz with log.json, and summary.json last, so that a summary means a whole run."""
+    """Write a run's folder, summary.json last, so that a summary means a whole run."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "summary.json").unlink(missing_ok=True)
     arrays = recording.arrays()

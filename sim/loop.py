@@ -132,8 +132,8 @@ def simulate(
 ) -> Recording:
     """Run the loop from the plant's present time for at most ``duration`` [s], or until ``finished(t, truths)``.
 
-    ``finished`` is the referee: it sees the truth and belongs to the scenario, not to a controller. ``progress`` is told
-    the simulated time once a simulated second.
+    ``finished`` is the referee: it sees the truth and belongs to the scenario, not to a controller. ``progress`` is
+    told the simulated time once a simulated second.
 
     Raises ValueError if an agent has no vehicle, or a rate is not a whole number of ticks.
     """

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.aerial.dynamics import state_at
 from models.aerial.mission import FlightMission
@@ -46,7 +47,7 @@ def references(t: Array, agent: AgentRecorder) -> Array:
     return out
 
 
-def episodes(flags: Array) -> int:
+def episodes(flags: NDArray[np.bool_]) -> int:
     """How often a sequence of booleans becomes true."""
     return int(np.count_nonzero(np.diff(np.concatenate([[False], flags]).astype(np.int8)) == 1))
 

@@ -1,7 +1,7 @@
 """Plug-ins: entry points, or "package.module:Class" for a class that declares a frozen configuration.
 
-A plug-in is a class with a frozen dataclass ``Config`` and a static ``build``. The built-in ones enter by the same door as
-a stranger's package.
+A plug-in is a class with a frozen dataclass ``Config`` and a static ``build``. The built-in ones enter by the same
+door as a stranger's package.
 """
 
 from __future__ import annotations

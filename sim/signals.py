@@ -2,8 +2,8 @@
 
     sensors --Measurement--> estimator --Estimate--> planner --Plan--> tracker --command u--> plant
 
-Every signal is immutable and carries the time it is valid at. This module imports numpy only, so that a model, a planner
-and an observer can speak of the same things without knowing each other.
+Every signal is immutable and carries the time it is valid at. This module imports numpy only, so that a model, a
+planner and an observer can speak of the same things without knowing each other.
 """
 
 from __future__ import annotations
@@ -78,9 +78,9 @@ class Estimate:
 class Plan:
     """The whole future, to rest, as arcs with constant input stamped in absolute time.
 
-    Arc k holds the input ``u[k]`` over [t[k], t[k+1]] and starts at the state ``x[k]``; ``x[-1]`` is the state of rest in
-    which the vehicle stays. A plan whose ``status`` is not ``OK`` is a recorded failure and is never flown; its arrays
-    may be empty.
+    Arc k holds the input ``u[k]`` over [t[k], t[k+1]] and starts at the state ``x[k]``; ``x[-1]`` is the state of
+    rest in which the vehicle stays. A plan whose ``status`` is not ``OK`` is a recorded failure and is never flown;
+    its arrays may be empty.
     """
 
     t: Array  # (K + 1,) [s] absolute, increasing

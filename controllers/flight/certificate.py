@@ -1,14 +1,14 @@
 """What makes "never collides, always arrives" true: nothing is flown that has not been certified whole.
 
-A plan pi is certified, C(pi), if over all of it, to rest, the least clearance above the triangles is at least h_min + delta (delta
-what the tracker may deviate), it stays on the map, |v| and |a| keep the bounds left to a plan, its arcs join, and it rests
-within reach of the target. ``Certified`` keeps the invariant, at every t before arrival:
+A plan pi is certified, C(pi), if over all of it, to rest, the least clearance above the triangles is at least h_min +
+delta (delta what the tracker may deviate), it stays on the map, |v| and |a| keep the bounds left to a plan, its arcs
+join, and it rests within reach of the target. ``Certified`` keeps the invariant, at every t before arrival:
 
     x(t) = x_pi(t) (within the tracking bound),  C(pi),  t_e <= gamma V_0.
 
-A candidate replaces the plan being flown at its start time if and only if it starts on it, is certified, and ends by the
-deadline. Otherwise the stored plan stays, which is safe and arrives. This is Propositions A.2 and A.3, made true for arcs instead
-of nodes, for any planner.
+A candidate replaces the plan being flown at its start time if and only if it starts on it, is certified, and ends by
+the deadline. Otherwise the stored plan stays, which is safe and arrives. This is Propositions A.2 and A.3, made true
+for arcs instead of nodes, for any planner.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Certificate:
 
     @staticmethod
     def of(mission: FlightMission, bound: TrackingBound) -> Certificate:
-        """The certificate of a mission whose tracker keeps ``bound``; ValueError if the bounds leave nothing to fly with."""
+        """The certificate of a mission whose tracker keeps ``bound``; ValueError if that leaves nothing to fly with."""
         speed = mission.speed_max - bound.speed
         acceleration = mission.acceleration_max - bound.feedback
         radius = mission.arrival_radius - float(np.hypot(bound.horizontal, bound.vertical))

@@ -1,16 +1,17 @@
 """Terminal cost Psi: what is left to pay from a point to the target (thesis A.5).
 
-Dijkstra's algorithm on a grid whose layers follow the terrain gives the distance D from every node to the target, lengths
-inside a threat counted (1 + weight) fold. Two interpolants turn the node values into Psi(p):
+Dijkstra's algorithm on a grid whose layers follow the terrain gives the distance D from every node to the target,
+lengths inside a threat counted (1 + weight) fold. Two interpolants turn the node values into Psi(p):
 
-* ``FactoredCost``: Psi(p) = (beta / v_c) (sqrt(|p - p_f|^2 + l^2) tau(p) - l). The ratio tau of D to the length that the
-  same grid would measure over flat, empty ground is interpolated by a tricubic spline in the stretched coordinates (layer,
-  row, column); the root carries the distance itself. Psi decreases towards the target from everywhere, its gradient is
-  continuous, and the grid's preference for its own directions cancels in the ratio.
+* ``FactoredCost``: Psi(p) = (beta / v_c) (sqrt(|p - p_f|^2 + l^2) tau(p) - l). The ratio tau of D to the length that
+the
+  same grid would measure over flat, empty ground is interpolated by a tricubic spline in the stretched coordinates
+  (layer, row, column); the root carries the distance itself. Psi decreases towards the target from everywhere, its
+  gradient is continuous, and the grid's preference for its own directions cancels in the ratio.
 * ``TrilinearCost``: (beta / v_c) D interpolated linearly in each cell, as in the print. It has stationary points.
 
-The print leaves Psi's unit open. With a running cost |a|^2 + beta, beta has the unit of a cost per second, so a distance costs
-beta / v_c per metre, v_c the speed at which flying on costs as much as Psi falls (150 m/s).
+The print leaves Psi's unit open. With a running cost |a|^2 + beta, beta has the unit of a cost per second, so a
+distance costs beta / v_c per metre, v_c the speed at which flying on costs as much as Psi falls (150 m/s).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
@@ -28,7 +30,9 @@ from scipy.sparse.csgraph import dijkstra
 from controllers.flight import spline
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
-from sim.signals import Array, Integers
+from sim.signals import Array
+
+Indices = NDArray[np.int32]
 
 REFERENCE_SPEED = 150.0  # [m/s] v_c
 TARGET_LENGTH = 50.0  # [m] l: within it the distance to the target is rounded off
@@ -54,7 +58,7 @@ class TerrainGrid:
 
     @staticmethod
     def around(terrain: HeightField, target: Array, nodes: int, layers: int, height: float = 2400.0) -> TerrainGrid:
-        """A grid of ``nodes`` x ``nodes`` x ``layers`` over the map's longer side, moved so that the target is a node."""
+        """``nodes`` x ``nodes`` x ``layers`` over the map's longer side, moved so that the target is a node."""
         side = max(terrain.width, terrain.depth)
         spacing = side / (nodes - 1)
         j = round(float(target[0]) / spacing)
@@ -83,7 +87,7 @@ class TerrainGrid:
         return np.stack([x, y, self.ground + self.level_0 + self.layer_spacing * k], axis=-1)
 
     @cached_property
-    def edges(self) -> tuple[Integers, Integers, Array]:
+    def edges(self) -> tuple[Indices, Indices, Array]:
         """The 26-neighbour graph as (row starts, neighbours, lengths [m]) of a sparse matrix."""
         layers, rows, columns = self.shape
         node = np.arange(layers * rows * columns, dtype=np.int32).reshape(self.shape)
@@ -99,7 +103,7 @@ class TerrainGrid:
         inside = neighbours >= 0
         length = np.sqrt(flat + (z[neighbours] - z[:, None]) ** 2)
         starts = np.concatenate([[0], np.cumsum(inside.sum(axis=1))])
-        return starts.astype(np.int32), neighbours[inside], length[inside]
+        return starts.astype(np.int32), neighbours[inside], np.asarray(length[inside], dtype=np.float64)
 
     def flat_distance(self) -> Array:
         """What the 26-neighbour graph would measure from the target over flat ground, (layers, rows, columns) [m].
@@ -111,7 +115,8 @@ class TerrainGrid:
         m, n = np.abs(np.arange(self.shape[1]) - i)[:, None], np.abs(np.arange(self.shape[2]) - j)[None, :]
         level = self.spacing * (np.maximum(m, n) + (math.sqrt(2.0) - 1.0) * np.minimum(m, n))
         rise = self.positions[..., 2] - self.positions[k, i, j, 2]
-        return np.hypot(level, rise)
+        distance: Array = np.hypot(level, rise)
+        return distance
 
 
 def threat_density(grid: TerrainGrid, terrain: HeightField, radars: Sequence[Radar]) -> Array:
@@ -158,7 +163,7 @@ class FactoredCost:
 
     @cached_property
     def scales(self) -> Array:
-        """(x_0, y_0, spacing, level_0, layer_spacing, target x, y, z): what the compiled kernel needs beside the splines."""
+        """(x_0, y_0, spacing, level_0, layer_spacing, target x, y, z): what the kernels need beside the splines."""
         g = self.grid
         return np.array([g.x_0, g.y_0, g.spacing, g.level_0, g.layer_spacing, *self.target])
 

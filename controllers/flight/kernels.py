@@ -1,8 +1,8 @@
 """Compiled kernels of the condensed Gauss-Newton method: objective, gradient, Hessian and rows of one iteration.
 
-The statement they implement is that of ``controllers.flight.problem``, which CasADi states independently; a test holds one
-against the other. Unknowns U = (a_1, ..., a_n, w): n accelerations (3,) [m/s^2] and the manoeuvre's final climb rate
-w [m/s]. Every position the problem looks at is affine in U:
+The statement they implement is that of ``controllers.flight.problem``, which CasADi states independently; a test
+holds one against the other. Unknowns U = (a_1, ..., a_n, w): n accelerations (3,) [m/s^2] and the manoeuvre's final
+climb rate w [m/s]. Every position the problem looks at is affine in U:
 
     p_q = p_1 + S_q v_1 + sum_j C_qj a_j + W_q w e_z .
 
@@ -113,8 +113,8 @@ def objective(
 ) -> tuple[float, float]:
     """The problem's cost with its soft penalties, and the largest violation of its hard bounds [m, m/s or m/s^2].
 
-    ``base`` (Q,), ``weights`` (Q, n), ``climbs`` (Q,) place the Q looked-at points: the clearance points first, then the
-    last node, then one step beyond it.
+    ``base`` (Q,), ``weights`` (Q, n), ``climbs`` (Q,) place the Q looked-at points: the clearance points first, then
+    the last node, then one step beyond it.
     """
     n = weights.shape[1]
     looked = weights.shape[0] - 2
@@ -155,7 +155,7 @@ def _hard_violation(unknowns: Array, start: Array, packed: Array, n: int) -> flo
         worst = max(worst, math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) - packed[SPEED])
     rise = unknowns[3 * n] - v[2]
     braking = math.sqrt(v[0] * v[0] + v[1] * v[1] + rise * rise) / packed[MANOEUVRE]
-    return max(worst, braking - packed[ACCELERATION])
+    return float(max(worst, braking - packed[ACCELERATION]))
 
 
 @njit(cache=True, nogil=True)

@@ -1,8 +1,8 @@
 """The receding-horizon planner (thesis A.3, A.4): optimise, append the manoeuvre, complete to rest on the target.
 
-Each answer is a whole plan. Its start is read from the plan being flown, one period ahead, not from the estimate: between
-the two stands the tracker, which keeps the vehicle within a bound of the plan. Near the target the planner commits: it asks
-for an exact arrival at a node, and keeps that arrival time in the plans that follow.
+Each answer is a whole plan. Its start is read from the plan being flown, one period ahead, not from the estimate:
+between the two stands the tracker, which keeps the vehicle within a bound of the plan. Near the target the planner
+commits: it asks for an exact arrival at a node, and keeps that arrival time in the plans that follow.
 """
 
 from __future__ import annotations
@@ -61,25 +61,27 @@ class RecedingHorizon:
         self._listen(request.messages)
         current = request.current
         start = request.estimate.x if current is None else state_at(current, request.t_start)
-        if current is not None:
-            arrival = pass_time(current, self._certificate.target, request.t_start)
-            if arrival - request.t_start < 1.5 * self._parameters.h:
-                return _tail(current, request.t_start)  # too close for another choice
-        began = time.thread_time()
-        committed, reason = self._committed(request, start)
+        arrival = math.inf if current is None else pass_time(current, self._certificate.target, request.t)
+        if current is not None and arrival - request.t_start < 1.5 * self._parameters.h:
+            return _tail(current, request.t_start)  # too close for another choice
+        committed, spent, reason = self._committed(request, start, arrival)
         if committed is not None:
-            return dataclasses.replace(committed, solve_ms=1e3 * (time.thread_time() - began))
+            return committed
+        if self._within_reach(arrival - request.t_start):  # committed before: the plan being flown stays
+            return Plan.failure(Status.INFEASIBLE, reason, solve_ms=spent)
         problem = Problem(self._parameters, self._landscape, start, self._parameters.arcs)
-        solution = self._solver.solve(problem, self._guess(current, request.t_start, problem))
-        solve_ms = 1e3 * (time.thread_time() - began)
+        solution, solve_ms = self._solved(problem, current, request.t_start, spent)
         if isinstance(solution, str):
             return Plan.failure(Status.SOLVER_FAILED, "; ".join(filter(None, (reason, solution))), solve_ms=solve_ms)
-        plan = self._assembled(problem, solution, request.t_start, solve_ms)
-        return (
-            plan
-            if solution.converged
-            else dataclasses.replace(plan, notes=("iteration-limit",), message=solution.message)
-        )
+        return self._assembled(problem, solution, request.t_start, solve_ms)
+
+    def _solved(
+        self, problem: Problem, current: Plan | None, t_start: float, spent: float
+    ) -> tuple[Solution | str, float]:
+        """The solver's answer, and the thread CPU time [ms] of it and of what was ``spent`` before."""
+        began = time.thread_time()
+        solution = self._solver.solve(problem, self._guess(current, t_start, problem))
+        return solution, spent + 1e3 * (time.thread_time() - began)
 
     def _listen(self, messages: Sequence[Message]) -> None:
         heard = tuple(m.payload for m in messages if m.topic == "radar" and isinstance(m.payload, Radar))
@@ -87,36 +89,39 @@ class RecedingHorizon:
             self._radars += heard
             self._landscape = dataclasses.replace(self._landscape, cost=self._cost_to_go(self._radars))
 
-    def _committed(self, request: PlanRequest, start: Array) -> tuple[Plan | None, str]:
-        """A certified plan that arrives exactly at a node within the horizon, if there is one."""
+    def _within_reach(self, duration: float) -> bool:
+        """Whether an arrival in ``duration`` [s] fits the horizon, stretched by one arc at most."""
+        return duration <= (self._parameters.arcs + 1) * self._parameters.h + _SAME_TIME
+
+    def _committed(self, request: PlanRequest, start: Array, arrival: float) -> tuple[Plan | None, float, str]:
+        """A certified plan that arrives exactly at a node within the horizon; or none, the time spent [ms], and why."""
         target, h, arcs = self._certificate.target, self._parameters.h, self._parameters.arcs
-        current, reason = request.current, ""
-        durations: list[float] = []
-        if current is not None:
-            left = pass_time(current, target, request.t_start) - request.t_start
-            if left <= arcs * h + _SAME_TIME:
-                durations.append(left)
+        current, reason, spent = request.current, "", 0.0
+        left = arrival - request.t_start
+        durations = [left] if self._within_reach(left) else []
         if not durations:
             speed = max(float(np.linalg.norm(start[3:])), _COMMIT_SPEED)
             first = max(2, math.ceil(float(np.linalg.norm(target - start[:3])) / (h * speed)))
-            durations = [n * h for n in range(first, min(first + _COMMIT_TRIES, arcs + 1))]
+            # One arc more than the horizon has is within reach of slightly longer arcs. Beyond it the terminal cost
+            # would have to tell how to fly past the target, which it cannot.
+            durations = [n * h for n in range(first, min(first + _COMMIT_TRIES, arcs + 2))]
         for duration in durations:
-            count = max(1, round(duration / h))
+            count = min(arcs, max(1, round(duration / h)))
             step = duration / count
             # A step that differs from h by rounding only shares the stencil of h.
             step = h if abs(step - h) < 1e-6 else step
             parameters = dataclasses.replace(self._parameters, h=step)
             problem = Problem(parameters, self._landscape, start, count, hold=target)
-            solution = self._solver.solve(problem, self._guess(current, request.t_start, problem))
+            solution, spent = self._solved(problem, current, request.t_start, spent)
             if isinstance(solution, str):
                 reason = f"arrival in {duration:.1f} s: {solution}"
                 continue
-            plan = self._assembled(problem, solution, request.t_start, 0.0)
+            plan = self._assembled(problem, solution, request.t_start, spent)
             refusal = self._certificate.refuse(plan)
             if refusal is None:
-                return plan, ""
+                return plan, spent, ""
             reason = f"arrival in {duration:.1f} s: {refusal.message}"
-        return None, reason
+        return None, spent, reason
 
     def _guess(self, current: Plan | None, t_start: float, problem: Problem) -> Array:
         """The optimised part of the plan being flown, shifted, with nothing after its end."""
@@ -134,7 +139,7 @@ class RecedingHorizon:
 
     def _assembled(self, problem: Problem, solution: Solution, t_start: float, solve_ms: float) -> Plan:
         """Optimised arcs, manoeuvre and completion as one plan."""
-        parameters, target = problem.parameters, self._certificate.target
+        parameters = problem.parameters
         arcs = ArcList.begin(t_start, problem.start)
         for a in solution.accelerations:
             arcs.add(a, parameters.h, Phase.OPTIMISED)
@@ -147,7 +152,10 @@ class RecedingHorizon:
         complete_by(arcs, self._certificate)
         effort = float(parameters.h * (solution.accelerations**2).sum())
         togo = 0.0 if problem.hold is not None else parameters.psi_per_metre * float(self._landscape.cost(end[:3])[0])
-        return arcs.plan(effort + parameters.h * parameters.beta * problem.arcs + togo, solve_ms)
+        plan = arcs.plan(effort + parameters.h * parameters.beta * problem.arcs + togo, solve_ms)
+        if solution.converged:
+            return plan
+        return dataclasses.replace(plan, notes=("iteration-limit",), message=solution.message)
 
 
 class Retreat:

@@ -21,7 +21,6 @@ from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
 from sim.protocols import Planner, Tracker
 
-
 _INSIDE = 1.0 - 1e-4  # the solver aims this far inside the bounds, so that its tolerance does not cost a plan
 
 

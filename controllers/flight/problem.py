@@ -5,8 +5,8 @@ With the exact zero-order-hold double integrator
 
     p_{i+1} = p_i + h v_i + h^2 a_i / 2,   v_{i+1} = v_i + h a_i,
 
-and the manoeuvre, one arc of duration M = N_bar h, N_bar = ceil(v_max / (h a_max)), that brings the state (p_N, v_N) to the
-velocity (0, 0, w), w >= 0, with the constant acceleration ((0, 0, w) - v_N) / M:
+and the manoeuvre, one arc of duration M = N_bar h, N_bar = ceil(v_max / (h a_max)), that brings the state (p_N, v_N)
+to the velocity (0, 0, w), w >= 0, with the constant acceleration ((0, 0, w) - v_N) / M:
 
     minimise  sum_i h |a_i|^2 + Psi(p_N) + rho_w w^2 / 2 + kappa_H / 2 sum_q s_q^2 + kappa_S / 2 s_S^2
     subject to  z_q - H(x_q, y_q) >= h_min + margin - s_q     at 4 points per arc and 15 on the manoeuvre,
@@ -14,16 +14,16 @@ velocity (0, 0, w), w >= 0, with the constant acceleration ((0, 0, w) - v_N) / M
                 |v_i| <= v_max, |a_i| <= a_max, |(0, 0, w) - v_N| <= M a_max,
                 p_N and the manoeuvre's end on the map, 0 <= w <= v_max.
 
-H is the cubic spline of the terrain. The bounds are Euclidean, unlike the print's L-infinity boxes, because Psi is: in a box
-the best speed is its corner's. Sum h beta is constant at fixed N and h and left out. Near the target the terminal cost gives
-way to ``hold``: p_N = p_f, with fewer arcs, so that the vehicle arrives exactly.
+H is the cubic spline of the terrain. The bounds are Euclidean, unlike the print's L-infinity boxes, because Psi is:
+in a box the best speed is its corner's. Sum h beta is constant at fixed N and h and left out. Near the target the
+terminal cost gives way to ``hold``: p_N = p_f, with fewer arcs, so that the vehicle arrives exactly.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -72,7 +72,7 @@ class Stencil:
     climbs: Array  # (Q,) [s]
 
 
-@cache
+@lru_cache(maxsize=64)
 def stencil(arcs: int, h: float, manoeuvre_duration: float) -> Stencil:
     """The stencil of a horizon of ``arcs`` arcs."""
     middles = (np.arange(arcs) + 0.5) * h

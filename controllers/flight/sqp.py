@@ -1,9 +1,10 @@
 """The default solver: a condensed Gauss-Newton method, each step a dense quadratic programme solved by ``daqp``.
 
-All that is not convex in the problem (terrain, terminal cost, approach condition) sits in its objective, as cost or as a
-quadratic penalty on a slack; the hard constraints are balls and boxes, taken by their tangent planes. So a step of the
-Gauss-Newton method is a descent direction of the objective plus an exact penalty on the balls, and a backtracking line
-search makes every iteration an improvement. Iterations stop when one gains less than ``tolerance`` (1 + cost).
+All that is not convex in the problem (terrain, terminal cost, approach condition) sits in its objective, as cost or
+as a quadratic penalty on a slack; the hard constraints are balls and boxes, taken by their tangent planes. So a step
+of the Gauss-Newton method is a descent direction of the objective plus an exact penalty on the balls, and a
+backtracking line search makes every iteration an improvement. Iterations stop when one gains less than ``tolerance``
+(1 + cost).
 """
 
 from __future__ import annotations
@@ -111,8 +112,8 @@ class _Workspace:
             solver = daqp.Model()
             solver.settings = {"iter_limit": 1000}
             flag, _ = solver.setup(self.hessian, self.gradient, self.rows, self.upper, self.lower, self._sense.copy())
-            # Rows carry the square root of their weight, so every slack costs s^2 / 2. The setting "rho_soft" would apply
-            # to rows that daqp has normalised.
+            # Rows carry the square root of their weight, so every slack costs s^2 / 2. The setting "rho_soft" would
+            # apply to rows that daqp has normalised.
             solver.soft_weights(rho_l=np.ones(self.upper.size), rho_u=np.ones(self.upper.size))
             self._solver = solver if flag >= 0 else None
         else:

@@ -2,9 +2,10 @@
 
     u = a_ref - omega^2 (p^ - p_ref) - 2 omega (v^ - v_ref) - g^,   the last three terms' norm held to a_fb,
 
-g^ the gust that the estimator sees, if it does. ``a_ref`` is the plan's mean acceleration until the next command, so arcs may change between commands. With the estimate
-x^ = x - e of a linear-Gaussian estimator, the loop's stationary covariance follows from one Lyapunov equation per axis (see
-``EstimateQuality``); five standard deviations of it are the bound that plans are certified with.
+g^ the gust that the estimator sees, if it does. ``a_ref`` is the plan's mean acceleration until the next command, so
+arcs may change between commands. With the estimate x^ = x - e of a linear-Gaussian estimator, the loop's stationary
+covariance follows from one Lyapunov equation per axis (see ``EstimateQuality``); five standard deviations of it are
+the bound that plans are certified with.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ _NUMERICAL = TrackingBound(0.05, 0.05, 0.05, 0.1)  # what rounding and arcs that
 def tracking_bound(bandwidth: float, quality: EstimateQuality, gust: GustModel) -> TrackingBound:
     """Five standard deviations of the tracked vehicle about its plan, and of the feedback that keeps it there.
 
-    Per axis, with the estimated error (p^ - p_ref, v^ - v_ref, g^): d/dt = A . + noise of covariance W per second,
-    A = [[0, 1, 0], [-omega^2, -2 omega, c], [0, 0, -1/tau]], c = 0 if the gust's estimate is fed forward and 1 if not; the
-    true error's covariance is that of the estimated one plus P.
+    Per axis, with the estimated error (p^ - p_ref, v^ - v_ref, g^): d/dt = A . + noise of covariance W per second, A
+    = [[0, 1, 0], [-omega^2, -2 omega, c], [0, 0, -1/tau]], c = 0 if the gust's estimate is fed forward and 1 if not;
+    the true error's covariance is that of the estimated one plus P.
     """
     omega, forward = bandwidth, 1.0 if quality.estimates_gust else 0.0
     a = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2.0 * omega, 1.0 - forward], [0.0, 0.0, -1.0 / gust.time_constant]])

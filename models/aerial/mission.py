@@ -47,7 +47,7 @@ class EstimateQuality:
 
 @dataclass(frozen=True, eq=False)
 class FlightMission:
-    """Fly from ``start`` at rest to within ``arrival_radius`` of ``target`` by gamma V_0, never below ``clearance_min``."""
+    """From ``start`` at rest to within ``arrival_radius`` of ``target`` by gamma V_0, never below ``clearance_min``."""
 
     terrain: HeightField
     start: tuple[float, float, float]  # [m] map frame

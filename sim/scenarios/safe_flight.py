@@ -2,8 +2,8 @@
 
     sensors -> estimator -> Certified(faults(planner)) -> tracker -> MuJoCo
 
-Every plan is certified before it is flown, whoever made it, unless its plug-in declares ``certified = False`` (the planner of the
-print does, for comparison).
+Every plan is certified before it is flown, whoever made it, unless its plug-in declares ``certified = False`` (the
+planner of the print does, for comparison).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from controllers.flight.planner import Retreat
 from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
 from models.aerial.mission import FlightMission, GustModel
-from models.aerial.sensors import AccelerationSensor, Dropout, Sensor
+from models.aerial.sensors import AccelerationSensor, Dropout
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain
 from models.terrain.visibility import Radar
@@ -33,7 +33,7 @@ from sim.loop import Agent
 from sim.metrics import TimedRadar, flight_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, load
-from sim.protocols import Planner, Plant
+from sim.protocols import Planner, Plant, Sensor
 from sim.scenarios.experiment import Experiment
 from sim.signals import Array, Estimate, Message, Plan, PlanRequest
 

@@ -1,0 +1,351 @@
+"""The plug-in ``literal``: the planner of the print to the letter, for comparison. It carries no certificate.
+
+At each step the NLP (A.2), in its form (A.3), over the accelerations a_1 ... a_N:
+
+    minimise  sum_{i=1}^{N-1} h (|a_i|^2 + beta) + Psi(p_N)
+    subject to  p_{i+1} = p_i + h v_i,  v_{i+1} = v_i + h a_i          forward Euler, i = 1 ... N - 1
+                d(p_i) = H(x_i, y_i) + h_min - z_i <= 0                at the nodes only (Definition A.2), i = 1 ... N
+                |v_i|_inf <= v_max,  |a_i|_inf <= a_max                i = 1 ... N
+                p_1 = p_c,  v_1 = v_c                                  the measured state, at the time of the hand-over
+                h (|a_N|^2 + beta) + Psi(p_N + h v_N) - Psi(p_N) <= -epsilon,     a_N in S_epsilon (Definition A.1)
+
+H is the terrain's triangles; Psi is trilinear on the 33 x 33 x 5 grid (A.5), beta / v_c per metre. a_N stands in S_epsilon alone,
+where nothing is better than a_N = 0. Behind it goes the manoeuvre of (A.4), predetermined, not optimised:
+
+    (p^_1, v^_1) = (p_N + h v_N, v_N + h a_N),  N_bar nodes by forward Euler under one constant acceleration,
+
+which stops the level motion and pulls up as far as the bounds allow, into S_s (Definition A.3): e_z'v >= |v| sin(alpha_bar), alpha_bar
+the terrain's steepest slope. It is verified at its nodes once the NLP is solved. If the NLP fails or the manoeuvre is
+infeasible, the previous concatenated solution goes on (Remark A.5). From S_s the vehicle completes the task "continuing upward
+and upon a full turn above the target" (A.4).
+
+Two things the print leaves to the reader. What is flown are the accelerations, each held for h, so the arcs of a plan
+are the exact motion; only the optimiser believes in Euler. And the vehicle's force is bounded in the Euclidean norm, so
+the print's box for a_i is the largest one in that ball. S_f is p = p_f, without a velocity and without an arrival in the
+discrete problem: the vehicle arrives if it happens to pass within the radius, else by completion.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import daqp
+import numpy as np
+
+from controllers.flight.completion import ArcList, complete
+from controllers.flight.cost_to_go import REFERENCE_SPEED, TrilinearCost, trilinear_cost
+from controllers.flight.tracker import CriticallyDamped, tracking_bound
+from models.aerial.dynamics import TICK, flow, input_at, state_at
+from models.aerial.mission import FlightMission
+from models.terrain.height_field import HeightField
+from models.terrain.visibility import Radar
+from sim.protocols import Planner, Tracker
+from sim.signals import Array, Phase, Plan, PlanRequest, Status
+
+_FEASIBLE = 1e-3  # [m, m/s] violation of a constraint that counts as none
+_GAIN = 1e-7  # of 1 + cost: a step that promises less is the last
+_LARGEST, _SMALLEST = 40.0, 1e-5  # [m/s^2] of the trust region
+_ITERATIONS = 200
+_UNBOUNDED = 1e30
+
+
+@dataclass(frozen=True)
+class LiteralConfig:
+    """Fields of ``--planner``."""
+
+    nodes: int = 13
+    """N, nodes of the horizon"""
+    horizon: float | None = None
+    """T_p [s]; (nodes - 1) 5/3 if not given"""
+    beta: float = 100.0
+    """cost of a second against a squared acceleration [m^2/s^4]"""
+    epsilon: float = 0.01
+    """what a step must gain (Definition A.1), as a fraction of h beta"""
+    grid_nodes: int = 33
+    """rows and columns of the cost-to-go's grid"""
+    grid_layers: int = 5
+    """its layers"""
+    bandwidth: float = 0.8
+    """of the tracker [rad/s]"""
+
+    def __post_init__(self) -> None:
+        if self.nodes < 3:
+            raise ValueError(f"nodes = {self.nodes}; allowed: >= 3")  # by Euler, a_1 moves p_3 first
+        for name in ("horizon", "beta", "epsilon", "bandwidth"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+        if self.grid_nodes < 3 or self.grid_layers < 2:
+            raise ValueError(
+                f"grid_nodes = {self.grid_nodes}, grid_layers = {self.grid_layers}; allowed: >= 3 and >= 2"
+            )
+
+    @property
+    def h(self) -> float:
+        """Sampling interval [s]."""
+        horizon = self.horizon if self.horizon is not None else (self.nodes - 1) * 5.0 / 3.0
+        return horizon / (self.nodes - 1)
+
+
+class LiteralFlight:
+    """Entry point ``literal`` of ``mathnavi.controllers``."""
+
+    Config = LiteralConfig
+    certified = False  # it is flown as the print says, whatever a certificate would say
+
+    @staticmethod
+    def build(config: LiteralConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
+        bound = tracking_bound(config.bandwidth, mission.quality, mission.gust)
+        thrust = mission.acceleration_max - bound.feedback
+        if thrust <= 0.0:
+            raise ValueError(
+                f"acceleration_max = {mission.acceleration_max:g} leaves nothing to plan with: noise and gusts need "
+                f"{bound.feedback:.3g} of it"
+            )
+        return Literal(config, mission, thrust), CriticallyDamped(TICK, config.bandwidth, bound)
+
+
+@dataclass(frozen=True, eq=False)
+class EulerNlp:
+    """(A.2) from one state: the nodes, the objective and the constraints as functions of a = (a_1, ..., a_{N-1})."""
+
+    terrain: HeightField
+    cost: TrilinearCost
+    start: Array  # (6,) p_c [m], v_c [m/s]
+    nodes: int  # N
+    h: float  # [s]
+    beta: float  # [m^2/s^4]
+    epsilon: float  # cost
+    clearance: float  # [m] h_min
+    speed: float  # [m/s] v_max
+    thrust: float  # [m/s^2] a_max
+
+    @property
+    def psi_per_metre(self) -> float:
+        return self.beta / REFERENCE_SPEED
+
+    def states(self, a: Array) -> tuple[Array, Array]:
+        """Nodes p (N, 3), v (N, 3) by forward Euler under a (N - 1, 3)."""
+        v = self.start[3:] + self.h * np.vstack([np.zeros(3), np.cumsum(a, axis=0)])
+        p = self.start[:3] + self.h * np.vstack([np.zeros(3), np.cumsum(v[:-1], axis=0)])
+        return p, v
+
+    def objective(self, a: Array) -> float:
+        p, _ = self.states(a)
+        effort = float((a * a).sum()) + self.beta * (self.nodes - 1)
+        return self.h * effort + self.psi_per_metre * float(self.cost(p[-1:])[0])
+
+    def gradient(self, a: Array) -> Array:
+        """(3 (N - 1),)."""
+        p, _ = self.states(a)
+        slope = self.psi_per_metre * self.cost.gradient(p[-1:])[0]
+        return (2.0 * self.h * a + position_weights(self.nodes, self.h)[-1][:, None] * slope).ravel()
+
+    def constraints(self, a: Array) -> Array:
+        """G(a) <= 0: d(p_i) [m], |v_i| - v_max [m/s] axis by axis up and down, and S_epsilon over beta / v_c [m]."""
+        p, v = self.states(a)
+        ahead = p[-1] + self.h * v[-1]
+        there, here = self.cost(np.vstack([ahead, p[-1]]))
+        approach = there - here + (self.h * self.beta + self.epsilon) / self.psi_per_metre
+        return np.concatenate(
+            [self.depth(p), (v - self.speed).ravel(), (-v - self.speed).ravel(), np.array([approach])]
+        )
+
+    def depth(self, p: Array) -> Array:
+        """d(p) (n,) [m] of points (n, 3); beyond the border the ground goes on as it is there."""
+        return np.asarray(self.terrain.height(*self._held(p))) + self.clearance - p[:, 2]
+
+    def jacobian(self, a: Array) -> Array:
+        """dG/da, a row each constraint, (., 3 (N - 1))."""
+        p, v = self.states(a)
+        n = self.nodes
+        position, velocity = position_weights(n, self.h), velocity_weights(n, self.h)
+        slope = np.column_stack([self.terrain.gradient(*self._held(p)), np.full(n, -1.0)])
+        depth = (position[:, :, None] * slope[:, None, :]).reshape(n, -1)
+        speed = np.kron(velocity, np.eye(3))
+        there, here = self.cost.gradient(np.vstack([p[-1] + self.h * v[-1], p[-1]]))
+        beyond = position[-1] + self.h * velocity[-1]
+        approach = (beyond[:, None] * there - position[-1][:, None] * here).ravel()
+        return np.vstack([depth, speed, -speed, approach])
+
+    def _held(self, p: Array) -> tuple[Array, Array]:
+        return np.clip(p[:, 0], 0.0, self.terrain.width), np.clip(p[:, 1], 0.0, self.terrain.depth)
+
+
+@lru_cache(maxsize=16)
+def velocity_weights(nodes: int, h: float) -> Array:
+    """(N, N - 1) [s]: v_i = v_1 + sum_j weights_ij a_j."""
+    i, j = np.arange(nodes)[:, None], np.arange(nodes - 1)[None, :]
+    return np.where(j < i, h, 0.0)
+
+
+@lru_cache(maxsize=16)
+def position_weights(nodes: int, h: float) -> Array:
+    """(N, N - 1) [s^2]: p_i = p_1 + (i - 1) h v_1 + sum_j weights_ij a_j."""
+    i, j = np.arange(nodes)[:, None], np.arange(nodes - 1)[None, :]
+    return h * h * np.maximum(0.0, i - 1.0 - j)
+
+
+def solve(nlp: EulerNlp, guess: Array) -> tuple[Array, Status]:
+    """Sequential quadratic programming on (A.3) from ``guess`` (N - 1, 3), in a trust region.
+
+    The merit is the objective plus rho max(0, G): an exact penalty, since rho is above what all multipliers add up to. Each
+    step solves the convex programme  min g'd + h |d|^2 + rho t,  G + G'd <= t,  t >= 0,  within the box for a and the trust
+    region. ``INFEASIBLE`` if it comes to a standstill where a constraint is violated, ``SOLVER_FAILED`` at the iteration limit.
+    """
+    size = guess.size
+    rho = 1e3 * (1.0 + nlp.psi_per_metre)
+    hessian = np.diag(np.append(np.full(size, 2.0 * nlp.h), 1e-6))
+    a = np.clip(guess, -nlp.thrust, nlp.thrust)
+    value, excess = nlp.objective(a), _excess(nlp.constraints(a))
+    radius = _LARGEST
+    for _ in range(_ITERATIONS):
+        gradient, jacobian, values = nlp.gradient(a), nlp.jacobian(a), nlp.constraints(a)
+        rows = np.hstack([jacobian, np.full((len(values), 1), -1.0)])
+        flat = a.ravel()
+        upper = np.concatenate([np.minimum(radius, nlp.thrust - flat), [_UNBOUNDED], -values])
+        lower = np.concatenate([np.maximum(-radius, -nlp.thrust - flat), [0.0], np.full(len(values), -_UNBOUNDED)])
+        sense = np.zeros(size + 1 + len(values), np.int32)
+        solution, _, flag, _ = daqp.solve(hessian, np.append(gradient, rho), rows, upper, lower, sense)
+        if flag <= 0:
+            return a, Status.SOLVER_FAILED
+        step, slack = np.array(solution[:-1]), max(0.0, float(solution[-1]))
+        promised = rho * (excess - slack) - float(gradient @ step) - nlp.h * float(step @ step)
+        if promised <= _GAIN * (1.0 + abs(value)) or radius < _SMALLEST:
+            return a, Status.OK if excess <= _FEASIBLE else Status.INFEASIBLE
+        trial = np.clip(a + step.reshape(a.shape), -nlp.thrust, nlp.thrust)
+        trial_value, trial_excess = nlp.objective(trial), _excess(nlp.constraints(trial))
+        gain = value - trial_value + rho * (excess - trial_excess)
+        reached = float(np.abs(step).max())
+        if gain > 0.1 * promised:
+            a, value, excess = trial, trial_value, trial_excess
+            radius = min(2.0 * radius, _LARGEST) if gain > 0.7 * promised else radius
+        else:
+            radius = 0.3 * reached
+    return a, Status.SOLVER_FAILED
+
+
+def _excess(values: Array) -> float:
+    return max(0.0, float(values.max()))
+
+
+class Literal:
+    """The thesis' planner of A.3 and A.4."""
+
+    def __init__(self, config: LiteralConfig, mission: FlightMission, thrust: float) -> None:
+        """``thrust`` [m/s^2] is the Euclidean bound that the tracker leaves to a plan."""
+        self._config, self._mission, self._thrust = config, mission, thrust
+        self._box = thrust / math.sqrt(3.0)
+        self.period = max(1, round(config.h / TICK)) * TICK
+        self._target = np.array(mission.target)
+        self._radars = mission.radars
+        self._cost = _cost_to_go(mission.terrain, mission.target, self._radars, config.grid_nodes, config.grid_layers)
+        self._sine = steepest_sine(mission.terrain)
+
+    def plan(self, request: PlanRequest) -> Plan:
+        self._listen(request)
+        config, mission = self._config, self._mission
+        start = _measured(request)
+        began = time.thread_time()
+        nlp = EulerNlp(
+            mission.terrain,
+            self._cost,
+            start,
+            config.nodes,
+            config.h,
+            config.beta,
+            config.epsilon * config.h * config.beta,
+            mission.clearance_min,
+            mission.speed_max,
+            self._box,
+        )
+        a, status = solve(nlp, self._shifted(request))
+        solve_ms = 1e3 * (time.thread_time() - began)
+        if status is not Status.OK:
+            return Plan.failure(status, f"the NLP (A.2): {status.value}", solve_ms=solve_ms)
+        p, v = nlp.states(a)
+        steps, push = self._manoeuvre(v[-1])
+        if refusal := self._infeasible(nlp, p[-1] + config.h * v[-1], v[-1], steps, push):
+            failure = Plan.failure(Status.LOW_CLEARANCE, f"the manoeuvre (A.4): {refusal}", solve_ms=solve_ms)
+            return replace(failure, notes=("manoeuvre-rejected",))
+        arcs = ArcList.begin(request.t_start, start)
+        for push_i in (*a, np.zeros(3)):  # a_N = 0
+            arcs.add(push_i, config.h, Phase.OPTIMISED)
+        arcs.add(push, steps * config.h, Phase.MANOEUVRE)
+        end = arcs.x[-1]
+        if not mission.terrain.contains(end[0], end[1]):
+            return Plan.failure(Status.OFF_MAP, "the manoeuvre's exact motion leaves the map", solve_ms=solve_ms)
+        arcs.x[-1] = np.array([*end[:3], 0.0, 0.0, end[5]])
+        complete(arcs, mission.terrain, self._target, mission.clearance_min, mission.speed_max, self._thrust)
+        return arcs.plan(nlp.objective(a), solve_ms)
+
+    def _listen(self, request: PlanRequest) -> None:
+        heard = tuple(m.payload for m in request.messages if m.topic == "radar" and isinstance(m.payload, Radar))
+        if heard:
+            self._radars += heard
+            config, mission = self._config, self._mission
+            self._cost = _cost_to_go(
+                mission.terrain, mission.target, self._radars, config.grid_nodes, config.grid_layers
+            )
+
+    def _shifted(self, request: PlanRequest) -> Array:
+        """The left shift of the solution that is being flown (proof of Proposition A.2), (N - 1, 3)."""
+        current, h = request.current, self._config.h
+        if current is None:
+            return np.zeros((self._config.nodes - 1, 3))
+        middles = request.t_start + h * (np.arange(self._config.nodes - 1) + 0.5)
+        return np.array([input_at(current, float(t)) for t in middles])
+
+    def _manoeuvre(self, v: Array) -> tuple[int, Array]:
+        """Steps N_bar - 1 and acceleration (3,) that lead from v to vertical flight, as steep a pull-up as the box allows."""
+        steps = math.ceil(self._mission.speed_max / (self._config.h * self._box) - 1e-9)
+        duration = steps * self._config.h
+        climb = min(self._mission.speed_max, float(v[2]) + self._box * duration)
+        return steps, (np.array([0.0, 0.0, climb]) - v) / duration
+
+    def _infeasible(self, nlp: EulerNlp, p: Array, v: Array, steps: int, push: Array) -> str:
+        """Which constraint of (A.4) the manoeuvre from the node (p, v) violates at its nodes; empty if none."""
+        h = nlp.h
+        v_i = v + h * np.arange(steps + 1)[:, None] * push  # (N_bar, 3)
+        p_i = p + h * np.vstack([np.zeros(3), np.cumsum(v_i[:-1], axis=0)])
+        if not self._mission.terrain.contains(p_i[:, 0], p_i[:, 1]).all():
+            return "a node is off the map"
+        if (deepest := float(nlp.depth(p_i).max())) > _FEASIBLE:
+            return f"a node is {deepest:.1f} m too low"
+        if float(np.abs(v_i).max()) > nlp.speed + _FEASIBLE or float(np.abs(push).max()) > nlp.thrust + _FEASIBLE:
+            return "it exceeds a bound"
+        end = v_i[-1]
+        if end[2] < float(np.linalg.norm(end)) * self._sine - _FEASIBLE:
+            return "it does not end in S_s"
+        return ""
+
+
+def _measured(request: PlanRequest) -> Array:
+    """(p_c, v_c) (6,) at the hand-over: what the plan being flown makes of the state that is measured now."""
+    current = request.current
+    if current is None:
+        return request.estimate.x.copy()
+    error = request.estimate.x - state_at(current, request.t)
+    return state_at(current, request.t_start) + flow(error, np.zeros(3), request.t_start - request.t)
+
+
+@lru_cache(maxsize=4)
+def steepest_sine(terrain: HeightField) -> float:
+    """sin(alpha_bar), alpha_bar the largest inclination of the terrain's triangles."""
+    rows, columns = terrain.z.shape
+    i, j = np.meshgrid(np.arange(rows - 1.0), np.arange(columns - 1.0), indexing="ij")
+    steepest = 0.0
+    for east, north in ((2.0 / 3.0, 1.0 / 3.0), (1.0 / 3.0, 2.0 / 3.0)):  # the centroids of a cell's two triangles
+        slope = terrain.gradient((j + east) * terrain.spacing, (i + north) * terrain.spacing)
+        steepest = max(steepest, float(np.linalg.norm(slope, axis=-1).max()))
+    return math.sin(math.atan(steepest))
+
+
+@lru_cache(maxsize=8)
+def _cost_to_go(
+    terrain: HeightField, target: tuple[float, float, float], radars: tuple[Radar, ...], nodes: int, layers: int
+) -> TrilinearCost:
+    return trilinear_cost(terrain, np.array(target), radars, nodes, layers)

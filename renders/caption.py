@@ -1,0 +1,146 @@
+"""What is written on a picture: where, how fast, how high, what just happened, what the colours mean."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from renders.palette import COLOURS, Part
+from renders.run_data import RunData
+from renders.storyboard import Frame, notices
+from sim.signals import Array, Phase
+
+WHITE, SOFT, PANEL = (255, 255, 255, 255), (205, 214, 224, 255), (16, 24, 36, 176)
+LEGEND = (Part.FLOWN, Part.OPTIMISED, Part.MANOEUVRE, Part.COMPLETION, Part.RADAR)
+PHASES = {
+    Phase.OPTIMISED: "flying the optimised plan",
+    Phase.MANOEUVRE: "flying the safety manoeuvre",
+    Phase.HOVER: "hovering",
+    Phase.CLIMB: "completion path: climb",
+    Phase.CRUISE: "completion path: cruise",
+    Phase.DESCENT: "completion path: descent",
+}
+
+Font = ImageFont.FreeTypeFont
+
+
+def phase_name(run: RunData, t: float) -> str:
+    """What the plan being flown is doing at ``t`` [s]."""
+    plan = run.plan(t)
+    if plan is None:
+        return "no plan yet"
+    if t >= plan.t_end:
+        return "at rest"
+    k = int(np.clip(np.searchsorted(plan.t, t + 1e-9, side="right") - 1, 0, len(plan.phase) - 1))
+    return PHASES[Phase(int(plan.phase[k]))]
+
+
+class Caption:
+    """Writes on pictures of one size; sizes are given for pictures 720 pixels high."""
+
+    def __init__(self, run: RunData, width: int, height: int) -> None:
+        self.run = run
+        self.width, self.height = width, height
+        self._unit = height / 720.0
+        folder = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
+        self._plain = {n: ImageFont.truetype(str(folder / "DejaVuSans.ttf"), self._px(n)) for n in (13, 15, 17)}
+        self._bold = {n: ImageFont.truetype(str(folder / "DejaVuSans-Bold.ttf"), self._px(n)) for n in (16, 26)}
+        self._speed = np.linalg.norm(run.x[:, 3:], axis=1)
+        self._notices = notices(run)
+
+    def write(self, picture: Array, frame: Frame, labels: list[tuple[str, float, float]]) -> Array:
+        """The picture (height, width, 3) with the caption of a frame and ``labels`` (text, column, row) beside places."""
+        canvas = Image.fromarray(picture).convert("RGBA")
+        layer = Image.new("RGBA", canvas.size, (0, 0, 0, 0))
+        draw = ImageDraw.Draw(layer)
+        for text, column, row in labels:
+            self._label(draw, text, column, row)
+        self._title(draw)
+        self._numbers(draw, frame)
+        self._legend(draw)
+        self._notice(draw, frame.notice)
+        self._progress(draw, frame)
+        return np.asarray(Image.alpha_composite(canvas, layer).convert("RGB"))
+
+    def _px(self, n: float) -> int:
+        return max(1, round(n * self._unit))
+
+    def _panel(self, draw: ImageDraw.ImageDraw, box: tuple[float, float, float, float]) -> None:
+        draw.rounded_rectangle(box, radius=self._px(9), fill=PANEL)
+
+    def _label(self, draw: ImageDraw.ImageDraw, text: str, column: float, row: float) -> None:
+        if 0 <= column < self.width and 0 <= row < self.height:
+            draw.text(
+                (column + self._px(11), row), text, WHITE, self._bold[16], "lm",
+                stroke_width=self._px(2), stroke_fill=(16, 24, 36, 210),
+            )  # fmt: skip
+
+    def _title(self, draw: ImageDraw.ImageDraw) -> None:
+        font, pad, edge = self._plain[15], self._px(11), self._px(18)
+        text = f"mathnavi · {self.run.config['scenario']} · {self.run.terrain.name} · seed {self.run.config['seed']}"
+        self._panel(draw, (edge, edge, edge + 2 * pad + font.getlength(text), edge + self._px(34)))
+        draw.text((edge + pad, edge + self._px(17)), text, WHITE, font, "lm")
+
+    def _numbers(self, draw: ImageDraw.ImageDraw, frame: Frame) -> None:
+        run = self.run
+        i = run.index(frame.t)
+        ground = run.above_ground[i]
+        rate = f"{frame.rate:.0f}× real time" if frame.rate >= 1.95 else f"{frame.rate:.1f}× real time"
+        columns = (
+            ("TIME", f"{frame.t:.1f} s", rate if frame.rate > 0.0 else f"of {run.duration:.1f} s"),
+            ("SPEED", f"{self._speed[i]:.0f} m/s", f"bound {run.mission.speed_max:.0f} m/s"),
+            ("ABOVE GROUND", f"{ground:,.0f} m".replace(",", " "), f"at least {run.mission.clearance_min:.0f} m"),
+        )
+        left, wide, high = self._px(18), self._px(150), self._px(112)
+        top = self.height - self._px(30) - high
+        self._panel(draw, (left, top, left + 3 * wide + self._px(6), top + high))
+        for k, (name, value, note) in enumerate(columns):
+            x = left + self._px(14) + k * wide
+            draw.text((x, top + self._px(18)), name, SOFT, self._plain[13], "lm")
+            draw.text((x, top + self._px(43)), value, WHITE, self._bold[26], "lm")
+            draw.text((x, top + self._px(68)), note, SOFT, self._plain[13], "lm")
+        draw.text((left + self._px(14), top + self._px(94)), phase_name(run, frame.t), WHITE, self._plain[15], "lm")
+
+    def _legend(self, draw: ImageDraw.ImageDraw) -> None:
+        parts = [part for part in LEGEND if part is not Part.RADAR or self.run.mission.radars]
+        font, pad, row = self._plain[15], self._px(13), self._px(22)
+        wide = max(font.getlength(part.value) for part in parts) + self._px(42) + 2 * pad
+        right, bottom = self.width - self._px(18), self.height - self._px(30)
+        top = bottom - row * len(parts) - pad
+        self._panel(draw, (right - wide, top, right, bottom))
+        for k, part in enumerate(parts):
+            y = top + pad / 2 + row * (k + 0.5)
+            x = right - wide + pad
+            self._swatch(draw, part, x, y)
+            draw.text((x + self._px(42), y), part.value, WHITE, font, "lm")
+
+    def _swatch(self, draw: ImageDraw.ImageDraw, part: Part, x: float, y: float) -> None:
+        colour = tuple(round(255 * channel) for channel in COLOURS[part])
+        thick, long = self._px(4), self._px(30)
+        if part is Part.RADAR:
+            draw.ellipse((x + long / 2 - 2 * thick, y - 2 * thick, x + long / 2 + 2 * thick, y + 2 * thick), colour)
+        elif part is Part.COMPLETION:
+            for k in range(3):
+                draw.line((x + k * long * 0.37, y, x + k * long * 0.37 + long * 0.24, y), colour, thick)
+        else:
+            draw.line((x, y, x + long, y), colour, thick)
+
+    def _notice(self, draw: ImageDraw.ImageDraw, text: str) -> None:
+        if text:
+            font, middle, top = self._bold[16], self.width / 2, self._px(66)
+            half = font.getlength(text) / 2 + self._px(16)
+            self._panel(draw, (middle - half, top, middle + half, top + self._px(40)))
+            draw.text((middle, top + self._px(20)), text, (255, 214, 102, 255), font, "mm")
+
+    def _progress(self, draw: ImageDraw.ImageDraw, frame: Frame) -> None:
+        left, right, y = self._px(18), self.width - self._px(18), self.height - self._px(14)
+        share = frame.t / self.run.duration
+        draw.line((left, y, right, y), (16, 24, 36, 150), self._px(5))
+        flown = (*(round(255 * channel) for channel in COLOURS[Part.FLOWN]), 255)
+        draw.line((left, y, left + share * (right - left), y), flown, self._px(5))
+        for t, _ in self._notices:
+            x = left + t / self.run.duration * (right - left)
+            draw.line((x, y - self._px(4), x, y + self._px(4)), WHITE, self._px(2))

@@ -1,0 +1,155 @@
+"""A run as a video or a still: drawn by child processes (``renders.worker``), encoded here.
+
+The frames are dealt to the processes in turn and collected in turn, so the result does not depend on how many draw.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import astuple
+from pathlib import Path
+from typing import IO
+
+import av
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from renders import opengl
+from renders.run_data import load_run
+from renders.storyboard import Camera, Direction, Frame, highlight, storyboard
+
+WIDTH, HEIGHT, FPS = 1280, 720, 24
+VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by moving
+MOST_WORKERS = 4
+
+Picture = NDArray[np.uint8]  # (height, width, 3)
+
+
+def write_video(
+    run_dir: str | Path,
+    camera: Direction = "tour",
+    *,
+    path: str | Path | None = None,
+    width: int = WIDTH,
+    height: int = HEIGHT,
+    fps: int = FPS,
+    progress: bool = True,
+) -> Path:
+    """Write the video of a run, ``video.mp4`` in its folder unless ``path`` says else, whole or not at all.
+
+    H.264, 15 to 25 s for a whole flight; "tour" cuts between the cameras, the others stay. Raises FileNotFoundError or
+    ValueError for a run that is not there or broken, ``opengl.NoOpenGLError`` where there is nothing to draw with.
+    """
+    if width % 2 or height % 2 or min(width, height) < 16:
+        raise ValueError(f"the video's size is {width} x {height}; allowed are even numbers of at least 16")
+    run = load_run(run_dir)
+    frames = storyboard(run, camera, fps)
+    target = Path(path) if path is not None else run.directory / "video.mp4"
+    partial = target.with_name(f".{target.name}.partial")
+    bar = Progress(
+        TextColumn("video"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
+        console=Console(stderr=True), disable=not progress,
+    )  # fmt: skip
+    try:
+        with bar, closing(draw(run.directory, frames, width, height, VIDEO_SAMPLES)) as pictures:
+            _encode(partial, bar.track(pictures, total=len(frames)), width, height, fps)
+        os.replace(partial, target)
+    finally:
+        partial.unlink(missing_ok=True)
+    return target
+
+
+def write_still(
+    run_dir: str | Path,
+    camera: Camera = "overview",
+    path: str | Path | None = None,
+    *,
+    t: float | None = None,
+    width: int = WIDTH,
+    height: int = HEIGHT,
+) -> Path:
+    """Write a PNG of a run at ``t`` [s], by default when something happens: ``CAMERA.png`` in the run's folder or ``path``."""
+    run = load_run(run_dir)
+    moment = min(highlight(run) + 0.05 * run.duration, run.duration) if t is None else t
+    target = Path(path) if path is not None else run.directory / f"{camera}.png"
+    partial = target.with_name(f".{target.name}.partial")
+    with closing(draw(run.directory, [Frame(moment, camera, 0.0, 0.0)], width, height, STILL_SAMPLES)) as pictures:
+        picture = next(pictures)
+    try:
+        Image.fromarray(picture).save(partial, format="PNG", optimize=True)
+        os.replace(partial, target)
+    finally:
+        partial.unlink(missing_ok=True)
+    return target
+
+
+def draw(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Iterator[Picture]:
+    """The pictures (height, width, 3) of the frames, in order; close the iterator to stop the processes that draw."""
+    environment = opengl.environment()
+    count = max(1, min(len(os.sched_getaffinity(0)), MOST_WORKERS, len(frames)))
+    if count > 1:
+        environment |= {"LP_NUM_THREADS": "1"}  # Mesa's software renderer would use every core in each process
+    environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
+    job = {"directory": str(directory.resolve()), "width": width, "height": height, "samples": samples}
+    with ExitStack() as stack:
+        crew = [
+            stack.enter_context(_Artist(job | {"frames": [astuple(frame) for frame in frames[k::count]]}, environment))
+            for k in range(count)
+        ]
+        for k in range(len(frames)):
+            yield np.frombuffer(crew[k % count].read(3 * width * height), np.uint8).reshape(height, width, 3)
+
+
+class _Artist:
+    """A process that draws; it ends with the context."""
+
+    def __init__(self, job: dict[str, object], environment: dict[str, str]) -> None:
+        self._complaints: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "renders.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._complaints,
+            env=environment,
+        )
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps(job).encode())
+        self._process.stdin.close()
+
+    def __enter__(self) -> _Artist:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+        self._process.terminate()
+        self._process.wait()
+        self._complaints.close()
+
+    def read(self, size: int) -> bytes:
+        assert self._process.stdout is not None
+        data = self._process.stdout.read(size)
+        if len(data) == size:
+            return data
+        self._process.wait()
+        self._complaints.seek(0)
+        lines = self._complaints.read().decode(errors="replace").strip().splitlines() or ["it said nothing"]
+        raise RuntimeError(f"the process that draws ended with status {self._process.returncode}: {lines[-1]}")
+
+
+def _encode(path: Path, pictures: Iterator[Picture] | object, width: int, height: int, fps: int) -> None:
+    with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+        stream = container.add_stream("libx264", rate=fps, options={"crf": "20", "preset": "veryfast"})
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        for picture in pictures:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        container.mux(stream.encode())

@@ -1,0 +1,245 @@
+"""What every entry of ``mathnavi.estimators`` keeps, whoever wrote it.
+
+An estimator is flown on a bench that fits the mission it is built for: the type of ``build``'s argument ``mission``
+chooses the bench, a small simulated vehicle with the sensors that the estimator asks for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import typing
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.aerial.dynamics import TICK, flow
+from models.aerial.mission import FlightMission, GustModel
+from models.terrain.height_field import HeightField
+from sim.loop import whole_ticks
+from sim.protocols import Estimator, EstimatorPlugin
+from sim.signals import Array, Estimate, Measurement, Status
+
+PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.estimators")}
+DURATION = 20.0  # [s] of a flight on the bench
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A ``sim.protocols.Motion``."""
+
+    x: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """A mission with the vehicle that flies it."""
+
+    mission: Any
+    dt: float  # [s] tick
+    start: Array  # (nx,) state
+    input_at: Callable[[float], Array]  # t [s] -> u
+    step: Callable[[Array, Array], Array]  # (x, u) -> x after a tick
+    acceleration: Callable[[Array, Array], Array]  # (x, u) -> (nx / 2,)
+    tolerance: Array  # (nx,) largest error of a converged estimate
+
+
+def flight_bench() -> Bench:
+    """A slalom of the aerial vehicle in still air, with position readings off by 2 m."""
+    terrain = HeightField(np.zeros((3, 3)), 5000.0)
+    mission = FlightMission(
+        terrain, (4000.0, 4000.0, 900.0), (9000.0, 9000.0, 900.0), position_noise=2.0, gust=GustModel(1.0)
+    )
+    return Bench(
+        mission,
+        TICK,
+        np.array([*mission.start, 0.0, 0.0, 0.0]),
+        lambda t: np.array([4.0 * math.cos(0.5 * t), 3.0 * math.sin(0.7 * t), math.cos(1.1 * t)]),
+        lambda x, u: flow(x, u, TICK),
+        lambda x, u: u,
+        np.array([10.0] * 3 + [6.0] * 3),
+    )
+
+
+BENCHES: dict[type, Callable[[], Bench]] = {FlightMission: flight_bench}
+
+
+@dataclass(frozen=True)
+class Step:
+    """One call of an estimator: what it is given, and what is true then."""
+
+    t: float
+    measurements: tuple[Measurement, ...]
+    command: Array
+    truth: Array
+
+
+@pytest.fixture(params=sorted(PLUGINS))
+def plugin(request: pytest.FixtureRequest) -> type[EstimatorPlugin]:
+    loaded: type[EstimatorPlugin] = PLUGINS[request.param].load()
+    return loaded
+
+
+@pytest.fixture
+def bench(plugin: type[EstimatorPlugin]) -> Bench:
+    kind = typing.get_type_hints(plugin.build)["mission"]
+    assert kind in BENCHES, f"{plugin.__name__} is built for {kind.__name__}, for which this suite has no bench yet"
+    return BENCHES[kind]()
+
+
+@pytest.fixture
+def estimator(plugin: type[EstimatorPlugin], bench: Bench) -> Estimator:
+    return plugin.build(plugin.Config(), bench.mission)
+
+
+@pytest.fixture
+def flight(plugin: type[EstimatorPlugin], bench: Bench, estimator: Estimator) -> list[Step]:
+    """The calls of a loop that flies the bench's inputs, each held from one call to the next."""
+    sensors = plugin.sensors(plugin.Config(), bench.mission)
+    every = whole_ticks(estimator.period, bench.dt, "period")
+    due = [whole_ticks(1.0 / s.rate, bench.dt, s.name) if s.rate is not None else 1 for s in sensors]
+    rng, x, u = np.random.default_rng(5), bench.start, np.zeros(len(bench.input_at(0.0)))
+    steps: list[Step] = []
+    inbox: list[Measurement] = []
+    for k in range(round(DURATION / bench.dt) + 1):
+        t, truth = k * bench.dt, Truth(x, bench.acceleration(x, u))
+        for sensor, ticks in zip(sensors, due, strict=True):
+            value = sensor.read(truth, rng) if k % ticks == 0 else None
+            if value is not None:
+                inbox.append(Measurement(sensor.name, t, value))
+        if k % every == 0:
+            steps.append(Step(t, tuple(inbox), u, x))
+            inbox, u = [], bench.input_at(t)
+        x = bench.step(x, u)
+    return steps
+
+
+def replay(estimator: Estimator, steps: Sequence[Step]) -> Iterator[tuple[Step, Estimate]]:
+    for step in steps:
+        yield step, estimator.update(step.t, step.measurements, step.command)
+
+
+def test_there_are_estimators() -> None:
+    assert {"full_state", "kalman"} <= PLUGINS.keys()
+
+
+def test_conforms_to_the_protocol(estimator: Estimator) -> None:
+    assert isinstance(estimator, Estimator)
+
+
+def test_its_configuration_is_frozen_and_has_defaults(plugin: type[EstimatorPlugin]) -> None:
+    config = plugin.Config()
+    assert dataclasses.is_dataclass(config)
+    for field in dataclasses.fields(config):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(config, field.name, getattr(config, field.name))
+
+
+def test_its_period_is_whole_ticks(estimator: Estimator, bench: Bench) -> None:
+    assert whole_ticks(estimator.period, bench.dt, "period") >= 1
+
+
+def test_its_sensors_have_names_of_their_own(plugin: type[EstimatorPlugin], bench: Bench) -> None:
+    names = [sensor.name for sensor in plugin.sensors(plugin.Config(), bench.mission)]
+    assert names
+    assert len(set(names)) == len(names)
+
+
+def test_an_estimate_is_finite_valid_at_its_time_and_of_the_right_shape(
+    estimator: Estimator, flight: list[Step], bench: Bench
+) -> None:
+    n = len(bench.start)
+    for step, estimate in replay(estimator, flight):
+        assert estimate.t == step.t
+        assert estimate.x.shape == (n,)
+        assert np.isfinite(estimate.x).all()
+        assert isinstance(estimate.status, Status)
+        assert all(np.isfinite(values).all() for values in estimate.extra.values())
+        if estimate.covariance is not None:
+            assert estimate.covariance.shape == (n, n)
+            assert np.isfinite(estimate.covariance).all()
+
+
+def test_a_covariance_is_symmetric_and_positive_semidefinite(estimator: Estimator, flight: list[Step]) -> None:
+    for _, estimate in replay(estimator, flight[:300] + flight[-300:]):
+        if estimate.covariance is not None:
+            np.testing.assert_array_equal(estimate.covariance, estimate.covariance.T)
+            least, *_, largest = np.linalg.eigvalsh(estimate.covariance)
+            assert least >= -1e-9 * max(largest, 1.0)
+
+
+def test_the_same_readings_give_the_same_estimates(
+    plugin: type[EstimatorPlugin], bench: Bench, flight: list[Step]
+) -> None:
+    first, second = (plugin.build(plugin.Config(), bench.mission) for _ in range(2))
+    for (_, one), (_, other) in zip(replay(first, flight[:600]), replay(second, flight[:600]), strict=True):
+        np.testing.assert_array_equal(one.x, other.x)
+        assert one.status is other.status
+
+
+def test_what_it_is_given_is_not_changed(estimator: Estimator, flight: list[Step]) -> None:
+    for step in flight[:300]:
+        values, command = [m.value.copy() for m in step.measurements], step.command.copy()
+        estimator.update(step.t, step.measurements, step.command)
+        np.testing.assert_array_equal(step.command, command)
+        for measurement, value in zip(step.measurements, values, strict=True):
+            np.testing.assert_array_equal(measurement.value, value)
+
+
+def test_an_estimate_that_was_handed_out_stays_as_it_was(estimator: Estimator, flight: list[Step]) -> None:
+    handed_out = [(estimate, estimate.x.copy()) for _, estimate in replay(estimator, flight[:300])]
+    for estimate, x in handed_out:
+        np.testing.assert_array_equal(estimate.x, x)
+
+
+def test_scribbling_on_an_estimate_does_not_reach_the_estimator(
+    plugin: type[EstimatorPlugin], bench: Bench, flight: list[Step]
+) -> None:
+    clean, scribbled = (plugin.build(plugin.Config(), bench.mission) for _ in range(2))
+    for (_, expected), (_, estimate) in zip(replay(clean, flight[:300]), replay(scribbled, flight[:300]), strict=True):
+        np.testing.assert_array_equal(estimate.x, expected.x)
+        for array in (estimate.x, estimate.covariance, *estimate.extra.values()):
+            if array is not None and array.flags.writeable:
+                array[...] = np.nan
+
+
+def test_before_its_first_reading_it_is_initialising(estimator: Estimator, flight: list[Step]) -> None:
+    for step in flight[:10]:
+        assert estimator.update(step.t, (), step.command).status is Status.INITIALISING
+
+
+def test_missing_readings_are_survived_and_in_the_end_told(estimator: Estimator, flight: list[Step]) -> None:
+    middle = len(flight) // 2
+    *_, (_, last_fed) = replay(estimator, flight[:middle])
+    assert last_fed.status is Status.OK
+    starved = [estimator.update(step.t, (), step.command) for step in flight[middle:]]
+    assert np.isfinite([estimate.x for estimate in starved]).all()
+    assert starved[-1].status is Status.LOST
+
+
+def test_it_finds_back_when_the_readings_come_back(estimator: Estimator, flight: list[Step], bench: Bench) -> None:
+    third, sixth = len(flight) // 3, len(flight) // 6
+    gap = [dataclasses.replace(step, measurements=()) for step in flight[third : third + sixth]]
+    *_, (last, estimate) = replay(estimator, [*flight[:third], *gap, *flight[third + sixth :]])
+    assert estimate.status is Status.OK
+    assert np.all(np.abs(estimate.x - last.truth) <= bench.tolerance)
+
+
+def test_readings_of_other_sensors_are_ignored(plugin: type[EstimatorPlugin], bench: Bench, flight: list[Step]) -> None:
+    clean, distracted = (plugin.build(plugin.Config(), bench.mission) for _ in range(2))
+    for step, expected in replay(clean, flight[:300]):
+        noise = Measurement("a-strangers-sensor", step.t, np.full(2, 1e9))
+        estimate = distracted.update(step.t, (noise, *step.measurements), step.command)
+        np.testing.assert_array_equal(estimate.x, expected.x)
+
+
+def test_it_converges_on_a_simulated_vehicle(estimator: Estimator, flight: list[Step], bench: Bench) -> None:
+    for step, estimate in replay(estimator, flight):
+        if step.t > 0.5 * DURATION:
+            assert estimate.status is Status.OK
+            assert np.all(np.abs(estimate.x - step.truth) <= bench.tolerance)

@@ -1,0 +1,175 @@
+"""The Kalman filter: its covariance and its declared quality are what a simulated flight shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.linalg import solve_continuous_lyapunov
+
+from estimators.kalman import AxisModel, Kalman, KalmanConfig, clipped_rms
+from models.aerial.dynamics import TICK, flow
+from models.aerial.mission import FlightMission, GustModel
+from models.terrain.height_field import HeightField
+from sim.signals import Array, Measurement, Status
+
+OMEGA = 2.0  # [rad/s] of the tracker that closes the loop below
+
+
+def mission_of(gust: GustModel, position_noise: float) -> FlightMission:
+    terrain = HeightField(np.zeros((3, 3)), 1000.0)
+    start = (1000.0, 1000.0, 500.0)
+    return FlightMission(terrain, start, (900.0, 900.0, 500.0), position_noise=position_noise, gust=gust)
+
+
+def fix(t: float, position: Array) -> Measurement:
+    return Measurement("position", t, position)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Standard deviations over one hovering flight; the three axes count as three samples."""
+
+    error: Array  # (2,) of position [m] and velocity [m/s] estimates, just before a fix
+    state: Array  # (2,) of position and velocity about the hover
+
+
+def hover(mission: FlightMission, duration: float) -> Flight:
+    """A critically damped tracker holds the start on the filter's estimate, under gusts."""
+    config, gust, rng = KalmanConfig(), mission.gust, np.random.default_rng(0)
+    filter_, reference = Kalman.build(config, mission), np.array([*mission.start, 0.0, 0.0, 0.0])
+    keep = math.exp(-TICK / gust.time_constant)
+    stir = gust.rms * math.sqrt(1.0 - keep**2)
+    x, g, u = reference.copy(), gust.rms * rng.standard_normal(3), np.zeros(3)
+    errors, states, fixes = [], [], []
+    for k in range(round(duration / TICK)):
+        t = k * TICK
+        if k % 30 == 0:
+            fixes.append(fix(t, x[:3] + mission.position_noise * rng.standard_normal(3)))
+        if k % 3 == 0:
+            estimate, fixes = filter_.update(t, fixes, u), []
+            off = estimate.x - reference
+            u = -(OMEGA**2) * off[:3] - 2.0 * OMEGA * off[3:]
+            if t > 20.0:
+                states.append(x - reference)
+                if k % 30 == 27:
+                    errors.append(x - estimate.x)
+        length = float(np.linalg.norm(g))
+        x = flow(x, u + g * min(1.0, gust.limit / length), TICK)
+        g = keep * g + stir * rng.standard_normal(3)
+    return Flight(*(np.sqrt(np.square(s).mean(axis=0).reshape(2, 3).mean(axis=1)) for s in (errors, states)))
+
+
+@pytest.mark.parametrize(
+    ("gust", "noise"), [(GustModel(1.5, 3.0, 100.0), 5.0), (GustModel(4.0, 3.0, 4.0), 5.0), (GustModel(1.0), 1.0)]
+)
+def test_the_declared_quality_is_that_of_a_flight(gust: GustModel, noise: float) -> None:
+    mission = mission_of(gust, noise)
+    quality, flight = Kalman.quality(KalmanConfig(), mission), hover(mission, 300.0)
+    np.testing.assert_allclose(flight.error, np.sqrt(np.diag(quality.error))[:2], rtol=0.2)
+    # x = x^ + e, the two uncorrelated, and x^ is driven through the closed loop by the corrections alone.
+    closed = np.array([[0.0, 1.0, 0.0], [-(OMEGA**2), -2.0 * OMEGA, 1.0], [0.0, 0.0, -1.0 / gust.time_constant]])
+    predicted = solve_continuous_lyapunov(closed, -quality.driving) + quality.error
+    np.testing.assert_allclose(flight.state, np.sqrt(np.diag(predicted))[:2], rtol=0.2)
+
+
+@pytest.mark.parametrize("gust", [GustModel(0.0), GustModel(2.0)])
+@pytest.mark.parametrize("noise", [0.0, 5.0])
+def test_the_covariance_settles_at_the_declared_quality(gust: GustModel, noise: float) -> None:
+    mission = mission_of(gust, noise)
+    filter_, declared = Kalman.build(KalmanConfig(), mission), Kalman.quality(KalmanConfig(), mission).error[:2, :2]
+    worst = np.zeros(2)
+    for k in range(9000):  # 90 s
+        t = k * 0.01
+        readings = [fix(t, np.array(mission.start))] if k % 10 == 0 else []
+        covariance = filter_.update(t, readings, np.zeros(3)).covariance
+        assert covariance is not None
+        if k > 8000:
+            worst = np.maximum(worst, np.diag(covariance)[[0, 3]])
+    assert np.all(worst <= np.diag(declared) * (1.0 + 1e-6))  # declared just before a fix, seen .01 s earlier
+    assert np.all(worst >= np.diag(declared) * 0.8)
+
+
+@given(a=st.floats(0.001, 2.0), b=st.floats(0.001, 2.0), rms=st.floats(0.05, 5.0), tau=st.floats(0.3, 30.0))
+def test_the_discretisation_is_a_semigroup(a: float, b: float, rms: float, tau: float) -> None:
+    model = AxisModel(rms, tau, 1.0)
+    (Fa, Ba, Qa), (Fb, Bb, Qb), (F, B, Q) = (model.discretised(h) for h in (a, b, a + b))
+    np.testing.assert_allclose(Fb @ Fa, F, atol=1e-12)
+    np.testing.assert_allclose(Fb @ Ba + Bb, B, atol=1e-12)
+    np.testing.assert_allclose(Fb @ Qa @ Fb.T + Qb, Q, rtol=1e-7, atol=1e-9)
+
+
+def test_the_gust_of_the_model_is_stationary() -> None:
+    F, _, Q = AxisModel(2.0, 3.0, 1.0).discretised(0.1)
+    assert F[2, 2] ** 2 * 4.0 + Q[2, 2] == pytest.approx(4.0)
+
+
+def test_how_often_it_is_asked_does_not_matter() -> None:
+    mission, rng = mission_of(GustModel(2.0), 5.0), np.random.default_rng(0)
+    fast, slow = (Kalman.build(KalmanConfig(period=period), mission) for period in (0.01, 0.25))
+    u, pending = np.array([1.0, -2.0, 0.5]), []
+    for k in range(101):
+        t = k * 0.01
+        readings = [fix(t, np.array(mission.start) + rng.normal(size=3))] if k % 10 == 0 else []
+        pending += readings
+        often = fast.update(t, readings, u)
+        if k % 25 == 0:
+            seldom, pending = slow.update(t, pending, u), []
+            np.testing.assert_allclose(seldom.x, often.x, rtol=0.0, atol=1e-8)
+            assert seldom.covariance is not None
+            assert often.covariance is not None
+            np.testing.assert_allclose(seldom.covariance, often.covariance, rtol=1e-7)
+            np.testing.assert_allclose(seldom.extra["gust"], often.extra["gust"], atol=1e-8)
+
+
+def test_without_fixes_it_predicts_on_and_says_that_it_is_lost() -> None:
+    mission = mission_of(GustModel(0.0), 0.0)
+    filter_, u = Kalman.build(KalmanConfig(timeout=0.5), mission), np.array([1.0, 2.0, 3.0])
+    x = np.array([*mission.start, 0.0, 0.0, 0.0])
+    assert filter_.update(0.0, [], u).status is Status.INITIALISING
+    assert filter_.update(0.01, [fix(0.01, flow(x, u, 0.01)[:3])], u).status is Status.OK
+    for k in range(2, 101):
+        estimate = filter_.update(k * 0.01, [], u)
+        np.testing.assert_allclose(estimate.x, flow(x, u, k * 0.01), atol=1e-8)
+        assert estimate.status is (Status.OK if k <= 51 else Status.LOST)
+
+
+def test_a_constant_gust_is_found() -> None:
+    mission, g = mission_of(GustModel(2.0, time_constant=300.0), 0.5), np.array([2.0, -1.0, 0.5])
+    filter_, x = Kalman.build(KalmanConfig(), mission), np.array([*mission.start, 0.0, 0.0, 0.0])
+    rng = np.random.default_rng(0)
+    found = []
+    for k in range(2000):
+        readings = [fix(k * 0.01, x[:3] + 0.5 * rng.normal(size=3))] if k % 10 == 0 else []
+        estimate = filter_.update(k * 0.01, readings, -g)  # the input holds the vehicle against it
+        found.append(estimate.extra["gust"])
+    np.testing.assert_allclose(np.mean(found[1000:], axis=0), g, atol=0.25)
+
+
+@pytest.mark.parametrize(
+    "gust", [GustModel(0.0), GustModel(1.0), GustModel(4.0), GustModel(20.0), GustModel(2.0, 3, 9)]
+)
+def test_the_rms_of_a_clipped_gust_is_that_of_samples(gust: GustModel) -> None:
+    g = gust.rms * np.random.default_rng(0).standard_normal((200_000, 3))
+    length = np.linalg.norm(g, axis=1, keepdims=True)
+    clipped = g * np.minimum(1.0, gust.limit / np.maximum(length, 1e-300))
+    assert clipped_rms(gust) == pytest.approx(np.sqrt(np.mean(clipped**2)), rel=0.01)
+
+
+def test_a_fix_from_the_past_is_refused() -> None:
+    mission = mission_of(GustModel(1.0), 5.0)
+    filter_ = Kalman.build(KalmanConfig(), mission)
+    filter_.update(1.0, [], np.zeros(3))
+    with pytest.raises(ValueError, match=r"0\.5.*already"):
+        filter_.update(1.01, [fix(0.5, np.zeros(3))], np.zeros(3))
+
+
+@pytest.mark.parametrize("field", ["period", "timeout", "start_position_std", "noise_floor", "gust_floor"])
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan])
+def test_impossible_fields_are_refused(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=field):
+        KalmanConfig(**{field: value})

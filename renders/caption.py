@@ -89,20 +89,21 @@ class Caption:
         i = run.index(frame.t)
         ground = run.above_ground[i]
         rate = f"{frame.rate:.0f}× real time" if frame.rate >= 1.95 else f"{frame.rate:.1f}× real time"
-        columns = (
+        rows = (
             ("TIME", f"{frame.t:.1f} s", rate if frame.rate > 0.0 else f"of {run.duration:.1f} s"),
             ("SPEED", f"{self._speed[i]:.0f} m/s", f"bound {run.mission.speed_max:.0f} m/s"),
-            ("ABOVE GROUND", f"{ground:,.0f} m".replace(",", " "), f"at least {run.mission.clearance_min:.0f} m"),
+            ("ABOVE GROUND", f"{ground:.0f} m", f"at least {run.mission.clearance_min:.0f} m"),
         )
-        left, wide, high = self._px(18), self._px(150), self._px(112)
-        top = self.height - self._px(30) - high
-        self._panel(draw, (left, top, left + 3 * wide + self._px(6), top + high))
-        for k, (name, value, note) in enumerate(columns):
-            x = left + self._px(14) + k * wide
-            draw.text((x, top + self._px(18)), name, SOFT, self._plain[13], "lm")
-            draw.text((x, top + self._px(43)), value, WHITE, self._bold[26], "lm")
-            draw.text((x, top + self._px(68)), note, SOFT, self._plain[13], "lm")
-        draw.text((left + self._px(14), top + self._px(94)), phase_name(run, frame.t), WHITE, self._plain[15], "lm")
+        left, right, step = self._px(18), self._px(276), self._px(54)
+        pad = self._px(14)
+        top = self.height - self._px(30) - len(rows) * step - self._px(44)
+        self._panel(draw, (left, top, right, self.height - self._px(30)))
+        for k, (name, value, note) in enumerate(rows):
+            y = top + self._px(18) + k * step
+            draw.text((left + pad, y), name, SOFT, self._plain[13], "lm")
+            draw.text((left + pad, y + self._px(23)), value, WHITE, self._bold[26], "lm")
+            draw.text((right - pad, y + self._px(26)), note, SOFT, self._plain[13], "rm")
+        draw.text((left + pad, self.height - self._px(48)), phase_name(run, frame.t), WHITE, self._plain[15], "lm")
 
     def _legend(self, draw: ImageDraw.ImageDraw) -> None:
         parts = [part for part in LEGEND if part is not Part.RADAR or self.run.mission.radars]

@@ -73,6 +73,7 @@ class Scene:
         self._airframe_geoms = np.flatnonzero(self.model.geom_bodyid == airframe)
         self._airframe_size = self.model.geom_size[self._airframe_geoms].copy()
         self._airframe_pos = self.model.geom_pos[self._airframe_geoms].copy()
+        self._airframe_alpha = self.model.geom_rgba[self._airframe_geoms, 3].copy()
         self._camera = mujoco.MjvCamera()
         self._options = mujoco.MjvOption()
         self._chase = ChaseCamera(run)
@@ -202,6 +203,8 @@ class Scene:
         scale = span * 2.0 * distance * self._tangent() / TRUE_SPAN
         if camera != "chase":
             position[2] += 0.15 * scale * TRUE_SPAN  # so that the enlarged airframe hovers over its place on the map
+            # The discs of the rotors, nearly clear beside the vehicle, are what is seen of it from afar.
+        self.model.geom_rgba[self._airframe_geoms, 3] = self._airframe_alpha ** (1.0 if camera == "chase" else 0.3)
         self.data.mocap_pos[0], self.data.mocap_quat[0] = position, quaternion
         self.model.geom_size[self._airframe_geoms] = scale * self._airframe_size
         self.model.geom_pos[self._airframe_geoms] = scale * self._airframe_pos

@@ -39,9 +39,8 @@ class TimedRadar:
 def references(t: Array, agent: AgentRecorder) -> Array:
     """The state (n, 6) that the tracker was asked for at each time; NaN before the first plan."""
     out = np.full((len(t), 6), np.nan)
-    for (adopted, plan), following in zip(
-        agent.plans, [*(start for start, _ in agent.plans[1:]), math.inf], strict=True
-    ):
+    ends = [*(start for start, _ in agent.plans), math.inf][1:]  # none without a plan
+    for (adopted, plan), following in zip(agent.plans, ends, strict=True):
         flown = (t >= adopted - 1e-9) & (t < following - 1e-9)
         out[flown] = state_at(plan, t[flown])
     return out
@@ -108,7 +107,7 @@ def flight_summary(
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
         "iteration_limits": kinds["iteration-limit"],
         "tracking_breaches": episodes(broken),
-        "tracking_error_max_m": float(np.nanmax(np.linalg.norm(error[:, :3], axis=1))),
+        "tracking_error_max_m": float(np.nanmax(np.linalg.norm(error[:, :3], axis=1), initial=0.0)),
         "tracking_bound_m": float(math.hypot(bound.horizontal, bound.vertical)),
         "rebased_plans": kinds["rebased"],
         "missed_passes": kinds["missed-pass"],

@@ -171,6 +171,7 @@ def linearise(
     scales: Array,
     packed: Array,
     hold: Array,
+    multipliers: Array,
     hessian: Array,
     gradient: Array,
     rows: Array,
@@ -182,7 +183,9 @@ def linearise(
         minimise d'Hd/2 + g'd  subject to  lower <= (d, rows d) <= upper,
 
     the first 3n + 1 bounds on d itself; rows in the order clearance (soft), approach (soft), speed, acceleration,
-    manoeuvre, map borders, hold. ``hold`` is empty, or the point (3,) [m] that the last node must meet.
+    manoeuvre, map borders, hold. ``hold`` is empty, or the point (3,) [m] that the last node must meet. ``multipliers``
+    (2n + 1,) >= 0 of the balls, from the step before, add the balls' curvature to the Hessian, which without it would
+    let the step leave along their tangents.
     """
     n = weights.shape[1]
     size = 3 * n + 1
@@ -249,6 +252,8 @@ def linearise(
             for j in range(i + 1):
                 for axis in range(3):
                     rows[row, 3 * j + axis] = h * v[axis] / length
+            if multipliers[i] > 0.0:
+                _bend(hessian, v / length, multipliers[i] * h * h / length, 0, i + 1)
         row += 1
     for i in range(n):
         a0, a1, a2 = unknowns[3 * i], unknowns[3 * i + 1], unknowns[3 * i + 2]
@@ -257,6 +262,8 @@ def linearise(
         if length > _SLOW:
             upper[size + row] = a_max - length
             rows[row, 3 * i], rows[row, 3 * i + 1], rows[row, 3 * i + 2] = a0 / length, a1 / length, a2 / length
+            if multipliers[n + i] > 0.0:
+                _bend(hessian, unknowns[3 * i : 3 * i + 3] / length, multipliers[n + i] / length, i, i + 1)
         row += 1
     # The manoeuvre's acceleration ((0, 0, w) - v_n) / duration.
     v[2] -= climb
@@ -285,6 +292,17 @@ def linearise(
                 rows[row, 3 * j + axis] = weights[looked, j]
             upper[size + row] = lower[size + row] = hold[axis] - p[axis]
             row += 1
+
+
+@njit(cache=True, nogil=True)
+def _bend(hessian: Array, direction: Array, strength: float, first: int, last: int) -> None:
+    """Add strength (I - e e') to every pair of the blocks first ... last - 1 of the Hessian, e a unit vector (3,)."""
+    for a in range(3):
+        for b in range(3):
+            curvature = strength * ((1.0 if a == b else 0.0) - direction[a] * direction[b])
+            for j in range(first, last):
+                for m in range(first, last):
+                    hessian[3 * j + a, 3 * m + b] += curvature
 
 
 @njit(cache=True, nogil=True)

@@ -264,23 +264,41 @@ class Literal:
         )
         a, status = solve(nlp, self._shifted(request))
         solve_ms = 1e3 * (time.thread_time() - began)
+        plan = self._concatenated(request, nlp, a, status)
+        if not plan.ok and request.current is None and not start[3:].any() and float(nlp.depth(start[None, :3])[0]) <= 0.0:
+            plan = self._from_rest(request, start, plan.message)
+        return replace(plan, solve_ms=solve_ms)
+
+    def _concatenated(self, request: PlanRequest, nlp: EulerNlp, a: Array, status: Status) -> Plan:
+        """The NLP's solution, the manoeuvre if it is feasible, and the completion; or why there is none."""
         if status is not Status.OK:
-            return Plan.failure(status, f"the NLP (A.2): {status.value}", solve_ms=solve_ms)
+            return Plan.failure(status, f"the NLP (A.2): {status.value}")
         p, v = nlp.states(a)
         steps, push = self._manoeuvre(v[-1])
-        if refusal := self._infeasible(nlp, p[-1] + config.h * v[-1], v[-1], steps, push):
-            failure = Plan.failure(Status.LOW_CLEARANCE, f"the manoeuvre (A.4): {refusal}", solve_ms=solve_ms)
+        if refusal := self._infeasible(nlp, p[-1] + nlp.h * v[-1], v[-1], steps, push):
+            failure = Plan.failure(Status.LOW_CLEARANCE, f"the manoeuvre (A.4): {refusal}")
             return replace(failure, notes=("manoeuvre-rejected",))
-        arcs = ArcList.begin(request.t_start, start)
-        for push_i in (*a, np.zeros(3)):  # a_N = 0
-            arcs.add(push_i, config.h, Phase.OPTIMISED)
-        arcs.add(push, steps * config.h, Phase.MANOEUVRE)
+        arcs = ArcList.begin(request.t_start, nlp.start)
+        for a_i in (*a, np.zeros(3)):  # a_N = 0
+            arcs.add(a_i, nlp.h, Phase.OPTIMISED)
+        arcs.add(push, steps * nlp.h, Phase.MANOEUVRE)
         end = arcs.x[-1]
-        if not mission.terrain.contains(end[0], end[1]):
-            return Plan.failure(Status.OFF_MAP, "the manoeuvre's exact motion leaves the map", solve_ms=solve_ms)
+        if not self._mission.terrain.contains(end[0], end[1]):
+            return Plan.failure(Status.OFF_MAP, "the manoeuvre's exact motion leaves the map")
         arcs.x[-1] = np.array([*end[:3], 0.0, 0.0, end[5]])
+        return self._completed(arcs, nlp.objective(a))
+
+    def _from_rest(self, request: PlanRequest, start: Array, message: str) -> Plan:
+        """Rest above h_min is in S_s, so the completion alone is a concatenated solution for k = 1 (Proposition A.2)."""
+        plan = self._completed(ArcList.begin(request.t_start, start), math.nan)
+        return replace(plan, notes=("reserve-plan",), message=message) if len(plan.u) else Plan.failure(
+            Status.INFEASIBLE, f"the start is the target; {message}"
+        )
+
+    def _completed(self, arcs: ArcList, cost: float) -> Plan:
+        mission = self._mission
         complete(arcs, mission.terrain, self._target, mission.clearance_min, mission.speed_max, self._thrust)
-        return arcs.plan(nlp.objective(a), solve_ms)
+        return arcs.plan(cost, math.nan)
 
     def _listen(self, request: PlanRequest) -> None:
         heard = tuple(m.payload for m in request.messages if m.topic == "radar" and isinstance(m.payload, Radar))

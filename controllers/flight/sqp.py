@@ -1,10 +1,10 @@
 """The default solver: a condensed Gauss-Newton method, each step a dense quadratic programme solved by ``daqp``.
 
 All that is not convex in the problem (terrain, terminal cost, approach condition) sits in its objective, as cost or
-as a quadratic penalty on a slack; the hard constraints are balls and boxes, taken by their tangent planes. So a step
-of the Gauss-Newton method is a descent direction of the objective plus an exact penalty on the balls, and a
-backtracking line search makes every iteration an improvement. Iterations stop when one gains less than ``tolerance``
-(1 + cost).
+as a quadratic penalty on a slack; the hard constraints are balls and boxes. A ball is taken by its tangent plane, its
+curvature by the multiplier of the step before. So a step is a descent direction of the objective plus an exact
+penalty on the balls, and a backtracking line search makes every iteration an improvement. Iterations stop when one
+changes that merit by less than ``tolerance`` (1 + cost).
 """
 
 from __future__ import annotations
@@ -18,11 +18,16 @@ from sim.signals import Array
 
 _SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
 _TANGENT_ERROR = 1e-2  # [m/s, m/s^2] by which a ball's tangent planes may overshoot it on convergence
+_SHORTEST_STEP = 1e-3
 _INFEASIBLE = "the quadratic programme has no feasible point"
 
 
 class GaussNewton:
-    """Solves ``Problem`` after ``Problem``; holds no state but the solver's workspaces, one per horizon length."""
+    """Solves ``Problem`` after ``Problem``.
+
+    Between problems it keeps the solver's workspaces, one per horizon length, with the balls' last multipliers: they
+    shape the first step, not the solution.
+    """
 
     def __init__(self, tolerance: float = 1e-6, iteration_limit: int = 12) -> None:
         if not tolerance > 0.0:
@@ -51,43 +56,43 @@ class GaussNewton:
             packed,
         )
         hold = np.empty(0) if problem.hold is None else problem.hold
-        penalty = 100.0 + 10.0 * problem.parameters.psi_per_metre * problem.arcs * problem.parameters.h
         unknowns = guess.copy()
         value, violation = kernels.objective(unknowns, *data)
-        gap = _gap(work, unknowns, hold, problem)
-        merit = value + penalty * (violation + gap)
+        violation += _gap(unknowns, problem)
         converged, iteration = False, 0
         while iteration < self._iteration_limit and not converged:
             iteration += 1
-            kernels.linearise(unknowns, *data, hold, work.hessian, work.gradient, work.rows, work.upper, work.lower)
+            kernels.linearise(
+                unknowns, *data, hold, work.multipliers, work.hessian, work.gradient, work.rows, work.upper, work.lower
+            )
             step = work.step()
             if step is None:
                 return _INFEASIBLE
-            length = 1.0
+            length, merit = 1.0, value + work.penalty * violation
             while True:
                 trial = unknowns + length * step
                 trial_value, trial_violation = kernels.objective(trial, *data)
-                trial_gap = _gap(work, trial, hold, problem)
-                trial_merit = trial_value + penalty * (trial_violation + trial_gap)
-                if trial_merit <= merit or length < 1e-3:
+                trial_violation += _gap(trial, problem)
+                gain = merit - trial_value - work.penalty * trial_violation
+                if gain >= 0.0 or length < _SHORTEST_STEP:
                     break
                 length *= 0.5
-            gain = merit - trial_merit
-            if gain >= 0.0:
-                unknowns, value, violation, merit = trial, trial_value, trial_violation, trial_merit
-            converged = gain <= self._tolerance * (1.0 + abs(value)) and violation <= _TANGENT_ERROR
+            if gain < 0.0 and abs(gain) > self._tolerance * (1.0 + abs(value)):
+                break  # no descent left in this direction, and not for rounding
+            unknowns, value, violation = trial, trial_value, trial_violation
+            converged = abs(gain) <= self._tolerance * (1.0 + abs(value)) and violation <= _TANGENT_ERROR
         message = "" if converged else f"stopped after {iteration} iterations"
         accelerations = unknowns[:-1].reshape(-1, 3)
         return Solution(accelerations, float(unknowns[-1]), float(value), converged, iteration, message)
 
 
-def _gap(work: _Workspace, unknowns: Array, hold: Array, problem: Problem) -> float:
-    """Distance of the last node from ``hold`` [m], 0 without one."""
-    if not hold.size:
+def _gap(unknowns: Array, problem: Problem) -> float:
+    """Distance of the last node from the point it must meet [m]; 0 if there is none."""
+    if problem.hold is None:
         return 0.0
-    s, n = problem.stencil, problem.arcs
-    p = problem.start[:3] + s.base[-2] * problem.start[3:] + s.weights[-2] @ unknowns[:-1].reshape(n, 3)
-    return float(np.abs(p - hold).max())
+    s = problem.stencil
+    p = problem.start[:3] + s.base[-2] * problem.start[3:] + s.weights[-2] @ unknowns[:-1].reshape(-1, 3)
+    return float(np.abs(p - problem.hold).max())
 
 
 class _Workspace:
@@ -100,6 +105,10 @@ class _Workspace:
         self.hessian, self.gradient = np.zeros((size, size)), np.zeros(size)
         self.rows = np.zeros((count, size))
         self.upper, self.lower = np.zeros(size + count), np.zeros(size + count)
+        self.penalty = 1.0  # above the sum of all multipliers, so that the merit's minimum is the problem's
+        self._held = held
+        self._balls = slice(size + clearance + 1, size + clearance + 2 + 2 * n)
+        self.multipliers = np.zeros(2 * n + 1)  # of the balls |v| <= v_max, |a| <= a_max and the manoeuvre's
         self._sense = np.zeros(size + count, np.int32)
         self._sense[size : size + clearance + 1] = _SOFT
         if held:
@@ -127,5 +136,11 @@ class _Workspace:
             )
         if flag < 0 or self._solver is None:
             return None
-        x, _, exit_flag, _ = self._solver.solve()
-        return np.array(x) if exit_flag > 0 else None
+        x, _, exit_flag, information = self._solver.solve()
+        if exit_flag <= 0:
+            return None
+        multipliers = information["lam"]
+        self.multipliers[:] = np.maximum(multipliers[self._balls], 0.0)
+        holding = float(np.abs(multipliers[multipliers.size - self._held :]).sum())
+        self.penalty = 1.0 + 2.0 * (float(self.multipliers.sum()) + holding)
+        return np.array(x)

@@ -1,0 +1,236 @@
+"""CasADi's statement of the problem of ``controllers.flight.problem``, solved by IPOPT or FATROP.
+
+It shares no code with the compiled kernels, and one is tested against the other. Where those condense the dynamics into
+affine maps of the accelerations, here the states are unknowns as well (multiple shooting), ordered stage by stage so that
+FATROP finds its block structure:
+
+    x_1, a_1, x_2, a_2, ..., x_N, w,    x_i = (p_i, v_i).
+
+The soft constraints carry their slacks at the optimal values s_q = max(0, violation), so the objective is the one the
+kernels compute. Everything that changes from one problem to the next is a parameter: a solver is built once per number of
+arcs and size of the splines, in milliseconds.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from controllers.flight import kernels
+from controllers.flight.cost_to_go import TARGET_LENGTH
+from controllers.flight.problem import POINTS_ON_MANOEUVRE, POINTS_PER_ARC, Problem, Solution
+from sim.signals import Array
+
+Backend = Literal["ipopt", "fatrop"]
+
+_ITERATION_LIMIT = 200
+_STATE, _INPUT = 6, 3
+# A warm start stays where it is put: the usual push away from the bounds would undo it.
+_IPOPT_WARM_START = {
+    "warm_start_init_point": "yes",
+    "warm_start_bound_push": 1e-9,
+    "warm_start_bound_frac": 1e-9,
+    "warm_start_slack_bound_push": 1e-9,
+    "warm_start_slack_bound_frac": 1e-9,
+    "warm_start_mult_bound_push": 1e-9,
+    "mu_strategy": "adaptive",
+    "mu_init": 1e-4,
+}
+
+
+@dataclass(frozen=True)
+class _Shape:
+    """What a solver is built for: the number of arcs, the kind of end, and the sizes of the splines' windows."""
+
+    arcs: int
+    hold: bool
+    heights: tuple[int, int]
+    ground: tuple[int, int]
+    ratio: tuple[int, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """The coefficients of a spline within reach of the start, and where they lie in the whole array."""
+
+    coefficients: Array
+    corner: Array  # (2,) row and column of its first coefficient
+    whole: Array  # (2,) rows and columns of the whole array
+
+    @staticmethod
+    def around(coefficients: Array, row: float, column: float, reach: float) -> _Window:
+        """The last two axes cut to ``reach`` cells around a point given in cells."""
+        size = 2 * math.ceil(reach) + 5
+        rows, columns = coefficients.shape[-2:]
+        corner = [
+            min(max(math.floor(centre) - math.ceil(reach), 0), max(0, count - size))
+            for centre, count in ((row, rows), (column, columns))
+        ]
+        part = coefficients[..., corner[0] : corner[0] + size, corner[1] : corner[1] + size]
+        return _Window(part, np.array(corner, float), np.array([rows, columns], float))
+
+
+def _windows(problem: Problem) -> tuple[_Window, _Window, _Window]:
+    """Windows of terrain, grid ground and ratio that no feasible trajectory can leave."""
+    p, cost, spacing = problem.parameters, problem.landscape.cost, problem.landscape.terrain.spacing
+    reach = p.speed_max * ((problem.arcs + 1) * p.h + p.manoeuvre_duration)
+    x, y = problem.start[:2]
+    grid = cost.grid
+    on_grid = (y - grid.y_0) / grid.spacing, (x - grid.x_0) / grid.spacing
+    return (
+        _Window.around(problem.landscape.heights, y / spacing, x / spacing, reach / spacing),
+        _Window.around(cost.ground, *on_grid, reach / grid.spacing),
+        _Window.around(cost.ratio, *on_grid, reach / grid.spacing),
+    )
+
+
+def _basis(f: ca.MX) -> ca.MX:
+    """The four cubic B-spline basis functions at fractions f (1, Q) of a cell, (4, Q)."""
+    g = 1 - f
+    return ca.vertcat(g**3, 4 - 6 * f**2 + 3 * f**3, 4 - 6 * g**2 + 3 * g**3, f**3) / 6
+
+
+def _spline(c: ca.MX, axes: Sequence[tuple[int, ca.MX, ca.MX]], coordinates: Sequence[ca.MX]) -> ca.MX:
+    """Tensor-product cubic B-spline at Q points, (1, Q).
+
+    ``c`` holds the coefficients of the window in C order; each axis is (size of the window, its corner, size of the whole
+    array), each of the coordinates (1, Q) is in cells of the whole array and held to [0, nodes - 1]. Written with gathers
+    over all the points at once, because ``casadi.bspline`` with symbolic coefficients differentiates the whole array of
+    coefficients at every evaluation.
+    """
+    index, weight = ca.MX(), ca.MX()
+    for (size, corner, whole), coordinate in zip(axes, coordinates, strict=True):
+        held = ca.fmin(ca.fmax(coordinate, 0), whole - 3)
+        cell = ca.fmin(ca.floor(held), whole - 4)
+        first = ca.fmin(ca.fmax(cell - corner, 0), size - 4)
+        rows, basis = ca.repmat(first, 4, 1) + ca.repmat(ca.DM(range(4)), 1, first.shape[1]), _basis(held - cell)
+        if index.is_empty():
+            index, weight = rows, basis
+        else:
+            terms = index.shape[0]
+            each, tiled = np.repeat(np.arange(terms), 4).tolist(), np.tile(np.arange(4), terms).tolist()
+            index, weight = index[each, :] * size + rows[tiled, :], weight[each, :] * basis[tiled, :]
+    gathered = ca.reshape(c[ca.vec(index)], index.shape[0], index.shape[1])
+    return ca.sum1(gathered * weight)
+
+
+@dataclass(frozen=True, eq=False)
+class _Programme:
+    """min f(x, p) subject to lower <= g(x, p) <= upper and bounds on x, and FATROP's view of its structure."""
+
+    functions: dict[str, ca.MX]  # x, p, f, g
+    lower: Array  # (m,)
+    upper: Array  # (m,)
+    equality: list[bool]  # (m,)
+    path_constraints: list[int]  # (N,) at each stage
+
+
+def _programme(shape: _Shape) -> _Programme:
+    """The optimal control problem."""
+    n = shape.arcs
+    # Parameters: what is known.
+    start, target, scales = ca.MX.sym("start", 6), ca.MX.sym("target", 3), ca.MX.sym("scales", 8)
+    packed = ca.MX.sym("packed", kernels.PACKED_SIZE)
+    frames = [ca.MX.sym(name, 4) for name in ("heights_frame", "ground_frame")]  # corner and size of the whole
+    heights_c, ground_c, ratio_c = (
+        ca.MX.sym(name, math.prod(size))
+        for name, size in (("heights", shape.heights), ("ground", shape.ground), ("ratio", shape.ratio))
+    )
+    h, duration, floor = packed[kernels.H], packed[kernels.MANOEUVRE], packed[kernels.FLOOR]
+    speed_max, acceleration_max = packed[kernels.SPEED], packed[kernels.ACCELERATION]
+    beta, psi, epsilon = packed[kernels.BETA], packed[kernels.PSI], packed[kernels.EPSILON]
+    sides, spacing = packed[[kernels.WIDTH, kernels.DEPTH]], packed[kernels.SPACING]
+    kappa_h, kappa_s = packed[kernels.TERRAIN_WEIGHT], packed[kernels.APPROACH_WEIGHT]
+    rho_w = packed[kernels.CLIMB_WEIGHT]
+
+    def axes(frame: ca.MX, size: tuple[int, int]) -> list[tuple[int, ca.MX, ca.MX]]:
+        return [(size[0], frame[0], frame[2]), (size[1], frame[1], frame[3])]
+
+    def height(q: ca.MX) -> ca.MX:
+        """H at points (3, Q), (1, Q) [m]."""
+        return _spline(heights_c, axes(frames[0], shape.heights), [q[1, :] / spacing, q[0, :] / spacing])
+
+    def length_to_go(q: ca.MX) -> ca.MX:
+        """Psi without its factor at points (3, Q), (1, Q) [m]."""
+        x_0, y_0, cell, level_0, layer_spacing, p_f = (*ca.vertsplit(scales[:5]), scales[5:])
+        row, column = (q[1, :] - y_0) / cell, (q[0, :] - x_0) / cell
+        ground = _spline(ground_c, axes(frames[1], shape.ground), [row, column])
+        layer = (q[2, :] - ground - level_0) / layer_spacing
+        layers = (shape.ratio[0], ca.MX(0), ca.MX(shape.ratio[0]))
+        tau = _spline(ratio_c, [layers, *axes(frames[1], (shape.ratio[1], shape.ratio[2]))], [layer, row, column])
+        away = q - ca.repmat(p_f, 1, q.shape[1])
+        return ca.sqrt(ca.sum1(away**2) + TARGET_LENGTH**2) * tau - TARGET_LENGTH
+
+    # Variables.
+    stages = ca.MX.sym("stages", _STATE + _INPUT, n)
+    last = ca.MX.sym("last", _STATE + 1)
+    p, v, a = stages[0:3, :], stages[3:6, :], stages[6:9, :]
+    p_end, v_end, w = last[0:3], last[3:6], last[6]
+    braking = (ca.vertcat(0, 0, w) - v_end) / duration
+
+    # Objective.
+    looked = [p + t * v + t**2 / 2 * a for t in (h * k / POINTS_PER_ARC for k in range(1, POINTS_PER_ARC + 1))]
+    t = duration * ca.DM(range(1, POINTS_ON_MANOEUVRE + 1)).T / POINTS_ON_MANOEUVRE
+    manoeuvre = ca.repmat(p_end, 1, POINTS_ON_MANOEUVRE) + v_end @ t + braking @ (t**2 / 2)
+    points = ca.horzcat(*looked, manoeuvre)
+    s_terrain = ca.fmax(height(points) + floor - points[2, :], 0)
+    cost = h * ca.sumsqr(a) + rho_w / 2 * w**2 + kappa_h / 2 * ca.sumsqr(s_terrain)
+    if not shape.hold:
+        here, there = ca.horzsplit(psi * length_to_go(ca.horzcat(p_end, p_end + h * v_end)))
+        s_approach = ca.fmax((there - here) / (h * beta) + 1 + epsilon, 0)
+        cost += here + kappa_s / 2 * s_approach**2
+
+    # Dynamics, stage by stage, with the path constraints of each stage after them; boundary conditions at both ends.
+    following = ca.horzcat(stages[:_STATE, 1:], last[:_STATE])
+    gap = following - ca.vertcat(p + h * v + h**2 / 2 * a, v + h * a)
+    speed = ca.sum1((v + h * a) ** 2) / speed_max**2
+    acceleration = ca.sum1(a**2) / acceleration_max**2
+    constraints: list[tuple[ca.MX, float, float]] = []
+    path_constraints = []
+    for i in range(n):
+        constraints.append((gap[:, i], 0.0, 0.0))
+        path = [(speed[i], -np.inf, 1.0), (acceleration[i], -np.inf, 1.0)]
+        if i == 0:
+            path.append((stages[:_STATE, 0] - start, 0.0, 0.0))
+        constraints += path
+        path_constraints.append(sum(g.numel() for g, _, _ in path))
+    # On the map, as fractions of what lies inside its border.
+    middle, half = sides / 2, sides / 2 - kernels.BORDER
+    final = [(ca.sumsqr(braking) / acceleration_max**2, -np.inf, 1.0)]
+    final += [((q[:2] - middle) / half, -1.0, 1.0) for q in (p_end, manoeuvre[:, -1])]
+    if shape.hold:
+        final.append((p_end - target, 0.0, 0.0))
+    constraints += final
+    path_constraints.append(sum(g.numel() for g, _, _ in final))
+
+    known = [start, target, scales, packed, *frames, heights_c]
+    if not shape.hold:
+        known += [ground_c, ratio_c]
+    return _Programme(
+        functions={
+            "x": ca.vertcat(ca.vec(stages), last),
+            "p": ca.vertcat(*known),
+            "f": cost,
+            "g": ca.vertcat(*(g for g, _, _ in constraints)),
+        },
+        lower=np.concatenate([np.full(g.numel(), low) for g, low, _ in constraints]),
+        upper=np.concatenate([np.full(g.numel(), high) for g, _, high in constraints]),
+        equality=[low == high for g, low, high in constraints for _ in range(g.numel())],
+        path_constraints=path_constraints,
+    )
+
+
+def _scale(problem: Problem) -> float:
+    """FATROP stops at an absolute tolerance: the objective is given to it in the unit of a second's cost."""
+    return 1.0 / (1.0 + problem.parameters.beta)

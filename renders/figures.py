@@ -1,0 +1,266 @@
+"""Figures of a run and of a terrain, in one style.
+
+Every function returns a matplotlib figure with a transparent ground and text in the one colour ``INK``, lines of reference
+in ``GRID``: a report puts the reader's light or dark theme in their place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from models.terrain.height_field import HeightField
+from renders.palette import COLOURS, Part, hexadecimal
+from renders.relief import relief
+from renders.run_data import RunData
+from sim.signals import Array, Integers
+
+INK, GRID = "#1b2733", "#b9c2cc"
+GROUND, BOUND = "#9a8468", "#c2183b"
+MAP_PIXELS = 769  # along the longer side of a map's picture
+MOST_POINTS = 1500  # of a curve
+STYLE: dict[str, Any] = {
+    "font.size": 9.0,
+    "font.family": "DejaVu Sans",
+    "text.color": INK,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.facecolor": "none",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.5,
+    "figure.facecolor": "none",
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "legend.frameon": False,
+    "lines.linewidth": 1.4,
+    "svg.fonttype": "none",
+}
+
+
+def _figure(width: float, height: float) -> Figure:
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _colour(part: Part) -> str:
+    return hexadecimal(COLOURS[part])
+
+
+def thinned(n: int, keep: int) -> Integers:
+    """At most about ``MOST_POINTS`` of n indices, evenly spread, the last one and ``keep`` among them."""
+    chosen: Integers = np.unique(np.append(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(np.int64), keep))
+    return chosen
+
+
+def map_figure(run: RunData) -> Figure:
+    """The hill-shaded map with the path flown, the first plan, radars, start and target."""
+    with matplotlib.rc_context(STYLE):
+        figure = _figure(7.6, 7.2)
+        axes = figure.add_subplot()
+        _draw_map(axes, run.terrain)
+        outline = [patheffects.withStroke(linewidth=3.4, foreground="white", alpha=0.85)]
+        for number, radar in enumerate(run.mission.radars, start=1):
+            centre = (radar.x / 1e3, radar.y / 1e3)
+            colour = _colour(Part.RADAR)
+            axes.add_patch(Circle(centre, radar.radius / 1e3, facecolor=colour, alpha=0.25, edgecolor="none"))
+            axes.add_patch(Circle(centre, radar.radius / 1e3, fill=False, edgecolor=colour, linewidth=1.2))
+            when = "from the start" if radar.time <= 0.0 else f"from {radar.time:.0f} s"
+            _name_place(axes, f"radar {number}, {when}", centre, (0, 0), "center")
+        if run.plans:
+            first = run.plans[0]
+            axes.plot(
+                first.x[:, 0] / 1e3, first.x[:, 1] / 1e3, "--", color=_colour(Part.COMPLETION), label="first plan, to rest",
+                path_effects=[patheffects.withStroke(linewidth=2.6, foreground="white", alpha=0.6)],
+            )  # fmt: skip
+        i = thinned(len(run.t), 0)
+        axes.plot(
+            run.x[i, 0] / 1e3, run.x[i, 1] / 1e3, color=_colour(Part.FLOWN), lw=2.0, label="flown", path_effects=outline
+        )
+        for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target)):
+            axes.plot(*place[:2] / 1e3, "o", ms=8, mfc=_colour(part), mec="#101824", mew=1.4)
+            left = place[0] > 0.8 * run.terrain.width
+            _name_place(axes, part.value, tuple(place[:2] / 1e3), (-9 if left else 9, 0), "right" if left else "left")
+        axes.set_title(f"Path over {run.terrain.name}")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
+    return figure
+
+
+def _name_place(
+    axes: Axes, text: str, place: tuple[float, ...], offset: tuple[float, float], side: str
+) -> None:
+    axes.annotate(
+        text, place[:2], offset, textcoords="offset points", ha=side, va="center", color="white", weight="bold",
+        path_effects=[patheffects.withStroke(linewidth=2.4, foreground="#101824")],
+    )  # fmt: skip
+
+
+def _draw_map(axes: Axes, terrain: HeightField) -> None:
+    east, north = terrain.width / 1e3, terrain.depth / 1e3
+    axes.imshow(relief(terrain, MAP_PIXELS), extent=(0.0, east, 0.0, north), origin="upper")
+    axes.set(xlabel="east [km]", ylabel="north [km]", xlim=(0.0, east), ylim=(0.0, north), aspect="equal")
+    axes.grid(False)
+    long = _round_length(0.25 * east)
+    x, y = 0.04 * east, 0.035 * north
+    dark = [patheffects.withStroke(linewidth=4.5, foreground="#101824")]
+    axes.plot([x, x + long], [y, y], color="white", lw=3.0, solid_capstyle="butt", path_effects=dark)
+    _name_place(axes, f"{long:g} km", (x + long / 2, y), (0, 9), "center")
+
+
+def _round_length(length: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is no longer."""
+    power = 10.0 ** np.floor(np.log10(length))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= length))
+
+
+def profile_figure(run: RunData) -> Figure:
+    """Heights of the path and of the ground below it over the distance flown, and the least clearance."""
+    with matplotlib.rc_context(STYLE):
+        figure = _figure(9.4, 4.4)
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3))
+        known = np.isfinite(run.above_ground)
+        lowest = int(np.argmin(np.where(known, run.above_ground, np.inf)))
+        i = thinned(len(run.t), lowest)
+        i = i[known[i]]
+        distance = run.travelled[i] / 1e3
+        ground = run.x[i, 2] - run.above_ground[i]
+        upper.fill_between(distance, ground.min() - 0.03 * np.ptp(ground) - 1.0, ground, color=GROUND, alpha=0.75, lw=0)
+        upper.plot(distance, run.x[i, 2], color=_colour(Part.FLOWN), label="flown")
+        least = run.mission.clearance_min
+        upper.plot(distance, ground + least, ":", color=BOUND, lw=1.0, label=f"least height, {least:g} m above ground")
+        here = run.travelled[lowest] / 1e3
+        upper.annotate(
+            f"{run.summary.get('min_clearance_m', run.above_ground[lowest]):.1f} m",
+            (here, run.x[lowest, 2]), (0, 22), textcoords="offset points", ha="center",
+            arrowprops={"arrowstyle": "-", "color": INK},
+        )  # fmt: skip
+        upper.set(ylabel="height [m]", title="Height over the ground")
+        upper.legend(loc="best")
+        lower.plot(distance, run.above_ground[i], color=_colour(Part.FLOWN))
+        lower.axhline(least, color=BOUND, ls=":", lw=1.0)
+        lower.set(xlabel="distance flown [km]", ylabel="clearance [m]", yscale="log")
+        lower.yaxis.set_major_formatter("{x:g}")
+        lower.set_xlim(distance[0], distance[-1])
+    return figure
+
+
+def motion_figure(run: RunData) -> Figure:
+    """Speed and commanded acceleration over time against their bounds."""
+    with matplotlib.rc_context(STYLE):
+        figure = _figure(9.4, 3.9)
+        upper, lower = figure.subplots(2, 1, sharex=True)
+        curves = (
+            (upper, np.linalg.norm(run.x[:, 3:], axis=1), run.mission.speed_max, "speed [m/s]"),
+            (lower, np.linalg.norm(run.u, axis=1), run.mission.acceleration_max, "acceleration [m/s²]"),
+        )
+        for axes, size, bound, name in curves:
+            i = thinned(len(run.t), int(np.argmax(size)))
+            axes.plot(run.t[i], size[i], color=_colour(Part.OPTIMISED), lw=1.1)
+            axes.axhline(bound, color=BOUND, ls=":", lw=1.2)
+            axes.annotate(f"bound {bound:g}", (1.0, bound), (0, 3), xycoords=("axes fraction", "data"),
+                          textcoords="offset points", ha="right", color=BOUND)  # fmt: skip
+            axes.set(ylabel=name, ylim=(0.0, 1.15 * max(bound, float(size.max()))))
+        upper.set_title("Speed and acceleration against their bounds")
+        lower.set(xlabel="time [s]", xlim=(0.0, run.duration))
+    return figure
+
+
+def cost_figure(run: RunData) -> Figure:
+    """The composite cost of each adopted plan, from its adoption on."""
+    with matplotlib.rc_context(STYLE):
+        figure = _figure(9.4, 2.6)
+        axes = figure.add_subplot()
+        cost = np.array([plan.cost for plan in run.plans])
+        axes.step(run.adopted, cost, where="post", color=_colour(Part.OPTIMISED))
+        axes.set(xlabel="time [s]", ylabel="cost", xlim=(0.0, run.duration), title="Composite cost of the plan being flown")
+    return figure
+
+
+def solve_figure(summary: Mapping[str, Any]) -> Figure:
+    """How long the optimisation of a plan took: the histogram of ``solve_ms`` if the summary lists it, and the quantiles."""
+    with matplotlib.rc_context(STYLE):
+        times: Array = np.array(summary.get("solve_ms", []), dtype=float)
+        figure = _figure(9.4, 2.6 if times.size else 1.6)
+        axes = figure.add_subplot()
+        if times.size:
+            bins = np.geomspace(max(times.min(), 1e-3), max(times.max(), 2e-3), 40)
+            axes.hist(times, bins, color=_colour(Part.OPTIMISED), alpha=0.55)
+            axes.set_ylabel("plans")
+        else:
+            axes.set_yticks([])
+            axes.spines["left"].set_visible(False)
+            axes.grid(False)
+        marks = {"p50": "median", "mean": "mean", "p99": "99th percentile", "max": "largest"}
+        for row, (key, name) in enumerate(marks.items()):
+            value = summary.get(f"solve_ms_{key}")
+            if value is not None:
+                axes.axvline(value, color=_colour(Part.OPTIMISED), lw=1.2)
+                axes.annotate(f"{name} {value:.3g} ms", (value, 0.88 - 0.24 * row), (4, 0), va="center",
+                              xycoords=("data", "axes fraction"), textcoords="offset points")  # fmt: skip
+        axes.set(xscale="log", xlabel="thread CPU time of one optimisation [ms]", title="Solve times")
+        axes.margins(x=0.25)
+        axes.xaxis.set_major_formatter("{x:g}")
+    return figure
+
+
+def events_figure(run: RunData) -> Figure:
+    """When each kind of event happened."""
+    with matplotlib.rc_context(STYLE):
+        kinds = list(dict.fromkeys(event.kind for event in run.events))
+        figure = _figure(9.4, 0.9 + 0.28 * max(len(kinds), 1))
+        axes = figure.add_subplot()
+        for row, kind in enumerate(kinds):
+            times = [event.t for event in run.events if event.kind == kind]
+            axes.plot(times, [row] * len(times), "|", ms=11, mew=1.8, color=_colour(Part.OPTIMISED))
+        labels = [f"{kind.replace('-', ' ')} ({sum(event.kind == kind for event in run.events)})" for kind in kinds]
+        axes.set_yticks(range(len(kinds)), labels)
+        axes.set(xlabel="time [s]", title="Events", ylim=(len(kinds) - 0.4, -0.6))
+        axes.set_xlim(-0.01 * run.duration, 1.01 * run.duration)
+    return figure
+
+
+def terrain_figure(terrain: HeightField) -> Figure:
+    """The hill-shaded map of a terrain, the distribution of its heights and slopes, and its numbers."""
+    with matplotlib.rc_context(STYLE | {"figure.facecolor": "white"}):
+        figure = _figure(11.0, 6.6)
+        grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1.0), height_ratios=(1.15, 1.0, 1.0))
+        axes = figure.add_subplot(grid[:, 0])
+        _draw_map(axes, terrain)
+        peak = np.unravel_index(int(np.argmax(terrain.z)), terrain.z.shape)
+        top = (float(peak[1]) * terrain.spacing / 1e3, float(peak[0]) * terrain.spacing / 1e3)
+        axes.plot(*top, "^", ms=7, mfc="white", mec="#101824")
+        side = "right" if top[0] > 0.8e-3 * terrain.width else "left"
+        _name_place(axes, f"{terrain.z.max():.0f} m", top, (-8 if side == "right" else 8, 0), side)
+        axes.set_title(terrain.name)
+        north, east = np.gradient(terrain.z, terrain.spacing)
+        slope = np.degrees(np.arctan(np.hypot(east, north)))
+        numbers = figure.add_subplot(grid[0, 1])
+        numbers.axis("off")
+        rows, columns = terrain.z.shape
+        lines = {
+            "nodes": f"{rows} x {columns}, {terrain.spacing:g} m apart",
+            "extent": f"{terrain.width / 1e3:.1f} km east, {terrain.depth / 1e3:.1f} km north",
+            "heights": f"{terrain.z.min():.0f} to {terrain.z.max():.0f} m, mean {terrain.z.mean():.0f} m",
+            "slopes": f"median {np.median(slope):.0f}°, steepest {slope.max():.0f}°",
+            "digest": f"{terrain.digest[:16]}…",
+        }
+        for k, (name, value) in enumerate(lines.items()):
+            numbers.text(0.0, 0.92 - 0.19 * k, name, weight="bold", transform=numbers.transAxes)
+            numbers.text(0.24, 0.92 - 0.19 * k, value, transform=numbers.transAxes)
+        for row, (values, name) in enumerate(((terrain.z, "height [m]"), (slope, "slope [°]")), start=1):
+            histogram = figure.add_subplot(grid[row, 1])
+            histogram.hist(values.ravel(), 60, color=GROUND, weights=np.full(values.size, 100.0 / values.size))
+            histogram.set(xlabel=name, ylabel="share [%]")
+    return figure

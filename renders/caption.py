@@ -8,10 +8,10 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from renders.palette import COLOURS, Part
+from renders.palette import COLOURS, Part, Picture
 from renders.run_data import RunData
 from renders.storyboard import Frame, notices
-from sim.signals import Array, Phase
+from sim.signals import Phase
 
 WHITE, SOFT, PANEL = (255, 255, 255, 255), (205, 214, 224, 255), (16, 24, 36, 176)
 LEGEND = (Part.FLOWN, Part.OPTIMISED, Part.MANOEUVRE, Part.COMPLETION, Part.RADAR)
@@ -23,8 +23,6 @@ PHASES = {
     Phase.CRUISE: "completion path: cruise",
     Phase.DESCENT: "completion path: descent",
 }
-
-Font = ImageFont.FreeTypeFont
 
 
 def phase_name(run: RunData, t: float) -> str:
@@ -51,8 +49,8 @@ class Caption:
         self._speed = np.linalg.norm(run.x[:, 3:], axis=1)
         self._notices = notices(run)
 
-    def write(self, picture: Array, frame: Frame, labels: list[tuple[str, float, float]]) -> Array:
-        """The picture (height, width, 3) with the caption of a frame and ``labels`` (text, column, row) beside places."""
+    def write(self, picture: Picture, frame: Frame, labels: list[tuple[str, float, float]]) -> Picture:
+        """The picture with the caption of a frame and ``labels`` (text, column, row) beside places."""
         canvas = Image.fromarray(picture).convert("RGBA")
         layer = Image.new("RGBA", canvas.size, (0, 0, 0, 0))
         draw = ImageDraw.Draw(layer)

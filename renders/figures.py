@@ -1,7 +1,7 @@
 """Figures of a run and of a terrain, in one style.
 
-Every function returns a matplotlib figure with a transparent ground and text in the one colour ``INK``, lines of reference
-in ``GRID``: a report puts the reader's light or dark theme in their place.
+Every function returns a matplotlib figure with a transparent ground, text in the one colour ``INK`` and lines of
+reference in ``GRID``: a report puts the reader's light or dark theme in their place.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ INK, GRID = "#1b2733", "#b9c2cc"
 GROUND, BOUND = "#9a8468", "#c2183b"
 MAP_PIXELS = 769  # along the longer side of a map's picture
 MOST_POINTS = 1500  # of a curve
-STYLE: dict[str, Any] = {
+STYLE: Any = {
     "font.size": 9.0,
     "font.family": "DejaVu Sans",
     "text.color": INK,
@@ -82,7 +82,8 @@ def map_figure(run: RunData) -> Figure:
         if run.plans:
             first = run.plans[0]
             axes.plot(
-                first.x[:, 0] / 1e3, first.x[:, 1] / 1e3, "--", color=_colour(Part.COMPLETION), label="first plan, to rest",
+                first.x[:, 0] / 1e3, first.x[:, 1] / 1e3, "--", color=_colour(Part.COMPLETION),
+                label="first plan, to rest",
                 path_effects=[patheffects.withStroke(linewidth=2.6, foreground="white", alpha=0.6)],
             )  # fmt: skip
         i = thinned(len(run.t), 0)
@@ -92,17 +93,17 @@ def map_figure(run: RunData) -> Figure:
         for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target)):
             axes.plot(*place[:2] / 1e3, "o", ms=8, mfc=_colour(part), mec="#101824", mew=1.4)
             left = place[0] > 0.8 * run.terrain.width
-            _name_place(axes, part.value, tuple(place[:2] / 1e3), (-9 if left else 9, 0), "right" if left else "left")
+            _name_place(
+                axes, part.value, (place[0] / 1e3, place[1] / 1e3), (-9 if left else 9, 0), "right" if left else "left"
+            )
         axes.set_title(f"Path over {run.terrain.name}")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
     return figure
 
 
-def _name_place(
-    axes: Axes, text: str, place: tuple[float, ...], offset: tuple[float, float], side: str
-) -> None:
+def _name_place(axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], side: str) -> None:
     axes.annotate(
-        text, place[:2], offset, textcoords="offset points", ha=side, va="center", color="white", weight="bold",
+        text, place, offset, textcoords="offset points", ha=side, va="center", color="white", weight="bold",
         path_effects=[patheffects.withStroke(linewidth=2.4, foreground="#101824")],
     )  # fmt: skip
 
@@ -150,8 +151,8 @@ def profile_figure(run: RunData) -> Figure:
         upper.legend(loc="best")
         lower.plot(distance, run.above_ground[i], color=_colour(Part.FLOWN))
         lower.axhline(least, color=BOUND, ls=":", lw=1.0)
-        lower.set(xlabel="distance flown [km]", ylabel="clearance [m]", yscale="log")
-        lower.yaxis.set_major_formatter("{x:g}")
+        lower.set(xlabel="distance flown [km]", ylabel="clearance [m]")
+        lower.set_ylim(min(0.0, float(run.above_ground[lowest])))
         lower.set_xlim(distance[0], distance[-1])
     return figure
 
@@ -184,19 +185,21 @@ def cost_figure(run: RunData) -> Figure:
         axes = figure.add_subplot()
         cost = np.array([plan.cost for plan in run.plans])
         axes.step(run.adopted, cost, where="post", color=_colour(Part.OPTIMISED))
-        axes.set(xlabel="time [s]", ylabel="cost", xlim=(0.0, run.duration), title="Composite cost of the plan being flown")
+        axes.set(
+            xlabel="time [s]", ylabel="cost", xlim=(0.0, run.duration), title="Composite cost of the plan being flown"
+        )
     return figure
 
 
 def solve_figure(summary: Mapping[str, Any]) -> Figure:
-    """How long the optimisation of a plan took: the histogram of ``solve_ms`` if the summary lists it, and the quantiles."""
+    """How long the optimisation of a plan took: quantiles, and a histogram if the summary lists ``solve_ms``."""
     with matplotlib.rc_context(STYLE):
         times: Array = np.array(summary.get("solve_ms", []), dtype=float)
         figure = _figure(9.4, 2.6 if times.size else 1.6)
         axes = figure.add_subplot()
         if times.size:
             bins = np.geomspace(max(times.min(), 1e-3), max(times.max(), 2e-3), 40)
-            axes.hist(times, bins, color=_colour(Part.OPTIMISED), alpha=0.55)
+            axes.hist(times, bins.tolist(), color=_colour(Part.OPTIMISED), alpha=0.55)
             axes.set_ylabel("plans")
         else:
             axes.set_yticks([])
@@ -212,6 +215,7 @@ def solve_figure(summary: Mapping[str, Any]) -> Figure:
         axes.set(xscale="log", xlabel="thread CPU time of one optimisation [ms]", title="Solve times")
         axes.margins(x=0.25)
         axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("{x:g}")
     return figure
 
 
@@ -244,8 +248,11 @@ def terrain_figure(terrain: HeightField) -> Figure:
         side = "right" if top[0] > 0.8e-3 * terrain.width else "left"
         _name_place(axes, f"{terrain.z.max():.0f} m", top, (-8 if side == "right" else 8, 0), side)
         axes.set_title(terrain.name)
-        north, east = np.gradient(terrain.z, terrain.spacing)
-        slope = np.degrees(np.arctan(np.hypot(east, north)))
+        east, north = np.diff(terrain.z, axis=1), np.diff(terrain.z, axis=0)
+        rise = np.stack(
+            [np.hypot(east[:-1], north[:, 1:]), np.hypot(east[1:], north[:, :-1])]
+        )  # both triangles of a cell
+        slope = np.degrees(np.arctan(rise / terrain.spacing))
         numbers = figure.add_subplot(grid[0, 1])
         numbers.axis("off")
         rows, columns = terrain.z.shape

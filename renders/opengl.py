@@ -1,7 +1,7 @@
 """Which OpenGL draws without a screen: what the user says in MUJOCO_GL, else OSMesa, else EGL.
 
-MuJoCo reads MUJOCO_GL once, when it is first imported, and so does PyOpenGL with its own variable. A process that has flown
-a mission has imported both long ago; pictures are therefore drawn by child processes started in ``environment()``.
+MuJoCo reads MUJOCO_GL once, when it is first imported, and PyOpenGL reads a variable of its own. A process that has
+flown a mission has imported both long ago; pictures are therefore drawn by child processes started in ``environment()``.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import ctypes.util
 import os
 
 HOW_TO_INSTALL = (
-    "no OpenGL that draws without a screen was found: install OSMesa (Debian, Ubuntu: apt-get install libosmesa6) or EGL "
-    "(apt-get install libegl1), or set MUJOCO_GL"
+    "found no OpenGL that draws without a screen: install OSMesa (Debian, Ubuntu: apt-get install libosmesa6) "
+    "or EGL (apt-get install libegl1), or set MUJOCO_GL"
 )
 # For each backend, in order of preference, the libraries it needs: soname, then the name find_library knows it by.
 LIBRARIES = {"osmesa": ("libOSMesa.so.8", "OSMesa"), "egl": ("libEGL.so.1", "EGL")}

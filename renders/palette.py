@@ -1,11 +1,15 @@
-"""One colour for each thing, the same in videos, figures and reports."""
+"""One colour for each thing, the same in videos, figures and reports, and what a picture is."""
 
 from __future__ import annotations
 
 from enum import Enum
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sim.signals import Phase
 
+Picture = NDArray[np.uint8]  # (height, width, 3) red, green, blue; row 0 on top
 Colour = tuple[float, float, float]  # red, green, blue in [0, 1]
 
 

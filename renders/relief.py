@@ -7,11 +7,11 @@ height above the surroundings, so that ridges stand out from valleys wherever th
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
 
 from models.terrain.height_field import HeightField
+from renders.palette import Picture
 from sim.signals import Array
 
 SUN_AZIMUTH = np.radians(315.0)  # from the north-west, as on printed maps
@@ -45,7 +45,7 @@ def resampled(terrain: HeightField, size: int, order: int) -> Array:
     return heights
 
 
-def relief(terrain: HeightField, size: int) -> NDArray[np.uint8]:
+def relief(terrain: HeightField, size: int) -> Picture:
     """(rows, cols, 3) picture of the ground seen from above, row 0 NORTH, the longer side ``size`` pixels."""
     z = resampled(terrain, size, order=3)
     spacing = terrain.depth / (z.shape[0] - 1)
@@ -59,8 +59,8 @@ def relief(terrain: HeightField, size: int) -> NDArray[np.uint8]:
     colour = _mix(colour, ROCK, _step(slope, 0.55, 1.1) * _step(height, 0.15, 0.45))
     snow_line = max(SNOW_LINE_LEAST, low + 0.50 * (high - low))
     depth = 0.10 * (high - low) + 100.0
-    facing_south = np.clip(-north, -0.6, 0.6)  # the sun melts the southern slopes first
-    snow = _step(z - snow_line + depth * (0.5 - slope) - 0.6 * depth * -facing_south, -0.5 * depth, 0.6 * depth)
+    facing_south = np.clip(north, -0.6, 0.6)  # uphill to the north: the sun melts these slopes first
+    snow = _step((z - snow_line) / depth + 0.5 - slope - 0.6 * facing_south, -0.5, 0.6)
     colour = _mix(colour, SNOW, snow)
 
     steep = 1.1 / roughness  # slopes drawn steeper until the 95th percentile stands at 48 degrees
@@ -78,10 +78,11 @@ def relief(terrain: HeightField, size: int) -> NDArray[np.uint8]:
     openness = np.clip(prominence / max(2.0 * float(prominence.std()), 1.0), -1.0, 1.0)
     light = np.clip(0.80 * lit + 0.18 + 0.12 * openness, 0.0, 1.35)[..., None]
     shaded = colour * np.where(light < 1.0, SHADOW + (1.0 - SHADOW) * light, 1.0 + 0.45 * (light - 1.0))
-    return (255.0 * np.clip(shaded[::-1], 0.0, 1.0)).astype(np.uint8)
+    picture: Picture = (255.0 * np.clip(shaded[::-1], 0.0, 1.0)).astype(np.uint8)
+    return picture
 
 
-def roughened(picture: NDArray[np.uint8], detail: int, contrast: float) -> NDArray[np.uint8]:
+def roughened(picture: Picture, detail: int, contrast: float) -> Picture:
     """The picture ``detail`` times as fine, with a made-up roughness of the brightness in four octaves.
 
     The roughness says nothing about the ground, but a camera that flies over it needs something to move past.
@@ -94,7 +95,10 @@ def roughened(picture: NDArray[np.uint8], detail: int, contrast: float) -> NDArr
         grid = random.standard_normal([n // octave + 2 for n in fine.shape[:2]], dtype=np.float32)
         enlarged = Image.fromarray(grid).resize(shape, Image.Resampling.BICUBIC)
         noise += np.asarray(enlarged) / 2.0
-    return np.clip(fine * (1.0 + contrast * noise[..., None]), 0.0, 255.0).astype(np.uint8)
+    rough = np.empty(fine.shape, np.uint8)
+    for channel in range(3):  # one at a time: a picture of 4100 x 4100 in floating point is large
+        rough[..., channel] = np.clip(fine[..., channel] * (1.0 + contrast * noise), 0.0, 255.0)
+    return rough
 
 
 def _mix(colour: Array, other: Array, share: Array) -> Array:

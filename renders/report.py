@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 
 from renders import figures, opengl
 from renders.run_data import RunData, load_run
+from renders.storyboard import EXAGGERATION
 from renders.video import write_still
 from sim.log import write_text
 
@@ -29,7 +30,8 @@ MOST_EVENTS = 200  # rows of the table; the rest is counted
 # Headings of the summary's table and the keys below them; what is not named here comes under "Further".
 GROUPS: dict[str, tuple[str, ...]] = {
     "Mission": (
-        "arrived", "arrival_time_s", "deadline_s", "path_length_m", "straight_line_m", "control_effort", "radar_exposure_s",
+        "arrived", "arrival_time_s", "deadline_s", "path_length_m", "straight_line_m", "control_effort",
+        "radar_exposure_s",
     ),
     "Safety": ("min_clearance_m", "ground_contacts", "tracking_breaches", "fallback_steps"),
     "Planning": ("replans", "plans_rejected", "manoeuvres_rejected", "late_plans", "solver_failures"),
@@ -152,8 +154,8 @@ def _overview(run: RunData) -> str:
     alt = f"The whole map of {run.terrain.name} seen from the south, with the path that was flown from start to target."
     return (
         f'<figure><img src="data:image/png;base64,{data}" alt="{_text(alt)}">'
-        "<figcaption>The flight at its end; heights are drawn 1.7 times as tall as they are, the vehicle far larger."
-        "</figcaption></figure>\n"
+        f"<figcaption>The end of the flight. Heights are drawn {EXAGGERATION} times as tall as they are, "
+        "the vehicle far larger.</figcaption></figure>\n"
     )
 
 
@@ -165,7 +167,7 @@ def _summary(summary: Mapping[str, Any]) -> str:
     for name, keys in groups.items():
         if keys:
             rows = "".join(
-                f'<tr><th scope="row">{_text(key)}</th><td>{_text(f"{_number(summary[key])} {_unit(key)}".strip())}</td></tr>\n'
+                f'<tr><th scope="row">{_text(key)}</th><td>{_text(_number(summary[key]))} {_unit(key)}</td></tr>\n'
                 for key in keys
             )
             sections += f"<section><h3>{name}</h3><table><tbody>\n{rows}</tbody></table></section>\n"
@@ -175,7 +177,11 @@ def _summary(summary: Mapping[str, Any]) -> str:
 def _figures(run: RunData) -> str:
     least = _quantity(run.summary, "min_clearance_m")
     drawn = [
-        ("map", figures.map_figure(run), f"Hill-shaded map of {run.terrain.name} with the path, radars, start and target."),
+        (
+            "map",
+            figures.map_figure(run),
+            f"Hill-shaded map of {run.terrain.name} with the path, radars, start and target.",
+        ),
         (
             "profile",
             figures.profile_figure(run),
@@ -186,7 +192,9 @@ def _figures(run: RunData) -> str:
     if run.plans:
         drawn.append(("cost", figures.cost_figure(run), "Composite cost of the plan being flown, over time."))
     if run.summary.get("solve_ms_mean") is not None:
-        drawn.append(("solve", figures.solve_figure(run.summary), "Thread CPU time of one optimisation, on a log scale."))
+        drawn.append(
+            ("solve", figures.solve_figure(run.summary), "Thread CPU time of one optimisation, on a log scale.")
+        )
     if run.events:
         drawn.append(("events", figures.events_figure(run), "The times at which each kind of event happened."))
     return "".join(
@@ -196,7 +204,7 @@ def _figures(run: RunData) -> str:
 
 
 def inline_svg(figure: Figure, name: str, alt: str) -> str:
-    """A figure as an SVG element that follows the page's theme; ``name`` keeps its identifiers apart from the others'."""
+    """A figure as an SVG element in the page's theme; ``name`` keeps its identifiers apart from the others'."""
     buffer = io.StringIO()
     with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})

@@ -75,7 +75,8 @@ class RunData:
     @cached_property
     def above_ground(self) -> Array:
         """(n,) [m] height above the ground; NaN off the map."""
-        return self.x[:, 2] - self.terrain.height(self.x[:, 0], self.x[:, 1])
+        above: Array = self.x[:, 2] - self.terrain.height(self.x[:, 0], self.x[:, 1])
+        return above
 
     @cached_property
     def travelled(self) -> Array:
@@ -102,7 +103,7 @@ class RunData:
 
 
 def plan_arcs(plan: Plan, t: float, step: float) -> list[tuple[int, Array]]:
-    """What is left of a plan at ``t`` [s]: (phase, points (m, 3) [m]) of each arc, about ``step`` [s] between points."""
+    """What is left of a plan at ``t`` [s]: (phase, points (m, 3) [m]) of each arc, a point about every ``step`` [s]."""
     arcs = []
     for k, phase in enumerate(plan.phase):
         begin, end = max(t, float(plan.t[k])), float(plan.t[k + 1])
@@ -140,8 +141,8 @@ def _mission(fields: Mapping[str, Any]) -> Mission:
         RadarSite(*(float(radar[name]) for name in ("x", "y", "radius", "weight", "time")))
         for radar in fields.get("radars", ())
     )
-    ends = (np.array(fields[name], dtype=float) for name in ("start", "target"))
-    return Mission(*ends, *(float(fields[name]) for name in MISSION_NUMBERS), radars)
+    start, target = (np.array(fields[name], dtype=float) for name in ("start", "target"))
+    return Mission(start, target, **{name: float(fields[name]) for name in MISSION_NUMBERS}, radars=radars)
 
 
 def _require(path: Path) -> None:

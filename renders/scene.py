@@ -1,8 +1,8 @@
 """A run drawn by MuJoCo: the ground, the airframe, the path flown, the plan ahead, radars, start and target.
 
-Two worlds stand in one model. The true one is seen by the chase camera; the other one, of which the overview and the top
-view show pictures, has its heights above the lowest ground multiplied by ``EXAGGERATION``. A map of 82 km shows nothing at
-its true size, so vehicle, lines and beacons are drawn at a size in pixels and never smaller than they are.
+Two worlds stand in one model: the true one for the chase camera, and one for the overview and the top view, whose
+heights above the lowest ground are multiplied by ``storyboard.EXAGGERATION``. A map of 82 km shows nothing at its true size, so
+vehicle, lines and beacons are drawn at a size in pixels.
 
 Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
@@ -12,28 +12,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 import models.aerial
 from models.aerial.entity import airframe_pose
-from renders.palette import COLOURS, Part, part_of
+from renders.palette import COLOURS, Part, Picture, part_of
 from renders.relief import relief, resampled, roughened
 from renders.run_data import RunData, plan_arcs
-from renders.storyboard import Camera
+from renders.storyboard import EXAGGERATION, Camera
 from sim.signals import Array
 
-Image = NDArray[np.uint8]  # (height, width, 3)
-
-
-EXAGGERATION = 1.7  # of heights in the overview and the top view
 GROUND_NODES, TEXTURE_PIXELS = 257, 1025  # along the longer side
-DETAIL = 4  # texture pixels painted for each pixel of the relief
+DETAIL = 4  # texture pixels painted for each pixel of the relief, unless the picture is small
+SMALL = 360  # [pixels] height of a small picture
 # Per camera: vertical field of view [degrees], near and far plane in units of half the side of the map. The top view is
 # taken from far away, so that it looks like a map.
 OPTICS: dict[Camera, tuple[float, float, float]] = {
@@ -82,10 +79,12 @@ class Scene:
     def __enter__(self) -> Scene:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         self._renderer.close()
 
-    def draw(self, t: float, camera: Camera, turn: float = 0.0) -> Image:
+    def draw(self, t: float, camera: Camera, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""
         view = self._chase.view(t) if camera == "chase" else self._map_view(camera, turn)
         self._look(view, camera)
@@ -97,12 +96,12 @@ class Scene:
         flags[mujoco.mjtRndFlag.mjRND_FOG] = camera == "chase"
         self._add_lines(t, camera)
         self._add_beacons(camera)
-        picture: Image = self._renderer.render()
+        picture: Picture = self._renderer.render()
         if camera == "chase":
             self._clear_sky(picture)
         return picture
 
-    def _clear_sky(self, picture: Image) -> None:
+    def _clear_sky(self, picture: Picture) -> None:
         """Blue above the horizon: MuJoCo's fog covers its own sky wholly, so the sky is what has exactly its colour."""
         _, forward, up = self._eye()
         rows = (1.0 - (2.0 * np.arange(picture.shape[0]) + 1.0) / picture.shape[0]) * self._tangent()
@@ -242,7 +241,7 @@ class Scene:
         if dashed:
             points = _resample(points, self._metres_per_pixel(points).mean() * 9.0)
         radii = 0.5 * width * self._metres_per_pixel(0.5 * (points[:-1] + points[1:])) * self._renderer.height / 720.0
-        for k, (a, b) in enumerate(zip(points[:-1], points[1:], strict=True)):
+        for k, (a, b) in enumerate(pairwise(points)):
             if dashed and k % 2:
                 continue
             self._add_capsule(a, b, float(radii[k]), COLOURS[part])
@@ -351,7 +350,7 @@ def _model(run: RunData, width: int, height: int, samples: int) -> Any:
         width=256,
         height=256 * 6,
     )
-    _add_ground(spec, run, low, high)
+    _add_ground(spec, run, low, high, detail=DETAIL if height > SMALL else 1)
     spec.add_material(name="radar", emission=0.8, specular=0.0)
     for k, radar in enumerate(run.mission.radars):
         foot = float(terrain.height(radar.x, radar.y))
@@ -385,10 +384,10 @@ def _copy_geom(body: Any, geom: Any) -> None:
     )  # fmt: skip
 
 
-def _add_ground(spec: Any, run: RunData, low: float, high: float) -> None:
+def _add_ground(spec: Any, run: RunData, low: float, high: float, detail: int) -> None:
     terrain = run.terrain
     nodes = resampled(terrain, GROUND_NODES, order=1)
-    picture = roughened(relief(terrain, TEXTURE_PIXELS), DETAIL, contrast=0.05)
+    picture = roughened(relief(terrain, TEXTURE_PIXELS), detail, contrast=0.05)
     # A texture's row 0 is its northern edge in relief() and its southern one in MuJoCo.
     texture = spec.add_texture(
         name="relief",
@@ -420,5 +419,3 @@ def _add_ground(spec: Any, run: RunData, low: float, high: float) -> None:
             contype=0,
             conaffinity=0,
         )
-
-

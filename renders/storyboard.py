@@ -1,7 +1,7 @@
 """Which moment of a flight each frame of its video shows, from where.
 
-A whole flight lasts four minutes or more, its video twenty seconds. The tour spends most of them beside the vehicle, at the
-start, where something happens, and at the arrival; the overview and the top view cover the long ways between.
+A whole flight lasts four minutes or more, its video twenty seconds. The tour spends most of them beside the vehicle: at
+the start, where something happens, and at the arrival; the overview and the top view cover the long ways between.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from renders.run_data import RunData
 Camera = Literal["chase", "overview", "top"]
 Direction = Literal["tour", "chase", "overview", "top"]
 
+EXAGGERATION = 1.7  # of heights in the overview and the top view
 TURN = 0.8  # [degrees/s] at which the overview turns around the map
 NOTICE_LENGTH = 1.6  # [s] of video for which an event stays in sight
 LAST_LOOK = 1.0  # [s] of video for which the last moment stays
@@ -50,7 +51,7 @@ class Frame:
 
 
 def highlight(run: RunData) -> float:
-    """The moment [s] that deserves a close look: a radar pops up, or the vehicle is closest to the ground in mid-flight."""
+    """The moment [s] that deserves a close look: a radar pops up, or the ground is closest in mid-flight."""
     late_radars = [radar.time for radar in run.mission.radars if 0.0 < radar.time < run.duration]
     if late_radars:
         return min(late_radars)

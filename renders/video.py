@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import astuple
 from pathlib import Path
@@ -18,20 +18,18 @@ from typing import IO
 
 import av
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from renders import opengl
+from renders.palette import Picture
 from renders.run_data import load_run
 from renders.storyboard import Camera, Direction, Frame, highlight, storyboard
 
 WIDTH, HEIGHT, FPS = 1280, 720, 24
 VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by moving
 MOST_WORKERS = 4
-
-Picture = NDArray[np.uint8]  # (height, width, 3)
 
 
 def write_video(
@@ -77,7 +75,10 @@ def write_still(
     width: int = WIDTH,
     height: int = HEIGHT,
 ) -> Path:
-    """Write a PNG of a run at ``t`` [s], by default when something happens: ``CAMERA.png`` in the run's folder or ``path``."""
+    """Write a PNG of a run, ``CAMERA.png`` in its folder unless ``path`` says else.
+
+    It shows the moment ``t`` [s], by default one shortly after the flight's highlight.
+    """
     run = load_run(run_dir)
     moment = min(highlight(run) + 0.05 * run.duration, run.duration) if t is None else t
     target = Path(path) if path is not None else run.directory / f"{camera}.png"
@@ -92,7 +93,7 @@ def write_still(
     return target
 
 
-def draw(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Iterator[Picture]:
+def draw(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
     """The pictures (height, width, 3) of the frames, in order; close the iterator to stop the processes that draw."""
     environment = opengl.environment()
     count = max(1, min(len(os.sched_getaffinity(0)), MOST_WORKERS, len(frames)))
@@ -146,7 +147,7 @@ class _Artist:
         raise RuntimeError(f"the process that draws ended with status {self._process.returncode}: {lines[-1]}")
 
 
-def _encode(path: Path, pictures: Iterator[Picture] | object, width: int, height: int, fps: int) -> None:
+def _encode(path: Path, pictures: Iterable[Picture], width: int, height: int, fps: int) -> None:
     with av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"}) as container:
         stream = container.add_stream("libx264", rate=fps, options={"crf": "20", "preset": "veryfast"})
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"

@@ -1,4 +1,4 @@
-"""The child process that draws: a job as JSON on standard input, raw pictures (height, width, 3) uint8 on standard output.
+"""The child process that draws: a job as JSON on standard input, raw pictures on standard output.
 
 Drawing has a process of its own for two reasons: OpenGL's backend must be chosen before mujoco is imported, and
 two processes draw a video on two cores. ``renders.video`` starts it.
@@ -11,6 +11,8 @@ import os
 import sys
 from typing import BinaryIO
 
+import numpy as np
+
 from renders.caption import Caption
 from renders.palette import Part
 from renders.run_data import RunData, load_run
@@ -21,8 +23,6 @@ from sim.signals import Array
 
 def label_places(run: RunData, t: float) -> tuple[list[str], Array]:
     """Names and map points (n, 3) [m] of what is labelled."""
-    import numpy as np
-
     names, points = [Part.START.value, Part.TARGET.value], [run.mission.start, run.mission.target]
     for number, radar in enumerate(run.mission.radars, start=1):
         if t >= radar.time:

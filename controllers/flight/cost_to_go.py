@@ -182,14 +182,18 @@ class FactoredCost:
 
 @dataclass(frozen=True, eq=False)
 class TrilinearCost:
-    """D interpolated linearly in each cell of the stretched grid, as in the print: a length [m]."""
+    """D interpolated linearly in each cell of the stretched grid, as in the print: a length [m].
+
+    The print has no value outside the grid. Here coordinates are held to its edge, and the height above its top layer is
+    added: else a climb would cost nothing up there, and nothing would end it.
+    """
 
     grid: TerrainGrid
     target: Array
     distance: Array  # (layers, rows, columns) [m]
 
     def __call__(self, points: Array) -> Array:
-        """Length-to-go [m] at (n, 3) points [m], coordinates held to the grid."""
+        """Length-to-go [m] at (n, 3) points [m]."""
         return self._evaluate(points)[0]
 
     def gradient(self, points: Array) -> Array:
@@ -210,7 +214,7 @@ class TrilinearCost:
         ground_y = (high - low) / g.spacing
         raw = (p[:, 2] - ground - g.level_0) / g.layer_spacing
         u = np.clip(raw, 0.0, layers - 1.0)
-        held = (raw == u).astype(float)
+        held, above = (raw == u).astype(float), (raw > layers - 1.0).astype(float)
         k = np.minimum(u.astype(int), layers - 2)
         fu = u - k
         d = self.distance
@@ -227,8 +231,8 @@ class TrilinearCost:
             (1 - fw) * (d[k + a, i + 1, j] - d[k + a, i, j]) + fw * (d[k + a, i + 1, j + 1] - d[k + a, i, j + 1])
             for a in (0, 1)
         ]
-        value = (1 - fu) * face[0] + fu * face[1]
-        up = held * (face[1] - face[0]) / g.layer_spacing
+        value = (1 - fu) * face[0] + fu * face[1] + above * (raw - u) * g.layer_spacing
+        up = held * (face[1] - face[0]) / g.layer_spacing + above
         east = ((1 - fu) * along_w[0] + fu * along_w[1]) / g.spacing - up * ground_x
         north = ((1 - fu) * along_v[0] + fu * along_v[1]) / g.spacing - up * ground_y
         return value, np.stack([east, north, up], axis=-1)

@@ -5,7 +5,7 @@ At each step the NLP (A.2), in its form (A.3), over the accelerations a_1 ... a_
     minimise  sum_{i=1}^{N-1} h (|a_i|^2 + beta) + Psi(p_N)
     subject to  p_{i+1} = p_i + h v_i,  v_{i+1} = v_i + h a_i          forward Euler, i = 1 ... N - 1
                 d(p_i) = H(x_i, y_i) + h_min - z_i <= 0                at the nodes only (Definition A.2), i = 1 ... N
-                |v_i|_inf <= v_max,  |a_i|_inf <= a_max                i = 1 ... N
+                |v_i|_inf <= v_max,  |a_i|_inf <= a_max                i = 1 ... N (v_1 is as it is)
                 p_1 = p_c,  v_1 = v_c                                  the measured state, at the time of the hand-over
                 h (|a_N|^2 + beta) + Psi(p_N + h v_N) - Psi(p_N) <= -epsilon,     a_N in S_epsilon (Definition A.1)
 
@@ -35,6 +35,7 @@ from functools import lru_cache
 import daqp
 import numpy as np
 
+from controllers.flight.certificate import TrackingBound
 from controllers.flight.completion import ArcList, complete
 from controllers.flight.cost_to_go import REFERENCE_SPEED, TrilinearCost, trilinear_cost
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
@@ -48,7 +49,7 @@ from sim.signals import Array, Phase, Plan, PlanRequest, Status
 _FEASIBLE = 1e-3  # [m, m/s] violation of a constraint that counts as none
 _GAIN = 1e-7  # of 1 + cost: a step that promises less is the last
 _LARGEST, _SMALLEST = 40.0, 1e-5  # [m/s^2] of the trust region
-_ITERATIONS = 200
+_ITERATIONS = 60
 _UNBOUNDED = 1e30
 
 
@@ -99,13 +100,12 @@ class LiteralFlight:
     @staticmethod
     def build(config: LiteralConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
         bound = tracking_bound(config.bandwidth, mission.quality, mission.gust)
-        thrust = mission.acceleration_max - bound.feedback
-        if thrust <= 0.0:
+        if bound.feedback >= mission.acceleration_max:
             raise ValueError(
                 f"acceleration_max = {mission.acceleration_max:g} leaves nothing to plan with: noise and gusts need "
                 f"{bound.feedback:.3g} of it"
             )
-        return Literal(config, mission, thrust), CriticallyDamped(TICK, config.bandwidth, bound)
+        return Literal(config, mission, bound), CriticallyDamped(TICK, config.bandwidth, bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +151,7 @@ class EulerNlp:
         there, here = self.cost(np.vstack([ahead, p[-1]]))
         approach = there - here + (self.h * self.beta + self.epsilon) / self.psi_per_metre
         return np.concatenate(
-            [self.depth(p), (v - self.speed).ravel(), (-v - self.speed).ravel(), np.array([approach])]
+            [self.depth(p), (v[1:] - self.speed).ravel(), (-v[1:] - self.speed).ravel(), np.array([approach])]
         )
 
     def depth(self, p: Array) -> Array:
@@ -165,7 +165,7 @@ class EulerNlp:
         position, velocity = position_weights(n, self.h), velocity_weights(n, self.h)
         slope = np.column_stack([self.terrain.gradient(*self._held(p)), np.full(n, -1.0)])
         depth = (position[:, :, None] * slope[:, None, :]).reshape(n, -1)
-        speed = np.kron(velocity, np.eye(3))
+        speed = np.kron(velocity[1:], np.eye(3))
         there, here = self.cost.gradient(np.vstack([p[-1] + self.h * v[-1], p[-1]]))
         beyond = position[-1] + self.h * velocity[-1]
         approach = (beyond[:, None] * there - position[-1][:, None] * here).ravel()
@@ -233,12 +233,12 @@ def _excess(values: Array) -> float:
 
 
 class Literal:
-    """The thesis' planner of A.3 and A.4."""
+    """The thesis' planner of A.3 and A.4: (A.2), then (A.4), then the completion."""
 
-    def __init__(self, config: LiteralConfig, mission: FlightMission, thrust: float) -> None:
-        """``thrust`` [m/s^2] is the Euclidean bound that the tracker leaves to a plan."""
-        self._config, self._mission, self._thrust = config, mission, thrust
-        self._box = thrust / math.sqrt(3.0)
+    def __init__(self, config: LiteralConfig, mission: FlightMission, bound: TrackingBound) -> None:
+        self._config, self._mission, self._bound = config, mission, bound
+        self._thrust = mission.acceleration_max - bound.feedback  # [m/s^2] what the tracker leaves to a plan
+        self._box = self._thrust / math.sqrt(3.0)
         self.period = max(1, round(config.h / TICK)) * TICK
         self._target = np.array(mission.target)
         self._radars = mission.radars
@@ -248,7 +248,7 @@ class Literal:
     def plan(self, request: PlanRequest) -> Plan:
         self._listen(request)
         config, mission = self._config, self._mission
-        start = _measured(request)
+        start = self._measured(request)
         began = time.thread_time()
         nlp = EulerNlp(
             mission.terrain,
@@ -265,7 +265,12 @@ class Literal:
         a, status = solve(nlp, self._shifted(request))
         solve_ms = 1e3 * (time.thread_time() - began)
         plan = self._concatenated(request, nlp, a, status)
-        if not plan.ok and request.current is None and not start[3:].any() and float(nlp.depth(start[None, :3])[0]) <= 0.0:
+        if (
+            not plan.ok
+            and request.current is None
+            and not start[3:].any()
+            and float(nlp.depth(start[None, :3])[0]) <= 0.0
+        ):
             plan = self._from_rest(request, start, plan.message)
         return replace(plan, solve_ms=solve_ms)
 
@@ -291,9 +296,9 @@ class Literal:
     def _from_rest(self, request: PlanRequest, start: Array, message: str) -> Plan:
         """Rest above h_min is in S_s, so the completion alone is a concatenated solution for k = 1 (Proposition A.2)."""
         plan = self._completed(ArcList.begin(request.t_start, start), math.nan)
-        return replace(plan, notes=("reserve-plan",), message=message) if len(plan.u) else Plan.failure(
-            Status.INFEASIBLE, f"the start is the target; {message}"
-        )
+        if not len(plan.u):
+            return Plan.failure(Status.INFEASIBLE, f"the start is the target; {message}")
+        return replace(plan, notes=("reserve-plan",), message=message)
 
     def _completed(self, arcs: ArcList, cost: float) -> Plan:
         mission = self._mission
@@ -308,6 +313,20 @@ class Literal:
             self._cost = _cost_to_go(
                 mission.terrain, mission.target, self._radars, config.grid_nodes, config.grid_layers
             )
+
+    def _measured(self, request: PlanRequest) -> Array:
+        """(p_c, v_c) (6,) at the hand-over.
+
+        Within its bound a deviation is the tracker's business and the plan says where the vehicle will be; beyond it, after a jump
+        of A.7 say, the measurement does.
+        """
+        current = request.current
+        if current is None:
+            return request.estimate.x.copy()
+        planned, error = state_at(current, request.t_start), request.estimate.x - state_at(current, request.t)
+        if not self._bound.broken_by(error):
+            return planned
+        return planned + flow(error, np.zeros(3), request.t_start - request.t)
 
     def _shifted(self, request: PlanRequest) -> Array:
         """The left shift of the solution that is being flown (proof of Proposition A.2), (N - 1, 3)."""
@@ -339,15 +358,6 @@ class Literal:
         if end[2] < float(np.linalg.norm(end)) * self._sine - _FEASIBLE:
             return "it does not end in S_s"
         return ""
-
-
-def _measured(request: PlanRequest) -> Array:
-    """(p_c, v_c) (6,) at the hand-over: what the plan being flown makes of the state that is measured now."""
-    current = request.current
-    if current is None:
-        return request.estimate.x.copy()
-    error = request.estimate.x - state_at(current, request.t)
-    return state_at(current, request.t_start) + flow(error, np.zeros(3), request.t_start - request.t)
 
 
 @lru_cache(maxsize=4)

@@ -13,6 +13,7 @@ arcs and size of the splines, in milliseconds.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import math
 import os
@@ -67,6 +68,11 @@ class _Window:
     coefficients: Array
     corner: Array  # (2,) row and column of its first coefficient
     whole: Array  # (2,) rows and columns of the whole array
+
+    @property
+    def frame(self) -> Array:
+        """(4,) corner and size of the whole."""
+        return np.concatenate([self.corner, self.whole])
 
     @staticmethod
     def around(coefficients: Array, row: float, column: float, reach: float) -> _Window:
@@ -134,6 +140,7 @@ class _Programme:
     upper: Array  # (m,)
     equality: list[bool]  # (m,)
     path_constraints: list[int]  # (N,) at each stage
+    unit: ca.MX  # what the cost is of the order of
 
 
 def _programme(shape: _Shape) -> _Programme:
@@ -228,9 +235,136 @@ def _programme(shape: _Shape) -> _Programme:
         upper=np.concatenate([np.full(g.numel(), high) for g, _, high in constraints]),
         equality=[low == high for g, low, high in constraints for _ in range(g.numel())],
         path_constraints=path_constraints,
+        unit=1 + beta,
     )
 
 
-def _scale(problem: Problem) -> float:
-    """FATROP stops at an absolute tolerance: the objective is given to it in the unit of a second's cost."""
-    return 1.0 / (1.0 + problem.parameters.beta)
+def _values(problem: Problem) -> tuple[_Shape, list[Array]]:
+    """The shape of a problem and its parameters, in the order of ``_programme``."""
+    windows = _windows(problem)
+    heights, ground, ratio = (window.coefficients for window in windows)
+    held = problem.hold is not None
+    values = [problem.start, problem.hold if problem.hold is not None else np.zeros(3)]
+    values += [problem.landscape.cost.scales, problem.packed, windows[0].frame, windows[1].frame, heights]
+    if not held:
+        values += [ground, ratio]
+    return _Shape(problem.arcs, held, heights.shape, ground.shape, ratio.shape), values
+
+
+class Reference:
+    """Solves ``Problem`` after ``Problem`` by an interior-point method on CasADi's statement of it.
+
+    A solve starts from the guess and, if the last one of the same shape succeeded, from its multipliers. ``compiled``
+    translates the statement's derivatives to C once per shape (tens of seconds, kept in the user's cache folder);
+    otherwise they run in CasADi's virtual machine.
+    """
+
+    def __init__(self, backend: Backend = "ipopt", tolerance: float = 1e-6, *, compiled: bool = False) -> None:
+        if backend not in ("ipopt", "fatrop"):
+            raise ValueError(f"backend = {backend!r}; allowed: ipopt, fatrop")
+        if not tolerance > 0.0:
+            raise ValueError(f"tolerance = {tolerance!r}; allowed: > 0")
+        self._backend, self._tolerance, self._compiled = backend, tolerance, compiled
+        self._solvers: dict[_Shape, _Solver] = {}
+
+    def solve(self, problem: Problem, guess: Array) -> Solution | str:
+        """A solution from ``guess`` (3n + 1,), or the solver's reason why there is none."""
+        shape, values = _values(problem)
+        if shape not in self._solvers:
+            self._solvers[shape] = _Solver(shape, self._backend, self._tolerance, self._compiled)
+        return self._solvers[shape].solve(problem, values, guess)
+
+
+class _Solver:
+    """One of CasADi's NLP solvers with buffers for its arguments and results."""
+
+    def __init__(self, shape: _Shape, backend: Backend, tolerance: float, compiled: bool) -> None:
+        programme = _programme(shape)
+        functions = dict(programme.functions)
+        options: dict[str, Any] = {"print_time": False, "calc_lam_p": False}
+        if backend == "ipopt":
+            options["ipopt"] = {
+                "print_level": 0,
+                "sb": "yes",
+                "tol": tolerance,
+                "max_iter": _ITERATION_LIMIT,
+                **_IPOPT_WARM_START,
+            }
+        else:
+            # FATROP stops at an absolute tolerance: it is given the cost in the unit of a second's.
+            functions["f"] = functions["f"] / programme.unit
+            options |= {
+                "structure_detection": "manual",
+                "nx": [_STATE] * (shape.arcs + 1),
+                "nu": [_INPUT] * shape.arcs + [1],
+                "ng": programme.path_constraints,
+                "N": shape.arcs,
+                "equality": programme.equality,
+                "fatrop": {"print_level": 0, "tolerance": tolerance, "max_iter": _ITERATION_LIMIT, "mu_init": 1e-3},
+            }
+        self._scaled = backend == "fatrop"
+        self._arcs = shape.arcs
+        function = ca.nlpsol("flight", backend, functions, options)
+        if compiled:
+            function = ca.nlpsol("flight", backend, str(_compile(function)), options)
+        self._buffer, self._evaluate = function.buffer()
+        self._in = {name: np.zeros(function.nnz_in(name)) for name in function.name_in()}
+        self._out = {name: np.zeros(function.nnz_out(name)) for name in ("x", "f", "lam_x", "lam_g")}
+        for name, array in self._in.items():
+            self._buffer.set_arg(function.index_in(name), memoryview(array))
+        for name, array in self._out.items():
+            self._buffer.set_res(function.index_out(name), memoryview(array))
+        self._in["lbg"][:], self._in["ubg"][:] = programme.lower, programme.upper
+        self._in["lbx"][:], self._in["ubx"][:] = -np.inf, np.inf
+        self._in["lbx"][-1] = 0.0  # 0 <= w <= v_max
+
+    def solve(self, problem: Problem, values: list[Array], guess: Array) -> Solution | str:
+        self._in["ubx"][-1] = problem.parameters.speed_max
+        self._in["x0"][:] = _rolled_out(problem, guess)
+        np.concatenate([value.ravel() for value in values], out=self._in["p"])
+        try:
+            self._evaluate()
+        except RuntimeError as error:  # FATROP's way to give up
+            self._forget()
+            return str(error).strip().splitlines()[-1]
+        statistics = self._buffer.stats()
+        x = self._out["x"]
+        if not (statistics["success"] and np.isfinite(x).all()):
+            self._forget()
+            return f"{statistics['return_status']} after {statistics['iter_count']} iterations"
+        self._in["lam_x0"][:], self._in["lam_g0"][:] = self._out["lam_x"], self._out["lam_g"]
+        cost = float(self._out["f"][0]) * ((1.0 + problem.parameters.beta) if self._scaled else 1.0)
+        stages = x[: -(_STATE + 1)].reshape(self._arcs, _STATE + _INPUT)
+        return Solution(stages[:, _STATE:].copy(), float(x[-1]), cost, True, int(statistics["iter_count"]))
+
+    def _forget(self) -> None:
+        """Drop the multipliers of a solve that failed."""
+        self._in["lam_x0"][:], self._in["lam_g0"][:] = 0.0, 0.0
+
+
+def _rolled_out(problem: Problem, unknowns: Array) -> Array:
+    """The lifted variables of accelerations and climb rate (3n + 1,), dynamics exact."""
+    h, x, out = problem.parameters.h, problem.start, []
+    for a in unknowns[:-1].reshape(-1, 3):
+        out += [x, a]
+        x = np.concatenate([x[:3] + h * x[3:] + 0.5 * h * h * a, x[3:] + h * a])
+    return np.concatenate([*out, x, unknowns[-1:]])
+
+
+def _compile(solver: ca.Function) -> Path:
+    """The solver's functions as a shared library; compiled once per source text and kept in the user's cache folder."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        raise FileNotFoundError("no C compiler named cc was found; install one, or use the virtual machine")
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mathnavi"
+    cache.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=cache) as folder:
+        source, built = Path(folder) / "flight.c", Path(folder) / "flight.so"
+        with contextlib.chdir(folder):  # CasADi takes no folder here
+            solver.generate_dependencies(source.name)
+        library = cache / f"{hashlib.sha256(source.read_bytes()).hexdigest()}.so"
+        if not library.exists():
+            command = [compiler, "-O2", "-fPIC", "-shared", str(source), "-o", str(built), "-lm"]
+            subprocess.run(command, check=True, capture_output=True)
+            built.replace(library)  # at once, so that a process beside this one never loads half a file
+    return library

@@ -3,8 +3,8 @@
 All that is not convex in the problem (terrain, terminal cost, approach condition) sits in its objective, as cost or
 as a quadratic penalty on a slack; the hard constraints are balls and boxes. A ball is taken by its tangent plane, its
 curvature by the multiplier of the step before. So a step is a descent direction of the objective plus an exact
-penalty on the balls, and a backtracking line search makes every iteration an improvement. Iterations stop when one
-changes that merit by less than ``tolerance`` (1 + cost).
+penalty on the balls. The first steps are full ones; if they do not converge, a backtracking line search makes every
+further iteration an improvement. Iterations stop when one changes the merit by less than ``tolerance`` (1 + cost).
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from sim.signals import Array
 
 _SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
 _TANGENT_ERROR = 1e-2  # [m/s, m/s^2] by which a ball's tangent planes may overshoot it on convergence
+_FREE_STEPS = 6  # full ones, before a line search asks for descent: near the solution it would hold back good steps
 _SHORTEST_STEP = 1e-3
 _INFEASIBLE = "the quadratic programme has no feasible point"
 
@@ -29,7 +30,7 @@ class GaussNewton:
     shape the first step, not the solution.
     """
 
-    def __init__(self, tolerance: float = 1e-6, iteration_limit: int = 12) -> None:
+    def __init__(self, tolerance: float = 1e-6, iteration_limit: int = 20) -> None:
         if not tolerance > 0.0:
             raise ValueError(f"tolerance = {tolerance!r}; allowed: > 0")
         if iteration_limit < 1:
@@ -74,10 +75,10 @@ class GaussNewton:
                 trial_value, trial_violation = kernels.objective(trial, *data)
                 trial_violation += _gap(trial, problem)
                 gain = merit - trial_value - work.penalty * trial_violation
-                if gain >= 0.0 or length < _SHORTEST_STEP:
+                if gain >= 0.0 or iteration <= _FREE_STEPS or length < _SHORTEST_STEP:
                     break
                 length *= 0.5
-            if gain < 0.0 and abs(gain) > self._tolerance * (1.0 + abs(value)):
+            if iteration > _FREE_STEPS and gain < -self._tolerance * (1.0 + abs(value)):
                 break  # no descent left in this direction, and not for rounding
             unknowns, value, violation = trial, trial_value, trial_violation
             converged = abs(gain) <= self._tolerance * (1.0 + abs(value)) and violation <= _TANGENT_ERROR

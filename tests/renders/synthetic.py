@@ -1,8 +1,9 @@
-"""A made-up run in the format of a real one: a flight around a radar that pops up, with plans to rest behind every step."""
+"""A made-up run in the format of a real one: a flight around a radar that pops up, a plan to rest behind every step."""
 
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -101,13 +102,15 @@ def _json(path: Path, value: dict[str, Any]) -> None:
 
 
 def _flight(terrain: HeightField) -> tuple[Array, Array, Array, Array]:
-    """Times, states, inputs and the target of a flight from rest to rest, south-west to north-east, low over the ground."""
+    """Times, states, inputs and target of a flight from rest to rest, south-west to north-east, low over the ground."""
     a = np.array([0.08 * terrain.width, 0.13 * terrain.depth])
     b = np.array([0.91 * terrain.width, 0.88 * terrain.depth])
     s = np.linspace(0.0, 1.0, 2001)
     chord = b - a
     normal = np.array([chord[1], -chord[0]]) / np.linalg.norm(chord)
-    ground_track = a + s[:, None] * chord + (0.13 * terrain.width * np.exp(-(((s - 0.5) / 0.16) ** 2)))[:, None] * normal
+    ground_track = (
+        a + s[:, None] * chord + (0.13 * terrain.width * np.exp(-(((s - 0.5) / 0.16) ** 2)))[:, None] * normal
+    )
     ground = terrain.height(ground_track[:, 0], ground_track[:, 1])
     height = gaussian_filter1d(maximum_filter1d(ground, 21) + 110.0, 8.0, mode="nearest")
     curve = np.column_stack([ground_track, np.maximum(height, ground + 70.0)])
@@ -132,8 +135,8 @@ def _plans(t: Array, x: Array, terrain: HeightField, target: Array) -> dict[str,
     for begin in adopted:
         knots = np.minimum(begin + PERIOD * np.arange(13), t[-1])
         knots = np.unique(knots)
-        states = [x[min(int(round(k / TICK)), len(t) - 1)] for k in knots]
-        inputs = [(after[3:] - before[3:]) / (PERIOD) for before, after in zip(states[:-1], states[1:], strict=True)]
+        states = [x[min(round(k / TICK), len(t) - 1)] for k in knots]
+        inputs = [(after[3:] - before[3:]) / PERIOD for before, after in pairwise(states)]
         phases = [int(Phase.OPTIMISED)] * len(inputs)
         times = knots.tolist()
 
@@ -162,7 +165,9 @@ def _plans(t: Array, x: Array, terrain: HeightField, target: Array) -> dict[str,
         leg(np.array([0.0, 0.0, ceiling - states[-1][2]]), Phase.CLIMB)
         leg(np.array([*(target[:2] - states[-1][:2]), 0.0]), Phase.CRUISE)
         leg(np.array([0.0, 0.0, target[2] - states[-1][2]]), Phase.DESCENT)
-        rows.append((np.array(times), np.array(states), np.array([*inputs, np.full(3, np.nan)]), np.array([*phases, -1])))
+        rows.append(
+            (np.array(times), np.array(states), np.array([*inputs, np.full(3, np.nan)]), np.array([*phases, -1]))
+        )
     remaining = np.linalg.norm(x[np.searchsorted(t, adopted), :3] - target, axis=1)
     return {
         "plan.offsets": np.concatenate([[0], np.cumsum([len(row[0]) for row in rows])]),

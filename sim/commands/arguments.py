@@ -1,0 +1,177 @@
+"""From words to frozen dataclasses that validate themselves.
+
+tyro reads the words and prints the help. Its errors are told again in one line that names the flag, its value and what
+is allowed. Beyond what tyro checks, a flag given twice is an error unless it is a list, and so is nan or an infinity.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import io
+import math
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import redirect_stderr
+from dataclasses import dataclass, field
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+import tyro
+
+from sim.commands.errors import BadInputError
+
+_CONFIG = (tyro.conf.UseAppendAction, tyro.conf.FlagCreatePairsOff)
+_CLOSE = 0.6  # similarity from which a flag that is not known counts as misspelt
+
+
+@dataclass(frozen=True)
+class Group:
+    """A dataclass whose fields are flags: ``--FIELD``, or ``--PREFIX.FIELD``."""
+
+    of: type
+    prefix: str = ""
+    default: Any = None  # an instance; None where fields have to be given
+
+
+def parse(argv: Sequence[str], prog: str, description: str, *groups: Group) -> tuple[Any, ...]:
+    """The dataclasses of the groups with the fields that ``argv`` gives; BadInputError if it cannot be.
+
+    ``--help`` prints the help and raises SystemExit.
+    """
+    known = {name: repeats for group in groups for name, repeats in flags(group.of, group.prefix)}
+    if not {"-h", "--help"} & set(argv):
+        _check_flags(argv, prog, known)
+    names = [f"group_{k}" for k in range(len(groups))]
+    whole = dataclasses.make_dataclass("Arguments", [_field(*pair) for pair in zip(names, groups, strict=True)], kw_only=True)
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            parsed = tyro.cli(whole, prog=prog, description=description, args=list(argv), config=_CONFIG)
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+        prefixes = {name: group.prefix for name, group in zip(names, groups, strict=True)}
+        raise BadInputError(_one_line(said.getvalue(), argv, known, prefixes)) from None
+    for group, name in zip(groups, names, strict=True):
+        _check_finite(getattr(parsed, name), group.prefix)
+    return tuple(getattr(parsed, name) for name in names)
+
+
+def _field(name: str, group: Group) -> tuple[str, Any, Any]:
+    kind = Annotated[group.of, tyro.conf.arg(name=group.prefix)]  # type: ignore[name-defined]
+    default = group.default
+    return name, kind, field() if default is None else field(default_factory=lambda: default)
+
+
+def flags(of: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
+    """The flags of a dataclass, each with whether it may be given several times."""
+    hints = get_type_hints(of, include_extras=True)
+    for entry in dataclasses.fields(of):
+        hint, marks = hints[entry.name], ()
+        if get_origin(hint) is Annotated:
+            hint, *marks = get_args(hint)
+        if tyro.conf.Positional in marks:
+            continue
+        name = f"{prefix}.{entry.name.rstrip('_')}".strip(".")
+        if dataclasses.is_dataclass(hint):
+            yield from flags(hint, name)
+        else:
+            yield f"--{name.replace('_', '-')}", get_origin(hint) is list or Ellipsis in get_args(hint)
+
+
+def given(argv: Sequence[str]) -> list[str]:
+    """The flags in ``argv``, as often and in the order in which they are given."""
+    words = [word.partition("=")[0] for word in argv if word.startswith("--") and len(word) > 2]
+    return [word.replace("_", "-") for word in words]
+
+
+def value_of(flag: str, argv: Sequence[str]) -> str | None:
+    """The first word given with ``flag``, None without the flag."""
+    for k, word in enumerate(argv):
+        if word.startswith(f"{flag}="):
+            return word.partition("=")[2]
+        if word == flag:
+            if k + 1 == len(argv) or argv[k + 1].startswith("--"):
+                raise BadInputError(f"{flag}: its value is missing")
+            return argv[k + 1]
+    return None
+
+
+def with_flag(message: str, known: Sequence[str], prefix: str = "") -> str:
+    """A dataclass' message "field = value; ..." with the flag in place of the field."""
+    found = re.match(r"([A-Za-z_][\w.]*)(?= = )", message)
+    if found is None:
+        return message
+    name = found[1].replace("_", "-")
+    candidates = [flag for flag in (f"--{prefix}.{name}", f"--{name}") if flag in known]
+    candidates += [flag for flag in known if flag.endswith(f".{name}")]
+    return f"{candidates[0]}{message[found.end() :]}" if candidates else message
+
+
+def _check_flags(argv: Sequence[str], prog: str, known: Mapping[str, bool]) -> None:
+    counts = Counter(given(argv))
+    for name, count in counts.items():
+        if name not in known:
+            raise BadInputError(f"{name} is not a field of {prog!r}; {_suggestion(name, list(known), prog)}")
+        if count > 1 and not known[name]:
+            raise BadInputError(f"{name} is given {count} times; allowed: once")
+
+
+def _suggestion(name: str, known: list[str], prog: str) -> str:
+    close = difflib.get_close_matches(name, known, 3, _CLOSE)
+    # A field may be asked for without its group: --nodes means --planner.nodes.
+    close += [flag for flag in known if flag.rpartition(".")[2] == name.lstrip("-") and flag not in close]
+    if close:
+        return f"did you mean {' or '.join(close)}? (`{prog} --help` lists all)"
+    group = f"{name.partition('.')[0]}."
+    if members := [flag for flag in known if flag.startswith(group)]:
+        return f"allowed: {', '.join(members)}"
+    return f"allowed: {', '.join(dict.fromkeys(re.sub(r'[.].*', '.*', flag) for flag in known))}"
+
+
+def _check_finite(value: Any, name: str) -> None:
+    if dataclasses.is_dataclass(value):
+        for entry in dataclasses.fields(value):
+            _check_finite(getattr(value, entry.name), f"{name}.{entry.name}".strip("."))
+    elif isinstance(value, (tuple, list)):
+        for item in value:
+            _check_finite(item, name)
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise BadInputError(f"--{name.replace('_', '-')} = {value}; allowed: finite numbers")
+
+
+def _one_line(box: str, argv: Sequence[str], known: Mapping[str, bool], prefixes: Mapping[str, str]) -> str:
+    """What tyro says in a box of several lines."""
+    lines = [line.strip("│╭╮╰╯ ") for line in box.splitlines()[1:]]
+    rule = next((k for k, line in enumerate(lines) if line and not line.strip("─-")), len(lines))
+    message = " ".join(lines[:rule])
+    if found := re.match(r"Error parsing (--\S+): ", message):
+        allowed = next((line.partition(" ")[2] for line in lines[rule:] if line.startswith(f"{found[1]} ")), "")
+        return f"{found[1]} = {_values(found[1], argv)}; allowed: {allowed}"
+    if found := re.match(r"Error parsing (\w+)([\w.]*): (.*)", message):
+        prefix = f"{prefixes.get(found[1], '')}{found[2]}".strip(".")
+        return with_flag(found[3], list(known), prefix)
+    if found := re.match(r"Missing value for argument '(--\S+?)'. Expected (\d+) values", message):
+        return f"{found[1]} = {_values(found[1], argv)}; allowed: {found[2]} value{'s' * (found[2] != '1')}"
+    if found := re.match(r"invalid choice '(.*)' for argument '(\S+)'. Expected one of \((.*)\)", message):
+        choices = found[3].replace("'", "").strip(", ").removeprefix("None, ")
+        return f"{found[2]} = {found[1]}; allowed: {choices}"
+    if found := re.match(r"Unrecognized options: (.*)", message):
+        return f"{found[1]}: nothing is known to do with this; allowed are flags, each followed by its values"
+    return message
+
+
+def _values(flag: str, argv: Sequence[str]) -> str:
+    """What ``argv`` gives for a flag, where it last does."""
+    words: list[str] = []
+    inside = False
+    for word in argv:
+        name, assigned, value = word.partition("=")
+        if name.startswith("--"):
+            inside = name.replace("_", "-") == flag
+            if inside:
+                words = [value] if assigned else []
+        elif inside:
+            words.append(word)
+    return " ".join(words) or "nothing"

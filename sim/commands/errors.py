@@ -1,0 +1,23 @@
+"""Bad input: what the user can put right, told in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+class BadInputError(ValueError):
+    """The message names the field, its value and what is allowed."""
+
+
+@contextmanager
+def bad_input() -> Iterator[None]:
+    """A ValueError or an OSError in here means that the input was bad."""
+    try:
+        yield
+    except BadInputError:
+        raise
+    except ValueError as error:
+        raise BadInputError(str(error)) from error
+    except OSError as error:
+        raise BadInputError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error

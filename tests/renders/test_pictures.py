@@ -1,0 +1,104 @@
+"""Pictures show something, the vehicle among it, and a video has the size, length and rate asked for."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from renders import opengl
+from renders.relief import relief, resampled
+from renders.run_data import RunData
+from renders.video import draw, write_still, write_video
+from tests.renders.synthetic import ridges
+
+needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
+
+
+def test_relief_has_north_on_top_and_light_on_the_north_western_slopes() -> None:
+    terrain = ridges()
+    picture = relief(terrain, 129).astype(float).mean(axis=-1)
+    z = resampled(terrain, 129, order=1)
+    assert picture.shape == z.shape
+    north, east = np.gradient(z)
+    faces_the_light = (east > 0) & (north < 0)  # uphill to the south-east: the slope looks to the north-west
+    faces_away = (east < 0) & (north > 0)
+    upright = picture[::-1]
+    assert upright[faces_the_light].mean() > upright[faces_away].mean() + 10.0
+
+
+def test_resampling_on_the_grids_own_nodes_changes_nothing() -> None:
+    terrain = ridges(33)
+    np.testing.assert_allclose(resampled(terrain, 33, order=1), terrain.z)
+
+
+@needs_opengl
+def test_vehicle_is_where_it_should_be_and_nothing_else_moves_with_it(run_dir: Path, tmp_path: Path) -> None:
+    script = Path(__file__).with_name("draw_with_and_without_airframe.py")
+    environment = opengl.environment() | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(
+        [sys.executable, str(script), str(run_dir), str(tmp_path / "out.npz")],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""  # an unclosed renderer complains at exit
+    pictures = np.load(tmp_path / "out.npz")
+    for camera in ("chase", "overview", "top"):
+        shown = pictures[f"{camera}.with"].astype(int)
+        assert shown.std() > 15.0
+        column, row, depth = pictures[f"{camera}.pixel"]
+        assert depth > 0.0
+        assert 0 < column < 320
+        assert 0 < row < 180
+        changed = np.abs(shown - pictures[f"{camera}.without"]).max(axis=-1) > 8
+        rows, columns = np.nonzero(changed)
+        assert len(rows) > 20
+        assert np.hypot(rows - row, columns - column).max() < 40  # all that changed is near the vehicle
+        assert (pictures[f"{camera}.before"] != pictures[f"{camera}.without"]).mean() > 0.001
+
+
+@needs_opengl
+def test_video_has_the_size_rate_and_length_asked_for(run_dir: Path, tmp_path: Path) -> None:
+    path = write_video(run_dir, path=tmp_path / "short.mp4", width=160, height=90, fps=2, progress=False)
+    assert [file.name for file in tmp_path.iterdir()] == ["short.mp4"]
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        assert stream.codec_context.name == "h264"
+        assert (stream.width, stream.height) == (160, 90)
+        assert stream.average_rate == 2
+    assert 15 * 2 <= len(pictures) <= 25 * 2
+    assert min(picture.std() for picture in pictures) > 10.0
+
+
+@needs_opengl
+def test_still_is_the_same_picture_every_time(run_dir: Path, tmp_path: Path) -> None:
+    first, second = (write_still(run_dir, "top", tmp_path / f"{k}.png", width=320, height=180) for k in range(2))
+    picture = np.asarray(Image.open(first))
+    assert picture.shape == (180, 320, 3)
+    np.testing.assert_array_equal(picture, np.asarray(Image.open(second)))
+
+
+def test_odd_sizes_and_missing_runs_are_refused_before_anything_is_written(run_dir: Path, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="161 x 90"):
+        write_video(run_dir, path=tmp_path / "video.mp4", width=161, height=90)
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        write_video(tmp_path / "nowhere")
+    assert list(tmp_path.iterdir()) == []
+
+
+@needs_opengl
+def test_failure_of_the_process_that_draws_is_told_in_its_own_words(run: RunData, tmp_path: Path) -> None:
+    from renders.storyboard import Frame
+
+    with pytest.raises(RuntimeError, match="does not exist"):
+        next(iter(draw(tmp_path / "gone", [Frame(0.0, "top", 0.0, 0.0)], 64, 36, 0)))

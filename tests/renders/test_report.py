@@ -1,0 +1,116 @@
+"""The report stands alone, shows everything the summary says, and lets no text of a run become markup."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from renders import figures
+from renders.report import inline_svg, write_report
+from renders.run_data import RunData
+from tests.renders.synthetic import ridges
+
+VOID = {"meta", "img", "br", "link", "input"}
+
+
+class Page(HTMLParser):
+    """Collects tags, attributes and text; checks that tags are closed in order."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.attributes: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+        self._open: list[str] = []
+        self.feed(source)
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+
+@pytest.fixture(scope="module")
+def report(run_dir: Path) -> str:
+    return write_report(run_dir).read_text(encoding="utf-8")
+
+
+def test_report_needs_nothing_beside_itself(report: str) -> None:
+    for tag, attributes in Page(report).attributes:
+        assert tag not in {"script", "link", "iframe"}
+        for name in ("src", "href", "xlink:href"):
+            value = attributes.get(name)
+            assert value is None or value.startswith(("data:", "#")), (tag, name, value[:60])
+    assert not re.search(r"url\((?!#)", report)
+
+
+def test_report_shows_every_key_of_the_summary_and_every_event(report: str, run: RunData) -> None:
+    words = Page(report).words
+    for key in run.summary:
+        assert key in words
+    for event in run.events:
+        assert event.kind in words
+
+
+def test_text_of_a_run_is_escaped(report: str) -> None:
+    assert "radar 1 &lt;on&gt; &amp; seen" in report
+    assert "<on>" not in report
+
+
+def test_every_picture_is_described_and_identifiers_are_unique(report: str) -> None:
+    page = Page(report)
+    assert all(attributes.get("alt") for tag, attributes in page.attributes if tag == "img")
+    assert all(attributes.get("aria-label") for tag, attributes in page.attributes if tag == "svg")
+    identifiers = [attributes["id"] for _, attributes in page.attributes if "id" in attributes]
+    assert len(identifiers) == len(set(identifiers))
+    used = set(re.findall(r"url\(#([^)]+)\)", report)) | set(re.findall(r'href="#([^"]+)"', report))
+    assert used <= set(identifiers)
+
+
+def test_report_says_so_when_the_vehicle_did_not_arrive(run_dir: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(run_dir, tmp_path / "run")
+    summary = json.loads((copy / "summary.json").read_text())
+    summary |= {"arrived": False, "arrival_time_s": None, "min_clearance_m": -3.0, "ground_contacts": 1}
+    (copy / "summary.json").write_text(json.dumps(summary))
+    text = write_report(copy).read_text(encoding="utf-8")
+    assert "did not arrive, and came too close to the ground" in text
+
+
+def test_without_opengl_the_report_is_written_and_says_how_to_install_it(
+    run_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    text = write_report(shutil.copytree(run_dir, tmp_path / "run")).read_text(encoding="utf-8")
+    assert "libosmesa6" in text
+
+
+def test_report_of_a_missing_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        write_report(tmp_path / "nowhere")
+
+
+def test_terrain_figure_names_the_terrain_and_its_heights() -> None:
+    terrain = ridges()
+    svg = inline_svg(figures.terrain_figure(terrain), "terrain", "a map")
+    assert terrain.name in svg
+    assert f"{terrain.z.max():.0f} m" in svg
+
+
+def test_solve_times_become_a_histogram_where_the_summary_lists_them() -> None:
+    plain = figures.solve_figure({"solve_ms_mean": 0.3})
+    listed = figures.solve_figure({"solve_ms_mean": 0.3, "solve_ms": [0.2, 0.3, 0.4, 1.0]})
+    assert len(listed.axes[0].patches) > len(plain.axes[0].patches) == 0

@@ -7,8 +7,9 @@
 # PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend.
 
 FLY_OUT ?= renders/out/fly
-FLY_RADAR ?= --radar 41000 41000 10000 10 --radar-time 30
-FLY ?= safe-flight --seed 1 $(FLY_RADAR)
+FLY_WAY ?= --start 12000 14000 2924 --target 63000 62000 5258
+FLY_RADAR ?= --radar 36000 39000 10000 10 --radar-time 40
+FLY ?= safe-flight --seed 1 $(FLY_WAY) $(FLY_RADAR)
 PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
 WORKERS ?= 2
 ARGS ?=

@@ -90,7 +90,11 @@ class Caption:
         rows = (
             ("TIME", f"{frame.t:.1f} s", rate if frame.rate > 0.0 else f"of {run.duration:.1f} s"),
             ("SPEED", f"{self._speed[i]:.0f} m/s", f"bound {run.mission.speed_max:.0f} m/s"),
-            ("ABOVE GROUND", f"{ground:.0f} m", f"at least {run.mission.clearance_min:.0f} m"),
+            (
+                "ABOVE GROUND",
+                f"{ground:.0f} m" if np.isfinite(ground) else "off the map",
+                f"at least {run.mission.clearance_min:.0f} m",
+            ),
         )
         left, right, step = self._px(18), self._px(276), self._px(54)
         pad = self._px(14)

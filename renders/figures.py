@@ -20,7 +20,7 @@ from models.terrain.height_field import HeightField
 from renders.palette import COLOURS, Part, hexadecimal
 from renders.relief import relief
 from renders.run_data import RunData
-from sim.signals import Array, Integers
+from sim.signals import Integers
 
 INK, GRID = "#1b2733", "#b9c2cc"
 GROUND, BOUND = "#9a8468", "#c2183b"
@@ -142,13 +142,14 @@ def profile_figure(run: RunData) -> Figure:
         least = run.mission.clearance_min
         upper.plot(distance, ground + least, ":", color=BOUND, lw=1.0, label=f"least height, {least:g} m above ground")
         here = run.travelled[lowest] / 1e3
+        early = here < 0.1 * distance[-1]  # the label would leave the axes
         upper.annotate(
-            f"{run.summary.get('min_clearance_m', run.above_ground[lowest]):.1f} m",
-            (here, run.x[lowest, 2]), (0, 22), textcoords="offset points", ha="center",
+            f"least {run.summary.get('min_clearance_m', run.above_ground[lowest]):.1f} m",
+            (here, run.x[lowest, 2]), (0, 22), textcoords="offset points", ha="left" if early else "center",
             arrowprops={"arrowstyle": "-", "color": INK},
         )  # fmt: skip
         upper.set(ylabel="height [m]", title="Height over the ground")
-        upper.legend(loc="best")
+        upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2)
         lower.plot(distance, run.above_ground[i], color=_colour(Part.FLOWN))
         lower.axhline(least, color=BOUND, ls=":", lw=1.0)
         lower.set(xlabel="distance flown [km]", ylabel="clearance [m]")
@@ -192,30 +193,21 @@ def cost_figure(run: RunData) -> Figure:
 
 
 def solve_figure(summary: Mapping[str, Any]) -> Figure:
-    """How long the optimisation of a plan took: quantiles, and a histogram if the summary lists ``solve_ms``."""
+    """How long the optimisation of a plan took: mean, median, 99th percentile and the longest."""
     with matplotlib.rc_context(STYLE):
-        times: Array = np.array(summary.get("solve_ms", []), dtype=float)
-        figure = _figure(9.4, 2.6 if times.size else 1.6)
+        figure = _figure(9.4, 2.2)
         axes = figure.add_subplot()
-        if times.size:
-            bins = np.geomspace(max(times.min(), 1e-3), max(times.max(), 2e-3), 40)
-            axes.hist(times, bins.tolist(), color=_colour(Part.OPTIMISED), alpha=0.55)
-            axes.set_ylabel("plans")
-        else:
-            axes.set_yticks([])
-            axes.spines["left"].set_visible(False)
-            axes.grid(False)
-        marks = {"p50": "median", "mean": "mean", "p99": "99th percentile", "max": "largest"}
-        for row, (key, name) in enumerate(marks.items()):
-            value = summary.get(f"solve_ms_{key}")
-            if value is not None:
-                axes.axvline(value, color=_colour(Part.OPTIMISED), lw=1.2)
-                axes.annotate(f"{name} {value:.3g} ms", (value, 0.88 - 0.24 * row), (4, 0), va="center",
-                              xycoords=("data", "axes fraction"), textcoords="offset points")  # fmt: skip
-        axes.set(xscale="log", xlabel="thread CPU time of one optimisation [ms]", title="Solve times")
-        axes.margins(x=0.25)
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter("{x:g}")
+        names = {"p50": "median", "mean": "mean", "p99": "99th percentile", "max": "longest"}
+        found = [(name, summary.get(f"solve_ms_{key}")) for key, name in names.items()]
+        known = [(name, float(value)) for name, value in found if value is not None]
+        if known:
+            labels, values = zip(*known, strict=True)
+            bars = axes.barh(labels, values, 0.6, color=_colour(Part.OPTIMISED))
+            axes.bar_label(bars, [f"{value:.3g} ms" for _, value in known], padding=4)
+        axes.invert_yaxis()
+        axes.margins(x=0.12)
+        axes.grid(axis="y", visible=False)
+        axes.set(xlabel="thread CPU time of one optimisation [ms]", title="Solve times")
     return figure
 
 

@@ -1,7 +1,7 @@
 """Which OpenGL draws without a screen: what the user says in MUJOCO_GL, else OSMesa, else EGL.
 
 MuJoCo reads MUJOCO_GL once, when it is first imported, and PyOpenGL reads a variable of its own. A process that has
-flown a mission has imported both long ago; pictures are therefore drawn by child processes started in ``environment()``.
+flown a mission has imported both long ago; so pictures are drawn by child processes started in ``environment()``.
 """
 
 from __future__ import annotations

@@ -24,20 +24,11 @@ from renders.run_data import RunData, load_run
 from renders.storyboard import EXAGGERATION
 from renders.video import write_still
 from sim.log import write_text
+from sim.metrics import SUMMARY_GROUPS
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted
 
-# Headings of the summary's table and the keys below them; what is not named here comes under "Further".
-GROUPS: dict[str, tuple[str, ...]] = {
-    "Mission": (
-        "arrived", "arrival_time_s", "deadline_s", "path_length_m", "straight_line_m", "control_effort",
-        "radar_exposure_s",
-    ),
-    "Safety": ("min_clearance_m", "ground_contacts", "tracking_breaches", "fallback_steps"),
-    "Planning": ("replans", "plans_rejected", "manoeuvres_rejected", "late_plans", "solver_failures"),
-    "Computing": ("solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max", "real_time_factor"),
-}  # fmt: skip
-UNITS = {"_s": "s", "_m": "m", "_ms": "ms", "_mps": "m/s"}
+UNITS = {"_m_s2": "m/s²", "_m_s": "m/s", "_ms": "ms", "_s": "s", "_m": "m"}  # the first that fits
 
 CSS = """
 :root { color-scheme: light dark; --ink: #1b2733; --soft: #5a6876; --paper: #f4f6f8; --card: #ffffff; --grid: #cfd6dd;
@@ -56,7 +47,7 @@ header p { margin: 4px 0 0; color: var(--soft); }
 .tiles div { padding: 12px 16px; } .tiles b { display: block; font-size: 23px; } .tiles span { color: var(--soft); }
 figure { margin: 0 0 14px; padding: 12px; } figure svg, figure img { display: block; width: 100%; height: auto; }
 figure.map svg { max-width: 760px; margin: 0 auto; } figcaption { color: var(--soft); font-size: 13.5px; }
-.tables { display: grid; grid-template-columns: repeat(auto-fit, minmax(250px, 1fr)); gap: 12px; }
+.tables { display: grid; grid-template-columns: repeat(auto-fit, minmax(290px, 1fr)); gap: 12px; }
 .tables section { padding: 8px 16px 12px; } .tables h3 { font-size: 14px; margin: 4px 0; color: var(--soft); }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; font-weight: 400; padding: 3px 8px 3px 0; border-top: 1px solid var(--grid);
@@ -160,9 +151,9 @@ def _overview(run: RunData) -> str:
 
 
 def _summary(summary: Mapping[str, Any]) -> str:
-    named = {key for keys in GROUPS.values() for key in keys}
-    groups = {name: [key for key in keys if key in summary] for name, keys in GROUPS.items()}
-    groups["Further"] = [key for key in summary if key not in named]
+    named = {key for keys in SUMMARY_GROUPS.values() for key in keys}
+    groups = {name: [key for key in keys if key in summary] for name, keys in SUMMARY_GROUPS.items()}
+    groups["run"] = [key for key in summary if key not in named]
     sections = ""
     for name, keys in groups.items():
         if keys:
@@ -170,7 +161,7 @@ def _summary(summary: Mapping[str, Any]) -> str:
                 f'<tr><th scope="row">{_text(key)}</th><td>{_text(_number(summary[key]))} {_unit(key)}</td></tr>\n'
                 for key in keys
             )
-            sections += f"<section><h3>{name}</h3><table><tbody>\n{rows}</tbody></table></section>\n"
+            sections += f"<section><h3>{name.capitalize()}</h3><table><tbody>\n{rows}</tbody></table></section>\n"
     return f'<div class="tables">\n{sections}</div>\n'
 
 

@@ -81,7 +81,8 @@ class RunData:
     @cached_property
     def travelled(self) -> Array:
         """(n,) [m] length of the path flown."""
-        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.x[:, :3], axis=0), axis=1))])
+        travelled: Array = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.x[:, :3], axis=0), axis=1))])
+        return travelled
 
     def index(self, t: float) -> int:
         """The last tick at or before ``t`` [s]."""
@@ -89,10 +90,8 @@ class RunData:
 
     def state(self, t: float) -> Array:
         """(6,) true state at ``t`` [s], linear between ticks; the first and last state beyond them."""
-        i = self.index(t)
-        if i + 1 == len(self.t):
-            return self.x[-1]
-        share = max(0.0, (t - self.t[i]) / (self.t[i + 1] - self.t[i]))
+        i = min(self.index(t), len(self.t) - 2)
+        share = float(np.clip((t - self.t[i]) / (self.t[i + 1] - self.t[i]), 0.0, 1.0))
         between: Array = (1.0 - share) * self.x[i] + share * self.x[i + 1]
         return between
 

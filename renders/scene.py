@@ -1,8 +1,8 @@
 """A run drawn by MuJoCo: the ground, the airframe, the path flown, the plan ahead, radars, start and target.
 
 Two worlds stand in one model: the true one for the chase camera, and one for the overview and the top view, whose
-heights above the lowest ground are multiplied by ``storyboard.EXAGGERATION``. A map of 82 km shows nothing at its true size, so
-vehicle, lines and beacons are drawn at a size in pixels.
+heights above the lowest ground are multiplied by ``storyboard.EXAGGERATION``. On a map of 82 km nothing could be seen
+at its true size, so vehicle, lines and beacons are drawn at a size in pixels.
 
 Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
@@ -19,6 +19,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 import models.aerial
 from models.aerial.entity import airframe_pose
@@ -63,7 +64,6 @@ class Scene:
     def __init__(self, run: RunData, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
         self._low = float(run.terrain.z.min())
-        self._renderer: Any = None
         self.model = _model(run, width, height, samples)
         self.data = mujoco.MjData(self.model)
         airframe = self.model.body("airframe").id
@@ -74,7 +74,7 @@ class Scene:
         self._camera = mujoco.MjvCamera()
         self._options = mujoco.MjvOption()
         self._chase = ChaseCamera(run)
-        self._renderer = mujoco.Renderer(self.model, height, width, max_geom=MAX_GEOMS)
+        self._renderer: Any = mujoco.Renderer(self.model, height, width, max_geom=MAX_GEOMS)
 
     def __enter__(self) -> Scene:
         return self
@@ -217,7 +217,8 @@ class Scene:
         for part, points in self._lines(t, camera):
             self._add_capsules(self.world(points, camera), part, width, dashed=part is Part.COMPLETION)
         x = self.run.state(t)
-        if camera != "chase":  # a plumb line tells where over the ground the vehicle is
+        # A plumb line tells where over the ground the vehicle is.
+        if camera != "chase" and self.run.terrain.contains(x[0], x[1]):
             foot = np.array([x[0], x[1], float(self.run.terrain.height(x[0], x[1]))])
             self._add_capsules(self.world(np.array([foot, x[:3]]), camera), Part.FLOWN, 2.0, dashed=False)
 
@@ -274,8 +275,6 @@ class ChaseCamera:
     SMOOTHING = 2.5  # [s] standard deviation of the Gaussian that steadies the camera
 
     def __init__(self, run: RunData) -> None:
-        from scipy.ndimage import gaussian_filter1d, maximum_filter1d
-
         self.t = np.arange(0.0, run.duration + self.STEP, self.STEP)
         position = np.array([run.state(float(t))[:3] for t in self.t])
         sigma = self.SMOOTHING / self.STEP

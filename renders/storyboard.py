@@ -6,6 +6,7 @@ the start, where something happens, and at the arrival; the overview and the top
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -19,6 +20,7 @@ Direction = Literal["tour", "chase", "overview", "top"]
 EXAGGERATION = 1.7  # of heights in the overview and the top view
 TURN = 0.8  # [degrees/s] at which the overview turns around the map
 NOTICE_LENGTH = 1.6  # [s] of video for which an event stays in sight
+MANY = 12  # events of one kind, of which a video cannot tell each
 LAST_LOOK = 1.0  # [s] of video for which the last moment stays
 SHOT_LENGTHS = (2.2, 3.8, 3.2, 4.6, 2.6, 3.6)  # [s] of video: the tour's shots before the last look
 FORCED_LENGTH = 19.0  # [s] of video before the last look, where one camera films everything
@@ -61,11 +63,20 @@ def highlight(run: RunData) -> float:
 
 
 def notices(run: RunData) -> list[tuple[float, str]]:
-    """(time [s], text) of what happened, in order of time."""
+    """(time [s], text) of what happened, in order of time; of a kind that happens all the time only the first event."""
+    count = Counter(event.kind for event in run.events)
+    told: set[str] = set()
     found = [(radar.time, "radar on") for radar in run.mission.radars if radar.time > 0.0]
     for event in run.events:
-        if event.kind != "message":  # told by what it did: the radar that it announces is on the list already
-            text = event.kind.replace("-", " ") + (f": {event.message}" if event.message else "")
+        if event.kind == "message":  # the radar that it announces is on the list already
+            continue
+        text = event.kind.replace("-", " ")
+        if count[event.kind] > MANY:
+            text += f", {count[event.kind]} times in this flight"
+        elif event.message:
+            text += f": {event.message}"
+        if event.kind not in told or count[event.kind] <= MANY:
+            told.add(event.kind)
             found.append((event.t, text if len(text) <= 76 else text[:75] + "…"))
     return sorted(found)
 

@@ -1,14 +1,14 @@
 """The command line ``mathnavi``.
 
-Exit codes: 0 the mission did what it should, 1 it ran and did not, 2 bad input: one line on standard error that names the
-field, its value and what is allowed. A command's module is imported when it is called, so that help and errors are quick.
+Exit codes: 0 the mission did what it should, 1 it ran and did not, 2 bad input: one line on standard error that names
+the field, its value and what is allowed. A command's module is imported when it is called, so that help is quick.
 """
 
 from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from sim.commands.errors import BadInputError
 
@@ -25,12 +25,11 @@ INTERRUPTED = 130  # what a shell calls a process that ended by SIGINT
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the result is the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if not arguments or arguments[0] in ("-h", "--help"):
-        commands = "\n".join(f"  {name:9}{purpose}" for name, (_, purpose) in COMMANDS.items())
-        print(USAGE.format(commands), file=sys.stdout if arguments else sys.stderr)
-        return 0 if arguments else 2
+    if arguments and arguments[0] in ("-h", "--help"):
+        print(USAGE.format("\n".join(f"  {name:9}{purpose}" for name, (_, purpose) in COMMANDS.items())))
+        return 0
     try:
-        return _command(arguments[0])(arguments[1:])
+        return _command(*arguments[:1])(arguments[1:])
     except BadInputError as error:
         print(f"mathnavi: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
@@ -39,7 +38,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _command(name: str):  # type: ignore
+def _command(name: str = "") -> Callable[[Sequence[str]], int]:
     if name not in COMMANDS:
-        raise BadInputError(f"command {name!r} is not known; allowed: {', '.join(COMMANDS)}")
-    return importlib.import_module(COMMANDS[name][0]).main
+        raise BadInputError(f"COMMAND = {name!r} is not known; allowed: {', '.join(COMMANDS)}")
+    command: Callable[[Sequence[str]], int] = importlib.import_module(COMMANDS[name][0]).main
+    return command

@@ -11,9 +11,11 @@ from __future__ import annotations
 import json
 import math
 import os
+import platform
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -170,6 +172,12 @@ def write_json(path: Path, value: Any) -> None:
     write_text(path, json.dumps(_jsonable(value), indent=2) + "\n")
 
 
+def versions() -> dict[str, str]:
+    """What a run depends on, by name."""
+    packages = ("mathnavi", "mujoco", "numpy", "casadi")
+    return {name: version(name) for name in packages} | {"python": platform.python_version()}
+
+
 def write_run(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any], recording: Recording) -> None:
     """Write a run's folder, summary.json last, so that a summary means a whole run."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -186,5 +194,5 @@ def write_run(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any
     write_json(folder / "log.json", {"arrays": shapes, "states": recording.state_names, "time": "t [s]"})
     events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]
     write_text(folder / "events.jsonl", "".join(json.dumps(_jsonable(event)) + "\n" for event in events))
-    write_json(folder / "config.json", config)
-    write_json(folder / "summary.json", summary)
+    write_json(folder / "config.json", {**config, "versions": versions()})
+    write_json(folder / "summary.json", {**summary, "version": version("mathnavi")})

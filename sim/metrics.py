@@ -17,6 +17,15 @@ from models.terrain.visibility import Radar
 from sim.log import AgentRecorder, Recording
 from sim.signals import Array
 
+# The summary's figures as they are read, for every table that shows them.
+SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
+    "mission": ("arrived", "arrival_time_s", "deadline_s", "flight_time_s"),
+    "path": ("path_length_m", "straight_line_m", "control_effort", "radar_exposure_s"),
+    "safety": ("min_clearance_m", "ground_contacts", "speed_max_m_s", "missed_passes", "guarantee_lost"),
+    "tracking": ("tracking_breaches", "tracking_error_max_m", "tracking_bound_m", "rebased_plans"),
+    "planning": ("replans", "plans_adopted", "plans_rejected", "manoeuvres_rejected", "late_plans", "fallback_steps"),
+    "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
+}
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
 REJECTIONS = ("low-clearance", "off-map", "bounds", "deadline", "no-arrival", "wrong-start")
 

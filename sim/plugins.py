@@ -46,7 +46,10 @@ def load(kind: str, name: str) -> Any:
     """
     points = {point.name: point for point in entry_points(group=GROUPS[kind])}
     if name in points:
-        plugin = points[name].load()
+        try:
+            plugin = points[name].load()
+        except (ImportError, AttributeError) as error:
+            raise ValueError(f"{kind}: {name!r} cannot be imported: {error}") from None
     elif ":" in name:
         plugin = _imported(kind, name)
     else:
@@ -69,5 +72,5 @@ def _imported(kind: str, name: str) -> Any:
     module, _, attribute = name.partition(":")
     try:
         return getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
+    except (ImportError, AttributeError, ValueError) as error:  # ValueError: no module before the colon
         raise ValueError(f"{kind}: {name!r} cannot be imported: {error}") from None

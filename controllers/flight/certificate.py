@@ -93,14 +93,15 @@ class Certificate:
             return malformed
         duration = np.diff(plan.t)
         p, v = plan.x[:, :3], plan.x[:, 3:]
-        joint = np.hstack(
-            [
-                p[:-1] + duration[:, None] * v[:-1] + 0.5 * duration[:, None] ** 2 * plan.u - p[1:],
-                v[:-1] + duration[:, None] * plan.u - v[1:],
-            ]
-        )
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows does not join
+            joint = np.hstack(
+                [
+                    p[:-1] + duration[:, None] * v[:-1] + 0.5 * duration[:, None] ** 2 * plan.u - p[1:],
+                    v[:-1] + duration[:, None] * plan.u - v[1:],
+                ]
+            )
         gap = float(np.abs(joint).max(initial=0.0))
-        if gap > _JOIN:
+        if not gap <= _JOIN:  # nor does NaN
             return Refusal(Status.MALFORMED, f"arcs miss each other by {gap:.3g}")
         speed, push = np.linalg.norm(v, axis=1), np.linalg.norm(plan.u, axis=1)
         # A start that is too fast already, after a gust say, can only be slowed down.
@@ -131,6 +132,8 @@ def _malformed(plan: Plan) -> Refusal | None:
         return Refusal(Status.NOT_FINITE, "t, x or u is not finite")
     if (np.diff(plan.t) <= 0.0).any():
         return Refusal(Status.MALFORMED, "times do not increase")
+    if not np.isin(plan.phase, list(Phase)).all():
+        return Refusal(Status.MALFORMED, f"phases {np.unique(plan.phase).tolist()}; allowed {[int(p) for p in Phase]}")
     return None
 
 
@@ -177,18 +180,19 @@ class Certified:
         error = request.estimate.x - state_at(current, request.t)
         if self._bound.broken_by(error):
             return self._rebased(request, error, notes)
-        plan = self._judged(self._planner.plan(request), request)
+        plan = self._judged(self._planner, request)
         return dataclasses.replace(plan, notes=notes + plan.notes)
 
     def _fresh(self, request: PlanRequest) -> Plan:
         """A certified plan from the estimate itself, by the planner or, failing that, the reserve."""
-        plan = self._judged(self._planner.plan(request), request)
-        if plan.ok:
+        plan = self._judged(self._planner, request)
+        if plan.ok and plan.ready <= plan.t_start:
             return plan
-        reserve = self._judged(self._reserve.plan(request), request)
+        reason = plan.message or (Status.LATE if plan.ok else plan.status).value
+        reserve = self._judged(self._reserve, request)
         if not reserve.ok:
-            return dataclasses.replace(reserve, message=f"{plan.message}; the reserve: {reserve.message}")
-        return dataclasses.replace(reserve, notes=("reserve-plan",), message=plan.message)
+            return dataclasses.replace(reserve, message=f"{reason}; the reserve: {reserve.message}")
+        return dataclasses.replace(reserve, notes=("reserve-plan",), message=reason)
 
     def _rebased(self, request: PlanRequest, error: Array, notes: tuple[str, ...]) -> Plan:
         """The vehicle is off its plan: plan anew from the estimate, at once, or announce the loss."""
@@ -211,8 +215,14 @@ class Certified:
         self._reported_pass = passed
         return True
 
-    def _judged(self, plan: Plan, request: PlanRequest) -> Plan:
-        """``plan``, or the failure it is."""
+    def _judged(self, planner: Planner, request: PlanRequest) -> Plan:
+        """The planner's answer if it may be flown, or the failure it is."""
+        try:
+            return self._examined(planner.plan(request), request)
+        except Exception as error:  # whatever a stranger's planner does, the vehicle flies on
+            return Plan.failure(Status.RAISED, f"{type(error).__name__}: {error}")
+
+    def _examined(self, plan: Plan, request: PlanRequest) -> Plan:
         if not plan.ok:
             return plan
         refusal = self._certificate.refuse(plan)

@@ -184,8 +184,8 @@ class FactoredCost:
 class TrilinearCost:
     """D interpolated linearly in each cell of the stretched grid, as in the print: a length [m].
 
-    The print has no value outside the grid. Here coordinates are held to its edge, and the height above its top layer is
-    added: else a climb would cost nothing up there, and nothing would end it.
+    The print has no value outside the grid. Here coordinates are held to its edge, and the height above its top layer
+    is added: else a climb would cost nothing up there, and nothing would end it.
     """
 
     grid: TerrainGrid

@@ -9,20 +9,21 @@ At each step the NLP (A.2), in its form (A.3), over the accelerations a_1 ... a_
                 p_1 = p_c,  v_1 = v_c                                  the measured state, at the time of the hand-over
                 h (|a_N|^2 + beta) + Psi(p_N + h v_N) - Psi(p_N) <= -epsilon,     a_N in S_epsilon (Definition A.1)
 
-H is the terrain's triangles; Psi is trilinear on the 33 x 33 x 5 grid (A.5), beta / v_c per metre. a_N stands in S_epsilon alone,
-where nothing is better than a_N = 0. Behind it goes the manoeuvre of (A.4), predetermined, not optimised:
+H is the terrain's triangles; Psi is trilinear on the 33 x 33 x 5 grid (A.5), beta / v_c per metre. a_N stands in
+S_epsilon alone, where nothing is better than a_N = 0. Behind it goes the manoeuvre of (A.4), predetermined, not
+optimised:
 
     (p^_1, v^_1) = (p_N + h v_N, v_N + h a_N),  N_bar nodes by forward Euler under one constant acceleration,
 
-which stops the level motion and pulls up as far as the bounds allow, into S_s (Definition A.3): e_z'v >= |v| sin(alpha_bar), alpha_bar
-the terrain's steepest slope. It is verified at its nodes once the NLP is solved. If the NLP fails or the manoeuvre is
-infeasible, the previous concatenated solution goes on (Remark A.5). From S_s the vehicle completes the task "continuing upward
-and upon a full turn above the target" (A.4).
+which stops the level motion and pulls up as far as the bounds allow, into S_s (Definition A.3): e_z'v >= |v|
+sin(alpha_bar), alpha_bar the terrain's steepest slope. It is verified at its nodes once the NLP is solved. If the
+NLP fails or the manoeuvre is infeasible, the previous concatenated solution goes on (Remark A.5). From S_s the
+vehicle completes the task "continuing upward and upon a full turn above the target" (A.4).
 
-Two things the print leaves to the reader. What is flown are the accelerations, each held for h, so the arcs of a plan
-are the exact motion; only the optimiser believes in Euler. And the vehicle's force is bounded in the Euclidean norm, so
-the print's box for a_i is the largest one in that ball. S_f is p = p_f, without a velocity and without an arrival in the
-discrete problem: the vehicle arrives if it happens to pass within the radius, else by completion.
+Where the print is silent: what is flown are the accelerations, each held for h, so the arcs of a plan are the exact
+motion; only the optimiser believes in Euler. The vehicle's force is bounded in the Euclidean norm, so the print's
+box for a_i is the largest one in that ball. S_f is p = p_f, and no node is made to lie there: the vehicle arrives
+if it happens to pass within the radius, else by completion.
 """
 
 from __future__ import annotations
@@ -79,10 +80,9 @@ class LiteralConfig:
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
-        if self.grid_nodes < 3 or self.grid_layers < 2:
-            raise ValueError(
-                f"grid_nodes = {self.grid_nodes}, grid_layers = {self.grid_layers}; allowed: >= 3 and >= 2"
-            )
+        for name, least in (("grid_nodes", 3), ("grid_layers", 2)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} = {getattr(self, name)}; allowed: >= {least}")
 
     @property
     def h(self) -> float:
@@ -92,7 +92,7 @@ class LiteralConfig:
 
 
 class LiteralFlight:
-    """Entry point ``literal`` of ``mathnavi.controllers``."""
+    """The planner of the print to the letter, for comparison; it carries no certificate."""
 
     Config = LiteralConfig
     certified = False  # it is flown as the print says, whatever a certificate would say
@@ -142,7 +142,8 @@ class EulerNlp:
         """(3 (N - 1),)."""
         p, _ = self.states(a)
         slope = self.psi_per_metre * self.cost.gradient(p[-1:])[0]
-        return (2.0 * self.h * a + position_weights(self.nodes, self.h)[-1][:, None] * slope).ravel()
+        gradient: Array = 2.0 * self.h * a + position_weights(self.nodes, self.h)[-1][:, None] * slope
+        return gradient.ravel()
 
     def constraints(self, a: Array) -> Array:
         """G(a) <= 0: d(p_i) [m], |v_i| - v_max [m/s] axis by axis up and down, and S_epsilon over beta / v_c [m]."""
@@ -156,7 +157,8 @@ class EulerNlp:
 
     def depth(self, p: Array) -> Array:
         """d(p) (n,) [m] of points (n, 3); beyond the border the ground goes on as it is there."""
-        return np.asarray(self.terrain.height(*self._held(p))) + self.clearance - p[:, 2]
+        depth: Array = self.terrain.height(*self._held(p)) + self.clearance - p[:, 2]
+        return depth
 
     def jacobian(self, a: Array) -> Array:
         """dG/da, a row each constraint, (., 3 (N - 1))."""
@@ -186,15 +188,17 @@ def velocity_weights(nodes: int, h: float) -> Array:
 def position_weights(nodes: int, h: float) -> Array:
     """(N, N - 1) [s^2]: p_i = p_1 + (i - 1) h v_1 + sum_j weights_ij a_j."""
     i, j = np.arange(nodes)[:, None], np.arange(nodes - 1)[None, :]
-    return h * h * np.maximum(0.0, i - 1.0 - j)
+    weights: Array = h * h * np.maximum(0.0, i - 1.0 - j)
+    return weights
 
 
 def solve(nlp: EulerNlp, guess: Array) -> tuple[Array, Status]:
     """Sequential quadratic programming on (A.3) from ``guess`` (N - 1, 3), in a trust region.
 
-    The merit is the objective plus rho max(0, G): an exact penalty, since rho is above what all multipliers add up to. Each
-    step solves the convex programme  min g'd + h |d|^2 + rho t,  G + G'd <= t,  t >= 0,  within the box for a and the trust
-    region. ``INFEASIBLE`` if it comes to a standstill where a constraint is violated, ``SOLVER_FAILED`` at the iteration limit.
+    The merit is the objective plus rho max(0, G): an exact penalty, since rho is above what all multipliers add up to.
+    Each step solves the convex programme min g'd + h |d|^2 + rho t, G + G'd <= t, t >= 0, within the box for a and
+    the trust region. ``INFEASIBLE`` if it comes to a standstill where a constraint is violated, ``SOLVER_FAILED``
+    at the iteration limit.
     """
     size = guess.size
     rho = 1e3 * (1.0 + nlp.psi_per_metre)
@@ -265,12 +269,8 @@ class Literal:
         a, status = solve(nlp, self._shifted(request))
         solve_ms = 1e3 * (time.thread_time() - began)
         plan = self._concatenated(request, nlp, a, status)
-        if (
-            not plan.ok
-            and request.current is None
-            and not start[3:].any()
-            and float(nlp.depth(start[None, :3])[0]) <= 0.0
-        ):
+        resting = request.current is None and not start[3:].any()
+        if not plan.ok and resting and nlp.depth(start[None, :3])[0] <= 0.0:
             plan = self._from_rest(request, start, plan.message)
         return replace(plan, solve_ms=solve_ms)
 
@@ -288,20 +288,20 @@ class Literal:
             arcs.add(a_i, nlp.h, Phase.OPTIMISED)
         arcs.add(push, steps * nlp.h, Phase.MANOEUVRE)
         end = arcs.x[-1]
-        if not self._mission.terrain.contains(end[0], end[1]):
-            return Plan.failure(Status.OFF_MAP, "the manoeuvre's exact motion leaves the map")
         arcs.x[-1] = np.array([*end[:3], 0.0, 0.0, end[5]])
         return self._completed(arcs, nlp.objective(a))
 
     def _from_rest(self, request: PlanRequest, start: Array, message: str) -> Plan:
-        """Rest above h_min is in S_s, so the completion alone is a concatenated solution for k = 1 (Proposition A.2)."""
+        """Rest above h_min is in S_s, so completion alone is the concatenated solution for k = 1 (Proposition A.2)."""
         plan = self._completed(ArcList.begin(request.t_start, start), math.nan)
-        if not len(plan.u):
+        if plan.ok and not len(plan.u):
             return Plan.failure(Status.INFEASIBLE, f"the start is the target; {message}")
-        return replace(plan, notes=("reserve-plan",), message=message)
+        return replace(plan, notes=("reserve-plan",), message=message) if plan.ok else plan
 
     def _completed(self, arcs: ArcList, cost: float) -> Plan:
-        mission = self._mission
+        mission, end = self._mission, arcs.x[-1]
+        if not mission.terrain.contains(end[0], end[1]):
+            return Plan.failure(Status.OFF_MAP, f"the completion begins at {np.round(end[:2]).tolist()} m")
         complete(arcs, mission.terrain, self._target, mission.clearance_min, mission.speed_max, self._thrust)
         return arcs.plan(cost, math.nan)
 
@@ -317,8 +317,8 @@ class Literal:
     def _measured(self, request: PlanRequest) -> Array:
         """(p_c, v_c) (6,) at the hand-over.
 
-        Within its bound a deviation is the tracker's business and the plan says where the vehicle will be; beyond it, after a jump
-        of A.7 say, the measurement does.
+        Within its bound a deviation is the tracker's business and the plan says where the vehicle will be; beyond it,
+        after a jump of A.7 say, the measurement does.
         """
         current = request.current
         if current is None:
@@ -337,7 +337,7 @@ class Literal:
         return np.array([input_at(current, float(t)) for t in middles])
 
     def _manoeuvre(self, v: Array) -> tuple[int, Array]:
-        """Steps N_bar - 1 and acceleration (3,) that lead from v to vertical flight, as steep a pull-up as the box allows."""
+        """Steps N_bar - 1 and acceleration (3,) to vertical flight, with all the climb the box allows."""
         steps = math.ceil(self._mission.speed_max / (self._config.h * self._box) - 1e-9)
         duration = steps * self._config.h
         climb = min(self._mission.speed_max, float(v[2]) + self._box * duration)

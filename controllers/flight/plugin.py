@@ -58,10 +58,9 @@ class FlightConfig:
             raise ValueError(f"margin = {self.margin!r}; allowed: a finite value >= 0")
         if self.backend not in ("condensed", "ipopt", "fatrop"):
             raise ValueError(f"backend = {self.backend!r}; allowed: condensed, ipopt, fatrop")
-        if self.grid_nodes < 3 or self.grid_layers < 2:
-            raise ValueError(
-                f"grid_nodes = {self.grid_nodes}, grid_layers = {self.grid_layers}; allowed: >= 3 and >= 2"
-            )
+        for name, least in (("grid_nodes", 3), ("grid_layers", 2)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} = {getattr(self, name)}; allowed: >= {least}")
 
     @property
     def h(self) -> float:
@@ -71,7 +70,7 @@ class FlightConfig:
 
 
 class SafeFlight:
-    """Entry point ``flight`` of ``mathnavi.controllers``."""
+    """Receding horizon with a safety manoeuvre behind every plan, optimised on line and certified."""
 
     Config = FlightConfig
     certified = True  # the scenario flies only what a certificate accepts

@@ -1,14 +1,14 @@
 """CasADi's statement of the problem of ``controllers.flight.problem``, solved by IPOPT or FATROP.
 
-It shares no code with the compiled kernels, and one is tested against the other. Where those condense the dynamics into
-affine maps of the accelerations, here the states are unknowns as well (multiple shooting), ordered stage by stage so that
-FATROP finds its block structure:
+It shares no code with the compiled kernels, and one is tested against the other. Where those condense the dynamics
+into affine maps of the accelerations, here the states are unknowns as well (multiple shooting), ordered stage by stage
+as FATROP wants them:
 
-    x_1, a_1, x_2, a_2, ..., x_N, w,    x_i = (p_i, v_i).
+    x_1, a_1, s_1, x_2, a_2, s_2, ..., x_N, w, s_N,    x_i = (p_i, v_i),
 
-The soft constraints carry their slacks at the optimal values s_q = max(0, violation), so the objective is the one the
-kernels compute. Everything that changes from one problem to the next is a parameter: a solver is built once per number of
-arcs and size of the splines, in milliseconds.
+s_i the slacks of the points on arc i, s_N those of the manoeuvre and of the approach condition. Everything that
+changes from one problem to the next is a parameter, so a solver is built once per number of arcs and size of the
+splines, in milliseconds.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from sim.signals import Array
 Backend = Literal["ipopt", "fatrop"]
 
 _ITERATION_LIMIT = 200
-_STATE, _INPUT = 6, 3
+_STATE, _INPUT = 6, 3 + POINTS_PER_ARC  # of a stage: position and velocity; acceleration and slacks
 # A warm start stays where it is put: the usual push away from the bounds would undo it.
 _IPOPT_WARM_START = {
     "warm_start_init_point": "yes",
@@ -60,6 +60,11 @@ class _Shape:
     ground: tuple[int, int]
     ratio: tuple[int, int, int]
 
+    @property
+    def last_input(self) -> int:
+        """Variables after the last state: the climb rate and the slacks of the manoeuvre and the approach."""
+        return 1 + POINTS_ON_MANOEUVRE + (0 if self.hold else 1)
+
 
 @dataclass(frozen=True, eq=False)
 class _Window:
@@ -75,12 +80,13 @@ class _Window:
         return np.concatenate([self.corner, self.whole])
 
     @staticmethod
-    def around(coefficients: Array, row: float, column: float, reach: float) -> _Window:
-        """The last two axes cut to ``reach`` cells around a point given in cells."""
-        size = 2 * math.ceil(reach) + 5
+    def around(coefficients: Array, row: float, column: float, distance: float) -> _Window:
+        """The last two axes cut to ``distance`` cells around a point given in cells."""
+        reach = 8 * math.ceil(distance / 8)  # few sizes, so that few solvers are built
+        size = 2 * reach + 5
         rows, columns = coefficients.shape[-2:]
         corner = [
-            min(max(math.floor(centre) - math.ceil(reach), 0), max(0, count - size))
+            min(max(math.floor(centre) - reach, 0), max(0, count - size))
             for centre, count in ((row, rows), (column, columns))
         ]
         part = coefficients[..., corner[0] : corner[0] + size, corner[1] : corner[1] + size]
@@ -110,10 +116,10 @@ def _basis(f: ca.MX) -> ca.MX:
 def _spline(c: ca.MX, axes: Sequence[tuple[int, ca.MX, ca.MX]], coordinates: Sequence[ca.MX]) -> ca.MX:
     """Tensor-product cubic B-spline at Q points, (1, Q).
 
-    ``c`` holds the coefficients of the window in C order; each axis is (size of the window, its corner, size of the whole
-    array), each of the coordinates (1, Q) is in cells of the whole array and held to [0, nodes - 1]. Written with gathers
-    over all the points at once, because ``casadi.bspline`` with symbolic coefficients differentiates the whole array of
-    coefficients at every evaluation.
+    ``c`` holds the coefficients of the window in C order; each axis is (size of the window, its corner, size of the
+    whole array), each of the coordinates (1, Q) is in cells of the whole array and held to [0, nodes - 1]. Written with
+    gathers over all the points at once, because ``casadi.bspline`` with symbolic coefficients differentiates the whole
+    array of coefficients at every evaluation.
     """
     index, weight = ca.MX(), ca.MX()
     for (size, corner, whole), coordinate in zip(axes, coordinates, strict=True):
@@ -141,6 +147,7 @@ class _Programme:
     equality: list[bool]  # (m,)
     path_constraints: list[int]  # (N,) at each stage
     unit: ca.MX  # what the cost is of the order of
+    relaxed: ca.MX  # x with the least slacks that its states and inputs allow
 
 
 def _programme(shape: _Shape) -> _Programme:
@@ -168,6 +175,10 @@ def _programme(shape: _Shape) -> _Programme:
         """H at points (3, Q), (1, Q) [m]."""
         return _spline(heights_c, axes(frames[0], shape.heights), [q[1, :] / spacing, q[0, :] / spacing])
 
+    def lowness(q: ca.MX) -> ca.MX:
+        """What points (3, Q) lack of the clearance wanted, (1, Q) [m]."""
+        return height(q) + floor - q[2, :]
+
     def length_to_go(q: ca.MX) -> ca.MX:
         """Psi without its factor at points (3, Q), (1, Q) [m]."""
         x_0, y_0, cell, level_0, layer_spacing, p_f = (*ca.vertsplit(scales[:5]), scales[5:])
@@ -181,22 +192,28 @@ def _programme(shape: _Shape) -> _Programme:
 
     # Variables.
     stages = ca.MX.sym("stages", _STATE + _INPUT, n)
-    last = ca.MX.sym("last", _STATE + 1)
-    p, v, a = stages[0:3, :], stages[3:6, :], stages[6:9, :]
+    last = ca.MX.sym("last", _STATE + shape.last_input)
+    p, v, a, s = stages[0:3, :], stages[3:6, :], stages[6:9, :], stages[9:, :]
     p_end, v_end, w = last[0:3], last[3:6], last[6]
+    s_manoeuvre, s_approach = last[7 : 7 + POINTS_ON_MANOEUVRE], last[7 + POINTS_ON_MANOEUVRE :]
     braking = (ca.vertcat(0, 0, w) - v_end) / duration
 
     # Objective.
-    looked = [p + t * v + t**2 / 2 * a for t in (h * k / POINTS_PER_ARC for k in range(1, POINTS_PER_ARC + 1))]
-    t = duration * ca.DM(range(1, POINTS_ON_MANOEUVRE + 1)).T / POINTS_ON_MANOEUVRE
-    manoeuvre = ca.repmat(p_end, 1, POINTS_ON_MANOEUVRE) + v_end @ t + braking @ (t**2 / 2)
-    points = ca.horzcat(*looked, manoeuvre)
-    s_terrain = ca.fmax(height(points) + floor - points[2, :], 0)
-    cost = h * ca.sumsqr(a) + rho_w / 2 * w**2 + kappa_h / 2 * ca.sumsqr(s_terrain)
+    cost = h * ca.sumsqr(a) + rho_w / 2 * w**2
+    cost += kappa_h / 2 * (ca.sumsqr(s) + ca.sumsqr(s_manoeuvre)) + kappa_s / 2 * ca.sumsqr(s_approach)
     if not shape.hold:
         here, there = ca.horzsplit(psi * length_to_go(ca.horzcat(p_end, p_end + h * v_end)))
-        s_approach = ca.fmax((there - here) / (h * beta) + 1 + epsilon, 0)
-        cost += here + kappa_s / 2 * s_approach**2
+        cost += here
+
+    # Soft constraints, of the form "at most the slack".
+    times = [h * k / POINTS_PER_ARC for k in range(1, POINTS_PER_ARC + 1)]
+    low = ca.vertcat(*(lowness(p + t * v + t**2 / 2 * a) for t in times))
+    t = duration * ca.DM(range(1, POINTS_ON_MANOEUVRE + 1)).T / POINTS_ON_MANOEUVRE
+    manoeuvre = ca.repmat(p_end, 1, POINTS_ON_MANOEUVRE) + v_end @ t + braking @ (t**2 / 2)
+    low_manoeuvre = lowness(manoeuvre).T
+    far = ca.MX(0, 1) if shape.hold else (there - here) / (h * beta) + 1 + epsilon
+    relaxed = [ca.vec(ca.vertcat(p, v, a, ca.fmax(low, 0)))]
+    relaxed += [p_end, v_end, w, ca.fmax(low_manoeuvre, 0), ca.fmax(far, 0)]
 
     # Dynamics, stage by stage, with the path constraints of each stage after them; boundary conditions at both ends.
     following = ca.horzcat(stages[:_STATE, 1:], last[:_STATE])
@@ -207,7 +224,7 @@ def _programme(shape: _Shape) -> _Programme:
     path_constraints = []
     for i in range(n):
         constraints.append((gap[:, i], 0.0, 0.0))
-        path = [(speed[i], -np.inf, 1.0), (acceleration[i], -np.inf, 1.0)]
+        path = [(speed[i], -np.inf, 1.0), (acceleration[i], -np.inf, 1.0), (low[:, i] - s[:, i], -np.inf, 0.0)]
         if i == 0:
             path.append((stages[:_STATE, 0] - start, 0.0, 0.0))
         constraints += path
@@ -216,6 +233,7 @@ def _programme(shape: _Shape) -> _Programme:
     middle, half = sides / 2, sides / 2 - kernels.BORDER
     final = [(ca.sumsqr(braking) / acceleration_max**2, -np.inf, 1.0)]
     final += [((q[:2] - middle) / half, -1.0, 1.0) for q in (p_end, manoeuvre[:, -1])]
+    final += [(low_manoeuvre - s_manoeuvre, -np.inf, 0.0), (far - s_approach, -np.inf, 0.0)]
     if shape.hold:
         final.append((p_end - target, 0.0, 0.0))
     constraints += final
@@ -236,6 +254,7 @@ def _programme(shape: _Shape) -> _Programme:
         equality=[low == high for g, low, high in constraints for _ in range(g.numel())],
         path_constraints=path_constraints,
         unit=1 + beta,
+        relaxed=ca.vertcat(*relaxed),
     )
 
 
@@ -296,7 +315,7 @@ class _Solver:
             options |= {
                 "structure_detection": "manual",
                 "nx": [_STATE] * (shape.arcs + 1),
-                "nu": [_INPUT] * shape.arcs + [1],
+                "nu": [_INPUT] * shape.arcs + [shape.last_input],
                 "ng": programme.path_constraints,
                 "N": shape.arcs,
                 "equality": programme.equality,
@@ -307,21 +326,23 @@ class _Solver:
         function = ca.nlpsol("flight", backend, functions, options)
         if compiled:
             function = ca.nlpsol("flight", backend, str(_compile(function)), options)
-        self._buffer, self._evaluate = function.buffer()
         self._in = {name: np.zeros(function.nnz_in(name)) for name in function.name_in()}
         self._out = {name: np.zeros(function.nnz_out(name)) for name in ("x", "f", "lam_x", "lam_g")}
-        for name, array in self._in.items():
-            self._buffer.set_arg(function.index_in(name), memoryview(array))
-        for name, array in self._out.items():
-            self._buffer.set_res(function.index_out(name), memoryview(array))
+        self._buffer, self._evaluate = _wired(function, self._in, self._out)
+        relax = ca.Function("relax", [functions["x"], functions["p"]], [programme.relaxed], ["x0", "p"], ["x"])
+        self._relaxed = np.zeros(function.nnz_in("x0"))
+        self._relax_buffer, self._relax = _wired(relax, self._in, {"x": self._relaxed})
         self._in["lbg"][:], self._in["ubg"][:] = programme.lower, programme.upper
         self._in["lbx"][:], self._in["ubx"][:] = -np.inf, np.inf
-        self._in["lbx"][-1] = 0.0  # 0 <= w <= v_max
+        self._climb = -shape.last_input
+        self._in["lbx"][self._climb] = 0.0  # 0 <= w <= v_max
 
     def solve(self, problem: Problem, values: list[Array], guess: Array) -> Solution | str:
-        self._in["ubx"][-1] = problem.parameters.speed_max
-        self._in["x0"][:] = _rolled_out(problem, guess)
+        self._in["ubx"][self._climb] = problem.parameters.speed_max
         np.concatenate([value.ravel() for value in values], out=self._in["p"])
+        self._in["x0"][:] = _lifted(problem, guess)
+        self._relax()
+        self._in["x0"][:] = self._relaxed
         try:
             self._evaluate()
         except RuntimeError as error:  # FATROP's way to give up
@@ -334,21 +355,35 @@ class _Solver:
             return f"{statistics['return_status']} after {statistics['iter_count']} iterations"
         self._in["lam_x0"][:], self._in["lam_g0"][:] = self._out["lam_x"], self._out["lam_g"]
         cost = float(self._out["f"][0]) * ((1.0 + problem.parameters.beta) if self._scaled else 1.0)
-        stages = x[: -(_STATE + 1)].reshape(self._arcs, _STATE + _INPUT)
-        return Solution(stages[:, _STATE:].copy(), float(x[-1]), cost, True, int(statistics["iter_count"]))
+        stages = x[: self._climb - _STATE].reshape(self._arcs, _STATE + _INPUT)
+        return Solution(
+            stages[:, _STATE : _STATE + 3].copy(), float(x[self._climb]), cost, True, int(statistics["iter_count"])
+        )
 
     def _forget(self) -> None:
         """Drop the multipliers of a solve that failed."""
         self._in["lam_x0"][:], self._in["lam_g0"][:] = 0.0, 0.0
 
 
-def _rolled_out(problem: Problem, unknowns: Array) -> Array:
-    """The lifted variables of accelerations and climb rate (3n + 1,), dynamics exact."""
+def _wired(function: ca.Function, arguments: dict[str, Array], results: dict[str, Array]) -> tuple[Any, Any]:
+    """A function's buffer, which owns its memory, and the call that reads and writes the arrays in place."""
+    buffer: Any  # its stubs know only one of the overloads
+    buffer, evaluate = function.buffer()
+    for i, name in enumerate(function.name_in()):
+        buffer.set_arg(i, arguments[name].data)
+    for name, array in results.items():
+        buffer.set_res(function.index_out(name), array.data)
+    return buffer, evaluate
+
+
+def _lifted(problem: Problem, unknowns: Array) -> Array:
+    """The variables of accelerations and climb rate (3n + 1,): dynamics exact, slacks zero."""
     h, x, out = problem.parameters.h, problem.start, []
     for a in unknowns[:-1].reshape(-1, 3):
-        out += [x, a]
+        out += [x, a, np.zeros(POINTS_PER_ARC)]
         x = np.concatenate([x[:3] + h * x[3:] + 0.5 * h * h * a, x[3:] + h * a])
-    return np.concatenate([*out, x, unknowns[-1:]])
+    approach = 0 if problem.hold is not None else 1
+    return np.concatenate([*out, x, unknowns[-1:], np.zeros(POINTS_ON_MANOEUVRE + approach)])
 
 
 def _compile(solver: ca.Function) -> Path:

@@ -43,16 +43,19 @@ def parse(argv: Sequence[str], prog: str, description: str, *groups: Group) -> t
     if not {"-h", "--help"} & set(argv):
         _check_flags(argv, prog, known)
     names = [f"group_{k}" for k in range(len(groups))]
-    whole = dataclasses.make_dataclass("Arguments", [_field(*pair) for pair in zip(names, groups, strict=True)], kw_only=True)
+    whole = dataclasses.make_dataclass(
+        "Arguments", [_field(*pair) for pair in zip(names, groups, strict=True)], kw_only=True
+    )
     said = io.StringIO()
     try:
         with redirect_stderr(said):
-            parsed = tyro.cli(whole, prog=prog, description=description, args=list(argv), config=_CONFIG)
+            parsed: Any = tyro.cli(whole, prog=prog, description=description, args=list(argv), config=_CONFIG)
     except SystemExit as stop:
         if not stop.code:
             raise
-        prefixes = {name: group.prefix for name, group in zip(names, groups, strict=True)}
-        raise BadInputError(_one_line(said.getvalue(), argv, known, prefixes)) from None
+        raise BadInputError(_one_line(said.getvalue(), argv, known, [group.prefix for group in groups])) from None
+    except ValueError as error:  # tyro lets pass what a group without a prefix raises
+        raise BadInputError(with_flag(str(error), list(known))) from None
     for group, name in zip(groups, names, strict=True):
         _check_finite(getattr(parsed, name), group.prefix)
     return tuple(getattr(parsed, name) for name in names)
@@ -70,11 +73,11 @@ def flags(of: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
     for entry in dataclasses.fields(of):
         hint, marks = hints[entry.name], ()
         if get_origin(hint) is Annotated:
-            hint, *marks = get_args(hint)
+            hint, marks = get_args(hint)[0], get_args(hint)[1:]
         if tyro.conf.Positional in marks:
             continue
         name = f"{prefix}.{entry.name.rstrip('_')}".strip(".")
-        if dataclasses.is_dataclass(hint):
+        if isinstance(hint, type) and dataclasses.is_dataclass(hint):
             yield from flags(hint, name)
         else:
             yield f"--{name.replace('_', '-')}", get_origin(hint) is list or Ellipsis in get_args(hint)
@@ -99,8 +102,8 @@ def value_of(flag: str, argv: Sequence[str]) -> str | None:
 
 
 def with_flag(message: str, known: Sequence[str], prefix: str = "") -> str:
-    """A dataclass' message "field = value; ..." with the flag in place of the field."""
-    found = re.match(r"([A-Za-z_][\w.]*)(?= = )", message)
+    """A dataclass' message "field = value; ..." or "field: ..." with the flag in place of the field."""
+    found = re.match(r"([A-Za-z_][\w.]*)(?= = |: )", message)
     if found is None:
         return message
     name = found[1].replace("_", "-")
@@ -141,22 +144,23 @@ def _check_finite(value: Any, name: str) -> None:
         raise BadInputError(f"--{name.replace('_', '-')} = {value}; allowed: finite numbers")
 
 
-def _one_line(box: str, argv: Sequence[str], known: Mapping[str, bool], prefixes: Mapping[str, str]) -> str:
+def _one_line(box: str, argv: Sequence[str], known: Mapping[str, bool], prefixes: Sequence[str]) -> str:
     """What tyro says in a box of several lines."""
     lines = [line.strip("│╭╮╰╯ ") for line in box.splitlines()[1:]]
     rule = next((k for k, line in enumerate(lines) if line and not line.strip("─-")), len(lines))
-    message = " ".join(lines[:rule])
+    message = re.sub(r"\bgroup[_-](\d+)\b[.]?", lambda k: f"{prefixes[int(k[1])]}.".lstrip("."), " ".join(lines[:rule]))
     if found := re.match(r"Error parsing (--\S+): ", message):
         allowed = next((line.partition(" ")[2] for line in lines[rule:] if line.startswith(f"{found[1]} ")), "")
         return f"{found[1]} = {_values(found[1], argv)}; allowed: {allowed}"
-    if found := re.match(r"Error parsing (\w+)([\w.]*): (.*)", message):
-        prefix = f"{prefixes.get(found[1], '')}{found[2]}".strip(".")
-        return with_flag(found[3], list(known), prefix)
+    if found := re.match(r"Error parsing ([\w.]*): (.*)", message):
+        return with_flag(found[2], list(known), found[1].strip("."))
     if found := re.match(r"Missing value for argument '(--\S+?)'. Expected (\d+) values", message):
         return f"{found[1]} = {_values(found[1], argv)}; allowed: {found[2]} value{'s' * (found[2] != '1')}"
     if found := re.match(r"invalid choice '(.*)' for argument '(\S+)'. Expected one of \((.*)\)", message):
-        choices = found[3].replace("'", "").strip(", ").removeprefix("None, ")
-        return f"{found[2]} = {found[1]}; allowed: {choices}"
+        choices = sorted({choice.strip(" '") for choice in found[3].split(",")} - {"", "None"})
+        return f"{found[2]} = {found[1]}; allowed: {', '.join(choices)}"
+    if found := re.match(r"Missing from [^:]*: (\S+) (.*) \(required\)", message):
+        return f"{found[1]} is missing; allowed: {found[2]}"
     if found := re.match(r"Unrecognized options: (.*)", message):
         return f"{found[1]}: nothing is known to do with this; allowed are flags, each followed by its values"
     return message

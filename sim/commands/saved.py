@@ -25,6 +25,7 @@ class Saved:
     controller_fields: dict[str, Any]
     estimator: str
     estimator_fields: dict[str, Any]
+    terrain_path: str | None  # as it was given
     terrain_digest: str | None
 
     @staticmethod
@@ -44,6 +45,7 @@ class Saved:
                 scenario=_of(str, saved["scenario"], "scenario"),
                 seed=_of(int, saved["seed"], "seed"),
                 fields=_of(dict, saved["fields"], "fields"),
+                terrain_path=saved.get("terrain", {}).get("path"),
                 terrain_digest=saved.get("terrain", {}).get("digest"),
                 **parts,
             )

@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -25,7 +26,7 @@ from models.aerial.entity import build_model
 from models.aerial.mission import FlightMission, GustModel
 from models.aerial.sensors import AccelerationSensor, Dropout
 from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain
+from models.terrain.library import load_terrain, terrain_names
 from models.terrain.visibility import Radar
 from sim.faults import CorruptedPlan, Delayed, Disturbance, Disturbed, FailingSolver, Gusts, PositionJumps
 from sim.log import Recording
@@ -141,7 +142,7 @@ class SafeFlightConfig:
 
 
 class SafeFlight:
-    """Entry point ``safe-flight`` of ``mathnavi.scenarios``."""
+    """One aerial vehicle crosses real mountains, plans on line, and arrives."""
 
     Config = SafeFlightConfig
     controller = "flight"
@@ -268,6 +269,11 @@ def _certified_mission(
         if point is not None:
             _above_ground(name, point, mission)
     if config.start is not None and config.target is not None:
+        if math.dist(config.start, config.target) <= mission.arrival_radius:
+            raise ValueError(
+                f"target = {config.target!r} is where the mission starts; "
+                f"allowed: more than arrival_radius = {mission.arrival_radius:g} m away from the start"
+            )
         fixed = dataclasses.replace(mission, start=config.start, target=config.target)
         plan = _first_plan(fixed, controller)
         if not plan.ok:
@@ -332,15 +338,17 @@ def _record(
     radars: tuple[TimedRadar, ...],
     bound: Any,
 ) -> dict[str, Any]:
-    """What config.json holds beside the versions."""
+    """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
     terrain = mission.terrain
+    place = config.terrain if config.terrain in terrain_names() else str(Path(config.terrain).resolve())
+    resolved = dataclasses.replace(config, terrain=place, start=mission.start, target=mission.target)
     return {
         "scenario": "safe-flight",
         "seed": seed,
-        "fields": dataclasses.asdict(dataclasses.replace(config, start=mission.start, target=mission.target)),
+        "fields": dataclasses.asdict(resolved),
         "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
         "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-        "terrain": {"name": terrain.name, "path": config.terrain, "digest": terrain.digest},
+        "terrain": {"name": terrain.name, "path": place, "digest": terrain.digest},
         "mission": {
             "start": mission.start,
             "target": mission.target,

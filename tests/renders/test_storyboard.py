@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from renders.run_data import RunData
 from renders.storyboard import Direction, notices, shots, storyboard
+from sim.signals import Event
 
 
 @pytest.mark.parametrize("direction", ["tour", "chase", "overview", "top"])
@@ -37,6 +39,13 @@ def test_frames_run_forwards_and_show_every_event_once(fps: int, run: RunData) -
     changes = [b for a, b in zip(["", *texts], texts, strict=False) if b and b != a]
     assert len(changes) == len(set(changes)) <= len(notices(run))
     assert "arrived" in changes
+
+
+def test_a_kind_of_event_that_happens_all_the_time_is_told_once(run: RunData) -> None:
+    jumps = tuple(Event(0.1 * k, "vehicle", "position-jump", f"by {k} m") for k in range(40))
+    told = [text for _, text in notices(replace(run, events=run.events + jumps))]
+    assert [text for text in told if "jump" in text] == ["position jump, 40 times in this flight"]
+    assert {text for _, text in notices(run)} <= set(told)
 
 
 def test_unknown_camera_and_frame_rate_are_refused(run: RunData) -> None:

@@ -1,0 +1,69 @@
+"""``mathnavi list``: what is installed, and where it comes from."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Literal
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from sim.commands import opengl
+from sim.commands.arguments import Group, parse
+from sim.plugins import GROUPS
+
+WITH_FIELDS = {"controllers": "--planner.", "estimators": "--estimator."}
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to list."""
+
+    kind: tyro.conf.Positional[
+        Literal["all", "controllers", "estimators", "consensus", "scenarios", "studies", "terrains"]
+    ] = "all"
+    """kind of plug-in"""
+
+
+def main(argv: Sequence[str]) -> int:
+    try:
+        (options,) = parse(argv, "mathnavi list", "List the plug-ins that are installed.", Group(Options))
+    except SystemExit:  # the help is printed
+        return 0
+    opengl.choose()
+    console = Console()
+    for kind in GROUPS if options.kind == "all" else (options.kind,):
+        points = sorted(entry_points(group=GROUPS[kind]))
+        console.print(listing(kind, points) if points else f"[bold]{kind}[/bold]\n  none installed")
+        console.print()
+    return 0
+
+
+def listing(kind: str, points: Sequence[EntryPoint]) -> Table:
+    """The plug-ins of one kind: name, what it is, its fields, where it comes from."""
+    table = Table(title=kind, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
+    table.add_column("name", style="bold", no_wrap=True)
+    table.add_column("what")
+    if kind in WITH_FIELDS:
+        table.add_column(f"{WITH_FIELDS[kind]}FIELD")
+    table.add_column("from", overflow="fold")
+    for point in points:
+        origin = f"{point.dist.name} {point.dist.version}, {point.value}" if point.dist else point.value
+        try:
+            plugin = point.load()
+        except Exception as error:  # one broken plug-in must not hide the others
+            cells, fields = Text(f"cannot be imported: {error}", style="red"), ""
+        else:
+            cells, fields = Text((plugin.__doc__ or "").strip().partition("\n")[0]), _fields(plugin)
+        table.add_row(point.name, cells, *([fields] if kind in WITH_FIELDS else []), origin)
+    return table
+
+
+def _fields(plugin: Any) -> str:
+    config = getattr(plugin, "Config", None)
+    return ", ".join(field.name.replace("_", "-") for field in dataclasses.fields(config)) if config else ""

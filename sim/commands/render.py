@@ -1,0 +1,52 @@
+"""``mathnavi render``: a video or a still of a run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from sim.commands import opengl
+from sim.commands.arguments import Group, parse
+from sim.commands.errors import bad_input
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to draw."""
+
+    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+    """folder of a run; the picture is written into it"""
+    camera: Literal["chase", "overview", "top"] | None = None
+    """the one camera to film with; by default a video cuts between them, and a still is an overview"""
+    still: bool = False
+    """a picture of the most interesting moment instead of a video"""
+
+
+def main(argv: Sequence[str]) -> int:
+    try:
+        (options,) = parse(argv, "mathnavi render", "Draw a run: video.mp4, CAMERA.mp4 or CAMERA.png.", Group(Options))
+    except SystemExit:  # the help is printed
+        return 0
+    opengl.choose()
+    from renders.opengl import NoOpenGLError  # what draws takes a while to import
+    from renders.video import write_still, write_video
+
+    camera, name = options.camera, options.camera or "video"
+    try:
+        with bad_input():
+            if options.still:
+                path = write_still(options.folder, camera or "overview")
+            else:
+                path = write_video(
+                    options.folder, camera or "tour", path=options.folder / f"{name}.mp4", progress=sys.stderr.isatty()
+                )
+    except (NoOpenGLError, RuntimeError) as error:
+        print(f"mathnavi: nothing drawn: {error}", file=sys.stderr)
+        return 1
+    print(path)
+    return 0

@@ -1,0 +1,119 @@
+"""``mathnavi terrain``: bring an elevation model in, look at a map."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import tyro
+
+from models.terrain.dem import import_dem
+from models.terrain.height_field import HeightField
+from models.terrain.library import load_terrain, terrain_names
+from sim.commands.arguments import Group, parse
+from sim.commands.errors import BadInputError, bad_input
+
+USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--scale M] [--crop ROW COL SIZE]
+       mathnavi terrain show NAME|FILE.npz [--out PNG]          NAME: {}"""
+
+
+@dataclass(frozen=True)
+class Import:
+    """From an elevation model to a map."""
+
+    file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
+    """.png (16 bit), .hgt, .tif, .tiff or .npz"""
+    out: Path
+    """the map to write, .npz"""
+    spacing: float | None = None
+    """between the nodes of the map [m]; needed for a .png"""
+    scale: float | None = None
+    """metres per unit of the file; needed for a .png"""
+    crop: tuple[int, int, int] | None = None
+    """ROW COL SIZE: keep SIZE x SIZE nodes, from that row of the south and that column of the west on"""
+
+
+@dataclass(frozen=True)
+class Show:
+    """Statistics and a picture of a map."""
+
+    terrain: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
+    """name of a terrain, or an .npz file"""
+    out: Path | None = None
+    """the picture to write, .png; renders/out/NAME.png if not given"""
+
+
+def main(argv: Sequence[str]) -> int:
+    actions = {"import": _import, "show": _show}
+    if argv and argv[0] in ("-h", "--help"):
+        print(USAGE.format(", ".join(terrain_names())))
+        return 0
+    if not argv or argv[0] not in actions:
+        raise BadInputError(f"terrain {' '.join(argv[:1])}: not a command; allowed: {', '.join(actions)}")
+    with suppress(SystemExit):  # the help is printed
+        actions[argv[0]](argv[1:])
+    return 0
+
+
+def _import(argv: Sequence[str]) -> None:
+    (options,) = parse(argv, "mathnavi terrain import", "Write an elevation model as a map (.npz).", Group(Import))
+    with bad_input():
+        terrain = import_dem(options.file, options.out, options.spacing, options.scale, options.crop)
+    print(statistics(terrain))
+    print(f"map       {options.out}")
+
+
+def _show(argv: Sequence[str]) -> None:
+    (options,) = parse(argv, "mathnavi terrain show", "Print the statistics of a map and draw it.", Group(Show))
+    with bad_input():
+        terrain = load_terrain(options.terrain)
+        picture = options.out or Path("renders/out") / f"{terrain.name}.png"
+        if picture.suffix != ".png":
+            raise BadInputError(f"--out = {picture}; allowed: a name that ends in .png")
+        if options.out is None:
+            picture.parent.mkdir(parents=True, exist_ok=True)
+        _draw(terrain, picture)
+    print(statistics(terrain))
+    print(f"picture   {picture}")
+
+
+def _draw(terrain: HeightField, path: Path) -> None:
+    from renders.figures import terrain_figure  # matplotlib takes a while to import
+
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        with partial.open("wb") as file:
+            terrain_figure(terrain).savefig(file, format="png", dpi=120)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def statistics(terrain: HeightField) -> str:
+    """What there is to know about a map, a line each."""
+    rows, columns = terrain.z.shape
+    lines = {
+        "name": terrain.name,
+        "nodes": f"{rows} x {columns}, {terrain.spacing:g} m apart",
+        "size": f"{terrain.width / 1e3:.3g} km east, {terrain.depth / 1e3:.3g} km north",
+        "heights": f"{terrain.z.min():.1f} to {terrain.z.max():.1f} m",
+        "steepest": f"{steepest(terrain):.1f} degrees, of any triangle",
+        "source": terrain.source or "not stated",
+        "licence": terrain.licence or "not stated",
+        "digest": terrain.digest,
+    }
+    return "\n".join(f"{name:10}{value}" for name, value in lines.items())
+
+
+def steepest(terrain: HeightField) -> float:
+    """Slope [degrees] of the steepest triangle."""
+    east, north = np.diff(terrain.z, axis=1), np.diff(terrain.z, axis=0)
+    # A cell's diagonal runs from south-west to north-east: the south and east edges are one triangle
+    squares = (east[:-1] ** 2 + north[:, 1:] ** 2, east[1:] ** 2 + north[:, :-1] ** 2)
+    return math.degrees(math.atan(math.sqrt(max(float(square.max()) for square in squares)) / terrain.spacing))

@@ -1,0 +1,227 @@
+"""What every planner behind an entry of ``mathnavi.controllers`` keeps, whoever wrote it.
+
+A planner is asked for plans of a mission that fits the type of ``build``'s argument ``mission``.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+import types
+import typing
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import entry_points
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.aerial.dynamics import TICK, state_at
+from models.aerial.mission import FlightMission
+from models.terrain.visibility import Radar
+from sim.loop import whole_ticks
+from sim.protocols import ControllerPlugin, Planner
+from sim.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
+from tests import flight
+
+PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.controllers")}
+PERIODS = 12  # requests of a sequence
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """A mission and what is special about its states."""
+
+    mission: Any
+    dt: float  # [s] tick
+    start: Array  # (nx,) at rest
+    hopeless: Sequence[Array]  # (nx,) states from which there is no way on
+    message: Message  # news that matters
+    assert_well_formed: Callable[[Plan], None]
+    state_at: Callable[[Plan, float], Array]
+
+
+def flight_bench() -> Bench:
+    mission = flight.mission()
+    x, y, z = mission.start
+    peak = flight.above(mission.terrain, (6000.0, 6000.0), 60.0)
+    return Bench(
+        mission,
+        TICK,
+        flight.at_rest(mission.start),
+        (
+            flight.at_rest((x, y, z - 400.0)),  # under ground
+            flight.at_rest((-5000.0, y, z)),  # off the map
+            np.array([x, y, z, 0.0, 0.0, -290.0]),  # diving into the ground
+            np.array([x - 1490.0, y, z, -290.0, 0.0, 0.0]),  # leaving the map
+            np.array([*peak, 0.0, 0.0, 0.0]) - [800.0, 800.0, 0.0, -200.0, -200.0, 0.0],  # before a slope
+        ),
+        Message(0.0, "radar warning", "radar", Radar(6000.0, 6000.0, 3000.0, 5.0)),
+        flight.assert_well_formed,
+        state_at,
+    )
+
+
+BENCHES: dict[type, Callable[[], Bench]] = {FlightMission: flight_bench}
+
+
+@pytest.fixture(params=sorted(PLUGINS))
+def plugin(request: pytest.FixtureRequest) -> type[ControllerPlugin]:
+    loaded: type[ControllerPlugin] = PLUGINS[request.param].load()
+    return loaded
+
+
+@pytest.fixture
+def bench(plugin: type[ControllerPlugin]) -> Bench:
+    kind = typing.get_type_hints(plugin.build)["mission"]
+    assert kind in BENCHES, f"{plugin.__name__} is built for {kind.__name__}, for which this suite has no bench yet"
+    return BENCHES[kind]()
+
+
+@pytest.fixture
+def planner(plugin: type[ControllerPlugin], bench: Bench) -> Planner:
+    return plugin.build(plugin.Config(), bench.mission)[0]
+
+
+def first_request(bench: Bench, t: float = 0.0) -> PlanRequest:
+    return PlanRequest(t, t, Estimate(t, bench.start.copy()), None)
+
+
+def sequence(
+    planner: Planner, bench: Bench, messages: Sequence[Message] = (), count: int = PERIODS
+) -> list[tuple[PlanRequest, Plan]]:
+    """What a loop without faults asks, and the answers; a plan that is not there leaves the last one."""
+    asked: list[tuple[PlanRequest, Plan]] = []
+    current: Plan | None = None
+    for k in range(count):
+        t = k * planner.period
+        x = bench.start.copy() if current is None else bench.state_at(current, t)
+        told = tuple(messages) if k == count // 2 else ()
+        request = PlanRequest(t, t + planner.period if current is not None else t, Estimate(t, x), current, told)
+        plan = planner.plan(request)
+        asked.append((request, plan))
+        current = plan if plan.ok else current
+    return asked
+
+
+def numbers(config: type[Any]) -> list[tuple[str, bool]]:
+    """The configuration's fields that hold a number, and whether it is a real one."""
+    found = []
+    for name, kind in typing.get_type_hints(config).items():
+        kinds = typing.get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
+        if {int, float} & set(kinds):
+            found.append((name, float in kinds))
+    return found
+
+
+def test_there_are_planners() -> None:
+    assert {"flight", "literal"} <= PLUGINS.keys()
+
+
+def test_conforms_to_the_protocol(planner: Planner) -> None:
+    assert isinstance(planner, Planner)
+
+
+def test_its_configuration_is_frozen_and_has_defaults(plugin: type[ControllerPlugin]) -> None:
+    config = plugin.Config()
+    assert dataclasses.is_dataclass(config)
+    for field in dataclasses.fields(config):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(config, field.name, getattr(config, field.name))
+
+
+def test_a_configuration_out_of_range_is_refused_by_the_name_of_the_field(plugin: type[ControllerPlugin]) -> None:
+    fields = numbers(plugin.Config)
+    assert fields
+    for name, real in fields:
+        for value in (math.nan, math.inf, -math.inf, -1.0) if real else (0, -1):
+            with pytest.raises(ValueError, match=rf"{name} = .*allowed"):
+                plugin.Config(**{name: value})
+
+
+def test_its_period_is_whole_ticks(planner: Planner, bench: Bench) -> None:
+    assert whole_ticks(planner.period, bench.dt, "period") >= 1
+
+
+@pytest.mark.parametrize("t", [0.0, 25.0])
+def test_the_first_plan_starts_at_once_and_at_the_estimate(planner: Planner, bench: Bench, t: float) -> None:
+    plan = planner.plan(first_request(bench, t))
+    assert plan.ok, plan.message
+    assert plan.t_start == t
+    np.testing.assert_array_equal(plan.x[0], bench.start)
+
+
+def test_a_plan_is_well_formed_and_leads_to_rest(planner: Planner, bench: Bench) -> None:
+    plans = [plan for _, plan in sequence(planner, bench) if plan.ok]
+    assert len(plans) >= PERIODS // 2
+    for plan in plans:
+        bench.assert_well_formed(plan)
+        assert set(plan.phase) <= set(Phase)
+
+
+def test_a_later_plan_starts_when_asked_to_and_on_the_plan_being_flown(planner: Planner, bench: Bench) -> None:
+    for request, plan in sequence(planner, bench)[1:]:
+        if plan.ok:
+            assert request.current is not None
+            assert plan.t_start == pytest.approx(request.t_start, abs=1e-9)
+            np.testing.assert_allclose(plan.x[0], bench.state_at(request.current, request.t_start), rtol=0.0, atol=1e-6)
+
+
+def test_the_same_requests_get_the_same_answers(plugin: type[ControllerPlugin], bench: Bench) -> None:
+    one, other = (sequence(plugin.build(plugin.Config(), bench.mission)[0], bench, (bench.message,)) for _ in range(2))
+    for (_, first), (_, second) in zip(one, other, strict=True):
+        for name in ("t", "x", "u", "phase"):
+            np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+        assert (first.status, first.message, first.notes) == (second.status, second.message, second.notes)
+        np.testing.assert_equal(first.cost, second.cost)
+
+
+def test_what_it_is_asked_is_not_changed(planner: Planner, bench: Bench) -> None:
+    current = planner.plan(first_request(bench))
+    t = planner.period
+    request = PlanRequest(t, 2.0 * t, Estimate(t, bench.state_at(current, t)), current, (bench.message,))
+    x, kept = request.estimate.x.copy(), copy.deepcopy(current)
+    planner.plan(request)
+    np.testing.assert_array_equal(request.estimate.x, x)
+    for name in ("t", "x", "u", "phase"):
+        np.testing.assert_array_equal(getattr(current, name), getattr(kept, name))
+
+
+def test_a_plan_that_was_handed_out_stays_as_it_was(planner: Planner, bench: Bench) -> None:
+    first = planner.plan(first_request(bench))
+    kept = copy.deepcopy(first)
+    sequence(planner, bench)
+    for name in ("t", "x", "u", "phase"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(kept, name))
+
+
+def test_news_reach_it_and_strange_messages_do_not_matter(plugin: type[ControllerPlugin], bench: Bench) -> None:
+    strange = (Message(0.0, "somebody", "weather", "fine"), Message(0.0, "somebody", bench.message.topic, "nonsense"))
+    plain, told, puzzled = (
+        sequence(plugin.build(plugin.Config(), bench.mission)[0], bench, messages)
+        for messages in ((), (bench.message,), strange)
+    )
+    assert any(
+        plan.ok != other.ok or not np.array_equal(plan.x, other.x)
+        for (_, plan), (_, other) in zip(plain, told, strict=True)
+    )
+    for (_, plan), (_, other) in zip(plain, puzzled, strict=True):
+        np.testing.assert_array_equal(plan.x, other.x)
+
+
+def test_where_there_is_no_way_on_the_answer_says_so_or_is_well_formed(planner: Planner, bench: Bench) -> None:
+    for state in bench.hopeless:
+        plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, state), None))
+        assert isinstance(plan.status, Status)
+        if plan.ok:  # what it is worth is for a certificate to say
+            bench.assert_well_formed(plan)
+        else:
+            assert plan.message
+
+
+def test_it_takes_the_time_of_its_optimisation(planner: Planner, bench: Bench) -> None:
+    times = [plan.solve_ms for _, plan in sequence(planner, bench, count=4)]
+    assert all(math.isnan(ms) or ms >= 0.0 for ms in times)
+    assert np.isfinite(times).any()

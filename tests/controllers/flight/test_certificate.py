@@ -1,0 +1,301 @@
+"""The certificate refuses everything that may not be flown, for the right reason, and nothing else."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from controllers.flight.certificate import Certificate, Certified, TrackingBound, pass_time
+from controllers.flight.completion import ArcList
+from controllers.flight.planner import Retreat, complete_by
+from models.aerial.dynamics import state_at
+from models.aerial.mission import FlightMission
+from sim.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from tests import flight
+
+BOUND = TrackingBound(2.0, 3.0, 1.0, 2.0)
+PERIOD = 2.0  # [s]
+
+
+@pytest.fixture(scope="module")
+def mission() -> FlightMission:
+    return flight.mission()
+
+
+@pytest.fixture(scope="module")
+def certificate(mission: FlightMission) -> Certificate:
+    return Certificate.of(mission, BOUND)
+
+
+@pytest.fixture(scope="module")
+def good(certificate: Certificate, mission: FlightMission) -> Plan:
+    """A plan that is certified: by completion, from the start at t = 0."""
+    return Retreat(certificate, PERIOD).plan(first_request(mission))
+
+
+def first_request(mission: FlightMission) -> PlanRequest:
+    return PlanRequest(0.0, 0.0, Estimate(0.0, flight.at_rest(mission.start)), None)
+
+
+def later_request(good: Plan, t: float = 10.0) -> PlanRequest:
+    return PlanRequest(t, t + PERIOD, Estimate(t, state_at(good, t)), good)
+
+
+def with_nan(array: Array) -> Array:
+    out = array.copy()
+    out.flat[out.size // 2] = np.nan
+    return out
+
+
+def straight_through(certificate: Certificate, good: Plan) -> Plan:
+    """From rest to rest along the straight line to the target, through the mountain."""
+    arcs = ArcList.begin(0.0, good.x[0])
+    way = certificate.target - good.x[0, :3]
+    duration = 2.0 * float(np.linalg.norm(way)) / 250.0  # 250 m/s half-way
+    for sign in (1.0, -1.0):
+        arcs.add(sign * 4.0 * way / duration**2, 0.5 * duration, Phase.CRUISE)
+    arcs.rest()
+    return arcs.plan(0.0, 0.0)
+
+
+def over_the_edge(certificate: Certificate, good: Plan) -> Plan:
+    """Off the map and back, and then the good way on."""
+    arcs = ArcList.begin(0.0, good.x[0])
+    for sign in (-1.0, 1.0, 1.0, -1.0):
+        arcs.add(sign * np.array([30.0, 0.0, 0.0]), 8.0, Phase.CRUISE)
+    arcs.rest()
+    complete_by(arcs, certificate)
+    return arcs.plan(0.0, 0.0)
+
+
+def scaled(good: Plan, factor: float) -> Plan:
+    """The same path flown ``factor`` times as fast."""
+    x = good.x.copy()
+    x[:, 3:] *= factor
+    return dataclasses.replace(good, t=good.t / factor, x=x, u=good.u * factor**2)
+
+
+def shifted(good: Plan, offset: Array) -> Plan:
+    return dataclasses.replace(good, x=good.x + offset)
+
+
+def backwards(plan: Plan) -> Plan:
+    t = plan.t.copy()
+    t[1], t[2] = t[2], t[1]
+    return dataclasses.replace(plan, t=t)
+
+
+BAD: dict[str, tuple[Status, Callable[[Certificate, Plan], Plan]]] = {
+    "no arcs": (Status.MALFORMED, lambda c, p: Plan(p.t[:1], p.x[:1], p.u[:0], p.phase[:0])),
+    "empty": (Status.MALFORMED, lambda c, p: Plan(p.t[:0], p.x[:0], p.u[:0], p.phase[:0])),
+    "an input too few": (Status.MALFORMED, lambda c, p: dataclasses.replace(p, u=p.u[:-1])),
+    "a phase too few": (Status.MALFORMED, lambda c, p: dataclasses.replace(p, phase=p.phase[:-1])),
+    "a phase that does not exist": (Status.MALFORMED, lambda c, p: dataclasses.replace(p, phase=p.phase + 99)),
+    "states of the wrong width": (Status.MALFORMED, lambda c, p: dataclasses.replace(p, x=p.x[:, :5])),
+    "time runs backwards": (Status.MALFORMED, lambda c, p: backwards(p)),
+    "arcs that do not join": (Status.MALFORMED, lambda c, p: dataclasses.replace(p, u=p.u + 1e-3)),
+    "an arc beyond all measure": (
+        Status.MALFORMED,
+        lambda c, p: dataclasses.replace(p, t=np.append(p.t[:-1], 1e300)),
+    ),
+    "a NaN among the states": (Status.NOT_FINITE, lambda c, p: dataclasses.replace(p, x=with_nan(p.x))),
+    "a NaN among the inputs": (Status.NOT_FINITE, lambda c, p: dataclasses.replace(p, u=with_nan(p.u))),
+    "a NaN among the times": (Status.NOT_FINITE, lambda c, p: dataclasses.replace(p, t=with_nan(p.t))),
+    "never ends": (Status.NOT_FINITE, lambda c, p: dataclasses.replace(p, t=np.append(p.t[:-1], np.inf))),
+    "through the mountain": (Status.LOW_CLEARANCE, straight_through),
+    "a little too low": (Status.LOW_CLEARANCE, lambda c, p: shifted(p, np.array([0, 0, -45.0, 0, 0, 0]))),
+    "over the edge of the map": (Status.OFF_MAP, over_the_edge),
+    "too fast": (Status.BOUNDS, lambda c, p: scaled(p, 1.01)),
+    "beside the target": (Status.NO_ARRIVAL, lambda c, p: shifted(p, np.array([60.0, 0, 500.0, 0, 0, 0]))),
+    "only half of the way": (
+        Status.NO_ARRIVAL,
+        lambda c, p: dataclasses.replace(p, t=p.t[:4], x=p.x[:4], u=p.u[:3], phase=p.phase[:3]),
+    ),
+    "does not stop": (
+        Status.NO_ARRIVAL,
+        lambda c, p: dataclasses.replace(p, t=p.t[:-1], x=p.x[:-1], u=p.u[:-1], phase=p.phase[:-1]),
+    ),
+}
+
+
+def test_what_may_be_flown_is_certified(certificate: Certificate, good: Plan) -> None:
+    assert certificate.refuse(good) is None
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_may_not_be_flown_is_refused_for_the_right_reason(
+    name: str, certificate: Certificate, good: Plan
+) -> None:
+    status, spoil = BAD[name]
+    refusal = certificate.refuse(spoil(certificate, good))
+    assert refusal is not None
+    assert refusal.status is status, refusal.message
+    assert refusal.message
+
+
+def test_the_clearance_is_exact_not_sampled(certificate: Certificate, mission: FlightMission, good: Plan) -> None:
+    raised = certificate.terrain.path_clearance(good.x[:-1, :3], good.x[:-1, 3:], good.u, np.diff(good.t)).min()
+    for margin, status in ((1e-6, None), (-1e-6, Status.LOW_CLEARANCE)):
+        demanding = dataclasses.replace(certificate, clearance_min=float(raised) - margin)
+        refusal = demanding.refuse(good)
+        assert (refusal.status if refusal else None) is status
+
+
+def test_the_bounds_left_to_a_plan_are_the_missions_less_the_trackers(
+    certificate: Certificate, mission: FlightMission
+) -> None:
+    assert certificate.speed_max == mission.speed_max - BOUND.speed
+    assert certificate.acceleration_max == mission.acceleration_max - BOUND.feedback
+    assert (certificate.terrain.z >= mission.terrain.z + BOUND.vertical).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "bound"),
+    [
+        ("speed_max", TrackingBound(1.0, 1.0, 300.0, 1.0)),
+        ("acceleration_max", TrackingBound(1.0, 1.0, 1.0, 41.0)),
+        ("arrival_radius", TrackingBound(40.0, 40.0, 1.0, 1.0)),
+    ],
+)
+def test_a_tracker_that_needs_everything_is_refused(name: str, bound: TrackingBound, mission: FlightMission) -> None:
+    with pytest.raises(ValueError, match=f"{name} = .* leaves nothing"):
+        Certificate.of(mission, bound)
+
+
+def test_a_pass_is_the_first_breakpoint_at_the_target(certificate: Certificate, good: Plan) -> None:
+    assert pass_time(good, certificate.target, 0.0) == good.t_end
+    assert pass_time(good, certificate.target, good.t_end) == math.inf
+
+
+class Answers:
+    """A planner that always gives the same answer, or raises it."""
+
+    period = PERIOD
+
+    def __init__(self, answer: Plan | Exception) -> None:
+        self.answer = answer
+
+    def plan(self, request: PlanRequest) -> Plan:
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+def certified(certificate: Certificate, planner: Answers, factor: float = 1.3) -> Certified:
+    return Certified(planner, Retreat(certificate, PERIOD), certificate, BOUND, factor)
+
+
+def moved(plan: Plan, seconds: float) -> Plan:
+    return dataclasses.replace(plan, t=plan.t + seconds)
+
+
+def retreat(certificate: Certificate, good: Plan, wait: float = 0.0) -> Plan:
+    """What a planner might say to ``later_request``: brake, wait, complete."""
+    request = later_request(good)
+    arcs = ArcList.begin(request.t_start, state_at(good, request.t_start))
+    v = arcs.x[-1][3:]
+    arcs.add(-v / 10.0, 10.0, Phase.MANOEUVRE)
+    arcs.rest()
+    arcs.add(np.zeros(3), wait, Phase.HOVER)
+    complete_by(arcs, certificate)
+    return arcs.plan(0.0, 0.0)
+
+
+def test_the_first_plan_sets_the_deadline(certificate: Certificate, good: Plan, mission: FlightMission) -> None:
+    wrapped = certified(certificate, Answers(good))
+    assert wrapped.plan(first_request(mission)) is good
+    assert wrapped.deadline == pytest.approx(1.3 * good.t_end)
+
+
+def test_a_certified_answer_is_passed_on(certificate: Certificate, good: Plan, mission: FlightMission) -> None:
+    planner = Answers(good)
+    wrapped = certified(certificate, planner)
+    wrapped.plan(first_request(mission))
+    planner.answer = retreat(certificate, good)
+    plan = wrapped.plan(later_request(good))
+    assert plan.ok, plan.message
+
+
+ANSWERS: dict[str, tuple[Status, Callable[[Certificate, Plan], Plan | Exception]]] = {
+    "fails": (Status.SOLVER_FAILED, lambda c, p: Plan.failure(Status.SOLVER_FAILED, "no")),
+    "raises": (Status.RAISED, lambda c, p: ZeroDivisionError("division by zero")),
+    "starts too early": (Status.WRONG_START, lambda c, p: moved(retreat(c, p), -0.5)),
+    "starts beside the plan": (
+        Status.WRONG_START,
+        lambda c, p: shifted(retreat(c, p), np.array([1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])),
+    ),
+    "leads through the mountain": (Status.LOW_CLEARANCE, straight_through),
+    "comes to the target after the deadline": (Status.DEADLINE, lambda c, p: retreat(c, p, wait=p.t_end)),
+    "is NaN": (Status.NOT_FINITE, lambda c, p: dataclasses.replace(retreat(c, p), x=with_nan(retreat(c, p).x))),
+}
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_an_answer_that_may_not_be_flown_becomes_a_failure_that_says_why(
+    name: str, certificate: Certificate, good: Plan, mission: FlightMission
+) -> None:
+    status, answer = ANSWERS[name]
+    planner = Answers(good)
+    wrapped = certified(certificate, planner)
+    wrapped.plan(first_request(mission))
+    planner.answer = answer(certificate, good)
+    plan = wrapped.plan(later_request(good))
+    assert plan.status is status, plan.message
+    assert plan.message
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_a_first_answer_that_may_not_be_flown_is_replaced_by_the_reserve(
+    name: str, certificate: Certificate, good: Plan, mission: FlightMission
+) -> None:
+    if name == "comes to the target after the deadline":
+        return  # at the start there is none yet
+    plan = certified(certificate, Answers(ANSWERS[name][1](certificate, good))).plan(first_request(mission))
+    assert plan.ok
+    assert plan.notes == ("reserve-plan",)
+    assert certificate.refuse(plan) is None
+
+
+def test_a_first_answer_that_is_late_is_replaced_by_the_reserve(
+    certificate: Certificate, good: Plan, mission: FlightMission
+) -> None:
+    plan = certified(certificate, Answers(dataclasses.replace(good, ready=0.5))).plan(first_request(mission))
+    assert plan.ok
+    assert plan.ready <= plan.t_start
+    assert plan.notes == ("reserve-plan",)
+
+
+def test_a_vehicle_off_its_plan_is_planned_for_from_where_it_is(
+    certificate: Certificate, good: Plan, mission: FlightMission
+) -> None:
+    wrapped = certified(certificate, Answers(good))
+    wrapped.plan(first_request(mission))
+    request = later_request(good)
+    x = request.estimate.x + [30.0, 0.0, 10.0, 0.0, 0.0, 0.0]
+    plan = wrapped.plan(dataclasses.replace(request, estimate=Estimate(request.t, x)))
+    assert plan.ok
+    assert {"tracking-breach", "rebased"} <= set(plan.notes)
+    assert plan.t_start == request.t
+    np.testing.assert_array_equal(plan.x[0], x)
+    assert certificate.refuse(plan) is None
+
+
+def test_a_vehicle_off_its_plan_without_a_way_on_is_a_loss_that_is_announced(
+    certificate: Certificate, good: Plan, mission: FlightMission
+) -> None:
+    wrapped = certified(certificate, Answers(good))
+    wrapped.plan(first_request(mission))
+    request = later_request(good)
+    under_ground = np.array([*flight.above(mission.terrain, flight.START, -100.0), 0.0, 0.0, 0.0])
+    plan = wrapped.plan(dataclasses.replace(request, estimate=Estimate(request.t, under_ground)))
+    assert not plan.ok
+    assert {"tracking-breach", "guarantee-lost"} <= set(plan.notes)
+
+
+def test_a_deadline_before_the_first_arrival_is_refused(certificate: Certificate, good: Plan) -> None:
+    with pytest.raises(ValueError, match="deadline_factor"):
+        certified(certificate, Answers(good), factor=0.9)

@@ -1,0 +1,96 @@
+"""The way on from vertical flight: it rests on the target, keeps the bounds and clears the ground."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from controllers.flight.completion import ArcList, complete, highest_ground
+from models.aerial.dynamics import flow
+from models.terrain.height_field import HeightField
+from sim.signals import Array, Phase, Plan
+from tests import flight
+
+CLEARANCE, SPEED, ACCELERATION = 50.0, 300.0, 40.0
+
+inside = st.floats(1.0, flight.SIDE - 1.0)  # on the border itself, rounding may lead off the map
+place = st.tuples(inside, inside)
+height = st.floats(CLEARANCE, 3000.0)
+
+
+def completed(x: Array, target: Array, wait: float = 0.0) -> Plan:
+    arcs = ArcList.begin(12.0, x)
+    complete(arcs, flight.mountains(), target, CLEARANCE, SPEED, ACCELERATION, wait)
+    return arcs.plan(math.nan, math.nan)
+
+
+def point(where: tuple[float, float], up: float) -> Array:
+    return np.array(flight.above(flight.mountains(), where, up))
+
+
+@given(start=place, up=height, target=place, target_up=height, climb=st.floats(0.0, SPEED))
+def test_it_rests_on_the_target_keeps_the_bounds_and_clears_the_ground(
+    start: tuple[float, float], up: float, target: tuple[float, float], target_up: float, climb: float
+) -> None:
+    p_f = point(target, target_up)
+    plan = completed(np.array([*point(start, up), 0.0, 0.0, climb]), p_f)
+    if len(plan.u) == 0:  # nothing to do
+        np.testing.assert_allclose(plan.x[-1, :3], p_f, atol=1e-6)
+        return
+    flight.assert_well_formed(plan)
+    np.testing.assert_allclose(plan.x[-1, :3], p_f, rtol=0.0, atol=1e-6)
+    assert np.linalg.norm(plan.x[:, 3:], axis=1).max() <= SPEED + 1e-9
+    assert np.linalg.norm(plan.u, axis=1).max() <= ACCELERATION + 1e-9
+    clearance = flight.mountains().path_clearance(plan.x[:-1, :3], plan.x[:-1, 3:], plan.u, np.diff(plan.t))
+    assert clearance.min() >= CLEARANCE - 1e-6
+
+
+@given(wait=st.floats(0.1, 500.0))
+def test_a_wait_is_spent_in_hover_before_the_way_on(wait: float) -> None:
+    start, target = flight.at_rest(point(flight.START, 100.0)), point(flight.TARGET, 100.0)
+    plan, prompt = completed(start, target, wait), completed(start, target)
+    assert abs(plan.t_end - prompt.t_end - wait) < 1e-9
+    assert plan.phase[0] == Phase.HOVER
+    np.testing.assert_array_equal(plan.x[0], plan.x[1])
+
+
+def test_its_phases_follow_each_other() -> None:
+    plan = completed(np.array([*point(flight.START, 100.0), 0.0, 0.0, 60.0]), point(flight.TARGET, 100.0), 5.0)
+    order = list(dict.fromkeys(Phase(phase) for phase in plan.phase))
+    assert order == [Phase.MANOEUVRE, Phase.HOVER, Phase.CLIMB, Phase.CRUISE, Phase.DESCENT]
+
+
+def test_it_is_as_fast_as_its_bounds_allow() -> None:
+    plain = HeightField(np.zeros((3, 3)), 20_000.0)
+    arcs = ArcList.begin(0.0, flight.at_rest((1000.0, 1000.0, 100.0)))
+    complete(arcs, plain, np.array([31_000.0, 1000.0, 100.0]), CLEARANCE, SPEED, ACCELERATION)
+    assert arcs.t[-1] == 30_000.0 / SPEED + SPEED / ACCELERATION
+
+
+@given(a=place, b=place)
+def test_the_highest_ground_is_that_of_the_straight_line(a: tuple[float, float], b: tuple[float, float]) -> None:
+    terrain = flight.mountains()
+    s = np.linspace(0.0, 1.0, 400)[:, np.newaxis]
+    line = (1.0 - s) * np.array(a) + s * np.array(b)
+    sampled = float(terrain.height(line[:, 0], line[:, 1]).max())
+    assert sampled - 1e-6 <= highest_ground(terrain, np.array(a), np.array(b)) <= sampled + 100.0
+
+
+def test_off_the_map_the_ground_is_infinitely_high() -> None:
+    assert highest_ground(flight.mountains(), np.array([100.0, 100.0]), np.array([-100.0, 100.0])) == math.inf
+
+
+@given(
+    u=st.lists(st.tuples(*[st.floats(-40.0, 40.0)] * 3), min_size=1, max_size=8), duration=st.floats(0.01, 20.0)
+)
+def test_arcs_join_exactly(u: list[tuple[float, float, float]], duration: float) -> None:
+    arcs = ArcList.begin(3.0, np.array([1e4, 2e4, 3e3, 10.0, -20.0, 5.0]))
+    for held in u:
+        arcs.add(np.array(held), duration, Phase.OPTIMISED)
+        arcs.add(np.array(held), 0.0, Phase.OPTIMISED)  # an arc of no length is no arc
+    plan = arcs.plan(0.0, 0.0)
+    assert len(plan.u) == len(u)
+    np.testing.assert_array_equal(flow(plan.x[:-1], plan.u, duration), plan.x[1:])

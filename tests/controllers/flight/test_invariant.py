@@ -1,0 +1,224 @@
+"""The invariant behind "never collides, always arrives", whatever the planner answers.
+
+At every planning tick before arrival: the vehicle is on its plan, the plan is certified, and it ends by gamma V_0. A
+planner that fails, raises, lies or dawdles in any order changes nothing about it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from itertools import cycle
+from typing import Any
+
+import numpy as np
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from controllers.flight.certificate import Certificate, Certified
+from controllers.flight.completion import ArcList
+from controllers.flight.planner import Retreat, complete_by
+from controllers.flight.plugin import FlightConfig, SafeFlight
+from controllers.flight.tracker import CriticallyDamped, tracking_bound
+from estimators.full_state import FullState, FullStateConfig
+from models.aerial.dynamics import state_at
+from models.aerial.mission import FlightMission
+from sim.loop import Agent, simulate
+from sim.metrics import flown_clearance
+from sim.protocols import Planner
+from sim.signals import Array, Phase, Plan, PlanRequest, Status
+from tests import flight
+
+DT = 1.0 / 30.0  # [s] tick of the vehicle without MuJoCo
+MISSION = flight.mission()
+BOUND = tracking_bound(0.8, MISSION.quality, MISSION.gust)
+CERTIFICATE = Certificate.of(MISSION, BOUND)
+
+
+def detour(request: PlanRequest, way: Callable[[ArcList], None]) -> Plan:
+    """Brake into hover from where the plan being flown is at the hand-over, and go on by ``way``."""
+    assert request.current is not None
+    arcs = ArcList.begin(request.t_start, state_at(request.current, request.t_start))
+    v = arcs.x[-1][3:]
+    arcs.add(-v / 10.0, 10.0, Phase.MANOEUVRE)
+    arcs.rest()
+    way(arcs)
+    return arcs.plan(0.0, 0.0)
+
+
+def straight(arcs: ArcList) -> None:
+    """To the target as the crow flies: through the ridge, as long as that is in between."""
+    way = CERTIFICATE.target - arcs.x[-1][:3]
+    duration = max(1.0, 2.0 * float(np.linalg.norm(way)) / 200.0)
+    for sign in (1.0, -1.0):
+        arcs.add(sign * 4.0 * way / duration**2, 0.5 * duration, Phase.CRUISE)
+    arcs.rest()
+
+
+def dawdling(arcs: ArcList) -> None:
+    """A minute of hover, and then the way by completion."""
+    arcs.add(np.zeros(3), 60.0, Phase.HOVER)
+    complete_by(arcs, CERTIFICATE)
+
+
+def with_nan(array: Array) -> Array:
+    out = array.copy()
+    out.flat[out.size // 2] = np.nan
+    return out
+
+
+def valid(plan: Plan, request: PlanRequest) -> Plan:
+    return plan
+
+
+def slow(plan: Plan, request: PlanRequest) -> Plan:
+    return dataclasses.replace(plan, ready=request.t_start)
+
+
+def late(plan: Plan, request: PlanRequest) -> Plan:
+    return dataclasses.replace(plan, ready=request.t_start + 0.5)
+
+
+def failing(plan: Plan, request: PlanRequest) -> Plan:
+    return Plan.failure(Status.SOLVER_FAILED, "no solution")
+
+
+def raising(plan: Plan, request: PlanRequest) -> Plan:
+    raise FloatingPointError("a bug")
+
+
+def not_finite(plan: Plan, request: PlanRequest) -> Plan:
+    return dataclasses.replace(plan, u=with_nan(plan.u)) if plan.ok else plan
+
+
+def torn(plan: Plan, request: PlanRequest) -> Plan:
+    return dataclasses.replace(plan, u=plan.u[1:]) if plan.ok else plan
+
+
+def beside(plan: Plan, request: PlanRequest) -> Plan:
+    """Certified in itself, but 10 m above the plan being flown."""
+    return dataclasses.replace(plan, x=plan.x + [0.0, 0.0, 10.0, 0.0, 0.0, 0.0]) if plan.ok else plan
+
+
+def overtaken(plan: Plan, request: PlanRequest) -> Plan:
+    """A plan that should have started a period ago."""
+    return dataclasses.replace(plan, t=plan.t - (request.t_start - request.t)) if plan.ok else plan
+
+
+def into_the_ridge(plan: Plan, request: PlanRequest) -> Plan:
+    return detour(request, straight)
+
+
+def overdue(plan: Plan, request: PlanRequest) -> Plan:
+    return detour(request, dawdling)
+
+
+def detouring(plan: Plan, request: PlanRequest) -> Plan:
+    """May be flown, but is a bad choice."""
+    return detour(request, lambda arcs: complete_by(arcs, CERTIFICATE))
+
+
+def nonsense(plan: Plan, request: PlanRequest) -> Any:
+    return None
+
+
+ANSWERS: tuple[Callable[[Plan, PlanRequest], Plan], ...] = (
+    valid,
+    slow,
+    late,
+    failing,
+    raising,
+    not_finite,
+    torn,
+    beside,
+    overtaken,
+    into_the_ridge,
+    overdue,
+    detouring,
+    nonsense,
+)
+
+
+class Scripted:
+    """A planner that does to its plans what a script says, the first included."""
+
+    def __init__(self, planner: Planner, script: Sequence[Callable[[Plan, PlanRequest], Plan]]) -> None:
+        self.period = planner.period
+        self._planner = planner
+        self._script: Iterator[Callable[[Plan, PlanRequest], Plan]] = cycle(script)
+
+    def plan(self, request: PlanRequest) -> Plan:
+        answer = next(self._script)
+        if request.current is None and answer in (into_the_ridge, overdue, detouring):
+            return Plan.failure(Status.INFEASIBLE, "there is nothing to leave yet")
+        return answer(self._planner.plan(request), request)
+
+
+class Watched:
+    """Sees every request and checks the invariant on the plan that is being flown."""
+
+    def __init__(self, planner: Certified, factor: float) -> None:
+        self.period = planner.period
+        self._planner, self._factor = planner, factor
+        self.flown: list[Plan] = []
+        self.deadline = np.inf  # [s] gamma V_0
+
+    def plan(self, request: PlanRequest) -> Plan:
+        current = request.current
+        if current is not None:
+            if not self.flown:
+                self.deadline = self._factor * current.t_end
+            if not self.flown or current is not self.flown[-1]:
+                self._adopted(current)
+            assert not BOUND.broken_by(request.estimate.x - state_at(current, request.t))
+            refusal = CERTIFICATE.refuse(current)
+            assert refusal is None, refusal
+            assert current.t_end <= self.deadline + 1e-9
+        return self._planner.plan(request)
+
+    def _adopted(self, plan: Plan) -> None:
+        assert plan.ready <= plan.t_start + 1e-9
+        if self.flown:
+            gap = np.abs(plan.x[0] - state_at(self.flown[-1], plan.t_start)).max()
+            assert gap <= 1e-6
+        self.flown.append(plan)
+
+
+@given(
+    script=st.lists(st.sampled_from(ANSWERS), min_size=1, max_size=40),
+    nodes=st.sampled_from([7, 13]),
+    factor=st.sampled_from([1.0, 1.1, 1.3]),
+)
+@settings(max_examples=40)
+@example(script=[valid], nodes=13, factor=1.3)
+@example(script=[raising], nodes=13, factor=1.0)
+@example(script=[late], nodes=13, factor=1.3)
+@example(script=[nonsense], nodes=13, factor=1.3)
+@example(script=[overdue], nodes=13, factor=1.3)
+@example(script=[valid] + 10 * [detouring], nodes=13, factor=1.3)
+@example(script=3 * [valid] + 40 * [into_the_ridge], nodes=13, factor=1.0)
+def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
+    script: list[Callable[[Plan, PlanRequest], Plan]], nodes: int, factor: float
+) -> None:
+    mission: FlightMission = dataclasses.replace(MISSION, deadline_factor=factor)
+    planner, _ = SafeFlight.build(FlightConfig(nodes=nodes), mission)
+    wrapped = Certified(
+        Scripted(planner, script), Retreat(CERTIFICATE, planner.period), CERTIFICATE, BOUND, factor
+    )
+    watched = Watched(wrapped, factor)
+    agent = Agent(
+        FullState(FullStateConfig(period=DT, rate=1.0 / DT), mission), watched, CriticallyDamped(DT, 0.8, BOUND)
+    )
+    target = np.array(mission.target)
+    recording = simulate(
+        flight.PointMass(flight.at_rest(mission.start), DT),
+        {"vehicle": agent},
+        300.0,
+        lambda t, truths: bool(np.linalg.norm(truths["vehicle"][:3] - target) <= mission.arrival_radius),
+    )
+    x = recording.truths["vehicle"]
+    assert np.linalg.norm(x[-1, :3] - target) <= mission.arrival_radius
+    assert recording.t[-1] <= watched.deadline
+    assert flown_clearance(recording.t, x, mission).min() >= mission.clearance_min
+    assert np.linalg.norm(x[:, 3:], axis=1).max() <= mission.speed_max
+    assert np.linalg.norm(recording.agents["vehicle"].commands, axis=1).max() <= mission.acceleration_max + 1e-6

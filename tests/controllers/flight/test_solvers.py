@@ -1,0 +1,202 @@
+"""The compiled kernels against CasADi's statement of the same problem, and the solvers against each other."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from controllers.flight import kernels, reference
+from controllers.flight.cost_to_go import factored_cost
+from controllers.flight.problem import Landscape, Parameters, Problem, Solution
+from controllers.flight.reference import Reference
+from controllers.flight.sqp import GaussNewton
+from models.terrain.height_field import HeightField
+from models.terrain.visibility import Radar
+from sim.signals import Array
+
+SPACING, NODES = 320.0, 97
+TARGET = (26_000.0, 24_000.0)  # [m]
+SPEED = 300.0
+H = 5.0 / 3.0
+
+
+def mountains() -> HeightField:
+    """Ridges and peaks, 31 km square, 0 to about 2.5 km high."""
+    x, y = np.meshgrid(np.arange(NODES) * SPACING, np.arange(NODES) * SPACING)
+    z = 600.0 + 300.0 * np.sin(x / 2100.0) * np.cos(y / 1700.0)
+    rng = np.random.default_rng(7)
+    for east, north, height, width in zip(
+        *rng.uniform(0.0, NODES * SPACING, (2, 12)), rng.uniform(300.0, 1500.0, 12), rng.uniform(900.0, 2500.0, 12)
+    ):
+        z += height * np.exp(-((x - east) ** 2 + (y - north) ** 2) / (2.0 * width**2))
+    return HeightField(z, SPACING)
+
+
+@pytest.fixture(scope="module")
+def landscape() -> Landscape:
+    terrain = mountains()
+    target = np.array([*TARGET, float(terrain.height(*TARGET)) + 200.0])
+    radar = Radar(15_000.0, 14_000.0, 5_000.0, 3.0)
+    return Landscape.build(terrain, factored_cost(terrain, target, [radar], 33, 5))
+
+
+def problem_at(
+    landscape: Landscape, x: float, y: float, above: float, velocity: Array, arcs: int = 8, beta: float = 100.0
+) -> Problem:
+    parameters = Parameters(arcs, H, SPEED, 40.0, beta, clearance=75.0)
+    start = np.array([x, y, float(landscape.terrain.height(x, y)) + above, *velocity])
+    return Problem(parameters, landscape, start, arcs)
+
+
+def held(landscape: Landscape, arcs: int, distance: float) -> Problem:
+    """An exact arrival from ``distance`` [m] south-west of the target, flying towards it."""
+    target = landscape.cost.target
+    x, y = target[:2] - distance / np.sqrt(2.0)
+    velocity = np.array([140.0, 140.0, 0.0])
+    parameters = Parameters(8, H, SPEED, 40.0, 100.0, clearance=75.0)
+    start = np.array([x, y, max(target[2], float(landscape.terrain.height(x, y)) + 150.0), *velocity])
+    return Problem(parameters, landscape, start, arcs, hold=target)
+
+
+def some_problems(landscape: Landscape) -> list[Problem]:
+    rest, towards = np.zeros(3), np.array([180.0, 160.0, 0.0])
+    return [
+        problem_at(landscape, 3_000.0, 2_500.0, 300.0, rest),
+        problem_at(landscape, 9_000.0, 8_000.0, 90.0, towards),  # low: the ground pushes
+        problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, arcs=12),
+        problem_at(landscape, 12_000.0, 12_000.0, 120.0, towards, arcs=4, beta=1.0),
+        problem_at(landscape, 9_000.0, 14_000.0, 400.0, towards, beta=1e4),
+        held(landscape, 6, 2_200.0),
+        held(landscape, 3, 1_000.0),
+    ]
+
+
+def kernel_data(problem: Problem) -> tuple[Array, ...]:
+    stencil, cost = problem.stencil, problem.landscape.cost
+    return (
+        problem.start,
+        stencil.base,
+        stencil.weights,
+        stencil.climbs,
+        problem.landscape.heights,
+        cost.ground,
+        cost.ratio,
+        cost.scales,
+        problem.packed,
+    )
+
+
+def kernel_cost(problem: Problem, unknowns: Array) -> float:
+    return float(kernels.objective(unknowns, *kernel_data(problem))[0])
+
+
+def casadi_cost(problem: Problem) -> tuple[ca.Function, Array]:
+    """CasADi's objective of the condensed unknowns (3n + 1,), slacks at their least, and its parameters."""
+    shape, values = reference._values(problem)
+    programme = reference._programme(shape)
+    statement, unknowns = programme.functions, ca.MX.sym("U", 3 * problem.arcs + 1)
+    h, p, v, lifted = problem.parameters.h, ca.MX(problem.start[:3]), ca.MX(problem.start[3:]), []
+    for i in range(problem.arcs):
+        a = unknowns[3 * i : 3 * i + 3]
+        lifted += [p, v, a, ca.MX.zeros(reference._INPUT - 3)]
+        p, v = p + h * v + h**2 / 2 * a, v + h * a
+    lifted += [p, v, unknowns[-1], ca.MX.zeros(shape.last_input - 1)]
+    relax = ca.Function("relax", [statement["x"], statement["p"]], [programme.relaxed])
+    cost = ca.Function("cost", [statement["x"], statement["p"]], [statement["f"]])
+    known = statement["p"]
+    value = cost(relax(ca.vertcat(*lifted), known), known)
+    return ca.Function("condensed", [unknowns, known], [value, ca.gradient(value, unknowns)]), np.concatenate(
+        [value.ravel() for value in values]
+    )
+
+
+def random_unknowns(problem: Problem, rng: np.random.Generator) -> Array:
+    return np.append(rng.normal(0.0, 8.0, 3 * problem.arcs), rng.uniform(0.0, 60.0))
+
+
+def solved(outcome: Solution | str) -> Solution:
+    assert isinstance(outcome, Solution), outcome
+    return outcome
+
+
+def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: Landscape) -> None:
+    """The gradient of the kernels is the programme's, plus what its soft rows contribute at a zero step."""
+    rng = np.random.default_rng(1)
+    for problem in some_problems(landscape):
+        n, looked = problem.arcs, len(problem.stencil.base) - 2
+        size = 3 * n + 1
+        count = looked + 1 + 2 * n + 1 + 4 + (3 if problem.hold is not None else 0)
+        hold = np.empty(0) if problem.hold is None else problem.hold
+        statement, known = casadi_cost(problem)
+        for _ in range(5):
+            unknowns = random_unknowns(problem, rng)
+            hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
+            upper, lower = np.zeros(size + count), np.zeros(size + count)
+            kernels.linearise(unknowns, *kernel_data(problem), hold, hessian, gradient, rows, upper, lower)
+            soft = slice(size, size + looked + 1)
+            gradient -= rows[: looked + 1].T @ np.maximum(lower[soft], 0.0)
+            gradient += rows[: looked + 1].T @ np.maximum(-upper[soft], 0.0)
+            value, slope = statement(unknowns, known)
+            assert kernel_cost(problem, unknowns) == pytest.approx(float(value), rel=1e-10)
+            expected = np.array(slope).ravel()
+            np.testing.assert_allclose(gradient, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
+
+
+def test_the_hessian_of_the_kernels_is_positive_definite(landscape: Landscape) -> None:
+    """It is a Gauss-Newton matrix, not the exact Hessian: only what a descent direction needs is promised."""
+    rng = np.random.default_rng(2)
+    for problem in some_problems(landscape):
+        work_size = 3 * problem.arcs + 1
+        solver = GaussNewton()
+        solved(solver.solve(problem, np.zeros(work_size)))
+        hessian = solver._workspaces[problem.arcs, problem.hold is not None].hessian
+        np.testing.assert_allclose(hessian, hessian.T, rtol=1e-9, atol=1e-9 * np.abs(hessian).max())
+        assert np.linalg.eigvalsh(hessian).min() > 0.0
+        assert rng is not None
+
+
+@pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
+def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_find(
+    landscape: Landscape, backend: reference.Backend
+) -> None:
+    condensed, interior = GaussNewton(1e-6, 50), Reference(backend, 1e-6)
+    for problem in some_problems(landscape):
+        guess = np.zeros(3 * problem.arcs + 1)
+        ours, theirs = solved(condensed.solve(problem, guess)), solved(interior.solve(problem, guess))
+        assert ours.converged
+        assert theirs.cost == pytest.approx(kernel_cost(problem, theirs.unknowns), rel=1e-6)
+        assert ours.cost == pytest.approx(theirs.cost, rel=1e-5), problem.start
+
+
+def test_a_warm_start_from_the_solution_finds_it_again(landscape: Landscape) -> None:
+    problem = some_problems(landscape)[1]
+    solver = Reference()
+    first = solved(solver.solve(problem, np.zeros(3 * problem.arcs + 1)))
+    again = solved(solver.solve(problem, first.unknowns))
+    assert again.cost == pytest.approx(first.cost, rel=1e-7)
+    assert again.iterations <= first.iterations
+
+
+def test_the_bounds_hold_at_the_solutions(landscape: Landscape) -> None:
+    for solver in (GaussNewton(), Reference("ipopt"), Reference("fatrop")):
+        for problem in some_problems(landscape):
+            solution = solved(solver.solve(problem, np.zeros(3 * problem.arcs + 1)))
+            velocities = problem.start[3:] + problem.parameters.h * np.cumsum(solution.accelerations, axis=0)
+            assert np.linalg.norm(velocities, axis=1).max() <= SPEED * (1.0 + 1e-4)
+            assert np.linalg.norm(solution.accelerations, axis=1).max() <= 40.0 * (1.0 + 1e-4)
+
+
+def test_a_target_out_of_reach_gives_a_reason_not_an_exception(landscape: Landscape) -> None:
+    problem = held(landscape, 3, 6_000.0)  # three arcs of 5/3 s at 300 m/s go 1500 m
+    for solver in (GaussNewton(), Reference("ipopt"), Reference("fatrop")):
+        outcome = solver.solve(problem, np.zeros(3 * problem.arcs + 1))
+        assert isinstance(outcome, str)
+        assert outcome
+
+
+def test_unknown_backends_and_tolerances_are_refused() -> None:
+    with pytest.raises(ValueError, match="backend = 'snopt'"):
+        Reference("snopt")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="tolerance"):
+        Reference(tolerance=0.0)

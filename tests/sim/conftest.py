@@ -1,0 +1,26 @@
+"""A small map and a short mission over it, for what is tested through the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.terrain.dem import write_npz
+from models.terrain.height_field import HeightField
+
+
+@pytest.fixture(scope="session")
+def hills(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """12 km of gentle hills between 300 and 700 m."""
+    x, y = np.meshgrid(np.arange(121) * 100.0, np.arange(121) * 100.0)
+    path = tmp_path_factory.mktemp("map") / "hills.npz"
+    write_npz(HeightField(500.0 + 200.0 * np.sin(x / 1500.0) * np.cos(y / 1700.0), 100.0, "hills"), path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def mission(hills: Path) -> tuple[str, ...]:
+    """A mission of 4 km that is flown in about a second."""
+    return ("safe-flight", "--terrain", str(hills), *"--start 3000 3000 800 --target 7000 3000 800".split())

@@ -76,14 +76,15 @@ class Certificate:
         ):
             if left <= 0.0:
                 raise ValueError(
-                    f"{name} = {whole:g} leaves nothing to plan with: noise and gusts need {whole - left:.3g} of it"
+                    f"{name} = {whole:g} leaves nothing to plan with; allowed: > {whole - left:.3g}, "
+                    "which noise and gusts take"
                 )
         return Certificate(
             mission.terrain.inflated(bound.horizontal, bound.vertical),
             mission.clearance_min,
             speed,
             acceleration,
-            np.array(mission.target),
+            np.array(mission.target, dtype=np.float64),
             radius,
         )
 

@@ -102,8 +102,8 @@ class LiteralFlight:
         bound = tracking_bound(config.bandwidth, mission.quality, mission.gust)
         if bound.feedback >= mission.acceleration_max:
             raise ValueError(
-                f"acceleration_max = {mission.acceleration_max:g} leaves nothing to plan with: noise and gusts need "
-                f"{bound.feedback:.3g} of it"
+                f"acceleration_max = {mission.acceleration_max:g} leaves nothing to plan with; allowed: > "
+                f"{bound.feedback:.3g}, which noise and gusts take"
             )
         return Literal(config, mission, bound), CriticallyDamped(TICK, config.bandwidth, bound)
 
@@ -195,7 +195,7 @@ def position_weights(nodes: int, h: float) -> Array:
 def solve(nlp: EulerNlp, guess: Array) -> tuple[Array, Status]:
     """Sequential quadratic programming on (A.3) from ``guess`` (N - 1, 3), in a trust region.
 
-    The merit is the objective plus rho max(0, G): an exact penalty, since rho is above what all multipliers add up to.
+    The merit is the objective plus rho max(0, G), an exact penalty where rho exceeds the sum of the multipliers.
     Each step solves the convex programme min g'd + h |d|^2 + rho t, G + G'd <= t, t >= 0, within the box for a and
     the trust region. ``INFEASIBLE`` if it comes to a standstill where a constraint is violated, ``SOLVER_FAILED``
     at the iteration limit.

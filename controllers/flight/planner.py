@@ -19,7 +19,7 @@ from controllers.flight.certificate import Certificate, pass_time
 from controllers.flight.completion import ArcList, complete
 from controllers.flight.cost_to_go import FactoredCost
 from controllers.flight.problem import Landscape, Parameters, Problem, Solution
-from models.aerial.dynamics import input_at, state_at
+from models.aerial.dynamics import state_at
 from models.terrain.visibility import Radar
 from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
 
@@ -127,14 +127,12 @@ class RecedingHorizon:
         """The optimised part of the plan being flown, shifted, with nothing after its end."""
         n, h = problem.arcs, problem.parameters.h
         guess = np.zeros(3 * n + 1)
-        if current is None:
-            return guess
-        for j in range(n):
-            middle = t_start + (j + 0.5) * h
-            k = int(np.searchsorted(current.t, middle, side="right")) - 1
-            if k >= len(current.u) or current.phase[k] != Phase.OPTIMISED:
-                break
-            guess[3 * j : 3 * j + 3] = input_at(current, middle)
+        if current is not None:
+            middles = t_start + (np.arange(n) + 0.5) * h
+            arc = np.searchsorted(current.t, middles, side="right") - 1
+            optimised = (arc < len(current.u)) & (current.phase[np.minimum(arc, len(current.u) - 1)] == Phase.OPTIMISED)
+            count = n if optimised.all() else int(optimised.argmin())
+            guess[: 3 * count] = current.u[arc[:count]].ravel()
         return guess
 
     def _assembled(self, problem: Problem, solution: Solution, t_start: float, solve_ms: float) -> Plan:

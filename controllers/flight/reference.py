@@ -146,7 +146,7 @@ class _Programme:
     upper: Array  # (m,)
     equality: list[bool]  # (m,)
     path_constraints: list[int]  # (N,) at each stage
-    unit: ca.MX  # what the cost is of the order of
+    unit: ca.MX  # of the objective for FATROP, which stops at an absolute tolerance
     relaxed: ca.MX  # x with the least slacks that its states and inputs allow
 
 
@@ -253,7 +253,7 @@ def _programme(shape: _Shape) -> _Programme:
         upper=np.concatenate([np.full(g.numel(), high) for g, _, high in constraints]),
         equality=[low == high for g, low, high in constraints for _ in range(g.numel())],
         path_constraints=path_constraints,
-        unit=1 + beta,
+        unit=ca.MX(1) if shape.hold else 1 + beta,
         relaxed=ca.vertcat(*relaxed),
     )
 
@@ -310,7 +310,6 @@ class _Solver:
                 **_IPOPT_WARM_START,
             }
         else:
-            # FATROP stops at an absolute tolerance: it is given the cost in the unit of a second's.
             functions["f"] = functions["f"] / programme.unit
             options |= {
                 "structure_detection": "manual",
@@ -321,7 +320,7 @@ class _Solver:
                 "equality": programme.equality,
                 "fatrop": {"print_level": 0, "tolerance": tolerance, "max_iter": _ITERATION_LIMIT, "mu_init": 1e-3},
             }
-        self._scaled = backend == "fatrop"
+        self._scaled = backend == "fatrop" and not shape.hold
         self._arcs = shape.arcs
         function = ca.nlpsol("flight", backend, functions, options)
         if compiled:
@@ -354,7 +353,9 @@ class _Solver:
             self._forget()
             return f"{statistics['return_status']} after {statistics['iter_count']} iterations"
         self._in["lam_x0"][:], self._in["lam_g0"][:] = self._out["lam_x"], self._out["lam_g"]
-        cost = float(self._out["f"][0]) * ((1.0 + problem.parameters.beta) if self._scaled else 1.0)
+        cost = float(self._out["f"][0])
+        if self._scaled:
+            cost *= 1.0 + problem.parameters.beta
         stages = x[: self._climb - _STATE].reshape(self._arcs, _STATE + _INPUT)
         return Solution(
             stages[:, _STATE : _STATE + 3].copy(), float(x[self._climb]), cost, True, int(statistics["iter_count"])

@@ -20,6 +20,10 @@ _SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
 _TANGENT_ERROR = 1e-2  # [m/s, m/s^2] by which a ball's tangent planes may overshoot it on convergence
 _FREE_STEPS = 6  # full ones, before a line search asks for descent: near the solution it would hold back good steps
 _SHORTEST_STEP = 1e-3
+_CLEARANCE_REACH = 200.0  # [m]
+_BALL_REACH = 0.3  # of the radius
+_GRAIN = 16  # rows by which programmes differ in size
+_INFINITY = 1e30  # daqp's
 _INFEASIBLE = "the quadratic programme has no feasible point"
 
 
@@ -97,51 +101,104 @@ def _gap(unknowns: Array, problem: Problem) -> float:
 
 
 class _Workspace:
-    """Arrays and the quadratic programme's solver for one horizon length."""
+    """The quadratic programme of one horizon length, and what is remembered of it.
+
+    Most rows are far from active: flights are mostly high, and slower than they may be. Only rows within ``reach`` of
+    their bound enter the programme that is solved. A row left out wrongly shows in the objective or in the violation of
+    the next iterate, which then is not accepted as converged, and enters the next programme.
+    """
 
     def __init__(self, problem: Problem) -> None:
         n, clearance = problem.arcs, len(problem.stencil.base) - 2
-        size, held = 3 * n + 1, 3 if problem.hold is not None else 0
-        count = clearance + 1 + 2 * n + 1 + 4 + held
-        self.hessian, self.gradient = np.zeros((size, size)), np.zeros(size)
-        self.rows = np.zeros((count, size))
-        self.upper, self.lower = np.zeros(size + count), np.zeros(size + count)
+        held = 3 if problem.hold is not None else 0
+        self._size, count = 3 * n + 1, clearance + 1 + 2 * n + 1 + 4 + held
+        self.hessian, self.gradient = np.zeros((self._size, self._size)), np.zeros(self._size)
+        self.rows = np.zeros((count, self._size))
+        self.upper, self.lower = np.zeros(self._size + count), np.zeros(self._size + count)
+        self.multipliers = np.zeros(2 * n + 1)  # of the balls |v| <= v_max, |a| <= a_max and the manoeuvre's
         self.penalty = 1.0  # above the sum of all multipliers, so that the merit's minimum is the problem's
         self._held = held
-        self._balls = slice(size + clearance + 1, size + clearance + 2 + 2 * n)
-        self.multipliers = np.zeros(2 * n + 1)  # of the balls |v| <= v_max, |a| <= a_max and the manoeuvre's
-        self._sense = np.zeros(size + count, np.int32)
-        self._sense[size : size + clearance + 1] = _SOFT
-        if held:
-            self._sense[-held:] = _EQUALITY
-        self._solver: daqp.Model | None = None
+        self._balls = slice(clearance + 1, clearance + 2 + 2 * n)
+        self._sense = np.zeros(count, np.int32)
+        self._sense[: clearance + 1] = _SOFT
+        self._sense[count - held :] = _EQUALITY
+        p = problem.parameters
+        self._reach = np.concatenate(
+            [
+                np.full(clearance, _CLEARANCE_REACH * np.sqrt(problem.terrain_weight)),
+                [np.inf],
+                np.full(n, _BALL_REACH * p.speed_max),
+                np.full(n, _BALL_REACH * p.acceleration_max),
+                [_BALL_REACH * p.acceleration_max * p.manoeuvre_duration],
+                np.full(4, p.speed_max * p.manoeuvre_duration),
+                np.full(held, np.inf),
+            ]
+        )
+        self._programmes: dict[int, _Programme] = {}
 
     def step(self) -> Array | None:
         """The solution of the filled quadratic programme, or None."""
+        size = self._size
+        near = np.flatnonzero((self.upper[size:] < self._reach) | (self.lower[size:] > -self._reach))
+        capacity = _GRAIN * (1 + len(near) // _GRAIN)
+        if capacity not in self._programmes:
+            self._programmes[capacity] = _Programme(size, capacity)
+        found = self._programmes[capacity].solve(
+            self.hessian,
+            self.gradient,
+            self.rows[near],
+            np.concatenate([self.upper[:size], self.upper[size:][near]]),
+            np.concatenate([self.lower[:size], self.lower[size:][near]]),
+            self._sense[near],
+        )
+        if found is None:
+            return None
+        x, row_multipliers = found
+        multipliers = np.zeros(len(self._sense))
+        multipliers[near] = row_multipliers
+        self.multipliers[:] = np.maximum(multipliers[self._balls], 0.0)
+        holding = float(np.abs(multipliers[len(multipliers) - self._held :]).sum())
+        self.penalty = 1.0 + 2.0 * (float(self.multipliers.sum()) + holding)
+        return x
+
+
+class _Programme:
+    """A dense quadratic programme of a fixed size, padded with rows that ask for nothing."""
+
+    def __init__(self, size: int, capacity: int) -> None:
+        self._rows = np.zeros((capacity, size))
+        self._upper, self._lower = np.full(size + capacity, _INFINITY), np.full(size + capacity, -_INFINITY)
+        self._sense = np.zeros(size + capacity, np.int32)
+        self._solver: daqp.Model | None = None
+
+    def solve(
+        self, hessian: Array, gradient: Array, rows: Array, upper: Array, lower: Array, sense: Array
+    ) -> tuple[Array, Array] | None:
+        """The minimiser and the rows' multipliers, or None if there is no feasible point."""
+        count, size = rows.shape
+        used = size + count
+        self._rows[:count], self._rows[count:] = rows, 0.0
+        self._upper[:used], self._upper[used:] = upper, _INFINITY
+        self._lower[:used], self._lower[used:] = lower, -_INFINITY
+        self._sense[size:used], self._sense[used:] = sense, 0
         if self._solver is None:
             solver = daqp.Model()
             solver.settings = {"iter_limit": 1000}
-            flag, _ = solver.setup(self.hessian, self.gradient, self.rows, self.upper, self.lower, self._sense.copy())
+            flag, _ = solver.setup(hessian, gradient, self._rows, self._upper, self._lower, self._sense.copy())
             # Rows carry the square root of their weight, so every slack costs s^2 / 2. The setting "rho_soft" would
             # apply to rows that daqp has normalised.
-            solver.soft_weights(rho_l=np.ones(self.upper.size), rho_u=np.ones(self.upper.size))
+            solver.soft_weights(rho_l=np.ones(self._upper.size), rho_u=np.ones(self._upper.size))
             self._solver = solver if flag >= 0 else None
         else:
             flag = self._solver.update(
-                H=self.hessian,
-                f=self.gradient,
-                A=self.rows,
-                bupper=self.upper,
-                blower=self.lower,
+                H=hessian,
+                f=gradient,
+                A=self._rows,
+                bupper=self._upper,
+                blower=self._lower,
                 sense=self._sense.copy(),
             )
         if flag < 0 or self._solver is None:
             return None
         x, _, exit_flag, information = self._solver.solve()
-        if exit_flag <= 0:
-            return None
-        multipliers = information["lam"]
-        self.multipliers[:] = np.maximum(multipliers[self._balls], 0.0)
-        holding = float(np.abs(multipliers[multipliers.size - self._held :]).sum())
-        self.penalty = 1.0 + 2.0 * (float(self.multipliers.sum()) + holding)
-        return np.array(x)
+        return (np.array(x), information["lam"][size:used]) if exit_flag > 0 else None

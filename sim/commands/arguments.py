@@ -102,8 +102,8 @@ def value_of(flag: str, argv: Sequence[str]) -> str | None:
 
 
 def with_flag(message: str, known: Sequence[str], prefix: str = "") -> str:
-    """A dataclass' message "field = value; ..." or "field: ..." with the flag in place of the field."""
-    found = re.match(r"([A-Za-z_][\w.]*)(?= = |: )", message)
+    """A message that starts with "field = ", "field: " or "field is " with the flag in place of the field."""
+    found = re.match(r"([A-Za-z_][\w.]*)(?= = |: | is )", message)
     if found is None:
         return message
     name = found[1].replace("_", "-")
@@ -146,7 +146,10 @@ def _check_finite(value: Any, name: str) -> None:
 
 def _one_line(box: str, argv: Sequence[str], known: Mapping[str, bool], prefixes: Sequence[str]) -> str:
     """What tyro says in a box of several lines."""
-    lines = [line.strip("│╭╮╰╯ ") for line in box.splitlines()[1:]]
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
+    lines = [line.strip("│╭╮╰╯ ") for line in plain.splitlines()[1:]]  # the first is a heading
+    if lines and not lines[0].strip("-"):
+        del lines[0]  # where a terminal has no lines to draw with, a rule is under the heading
     rule = next((k for k, line in enumerate(lines) if line and not line.strip("─-")), len(lines))
     message = re.sub(r"\bgroup[_-](\d+)\b[.]?", lambda k: f"{prefixes[int(k[1])]}.".lstrip("."), " ".join(lines[:rule]))
     if found := re.match(r"Error parsing (--\S+): ", message):

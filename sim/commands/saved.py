@@ -62,9 +62,10 @@ class Saved:
             raise BadInputError(f"{self.path}: {error}") from None
 
 
-def _of(kind: type, value: Any, where: str) -> Any:
+def _of(kind: type | tuple[type, ...], value: Any, where: str) -> Any:
     if not isinstance(value, kind) or isinstance(value, bool):
-        raise ValueError(f"{where} = {value!r}; allowed: {kind.__name__}")
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        raise ValueError(f"{where} = {value!r}; allowed: {' or '.join(one.__name__ for one in kinds)}")
     return value
 
 
@@ -102,7 +103,7 @@ def _value(hint: Any, value: Any, where: str) -> Any:
             raise ValueError(f"{where} = {value!r}; allowed: true, false")
         return value
     if hint is float:
-        return float(_of(typing.cast(type, int | float), value, where))
+        return float(_of((int, float), value, where))
     if hint is Path:
         return Path(_of(str, value, where))
     return _of(hint, value, where)

@@ -16,7 +16,7 @@ import tyro
 from models.terrain.dem import import_dem
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, terrain_names
-from sim.commands.arguments import Group, parse
+from sim.commands.arguments import Group, flags, parse, with_flag
 from sim.commands.errors import BadInputError, bad_input
 
 USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--scale M] [--crop ROW COL SIZE]
@@ -63,8 +63,11 @@ def main(argv: Sequence[str]) -> int:
 
 def _import(argv: Sequence[str]) -> None:
     (options,) = parse(argv, "mathnavi terrain import", "Write an elevation model as a map (.npz).", Group(Import))
-    with bad_input():
-        terrain = import_dem(options.file, options.out, options.spacing, options.scale, options.crop)
+    try:
+        with bad_input():
+            terrain = import_dem(options.file, options.out, options.spacing, options.scale, options.crop)
+    except BadInputError as error:
+        raise BadInputError(with_flag(str(error), [flag for flag, _ in flags(Import)])) from error
     print(statistics(terrain))
     print(f"map       {options.out}")
 

@@ -23,4 +23,5 @@ def hills(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def mission(hills: Path) -> tuple[str, ...]:
     """A mission of 4 km that is flown in about a second."""
-    return ("safe-flight", "--terrain", str(hills), *"--start 3000 3000 800 --target 7000 3000 800".split())
+    ends = ["--start", "3000", "3000", "800", "--target", "7000", "3000", "800"]
+    return ("safe-flight", "--terrain", str(hills), *ends)

@@ -6,8 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +87,7 @@ def test_the_same_flags_give_the_same_log_bit_for_bit(mission: Words, tmp_path: 
     assert same_log(tmp_path / "one", tmp_path / "two")
 
 
-class Interrupted(Exception):
+class FlightAskedForError(Exception):
     """Instead of a flight."""
 
 
@@ -98,12 +97,12 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, Any]]:
     import sim.commands.run
 
     def without_flight(experiment: Any, errors: Any) -> Outcome:
-        raise Interrupted(experiment.config)
+        raise FlightAskedForError(experiment.config)
 
     monkeypatch.setattr(sim.commands.run, "fly", without_flight)
 
     def ask(*argv: str) -> dict[str, Any]:
-        with pytest.raises(Interrupted) as info:
+        with pytest.raises(FlightAskedForError) as info:
             main(["run", *argv])
         answer: dict[str, Any] = json.loads(json.dumps(info.value.args[0]))
         return answer
@@ -120,7 +119,7 @@ def test_flags_beside_from_take_precedence(asked: Callable[..., Any], flown: Pat
 
 
 def test_lists_beside_from_replace_the_saved_ones(asked: Callable[..., Any], flown: Path, tmp_path: Path) -> None:
-    changed = asked("--from", str(flown), *"--radar 2000 9000 500 1 --out".split(), str(tmp_path))
+    changed = asked("--from", str(flown), *["--radar", "2000", "9000", "500", "1", "--out"], str(tmp_path))
     assert changed["fields"]["radar"] == [[2000.0, 9000.0, 500.0, 1.0]]
 
 
@@ -134,7 +133,7 @@ def test_another_estimator_beside_from_has_its_own_fields(
 
 
 def test_the_radar_list_appends(asked: Callable[..., Any], mission: Words, tmp_path: Path) -> None:
-    radars = "--radar 5000 6000 900 2 --radar 5000 9000 800 1.5".split()
+    radars = ["--radar", "5000", "6000", "900", "2", "--radar", "5000", "9000", "800", "1.5"]
     assert asked(*mission, *radars, "--out", str(tmp_path))["fields"]["radar"] == [
         [5000.0, 6000.0, 900.0, 2.0],
         [5000.0, 9000.0, 800.0, 1.5],
@@ -163,12 +162,10 @@ def test_a_flight_that_is_cut_short_leaves_no_folder(
 
 
 def test_a_mission_that_fails_exits_with_1_and_is_written(mission: Words, tmp_path: Path) -> None:
-    """The planner of the print passes this target and comes back too late for a deadline without slack."""
-    hopeless = ("--faults.solver-failure-rate", "1", "--deadline-factor", "1")
     folder = tmp_path / "run"
-    code = main(["run", *mission, *hopeless, "--arrival-radius", "1e-9", "--out", str(folder)])
-    assert code == 1
+    assert main(["run", *mission, "--faults.position-jump", "500", "--out", str(folder)]) == 1
     assert not json.loads((folder / "summary.json").read_text())["arrived"]
+    assert len(arrays(folder)["t"]) > 1
 
 
 def test_a_new_run_takes_the_old_pictures_with_it(mission: Words, tmp_path: Path) -> None:
@@ -227,7 +224,7 @@ def test_help_explains_every_command(command: str, capsys: pytest.CaptureFixture
 
 
 def test_help_of_run_has_the_fields_of_the_plugins_that_are_chosen(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main("run safe-flight --estimator kalman --help".split()) == 0
+    assert main(["run", "safe-flight", "--estimator", "kalman", "--help"]) == 0
     shown = capsys.readouterr().out
     assert "--estimator.noise-floor" in shown
     assert "--planner.nodes" in shown
@@ -260,11 +257,6 @@ def test_the_steepest_triangle_is_at_least_as_steep_as_any_point(name: str) -> N
     x, y = rng.uniform(0.0, terrain.width, 20000), rng.uniform(0.0, terrain.depth, 20000)
     slope = np.degrees(np.arctan(np.linalg.norm(terrain.gradient(x, y), axis=-1))).max()
     assert 0.7 * steepest(terrain) < slope <= steepest(terrain) + 1e-9
-
-
-@contextmanager
-def cold_cache(folder: Path) -> Iterator[dict[str, str]]:
-    yield {**os.environ, "NUMBA_CACHE_DIR": str(folder)}
 
 
 def test_a_process_of_its_own_prints_nothing_else(mission: Words, tmp_path: Path) -> None:

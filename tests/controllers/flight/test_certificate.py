@@ -127,9 +127,7 @@ def test_what_may_be_flown_is_certified(certificate: Certificate, good: Plan) ->
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_what_may_not_be_flown_is_refused_for_the_right_reason(
-    name: str, certificate: Certificate, good: Plan
-) -> None:
+def test_what_may_not_be_flown_is_refused_for_the_right_reason(name: str, certificate: Certificate, good: Plan) -> None:
     status, spoil = BAD[name]
     refusal = certificate.refuse(spoil(certificate, good))
     assert refusal is not None
@@ -275,7 +273,7 @@ def test_a_vehicle_off_its_plan_is_planned_for_from_where_it_is(
     wrapped = certified(certificate, Answers(good))
     wrapped.plan(first_request(mission))
     request = later_request(good)
-    x = request.estimate.x + [30.0, 0.0, 10.0, 0.0, 0.0, 0.0]
+    x = request.estimate.x + np.array([30.0, 0.0, 10.0, 0.0, 0.0, 0.0])
     plan = wrapped.plan(dataclasses.replace(request, estimate=Estimate(request.t, x)))
     assert plan.ok
     assert {"tracking-breach", "rebased"} <= set(plan.notes)

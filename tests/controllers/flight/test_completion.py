@@ -83,9 +83,7 @@ def test_off_the_map_the_ground_is_infinitely_high() -> None:
     assert highest_ground(flight.mountains(), np.array([100.0, 100.0]), np.array([-100.0, 100.0])) == math.inf
 
 
-@given(
-    u=st.lists(st.tuples(*[st.floats(-40.0, 40.0)] * 3), min_size=1, max_size=8), duration=st.floats(0.01, 20.0)
-)
+@given(u=st.lists(st.tuples(*[st.floats(-40.0, 40.0)] * 3), min_size=1, max_size=8), duration=st.floats(0.01, 20.0))
 def test_arcs_join_exactly(u: list[tuple[float, float, float]], duration: float) -> None:
     arcs = ArcList.begin(3.0, np.array([1e4, 2e4, 3e3, 10.0, -20.0, 5.0]))
     for held in u:

@@ -48,7 +48,7 @@ def trilinear() -> TrilinearCost:
 def shortest_ways(grid: TerrainGrid, density: Array) -> Array:
     """Node distances by relaxing every edge until nothing changes."""
     nodes = list(itertools.product(*(range(n) for n in grid.shape)))
-    best = {node: math.inf for node in nodes} | {grid.target: 0.0}
+    best = dict.fromkeys(nodes, math.inf) | {grid.target: 0.0}
     changed = True
     while changed:
         changed = False
@@ -131,7 +131,7 @@ def test_the_trilinear_costs_gradient_is_its_slope_within_cells_and_above_them(t
 
 def test_above_its_grid_the_trilinear_cost_rises_with_the_height(trilinear: TrilinearCost) -> None:
     p = points(200, 4000.0, 5000.0)
-    np.testing.assert_allclose(trilinear(p + [0.0, 0.0, 777.0]) - trilinear(p), 777.0)
+    np.testing.assert_allclose(trilinear(p + np.array([0.0, 0.0, 777.0])) - trilinear(p), 777.0)
 
 
 def test_a_radar_makes_its_sight_dear_and_nothing_cheaper() -> None:
@@ -151,7 +151,8 @@ def test_a_radar_behind_the_mountain_does_not_see_the_valley() -> None:
     terrain = flight.mountains()
     grid = TerrainGrid.around(terrain, target_of(terrain), 33, 5)
     density = threat_density(grid, terrain, (Radar(*flight.TARGET, 30_000.0, 1.0),))
-    i, j = (round((place - origin) / grid.spacing) for place, origin in zip((2000.0, 1500.0), (grid.y_0, grid.x_0)))
+    east, north = flight.START
+    i, j = round((north - grid.y_0) / grid.spacing), round((east - grid.x_0) / grid.spacing)
     assert density[0, i, j] < 0.05 < 0.5 < density[-1, i, j]
 
 

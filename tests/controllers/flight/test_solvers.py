@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -26,9 +28,9 @@ def mountains() -> HeightField:
     x, y = np.meshgrid(np.arange(NODES) * SPACING, np.arange(NODES) * SPACING)
     z = 600.0 + 300.0 * np.sin(x / 2100.0) * np.cos(y / 1700.0)
     rng = np.random.default_rng(7)
-    for east, north, height, width in zip(
-        *rng.uniform(0.0, NODES * SPACING, (2, 12)), rng.uniform(300.0, 1500.0, 12), rng.uniform(900.0, 2500.0, 12)
-    ):
+    for _ in range(12):
+        east, north = rng.uniform(0.0, NODES * SPACING, 2)
+        height, width = rng.uniform(300.0, 1500.0), rng.uniform(900.0, 2500.0)
         z += height * np.exp(-((x - east) ** 2 + (y - north) ** 2) / (2.0 * width**2))
     return HeightField(z, SPACING)
 
@@ -88,7 +90,7 @@ def kernel_data(problem: Problem) -> tuple[Array, ...]:
 
 
 def kernel_cost(problem: Problem, unknowns: Array) -> float:
-    return float(kernels.objective(unknowns, *kernel_data(problem))[0])
+    return float(np.ravel(kernels.objective(unknowns, *kernel_data(problem)))[0])
 
 
 def casadi_cost(problem: Problem) -> tuple[ca.Function, Array]:
@@ -121,11 +123,14 @@ def solved(outcome: Solution | str) -> Solution:
 
 
 def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: Landscape) -> None:
-    """The gradient of the kernels is the programme's, plus what its soft rows contribute at a zero step."""
+    """The gradient of the kernels is the programme's, plus what its soft rows contribute at a zero step.
+
+    Their Hessian leaves the terrain's curvature out, so only what a descent direction needs is asked of it.
+    """
     rng = np.random.default_rng(1)
     for problem in some_problems(landscape):
         n, looked = problem.arcs, len(problem.stencil.base) - 2
-        size = 3 * n + 1
+        size, still = 3 * n + 1, np.zeros(2 * n + 1)
         count = looked + 1 + 2 * n + 1 + 4 + (3 if problem.hold is not None else 0)
         hold = np.empty(0) if problem.hold is None else problem.hold
         statement, known = casadi_cost(problem)
@@ -133,27 +138,16 @@ def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: Lan
             unknowns = random_unknowns(problem, rng)
             hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
             upper, lower = np.zeros(size + count), np.zeros(size + count)
-            kernels.linearise(unknowns, *kernel_data(problem), hold, hessian, gradient, rows, upper, lower)
+            kernels.linearise(unknowns, *kernel_data(problem), hold, still, hessian, gradient, rows, upper, lower)
             soft = slice(size, size + looked + 1)
             gradient -= rows[: looked + 1].T @ np.maximum(lower[soft], 0.0)
             gradient += rows[: looked + 1].T @ np.maximum(-upper[soft], 0.0)
+            assert np.linalg.eigvalsh(hessian).min() > 0.0
+            np.testing.assert_allclose(hessian, hessian.T, rtol=1e-9, atol=1e-9 * np.abs(hessian).max())
             value, slope = statement(unknowns, known)
             assert kernel_cost(problem, unknowns) == pytest.approx(float(value), rel=1e-10)
             expected = np.array(slope).ravel()
             np.testing.assert_allclose(gradient, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
-
-
-def test_the_hessian_of_the_kernels_is_positive_definite(landscape: Landscape) -> None:
-    """It is a Gauss-Newton matrix, not the exact Hessian: only what a descent direction needs is promised."""
-    rng = np.random.default_rng(2)
-    for problem in some_problems(landscape):
-        work_size = 3 * problem.arcs + 1
-        solver = GaussNewton()
-        solved(solver.solve(problem, np.zeros(work_size)))
-        hessian = solver._workspaces[problem.arcs, problem.hold is not None].hessian
-        np.testing.assert_allclose(hessian, hessian.T, rtol=1e-9, atol=1e-9 * np.abs(hessian).max())
-        assert np.linalg.eigvalsh(hessian).min() > 0.0
-        assert rng is not None
 
 
 @pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
@@ -166,7 +160,7 @@ def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_fin
         ours, theirs = solved(condensed.solve(problem, guess)), solved(interior.solve(problem, guess))
         assert ours.converged
         assert theirs.cost == pytest.approx(kernel_cost(problem, theirs.unknowns), rel=1e-6)
-        assert ours.cost == pytest.approx(theirs.cost, rel=1e-5), problem.start
+        assert ours.cost == pytest.approx(theirs.cost, rel=1e-5, abs=1e-5), problem.start
 
 
 def test_a_warm_start_from_the_solution_finds_it_again(landscape: Landscape) -> None:
@@ -197,6 +191,6 @@ def test_a_target_out_of_reach_gives_a_reason_not_an_exception(landscape: Landsc
 
 def test_unknown_backends_and_tolerances_are_refused() -> None:
     with pytest.raises(ValueError, match="backend = 'snopt'"):
-        Reference("snopt")  # type: ignore[arg-type]
+        Reference(cast(Any, "snopt"))
     with pytest.raises(ValueError, match="tolerance"):
         Reference(tolerance=0.0)

@@ -18,7 +18,7 @@ import numpy as np
 from controllers.flight.certificate import Certificate, pass_time
 from controllers.flight.completion import ArcList, complete
 from controllers.flight.cost_to_go import FactoredCost
-from controllers.flight.problem import Landscape, Parameters, Problem, Solution
+from controllers.flight.problem import Landscape, Parameters, Problem, Solution, stencil
 from models.aerial.dynamics import state_at
 from models.terrain.visibility import Radar
 from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
@@ -56,6 +56,8 @@ class RecedingHorizon:
         self._parameters, self._certificate, self._solver = parameters, certificate, solver
         self._cost_to_go, self._radars = cost_to_go, tuple(radars)
         self._landscape = Landscape.build(certificate.terrain, cost_to_go(self._radars))
+        for arcs in range(1, parameters.arcs + 1):  # now rather than in flight
+            stencil(arcs, parameters.h, parameters.manoeuvre_duration)
 
     def plan(self, request: PlanRequest) -> Plan:
         self._listen(request.messages)

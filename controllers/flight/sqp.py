@@ -3,8 +3,9 @@
 All that is not convex in the problem (terrain, terminal cost, approach condition) sits in its objective, as cost or
 as a quadratic penalty on a slack; the hard constraints are balls and boxes. A ball is taken by its tangent plane, its
 curvature by the multiplier of the step before. So a step is a descent direction of the objective plus an exact
-penalty on the balls. The first steps are full ones; if they do not converge, a backtracking line search makes every
-further iteration an improvement. Iterations stop when one changes the merit by less than ``tolerance`` (1 + cost).
+penalty on the balls. A backtracking line search makes every iteration an improvement, but for the first ones that
+violate a ball: the next step returns to it. Iterations stop when one changes the merit by less than ``tolerance`` (1
++ cost).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from sim.signals import Array
 
 _SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
 _TANGENT_ERROR = 1e-2  # [m/s, m/s^2] by which a ball's tangent planes may overshoot it on convergence
-_FREE_STEPS = 6  # full ones, before a line search asks for descent: near the solution it would hold back good steps
+_FREE_STEPS = 6  # may leave a ball along its tangent without a line search, which would hold back good steps
 _SHORTEST_STEP = 1e-3
 _CLEARANCE_REACH = 200.0  # [m]
 _BALL_REACH = 0.3  # of the radius
@@ -79,10 +80,11 @@ class GaussNewton:
                 trial_value, trial_violation = kernels.objective(trial, *data)
                 trial_violation += _gap(trial, problem)
                 gain = merit - trial_value - work.penalty * trial_violation
-                if gain >= 0.0 or iteration <= _FREE_STEPS or length < _SHORTEST_STEP:
+                excused = iteration <= _FREE_STEPS and trial_violation > _TANGENT_ERROR
+                if gain >= 0.0 or excused or length < _SHORTEST_STEP:
                     break
                 length *= 0.5
-            if iteration > _FREE_STEPS and gain < -self._tolerance * (1.0 + abs(value)):
+            if not excused and gain < -self._tolerance * (1.0 + abs(value)):
                 break  # no descent left in this direction, and not for rounding
             unknowns, value, violation = trial, trial_value, trial_violation
             converged = abs(gain) <= self._tolerance * (1.0 + abs(value)) and violation <= _TANGENT_ERROR

@@ -7,7 +7,7 @@ solved again, in the order they arose and from the guess the planner had, by
 
 * the condensed solver (``controllers.flight.sqp``),
 * IPOPT and FATROP on CasADi's statement (``controllers.flight.reference``), warm started from the guess and from the
-  multipliers of the problem before, in CasADi's virtual machine and, where there is a C compiler, compiled,
+  multipliers of the problem before, in CasADi's virtual machine (VM) and, where there is a C compiler, compiled (C),
 * do-mpc (extra ``[bench]``), IPOPT inside, with the same warm start.
 
 Times are of the thread (``time.thread_time``), each problem's the median over the repetitions. Costs are of the same
@@ -53,7 +53,7 @@ from sim.signals import Array
 
 TOLERANCE = 1e-6
 SAME_COST = 1e-5
-OURS, IPOPT, DO_MPC = "condensed", "ipopt, virtual machine", "do-mpc"
+OURS, IPOPT, DO_MPC = "condensed", "ipopt, VM", "do-mpc"
 
 
 @dataclass(frozen=True)
@@ -300,10 +300,10 @@ def contestants(repetitions: int) -> Iterator[tuple[str, Callable[[], Any], int]
     fewer = max(1, repetitions // 3)
     yield OURS, partial(GaussNewton, TOLERANCE), repetitions
     yield IPOPT, partial(Reference, "ipopt", TOLERANCE), fewer
-    yield "fatrop, virtual machine", partial(Reference, "fatrop", TOLERANCE), fewer
+    yield "fatrop, VM", partial(Reference, "fatrop", TOLERANCE), fewer
     if shutil.which("cc"):
-        yield "ipopt, compiled", partial(Reference, "ipopt", TOLERANCE, compiled=True), fewer
-        yield "fatrop, compiled", partial(Reference, "fatrop", TOLERANCE, compiled=True), fewer
+        yield "ipopt, C", partial(Reference, "ipopt", TOLERANCE, compiled=True), fewer
+        yield "fatrop, C", partial(Reference, "fatrop", TOLERANCE, compiled=True), fewer
     if find_spec("do_mpc"):
         yield DO_MPC, partial(DoMpc, TOLERANCE), fewer
 
@@ -317,12 +317,13 @@ def claims(results: dict[str, Result]) -> list[dict[str, Any]]:
         listed.append({"statement": statement, "expected": expected, "measured": measured, "holds": bool(holds)})
 
     mean, p99 = float(ours.ms.mean()), float(np.percentile(ours.ms, 99))
-    claim("mean thread CPU time of the condensed solver [ms]", "<= 0.5", mean, mean <= 0.5)
-    claim("99th percentile of it [ms]", "<= 1.5", p99, p99 <= 1.5)
+    claim("mean thread CPU time of the condensed solver in ms", "<= 0.5", mean, mean <= 0.5)
+    claim("99th percentile of it in ms", "<= 1.5", p99, p99 <= 1.5)
     for name, least in ((IPOPT, 30.0), (DO_MPC, 40.0)):
         if name in results:
-            ratio = float(results[name].ms.mean()) / mean
-            claim(f"mean time of {name} over it", f">= {least:g}", ratio, ratio >= least)
+            theirs = results[name].ms  # a few failures weigh on the mean, so the median must agree
+            ratio = min(float(theirs.mean()) / mean, float(np.median(theirs) / np.median(ours.ms)))
+            claim(f"{name} over it, the lesser ratio of means and medians", f">= {least:g}", ratio, ratio >= least)
     both = ~np.isnan(ours.cost + results[IPOPT].cost)
     gap = float(_gap(ours.cost[both], results[IPOPT].cost[both]).max())
     claim(f"its cost above that of {IPOPT}, relative, worst", f"<= {SAME_COST:g}", gap, gap <= SAME_COST)
@@ -334,7 +335,8 @@ def _gap(cost: Array, best: Array) -> Array:
 
 
 def main(arguments: Arguments) -> None:
-    console = Console()
+    warnings.simplefilter("ignore", FutureWarning)  # CasADi's, of how do-mpc calls it
+    console = Console(width=110)  # the table needs it, wherever the output goes
     console.print(f"Recording at least {arguments.problems} problems over {arguments.terrain}")
     problems = record(arguments.terrain, arguments.problems)
     results = {
@@ -349,18 +351,8 @@ def main(arguments: Arguments) -> None:
 
     title = f"{len(problems)} problems, N = {problems[0][0].arcs + 1}, {arguments.terrain}, tolerance {TOLERANCE:g}"
     table = Table(title=title)
-    for heading in (
-        "solver",
-        "mean ms",
-        "p50",
-        "p99",
-        "times ours",
-        "iterations",
-        "failures",
-        "worst gap",
-        "gaps > 1e-5",
-    ):
-        table.add_column(heading, justify="left" if heading == "solver" else "right")
+    for heading in ("solver", "ms", "p50", "p99", "/ ours", "p50", "steps", "failed", "worst gap", "> 1e-5"):
+        table.add_column(heading, justify="left" if heading == "solver" else "right", no_wrap=True)
     rows = []
     for name, result in results.items():
         gap = _gap(result.cost, best)
@@ -369,14 +361,16 @@ def main(arguments: Arguments) -> None:
             "mean_ms": float(result.ms.mean()),
             "p50_ms": float(np.median(result.ms)),
             "p99_ms": float(np.percentile(result.ms, 99)),
-            "times_ours": float(result.ms.mean() / results[OURS].ms.mean()),
+            "mean_over_ours": float(result.ms.mean() / results[OURS].ms.mean()),
+            "p50_over_ours": float(np.median(result.ms) / np.median(results[OURS].ms)),
             "iterations": result.iterations,
             "failures": result.failures,
             "worst_gap": float(np.nanmax(gap)),
             "gaps_above_1e-5": int(np.nansum(gap > SAME_COST)),
         }
         rows.append(row)
-        numbers = [f"{row[key]:.3g}" for key in ("mean_ms", "p50_ms", "p99_ms", "times_ours", "iterations")]
+        shown = ("mean_ms", "p50_ms", "p99_ms", "mean_over_ours", "p50_over_ours", "iterations")
+        numbers = [f"{row[key]:.3g}" for key in shown]
         table.add_row(name, *numbers, str(row["failures"]), f"{row['worst_gap']:.1e}", str(row["gaps_above_1e-5"]))
     console.print(table)
     listed = claims(results)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import daqp
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.flight import kernels
 from controllers.flight.problem import Problem, Solution
@@ -35,7 +36,7 @@ class GaussNewton:
     shape the first step, not the solution.
     """
 
-    def __init__(self, tolerance: float = 1e-6, iteration_limit: int = 20) -> None:
+    def __init__(self, tolerance: float = 1e-6, iteration_limit: int = 12) -> None:
         if not tolerance > 0.0:
             raise ValueError(f"tolerance = {tolerance!r}; allowed: > 0")
         if iteration_limit < 1:
@@ -174,7 +175,7 @@ class _Programme:
         self._solver: daqp.Model | None = None
 
     def solve(
-        self, hessian: Array, gradient: Array, rows: Array, upper: Array, lower: Array, sense: Array
+        self, hessian: Array, gradient: Array, rows: Array, upper: Array, lower: Array, sense: NDArray[np.int32]
     ) -> tuple[Array, Array] | None:
         """The minimiser and the rows' multipliers, or None if there is no feasible point."""
         count, size = rows.shape

@@ -1,0 +1,40 @@
+"""The README's Python is run as printed, and its commands exist."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim.cli import main
+
+README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+
+
+def test_six_lines_build_a_scenario_simulate_and_read_arrays(capsys: pytest.CaptureFixture[str]) -> None:
+    assert len([line for line in BLOCKS[0].splitlines() if line.strip()]) == 6
+    namespace: dict[str, Any] = {}
+    exec(BLOCKS[0], namespace)
+    outcome = namespace["outcome"]
+    assert outcome.success
+    assert outcome.arrays["truth.x"].shape == (len(outcome.arrays["t"]), 6)
+    assert float(capsys.readouterr().out.split()[0]) == outcome.summary["min_clearance_m"] >= 50.0
+
+
+def test_a_planner_of_ones_own_flies_certified(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "readme_planner.py").write_text(BLOCKS[0].split("flight =")[0] + BLOCKS[1], encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    outcome = importlib.import_module("readme_planner").outcome
+    assert outcome.success
+    assert outcome.summary["min_clearance_m"] >= 50.0
+
+
+@pytest.mark.parametrize("command", ["run", "render", "terrain", "list"])
+def test_every_command_that_the_readme_names_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert f"mathnavi {command}" in README
+    assert main([command, "--help"]) == 0
+    assert capsys.readouterr().out

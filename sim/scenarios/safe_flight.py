@@ -42,7 +42,6 @@ VEHICLE = "vehicle"
 _DRAWS = 200
 _SEPARATION = 0.8  # of the map's side
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
-_HEIGHTS = (50.0, 450.0)  # [m] above what the clearance needs, of drawn starts and targets
 
 Point = tuple[float, float, float]
 
@@ -110,6 +109,8 @@ class SafeFlightConfig:
     """x, y, z [m] on the map; drawn from the seed if not given"""
     target: Point | None = None
     """x, y, z [m] on the map; drawn from the seed if not given"""
+    drawn_heights: tuple[float, float] = (50.0, 450.0)
+    """heights above h_min between which a start or target is drawn [m]"""
     clearance_min: float = 50.0
     """h_min, least height above ground [m]"""
     speed_max: float = 300.0
@@ -132,6 +133,9 @@ class SafeFlightConfig:
             point = getattr(self, name)
             if point is not None and not all(math.isfinite(c) for c in point):
                 raise ValueError(f"{name} = {point!r}; allowed: three finite numbers")
+        low, high = self.drawn_heights
+        if not (math.isfinite(high) and 0.0 <= low <= high):
+            raise ValueError(f"drawn_heights = {self.drawn_heights!r}; allowed: two finite numbers, 0 <= low <= high")
         _check(self.clearance_min, "clearance_min", 0.0)
         for name in ("speed_max", "acceleration_max", "arrival_radius"):
             _check(getattr(self, name), name, 0.0, open_low=True)
@@ -284,8 +288,8 @@ def _certified_mission(
         return fixed, plan
     side = max(mission.terrain.width, mission.terrain.depth)
     for _ in range(_DRAWS):
-        start = config.start or _drawn(mission, rng)
-        target = config.target or _drawn(mission, rng)
+        start = config.start or _drawn(mission, config.drawn_heights, rng)
+        target = config.target or _drawn(mission, config.drawn_heights, rng)
         if math.hypot(target[0] - start[0], target[1] - start[1]) < _SEPARATION * side:
             continue
         drawn = dataclasses.replace(mission, start=start, target=target)
@@ -313,12 +317,12 @@ def _above_ground(name: str, point: Point, mission: FlightMission) -> None:
         )
 
 
-def _drawn(mission: FlightMission, rng: np.random.Generator) -> Point:
+def _drawn(mission: FlightMission, heights: tuple[float, float], rng: np.random.Generator) -> Point:
     terrain = mission.terrain
     margin = _BORDER * max(terrain.width, terrain.depth)
     x = float(rng.uniform(margin, terrain.width - margin))
     y = float(rng.uniform(margin, terrain.depth - margin))
-    return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*_HEIGHTS))
+    return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*heights))
 
 
 def _first_plan(mission: FlightMission, controller: Part) -> Plan:

@@ -24,7 +24,13 @@ class Options:
     camera: Literal["chase", "overview", "top"] | None = None
     """the one camera to film with; by default a video cuts between them, and a still is an overview"""
     still: bool = False
-    """a picture of the most interesting moment instead of a video"""
+    """a picture instead of a video"""
+    time: float | None = None
+    """the moment of the still [s]; by default the one with most to see"""
+
+    def __post_init__(self) -> None:
+        if self.time is not None and not self.still:
+            raise ValueError(f"--time = {self.time!r}; allowed: only together with --still")
 
 
 def main(argv: Sequence[str]) -> int:
@@ -40,7 +46,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         with bad_input():
             if options.still:
-                path = write_still(options.folder, camera or "overview")
+                path = write_still(options.folder, camera or "overview", t=options.time)
             else:
                 path = write_video(
                     options.folder, camera or "tour", path=options.folder / f"{name}.mp4", progress=sys.stderr.isatty()

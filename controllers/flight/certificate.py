@@ -161,7 +161,8 @@ class Certified:
         if not deadline_factor >= 1.0:
             raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
         self.period = planner.period
-        self.deadline = np.inf  # [s] gamma V_0 after the first plan's start
+        self.deadline = np.inf  # [s] in force now
+        self.promised = np.inf  # [s] gamma V_0 after the first plan's start; a missed pass or a breach does not change it
         self._planner, self._reserve = planner, reserve
         self._certificate, self._bound, self._factor = certificate, bound, deadline_factor
         self._reported_pass = -np.inf
@@ -172,7 +173,7 @@ class Certified:
         if current is None:
             plan = self._fresh(request)
             if plan.ok:
-                self.deadline = request.t + self._factor * (plan.t_end - request.t)
+                self.deadline = self.promised = request.t + self._factor * (plan.t_end - request.t)
             return plan
         notes: tuple[str, ...] = ()
         if self._missed(current, request.t):

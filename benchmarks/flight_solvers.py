@@ -269,7 +269,7 @@ def cost_of(problem: Problem, solution: Solution) -> float:
         cost.scales,
         problem.packed,
     )
-    return float(np.ravel(value)[0])
+    return float(value)
 
 
 def measure(name: str, build: Callable[[], Any], problems: Recorded, repetitions: int, console: Console) -> Result:

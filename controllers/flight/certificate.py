@@ -162,7 +162,7 @@ class Certified:
             raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
         self.period = planner.period
         self.deadline = np.inf  # [s] in force now
-        self.promised = np.inf  # [s] gamma V_0 after the first plan's start; a missed pass or a breach does not change it
+        self.promised = np.inf  # [s] gamma V_0 after the first plan's start, whatever happens later
         self._planner, self._reserve = planner, reserve
         self._certificate, self._bound, self._factor = certificate, bound, deadline_factor
         self._reported_pass = -np.inf

@@ -1,4 +1,4 @@
-"""Compiled kernels of the condensed Gauss-Newton method: objective, gradient, Hessian and rows of one iteration.
+"""Compiled kernels of the condensed method: objective, gradient, Hessian and rows of one iteration.
 
 The statement they implement is that of ``controllers.flight.problem``, which CasADi states independently; a test
 holds one against the other. Unknowns U = (a_1, ..., a_n, w): n accelerations (3,) [m/s^2] and the manoeuvre's final
@@ -27,6 +27,8 @@ TERRAIN_WEIGHT, APPROACH_WEIGHT, CLIMB_WEIGHT, HARD_WEIGHT, SPACING = range(10, 
 PACKED_SIZE = 15
 
 BORDER = 1.0  # [m] that the plan's end keeps from the edge of the map
+_SUFFICIENT, _SHORTEST = 1e-4, 1e-3  # of the line search: share of the promised decrease, length of a step
+_SMALLEST_PIVOT = 1e-6  # far below CLIMB_WEIGHT, the smallest entry of the Hessian's diagonal
 _SLOW = 1e-3  # below this length [m/s, m/s^2] a ball constraint is far from active and has no direction
 
 
@@ -110,8 +112,8 @@ def objective(
     ratio: Array,
     scales: Array,
     packed: Array,
-) -> tuple[float, float]:
-    """The problem's cost with its soft penalties, and the largest violation of its hard bounds [m, m/s or m/s^2].
+) -> float:
+    """The problem's cost with its soft penalties.
 
     ``base`` (Q,), ``weights`` (Q, n), ``climbs`` (Q,) place the Q looked-at points: the clearance points first, then
     the last node, then one step beyond it.
@@ -140,22 +142,109 @@ def objective(
         far = (there - here) * packed[PSI] / (h * packed[BETA]) + 1.0 + packed[EPSILON]
         if far > 0.0:
             cost += 0.5 * packed[APPROACH_WEIGHT] * far * far
-    return cost, _hard_violation(unknowns, start, packed, n)
+    return float(cost)
 
 
 @njit(cache=True, nogil=True)
-def _hard_violation(unknowns: Array, start: Array, packed: Array, n: int) -> float:
-    worst = 0.0
-    v = start[3:6].copy()
-    for j in range(n):
-        a = unknowns[3 * j : 3 * j + 3]
-        worst = max(worst, math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]) - packed[ACCELERATION])
+def misplaced(
+    unknowns: Array, start: Array, base: Array, weights: Array, climbs: Array, packed: Array, hold: Array
+) -> float:
+    """How far the ends are from where they must be [m]: the last node and the manoeuvre's end on the map, and the last
+    node at ``hold`` (3,) [m] unless that is empty."""
+    looked, p = weights.shape[0] - 2, np.empty(3)
+    away = 0.0
+    for q in (looked - 1, looked):
+        _position(p, start, unknowns, base[q], weights[q], climbs[q])
+        away = max(away, BORDER - p[0], p[0] + BORDER - packed[WIDTH], BORDER - p[1], p[1] + BORDER - packed[DEPTH])
+    if hold.size > 0:
         for axis in range(3):
-            v[axis] += packed[H] * a[axis]
-        worst = max(worst, math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) - packed[SPEED])
-    rise = unknowns[3 * n] - v[2]
-    braking = math.sqrt(v[0] * v[0] + v[1] * v[1] + rise * rise) / packed[MANOEUVRE]
-    return float(max(worst, braking - packed[ACCELERATION]))
+            away = max(away, abs(p[axis] - hold[axis]))
+    return away
+
+
+@njit(cache=True, nogil=True)
+def project(unknowns: Array, start: Array, packed: Array, out: Array) -> None:
+    """Fills ``out`` with unknowns near the given ones that keep every bound on speed, acceleration and manoeuvre.
+
+    Velocities are pulled into the ball |v_i| <= v_max, then approached with |a_i| <= a_max, node by node; a node within
+    the ball is reached from within the ball, so both bounds hold. w = 0 is always within reach of the manoeuvre.
+    """
+    n = (unknowns.shape[0] - 1) // 3
+    h, v_max, a_max = packed[H], packed[SPEED], packed[ACCELERATION]
+    wanted, v, a = start[3:6].copy(), start[3:6].copy(), np.empty(3)
+    for i in range(n):
+        for axis in range(3):
+            wanted[axis] += h * unknowns[3 * i + axis]
+        length = math.sqrt(wanted[0] * wanted[0] + wanted[1] * wanted[1] + wanted[2] * wanted[2])
+        pull = v_max / length if length > v_max else 1.0
+        for axis in range(3):
+            a[axis] = (pull * wanted[axis] - v[axis]) / h
+        length = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+        pull = a_max / length if length > a_max else 1.0
+        for axis in range(3):
+            out[3 * i + axis] = pull * a[axis]
+            v[axis] += h * pull * a[axis]
+    across = v[0] * v[0] + v[1] * v[1]
+    rise = math.sqrt(max(0.0, (packed[MANOEUVRE] * a_max) ** 2 - across))
+    out[3 * n] = min(max(unknowns[3 * n], v[2] - rise, 0.0), v[2] + rise, v_max)
+
+
+@njit(cache=True, nogil=True)
+def search(
+    unknowns: Array,
+    step: Array,
+    merit: float,
+    decrease: float,
+    penalty: float,
+    start: Array,
+    base: Array,
+    weights: Array,
+    climbs: Array,
+    terrain: Array,
+    ground: Array,
+    ratio: Array,
+    scales: Array,
+    packed: Array,
+    hold: Array,
+    out: Array,
+) -> tuple[float, float, bool]:
+    """Backtracking from the full step along the projected line until merit = cost + penalty * away falls enough.
+
+    ``decrease`` is what the quadratic model promises of the full step. Fills ``out``; returns its cost, its away [m]
+    and whether the merit fell.
+    """
+    length = 1.0
+    while True:
+        project(unknowns + length * step, start, packed, out)
+        cost = objective(out, start, base, weights, climbs, terrain, ground, ratio, scales, packed)
+        away = misplaced(out, start, base, weights, climbs, packed, hold)
+        if cost + penalty * away <= merit - _SUFFICIENT * length * max(decrease, 0.0):
+            return cost, away, True
+        length *= 0.5
+        if length < _SHORTEST:
+            return cost, away, False
+
+
+@njit(cache=True, nogil=True)
+def model_decrease(
+    step: Array, hessian: Array, gradient: Array, rows: Array, upper: Array, lower: Array, soft: int
+) -> float:
+    """How far the quadratic programme's objective falls from d = 0 to ``step``; its first ``soft`` rows are soft."""
+    size = step.shape[0]
+    decrease = 0.0
+    for j in range(size):
+        bend = 0.0
+        for k in range(size):
+            bend += hessian[j, k] * step[k]
+        decrease -= step[j] * (gradient[j] + 0.5 * bend)
+    for r in range(soft):
+        along = 0.0
+        for k in range(size):
+            along += rows[r, k] * step[k]
+        below, above = lower[size + r], -upper[size + r]
+        decrease += 0.5 * (max(below, 0.0) ** 2 - max(below - along, 0.0) ** 2)
+        decrease += 0.5 * (max(above, 0.0) ** 2 - max(above + along, 0.0) ** 2)
+    return decrease
 
 
 @njit(cache=True, nogil=True)
@@ -177,15 +266,18 @@ def linearise(
     rows: Array,
     upper: Array,
     lower: Array,
-) -> None:
-    """Fill the quadratic programme of one Gauss-Newton step d:
+) -> bool:
+    """Fill the quadratic programme of one step d:
 
         minimise d'Hd/2 + g'd  subject to  lower <= (d, rows d) <= upper,
 
     the first 3n + 1 bounds on d itself; rows in the order clearance (soft), approach (soft), speed, acceleration,
-    manoeuvre, map borders, hold. ``hold`` is empty, or the point (3,) [m] that the last node must meet. ``multipliers``
-    (2n + 1,) >= 0 of the balls, from the step before, add the balls' curvature to the Hessian, which without it would
-    let the step leave along their tangents.
+    manoeuvre, map borders, hold. ``hold`` is empty, or the point (3,) [m] that the last node must meet.
+
+    H is the Hessian of the Lagrangian, but for the terrain's curvature: ``multipliers`` (2n + 1,) are those of the
+    speed, acceleration and manoeuvre rows in the step before, which bend the balls behind their tangent planes. Where
+    the terminal cost is not convex, as much of its curvature stays as H remains positive definite with. Returns
+    whether all of it stayed.
     """
     n = weights.shape[1]
     size = 3 * n + 1
@@ -193,6 +285,8 @@ def linearise(
     h, v_max, a_max = packed[H], packed[SPEED], packed[ACCELERATION]
     infinity = 1e30
     p, slope, bend = np.empty(3), np.empty(3), np.empty((3, 3))
+    lost = np.zeros((size, size))
+    clipped = False
     hessian[:] = 0.0
     rows[:] = 0.0
     for j in range(3 * n):
@@ -219,29 +313,28 @@ def linearise(
     # Terminal cost and the target approaching controls of Definition A.1, soft.
     upper[size + row], lower[size + row] = infinity, -infinity
     if packed[PSI] > 0.0:
-        psi = packed[PSI]
+        psi, end = packed[PSI], weights[looked]
+        beyond, bend_beyond = np.empty(3), np.empty((3, 3))
         _position(p, start, unknowns, base[looked], weights[looked], 0.0)
         here = length_to_go(ground, ratio, scales, p[0], p[1], p[2], slope, bend)
-        _positive_part(bend)
-        end = weights[looked]
+        _position(p, start, unknowns, base[looked + 1], weights[looked + 1], 0.0)
+        there = length_to_go(ground, ratio, scales, p[0], p[1], p[2], beyond, bend_beyond)
+        unit = psi / (h * packed[BETA])
+        scale = math.sqrt(packed[APPROACH_WEIGHT])
+        far = (there - here) * unit + 1.0 + packed[EPSILON]
         for j in range(n):
             for a in range(3):
                 gradient[3 * j + a] += psi * end[j] * slope[a]
-                for m in range(n):
-                    for b in range(3):
-                        hessian[3 * j + a, 3 * m + b] += psi * end[j] * end[m] * bend[a, b]
-        beyond = np.empty(3)
-        _position(p, start, unknowns, base[looked + 1], weights[looked + 1], 0.0)
-        there = length_to_go(ground, ratio, scales, p[0], p[1], p[2], beyond, bend)
-        unit = psi / (h * packed[BETA])
-        scale = math.sqrt(packed[APPROACH_WEIGHT])
-        for j in range(n):
-            for a in range(3):
                 rows[row, 3 * j + a] = scale * unit * (weights[looked + 1, j] * beyond[a] - end[j] * slope[a])
-        upper[size + row] = -scale * ((there - here) * unit + 1.0 + packed[EPSILON])
+        upper[size + row] = -scale * far
+        pressed = packed[APPROACH_WEIGHT] * max(far, 0.0) * unit
+        clipped = _add_curvature(hessian, lost, end, (psi - pressed) * bend)
+        if pressed > 0.0:
+            clipped = _add_curvature(hessian, lost, weights[looked + 1], pressed * bend_beyond) or clipped
     row += 1
     # Balls |v_i| <= v_max and |a_i| <= a_max by their tangent planes at the iterate.
     v = start[3:6].copy()
+    turns = np.zeros((n, 3, 3))  # the Lagrangian's curvature in v_2 ... v_N
     for i in range(n):
         for axis in range(3):
             v[axis] += h * unknowns[3 * i + axis]
@@ -252,8 +345,7 @@ def linearise(
             for j in range(i + 1):
                 for axis in range(3):
                     rows[row, 3 * j + axis] = h * v[axis] / length
-            if multipliers[i] > 0.0:
-                _bend(hessian, v / length, multipliers[i] * h * h / length, 0, i + 1)
+            _add_turn(turns[i], v, length, multipliers[i])
         row += 1
     for i in range(n):
         a0, a1, a2 = unknowns[3 * i], unknowns[3 * i + 1], unknowns[3 * i + 2]
@@ -262,8 +354,8 @@ def linearise(
         if length > _SLOW:
             upper[size + row] = a_max - length
             rows[row, 3 * i], rows[row, 3 * i + 1], rows[row, 3 * i + 2] = a0 / length, a1 / length, a2 / length
-            if multipliers[n + i] > 0.0:
-                _bend(hessian, unknowns[3 * i : 3 * i + 3] / length, multipliers[n + i] / length, i, i + 1)
+            block = hessian[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
+            _add_turn(block, unknowns[3 * i : 3 * i + 3], length, multipliers[n + i])
         row += 1
     # The manoeuvre's acceleration ((0, 0, w) - v_n) / duration.
     v[2] -= climb
@@ -275,7 +367,24 @@ def linearise(
             for axis in range(3):
                 rows[row, 3 * j + axis] = h * v[axis] / length
         rows[row, 3 * n] = -v[2] / length
+        turn = np.zeros((3, 3))
+        _add_turn(turn, v, length, multipliers[2 * n])
+        turns[n - 1] += turn
+        for j in range(n):
+            for axis in range(3):
+                hessian[3 * j + axis, 3 * n] -= h * turn[axis, 2]
+                hessian[3 * n, 3 * j + axis] -= h * turn[axis, 2]
+        hessian[3 * n, 3 * n] += turn[2, 2]
     row += 1
+    # v_i = v_1 + h (a_1 + ... + a_(i-1)): a_j and a_m meet in every velocity after both.
+    for i in range(n - 2, -1, -1):
+        turns[i] += turns[i + 1]
+    for j in range(n):
+        for m in range(n):
+            for a in range(3):
+                for b in range(3):
+                    hessian[3 * j + a, 3 * m + b] += h * h * turns[max(j, m), a, b]
+    whole = not clipped or _restore(hessian, lost)
     # On the map: the last node and the end of the manoeuvre.
     for q in (looked, looked - 1):
         _position(p, start, unknowns, base[q], weights[q], climbs[q])
@@ -292,17 +401,70 @@ def linearise(
                 rows[row, 3 * j + axis] = weights[looked, j]
             upper[size + row] = lower[size + row] = hold[axis] - p[axis]
             row += 1
+    return whole
 
 
 @njit(cache=True, nogil=True)
-def _bend(hessian: Array, direction: Array, strength: float, first: int, last: int) -> None:
-    """Add strength (I - e e') to every pair of the blocks first ... last - 1 of the Hessian, e a unit vector (3,)."""
-    for a in range(3):
-        for b in range(3):
-            curvature = strength * ((1.0 if a == b else 0.0) - direction[a] * direction[b])
-            for j in range(first, last):
-                for m in range(first, last):
-                    hessian[3 * j + a, 3 * m + b] += curvature
+def _add_turn(block: Array, v: Array, length: float, multiplier: float) -> None:
+    """Add the Hessian of multiplier * |v| to a 3 x 3 block."""
+    if multiplier > 0.0:
+        for a in range(3):
+            for b in range(3):
+                block[a, b] -= multiplier * v[a] * v[b] / length**3
+            block[a, a] += multiplier / length
+
+
+@njit(cache=True, nogil=True)
+def _add_curvature(hessian: Array, lost: Array, weights: Array, bend: Array) -> bool:
+    """Add a function's curvature ``bend`` (3, 3) in the point sum_j weights_j a_j: its convex part to the Hessian.
+
+    The rest goes to ``lost``; returns whether there was any.
+    """
+    convex = bend.copy()
+    _positive_part(convex)
+    rest = bend - convex
+    n = weights.shape[0]
+    for j in range(n):
+        for m in range(n):
+            both = weights[j] * weights[m]
+            for a in range(3):
+                for b in range(3):
+                    hessian[3 * j + a, 3 * m + b] += both * convex[a, b]
+                    lost[3 * j + a, 3 * m + b] += both * rest[a, b]
+    return bool(np.abs(rest).max() > 0.0)
+
+
+@njit(cache=True, nogil=True)
+def _restore(hessian: Array, lost: Array) -> bool:
+    """Add as much of ``lost`` (all, half, a quarter or nothing) as the Hessian stays positive definite with.
+
+    Returns whether it was all.
+    """
+    for share in (1.0, 0.5, 0.25):
+        trial = hessian + share * lost
+        if _is_positive_definite(trial):
+            hessian[:] = trial
+            return share == 1.0
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _is_positive_definite(matrix: Array) -> bool:
+    """Whether Cholesky's factorisation exists, its pivots clear of rounding."""
+    size = matrix.shape[0]
+    factor = np.empty((size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            if i > j:
+                factor[i, j] = total / factor[j, j]
+            elif total <= _SMALLEST_PIVOT:
+                return False
+            else:
+                factor[i, i] = math.sqrt(total)
+    return True
 
 
 @njit(cache=True, nogil=True)

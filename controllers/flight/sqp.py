@@ -1,11 +1,12 @@
-"""The default solver: a condensed Gauss-Newton method, each step a dense quadratic programme solved by ``daqp``.
+"""The default solver: condensed sequential quadratic programming, each step a dense programme solved by ``daqp``.
 
-All that is not convex in the problem (terrain, terminal cost, approach condition) sits in its objective, as cost or
-as a quadratic penalty on a slack; the hard constraints are balls and boxes. A ball is taken by its tangent plane, its
-curvature by the multiplier of the step before. So a step is a descent direction of the objective plus an exact
-penalty on the balls. A backtracking line search makes every iteration an improvement, but for the first ones that
-violate a ball: the next step returns to it. Iterations stop when one changes the merit by less than ``tolerance`` (1
-+ cost).
+All that is not convex in the problem (terrain, terminal cost, approach condition) sits in its objective, as cost or as
+a quadratic penalty on a slack; the hard constraints are balls and boxes. A step takes the balls by their tangent planes
+and puts their curvature, weighted by the multipliers of the step before, into the Hessian (sequential convex quadratic
+programming): tangent planes alone converge slowly where many balls are active. The end of a step is projected back
+into the balls, so every iterate keeps the bounds, full steps are not refused for leaving them along a tangent, and a
+backtracking line search makes every iteration an improvement. Iterations stop when the quadratic model promises a step
+less than 5 ``tolerance`` (1 + cost): what is left after that step is a small part of it.
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ from controllers.flight.problem import Problem, Solution
 from sim.signals import Array
 
 _SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
-_TANGENT_ERROR = 1e-2  # [m/s, m/s^2] by which a ball's tangent planes may overshoot it on convergence
-_FREE_STEPS = 6  # may leave a ball along its tangent without a line search, which would hold back good steps
-_SHORTEST_STEP = 1e-3
+# What the model may still promise of a step, in units of the tolerance: after a good model little is left, but near a
+# saddle, where curvature had to be left out, the promise is too small.
+_PROMISE, _PROMISE_NEAR_SADDLE = 5.0, 0.01
+_NEAR = 1e-3  # [m] that a solution may miss its end by
+_NOWHERE = np.empty(0)
 _CLEARANCE_REACH = 200.0  # [m]
 _BALL_REACH = 0.3  # of the radius
 _GRAIN = 16  # rows by which programmes differ in size
@@ -36,7 +39,7 @@ class GaussNewton:
     shape the first step, not the solution.
     """
 
-    def __init__(self, tolerance: float = 1e-6, iteration_limit: int = 12) -> None:
+    def __init__(self, tolerance: float = 1e-6, iteration_limit: int = 20) -> None:
         if not tolerance > 0.0:
             raise ValueError(f"tolerance = {tolerance!r}; allowed: > 0")
         if iteration_limit < 1:
@@ -51,6 +54,7 @@ class GaussNewton:
             self._workspaces[key] = _Workspace(problem)
         work, cost, s = self._workspaces[key], problem.landscape.cost, problem.stencil
         packed = problem.packed
+        hold = _NOWHERE if problem.hold is None else problem.hold
         data = (
             problem.start,
             s.base,
@@ -62,53 +66,43 @@ class GaussNewton:
             cost.scales,
             packed,
         )
-        hold = np.empty(0) if problem.hold is None else problem.hold
-        unknowns = guess.copy()
-        value, violation = kernels.objective(unknowns, *data)
-        violation += _gap(unknowns, problem)
-        converged, iteration = False, 0
-        while iteration < self._iteration_limit and not converged:
+        unknowns, trial = np.empty_like(guess), np.empty_like(guess)
+        kernels.project(guess, problem.start, packed, unknowns)
+        value = kernels.objective(unknowns, *data)
+        away = kernels.misplaced(unknowns, problem.start, s.base, s.weights, s.climbs, packed, hold)
+        converged, improved, iteration = False, True, 0
+        while improved and not converged and iteration < self._iteration_limit:
             iteration += 1
-            kernels.linearise(
+            whole = kernels.linearise(
                 unknowns, *data, hold, work.multipliers, work.hessian, work.gradient, work.rows, work.upper, work.lower
             )
             step = work.step()
             if step is None:
                 return _INFEASIBLE
-            length, merit = 1.0, value + work.penalty * violation
-            while True:
-                trial = unknowns + length * step
-                trial_value, trial_violation = kernels.objective(trial, *data)
-                trial_violation += _gap(trial, problem)
-                gain = merit - trial_value - work.penalty * trial_violation
-                excused = iteration <= _FREE_STEPS and trial_violation > _TANGENT_ERROR
-                if gain >= 0.0 or excused or length < _SHORTEST_STEP:
-                    break
-                length *= 0.5
-            if not excused and gain < -self._tolerance * (1.0 + abs(value)):
-                break  # no descent left in this direction, and not for rounding
-            unknowns, value, violation = trial, trial_value, trial_violation
-            converged = abs(gain) <= self._tolerance * (1.0 + abs(value)) and violation <= _TANGENT_ERROR
+            penalty = work.penalty
+            decrease = penalty * away + kernels.model_decrease(
+                step, work.hessian, work.gradient, work.rows, work.upper, work.lower, work.soft
+            )
+            promise = _PROMISE if whole else _PROMISE_NEAR_SADDLE
+            converged = abs(decrease) <= promise * self._tolerance * (1.0 + abs(value))
+            trial_value, trial_away, improved = kernels.search(
+                unknowns, step, value + penalty * away, decrease, penalty, *data, hold, trial
+            )
+            if improved:
+                unknowns, trial, value, away = trial, unknowns, trial_value, trial_away
+        if away > _NEAR:
+            return f"the last node stays {away:.3g} m from where it must be after {iteration} iterations"
         message = "" if converged else f"stopped after {iteration} iterations"
         accelerations = unknowns[:-1].reshape(-1, 3)
         return Solution(accelerations, float(unknowns[-1]), float(value), converged, iteration, message)
-
-
-def _gap(unknowns: Array, problem: Problem) -> float:
-    """Distance of the last node from the point it must meet [m]; 0 if there is none."""
-    if problem.hold is None:
-        return 0.0
-    s = problem.stencil
-    p = problem.start[:3] + s.base[-2] * problem.start[3:] + s.weights[-2] @ unknowns[:-1].reshape(-1, 3)
-    return float(np.abs(p - problem.hold).max())
 
 
 class _Workspace:
     """The quadratic programme of one horizon length, and what is remembered of it.
 
     Most rows are far from active: flights are mostly high, and slower than they may be. Only rows within ``reach`` of
-    their bound enter the programme that is solved. A row left out wrongly shows in the objective or in the violation of
-    the next iterate, which then is not accepted as converged, and enters the next programme.
+    their bound enter the programme that is solved. A soft row left out wrongly still counts in what the model promises,
+    and a bound in the projection; the row then enters the next programme.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -119,11 +113,12 @@ class _Workspace:
         self.rows = np.zeros((count, self._size))
         self.upper, self.lower = np.zeros(self._size + count), np.zeros(self._size + count)
         self.multipliers = np.zeros(2 * n + 1)  # of the balls |v| <= v_max, |a| <= a_max and the manoeuvre's
-        self.penalty = 1.0  # above the sum of all multipliers, so that the merit's minimum is the problem's
-        self._held = held
-        self._balls = slice(clearance + 1, clearance + 2 + 2 * n)
+        self.penalty = 1.0  # above the sum of the multipliers of the ends, which a projected step may miss
+        self.soft = clearance + 1
+        self._balls = slice(self.soft, self.soft + 2 * n + 1)
+        self._ends = slice(self.soft + 2 * n + 1, count)
         self._sense = np.zeros(count, np.int32)
-        self._sense[: clearance + 1] = _SOFT
+        self._sense[: self.soft] = _SOFT
         self._sense[count - held :] = _EQUALITY
         p = problem.parameters
         self._reach = np.concatenate(
@@ -159,9 +154,8 @@ class _Workspace:
         x, row_multipliers = found
         multipliers = np.zeros(len(self._sense))
         multipliers[near] = row_multipliers
-        self.multipliers[:] = np.maximum(multipliers[self._balls], 0.0)
-        holding = float(np.abs(multipliers[len(multipliers) - self._held :]).sum())
-        self.penalty = 1.0 + 2.0 * (float(self.multipliers.sum()) + holding)
+        self.multipliers[:] = multipliers[self._balls]
+        self.penalty = 1.0 + 2.0 * float(np.abs(multipliers[self._ends]).sum())
         return x
 
 
@@ -187,7 +181,12 @@ class _Programme:
         if self._solver is None:
             solver = daqp.Model()
             solver.settings = {"iter_limit": 1000}
-            flag, _ = solver.setup(hessian, gradient, self._rows, self._upper, self._lower, self._sense.copy())
+            # daqp makes room for as many active rows as there are variables and, now, soft rows; later programmes of
+            # this size may have more of them, and it does not check.
+            roomy = self._sense.copy()
+            roomy[size:] = _SOFT
+            flag, _ = solver.setup(hessian, gradient, self._rows, self._upper, self._lower, roomy)
+            solver.update(sense=self._sense.copy())
             # Rows carry the square root of their weight, so every slack costs s^2 / 2. The setting "rho_soft" would
             # apply to rows that daqp has normalised.
             solver.soft_weights(rho_l=np.ones(self._upper.size), rho_u=np.ones(self._upper.size))

@@ -90,7 +90,7 @@ def kernel_data(problem: Problem) -> tuple[Array, ...]:
 
 
 def kernel_cost(problem: Problem, unknowns: Array) -> float:
-    return float(np.ravel(kernels.objective(unknowns, *kernel_data(problem)))[0])
+    return float(kernels.objective(unknowns, *kernel_data(problem)))
 
 
 def casadi_cost(problem: Problem) -> tuple[ca.Function, Array]:

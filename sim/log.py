@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from sim.protocols import Plant
-from sim.signals import Array, Estimate, Event, Measurement, Plan
+from sim.signals import Array, Estimate, Event, Measurement, Plan, Status
 
 
 @dataclass
@@ -46,7 +46,8 @@ class AgentRecorder:
             self.readings[reading.name][k] = reading.value
 
     def estimate(self, estimate: Estimate) -> None:
-        if self.estimates and self.estimates[-1].status is not estimate.status:
+        before = self.estimates[-1].status if self.estimates else Status.OK
+        if before is not estimate.status:
             self.event(estimate.t, "estimator-status", f"{estimate.status.name.lower()}: {estimate.status.value}")
         self.estimates.append(estimate)
 

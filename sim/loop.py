@@ -41,6 +41,26 @@ def whole_ticks(period: float, dt: float, what: str) -> int:
     return ticks
 
 
+def _rates(name: str, agent: Agent, dt: float) -> tuple[int, int, int]:
+    """Ticks between calls of the estimator, the planner and the tracker.
+
+    ValueError if the planner or the tracker would be given an estimate of an earlier tick.
+    """
+    estimator = whole_ticks(agent.estimator.period, dt, f"{name}: the estimator's period")
+    planner = whole_ticks(agent.planner.period, dt, f"{name}: the planner's period")
+    tracker = whole_ticks(agent.tracker.period, dt, f"{name}: the tracker's period")
+    for part, ticks, period in (
+        ("planner", planner, agent.planner.period),
+        ("tracker", tracker, agent.tracker.period),
+    ):
+        if ticks % estimator:
+            raise ValueError(
+                f"{name}: the estimator's period = {agent.estimator.period!r} s leaves the {part} with old estimates; "
+                f"allowed: a whole fraction of the {part}'s period, {period!r} s"
+            )
+    return estimator, planner, tracker
+
+
 @dataclass
 class _Cockpit:
     """One agent with what it remembers between ticks."""
@@ -135,7 +155,8 @@ def simulate(
     ``finished`` is the referee: it sees the truth and belongs to the scenario, not to a controller. ``progress`` is
     told the simulated time once a simulated second.
 
-    Raises ValueError if an agent has no vehicle, or a rate is not a whole number of ticks.
+    Raises ValueError if an agent has no vehicle, a rate is not a whole number of ticks, or an estimator is slower
+    than the parts that use it.
     """
     if unknown := sorted(set(agents) - set(plant.names)):
         raise ValueError(f"agents {unknown} have no vehicle; the plant has {list(plant.names)}")
@@ -146,9 +167,7 @@ def simulate(
         _Cockpit(
             name,
             agent,
-            whole_ticks(agent.estimator.period, dt, f"{name}: the estimator's period"),
-            whole_ticks(agent.planner.period, dt, f"{name}: the planner's period"),
-            whole_ticks(agent.tracker.period, dt, f"{name}: the tracker's period"),
+            *_rates(name, agent, dt),
             recording.agents[name],
             np.zeros(agent.input_size),
             undelivered=sorted(agent.messages, key=lambda message: message.t),

@@ -29,6 +29,8 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
 REJECTIONS = ("low-clearance", "off-map", "bounds", "deadline", "no-arrival", "wrong-start")
 
+_SIMULTANEOUS = 1e-9  # [s]
+
 
 class Bound(Protocol):
     """What a tracker says it keeps."""
@@ -46,11 +48,15 @@ class TimedRadar:
 
 
 def references(t: Array, agent: AgentRecorder) -> Array:
-    """The state (n, 6) that the tracker was asked for at each time; NaN before the first plan."""
+    """The state (n, 6) that the tracker was asked for at each time; NaN before the first plan.
+
+    Where a plan takes over it is still that of the plan before, so that the deviation which ends a plan counts.
+    """
     out = np.full((len(t), 6), np.nan)
     ends = [*(start for start, _ in agent.plans), math.inf][1:]  # none without a plan
-    for (adopted, plan), following in zip(agent.plans, ends, strict=True):
-        flown = (t >= adopted - 1e-9) & (t < following - 1e-9)
+    for k, ((adopted, plan), following) in enumerate(zip(agent.plans, ends, strict=True)):
+        begun = t > adopted + _SIMULTANEOUS if k else t > adopted - _SIMULTANEOUS
+        flown = begun & (t <= following + _SIMULTANEOUS)
         out[flown] = state_at(plan, t[flown])
     return out
 

@@ -1,8 +1,9 @@
 """What makes "never collides, always arrives" true: nothing is flown that has not been certified whole.
 
 A plan pi is certified, C(pi), if over all of it, to rest, the least clearance above the triangles is at least h_min +
-delta (delta what the tracker may deviate), it stays on the map, |v| and |a| keep the bounds left to a plan, its arcs
-join, and it rests within reach of the target. ``Certified`` keeps the invariant, at every t before arrival:
+delta (delta what the tracker may deviate), it stays that far inside the map, |v| and |a| keep the bounds left to a
+plan, its arcs join, and it rests within reach of the target. ``Certified`` keeps the invariant, at every t before
+arrival:
 
     x(t) = x_pi(t) (within the tracking bound),  C(pi),  t_e <= gamma V_0.
 
@@ -27,6 +28,7 @@ from sim.signals import Array, Phase, Plan, PlanRequest, Status
 _JOIN = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
 _PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
+_SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,8 @@ class TrackingBound:
 
     def broken_by(self, error: Array) -> bool:
         """Whether an error (6,) [m, m/s] of the state lies outside."""
-        return bool(np.hypot(error[0], error[1]) > self.horizontal or abs(error[2]) > self.vertical)
+        # Said this way round, so that NaN lies outside.
+        return not (np.hypot(error[0], error[1]) <= self.horizontal and abs(error[2]) <= self.vertical)
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,7 @@ class Certificate:
     acceleration_max: float  # [m/s^2]
     target: Array  # (3,) [m]
     arrival_radius: float  # [m]
+    border: float = 0.0  # [m] that is kept from the edge of the map
 
     @staticmethod
     def of(mission: FlightMission, bound: TrackingBound) -> Certificate:
@@ -86,6 +90,7 @@ class Certificate:
             acceleration,
             np.array(mission.target, dtype=np.float64),
             radius,
+            bound.horizontal,
         )
 
     def refuse(self, plan: Plan) -> Refusal | None:
@@ -121,7 +126,20 @@ class Certificate:
                 return Refusal(Status.OFF_MAP, f"in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s", phase)
             low = f"{clearance[worst]:.1f} m in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s"
             return Refusal(Status.LOW_CLEARANCE, f"{low}; allowed {self.clearance_min:g}", phase)
+        edge = np.array([self.terrain.width, self.terrain.depth])
+        for axis in range(2):
+            least, greatest = _extent(p[:-1, axis], v[:-1, axis], plan.u[:, axis], duration)
+            room = min(least, edge[axis] - greatest)
+            if room < self.border:
+                return Refusal(Status.OFF_MAP, f"{room:.2f} m from the edge of the map; allowed {self.border:.2f}")
         return None
+
+
+def _extent(p: Array, v: Array, a: Array, duration: Array) -> tuple[float, float]:
+    """Least and greatest of p + v t + a t^2 / 2 over 0 <= t <= duration, of all arcs (K,)."""
+    turn = np.clip(np.divide(-v, a, out=duration.copy(), where=a != 0.0), 0.0, duration)
+    met = np.concatenate([p + t * v + 0.5 * t * t * a for t in (np.zeros(len(p)), turn, duration)])
+    return float(met.min()), float(met.max())
 
 
 def _malformed(plan: Plan) -> Refusal | None:
@@ -138,9 +156,18 @@ def _malformed(plan: Plan) -> Refusal | None:
     return None
 
 
+def _owned(plan: Plan) -> Plan:
+    """The plan in arrays of its own, read-only, so that a planner which uses its arrays again cannot change it."""
+    t, x, u = (np.array(values, dtype=np.float64) for values in (plan.t, plan.x, plan.u))
+    phase = np.array(plan.phase, dtype=np.int64)
+    for values in (t, x, u, phase):
+        values.setflags(write=False)
+    return dataclasses.replace(plan, t=t, x=x, u=u, phase=phase)
+
+
 def pass_time(plan: Plan, target: Array, after: float) -> float:
     """First breakpoint [s] later than ``after`` at which the plan is at the target; inf if none."""
-    near = (np.linalg.norm(plan.x[:, :3] - target, axis=1) <= _PASS) & (plan.t > after + 1e-9)
+    near = (np.linalg.norm(plan.x[:, :3] - target, axis=1) <= _PASS) & (plan.t > after + _SIMULTANEOUS)
     return float(plan.t[near][0]) if near.any() else np.inf
 
 
@@ -165,7 +192,7 @@ class Certified:
         self.promised = np.inf  # [s] gamma V_0 after the first plan's start, whatever happens later
         self._planner, self._reserve = planner, reserve
         self._certificate, self._bound, self._factor = certificate, bound, deadline_factor
-        self._reported_pass = -np.inf
+        self._next_pass = np.inf  # [s] of the plan that was being flown at the last request
 
     def plan(self, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown; a failure that says why not otherwise."""
@@ -174,11 +201,16 @@ class Certified:
             plan = self._fresh(request)
             if plan.ok:
                 self.deadline = self.promised = request.t + self._factor * (plan.t_end - request.t)
+                self._next_pass = pass_time(plan, self._certificate.target, request.t)
             return plan
         notes: tuple[str, ...] = ()
-        if self._missed(current, request.t):
+        # That the mission goes on says that the pass was missed. One at this very tick may still be judged.
+        missed = self._next_pass < request.t - _SIMULTANEOUS
+        self._next_pass = pass_time(current, self._certificate.target, request.t - 2.0 * _SIMULTANEOUS)
+        if missed:
             notes = ("missed-pass",)
-            self.deadline = request.t + self._factor * max(current.t_end - request.t, self.period)
+            left = max(current.t_end - request.t, self.period)
+            self.deadline = max(self.deadline, request.t + self._factor * left)
         error = request.estimate.x - state_at(current, request.t)
         if self._bound.broken_by(error):
             return self._rebased(request, error, notes)
@@ -204,18 +236,11 @@ class Certified:
         plan = self._fresh(here)
         if not plan.ok:
             return dataclasses.replace(plan, notes=(*notes, "guarantee-lost"), message=f"{far}; {plan.message}")
+        self._next_pass = pass_time(plan, self._certificate.target, request.t)
         if plan.t_end > self.deadline:
             notes = (*notes, "deadline-lost")
             self.deadline = plan.t_end
         return dataclasses.replace(plan, notes=(*notes, "rebased"), message=far)
-
-    def _missed(self, current: Plan, t: float) -> bool:
-        """Whether the plan went through the target and the mission still goes on; true once for each such pass."""
-        passed = pass_time(current, self._certificate.target, current.t_start)
-        if passed > t - 1e-9 or passed == self._reported_pass:
-            return False
-        self._reported_pass = passed
-        return True
 
     def _judged(self, planner: Planner, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown, or the failure it is."""
@@ -227,15 +252,16 @@ class Certified:
     def _examined(self, plan: Plan, request: PlanRequest) -> Plan:
         if not plan.ok:
             return plan
+        plan = _owned(plan)
         refusal = self._certificate.refuse(plan)
-        if refusal is None and abs(plan.t_start - request.t_start) > 1e-9:
+        if refusal is None and abs(plan.t_start - request.t_start) > _SIMULTANEOUS:
             refusal = Refusal(Status.WRONG_START, f"starts at {plan.t_start:.3f} s, asked for {request.t_start:.3f} s")
         if refusal is None:
             origin = request.estimate.x if request.current is None else state_at(request.current, request.t_start)
             gap = float(np.abs(plan.x[0] - origin).max())
             if gap > _JOIN:
                 refusal = Refusal(Status.WRONG_START, f"starts {gap:.3g} beside the plan being flown")
-        if refusal is None and request.current is not None and plan.t_end > self.deadline + 1e-9:
+        if refusal is None and request.current is not None and plan.t_end > self.deadline + _SIMULTANEOUS:
             refusal = Refusal(Status.DEADLINE, f"ends at {plan.t_end:.1f} s; the deadline is {self.deadline:.1f} s")
         if refusal is None:
             return plan

@@ -63,7 +63,8 @@ def length_to_go(
     tau_pp[0, 1] += bend * floor_vw
     tau_pp[1, 0] += bend * floor_vw
     tau_pp[1, 1] += bend * floor_vv
-    d = np.array([x - scales[5], y - scales[6], z - scales[7]])
+    d = np.empty(3)
+    d[0], d[1], d[2] = x - scales[5], y - scales[6], z - scales[7]
     r = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2] + TARGET_LENGTH * TARGET_LENGTH)
     for a in range(3):
         gradient[a] = tau * d[a] / r + r * tau_p[a]
@@ -328,9 +329,9 @@ def linearise(
                 rows[row, 3 * j + a] = scale * unit * (weights[looked + 1, j] * beyond[a] - end[j] * slope[a])
         upper[size + row] = -scale * far
         pressed = packed[APPROACH_WEIGHT] * max(far, 0.0) * unit
-        clipped = _add_curvature(hessian, lost, end, (psi - pressed) * bend)
+        clipped = _add_curvature(hessian, lost, end, psi - pressed, bend)
         if pressed > 0.0:
-            clipped = _add_curvature(hessian, lost, weights[looked + 1], pressed * bend_beyond) or clipped
+            clipped = _add_curvature(hessian, lost, weights[looked + 1], pressed, bend_beyond) or clipped
     row += 1
     # Balls |v_i| <= v_max and |a_i| <= a_max by their tangent planes at the iterate.
     v = start[3:6].copy()
@@ -369,7 +370,9 @@ def linearise(
         rows[row, 3 * n] = -v[2] / length
         turn = np.zeros((3, 3))
         _add_turn(turn, v, length, multipliers[2 * n])
-        turns[n - 1] += turn
+        for a in range(3):
+            for b in range(3):
+                turns[n - 1, a, b] += turn[a, b]
         for j in range(n):
             for axis in range(3):
                 hessian[3 * j + axis, 3 * n] -= h * turn[axis, 2]
@@ -378,7 +381,9 @@ def linearise(
     row += 1
     # v_i = v_1 + h (a_1 + ... + a_(i-1)): a_j and a_m meet in every velocity after both.
     for i in range(n - 2, -1, -1):
-        turns[i] += turns[i + 1]
+        for a in range(3):
+            for b in range(3):
+                turns[i, a, b] += turns[i + 1, a, b]
     for j in range(n):
         for m in range(n):
             for a in range(3):
@@ -415,14 +420,21 @@ def _add_turn(block: Array, v: Array, length: float, multiplier: float) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _add_curvature(hessian: Array, lost: Array, weights: Array, bend: Array) -> bool:
-    """Add a function's curvature ``bend`` (3, 3) in the point sum_j weights_j a_j: its convex part to the Hessian.
+def _add_curvature(hessian: Array, lost: Array, weights: Array, strength: float, bend: Array) -> bool:
+    """Add the curvature strength * bend (3, 3) in the point sum_j weights_j a_j: its convex part to the Hessian.
 
-    The rest goes to ``lost``; returns whether there was any.
+    The rest goes to ``lost``; returns whether there was any. (Loops instead of whole arrays: those compile for seconds.)
     """
-    convex = bend.copy()
+    convex, rest = np.empty((3, 3)), np.empty((3, 3))
+    for a in range(3):
+        for b in range(3):
+            rest[a, b] = convex[a, b] = strength * bend[a, b]
     _positive_part(convex)
-    rest = bend - convex
+    clipped = False
+    for a in range(3):
+        for b in range(3):
+            rest[a, b] -= convex[a, b]
+            clipped = clipped or rest[a, b] != 0.0
     n = weights.shape[0]
     for j in range(n):
         for m in range(n):
@@ -431,7 +443,7 @@ def _add_curvature(hessian: Array, lost: Array, weights: Array, bend: Array) -> 
                 for b in range(3):
                     hessian[3 * j + a, 3 * m + b] += both * convex[a, b]
                     lost[3 * j + a, 3 * m + b] += both * rest[a, b]
-    return bool(np.abs(rest).max() > 0.0)
+    return clipped
 
 
 @njit(cache=True, nogil=True)
@@ -440,10 +452,16 @@ def _restore(hessian: Array, lost: Array) -> bool:
 
     Returns whether it was all.
     """
+    size = hessian.shape[0]
+    trial = np.empty((size, size))
     for share in (1.0, 0.5, 0.25):
-        trial = hessian + share * lost
+        for i in range(size):
+            for j in range(size):
+                trial[i, j] = hessian[i, j] + share * lost[i, j]
         if _is_positive_definite(trial):
-            hessian[:] = trial
+            for i in range(size):
+                for j in range(size):
+                    hessian[i, j] = trial[i, j]
             return share == 1.0
     return False
 
@@ -489,7 +507,9 @@ def _positive_part(matrix: Array) -> None:
                 matrix[a, k], matrix[b, k] = c * ak - s * bk, s * ak + c * bk
                 va, vb = vectors[k, a], vectors[k, b]
                 vectors[k, a], vectors[k, b] = c * va - s * vb, s * va + c * vb
-    values = np.array([max(0.0, matrix[k, k]) for k in range(3)])
+    values = np.empty(3)
+    for k in range(3):
+        values[k] = max(0.0, matrix[k, k])
     for a in range(3):
         for b in range(3):
             total = 0.0

@@ -119,7 +119,7 @@ class RecedingHorizon:
                 reason = f"arrival in {duration:.1f} s: {solution}"
                 continue
             plan = self._assembled(problem, solution, request.t_start, spent)
-            refusal = self._certificate.refuse(plan)
+            refusal = self._certificate.refuse(plan) if plan.ok else plan
             if refusal is None:
                 return plan, spent, ""
             reason = f"arrival in {duration:.1f} s: {refusal.message}"
@@ -149,6 +149,9 @@ class RecedingHorizon:
         braking = (np.array([0.0, 0.0, solution.climb]) - end[3:]) / parameters.manoeuvre_duration
         arcs.add(braking, parameters.manoeuvre_duration, Phase.MANOEUVRE)
         arcs.x[-1] = np.concatenate([arcs.x[-1][:3], [0.0, 0.0, solution.climb]])
+        if not self._certificate.terrain.contains(*arcs.x[-1][:2]):
+            message = f"the manoeuvre ends at {np.round(arcs.x[-1][:2]).tolist()} m"
+            return Plan.failure(Status.OFF_MAP, message, solve_ms=solve_ms)
         complete_by(arcs, self._certificate)
         effort = float(parameters.h * (solution.accelerations**2).sum())
         togo = 0.0 if problem.hold is not None else parameters.psi_per_metre * float(self._landscape.cost(end[:3])[0])
@@ -173,6 +176,8 @@ class Retreat:
             duration = speed / self._certificate.acceleration_max
             arcs.add(-start[3:] / duration, duration, Phase.MANOEUVRE)
             arcs.rest()
+        if not self._certificate.terrain.contains(*arcs.x[-1][:2]):
+            return Plan.failure(Status.OFF_MAP, f"the vehicle stops at {np.round(arcs.x[-1][:2]).tolist()} m")
         complete_by(arcs, self._certificate)
         return arcs.plan(math.nan, math.nan)
 

@@ -132,19 +132,24 @@ class HeightField:
     def inflated(self, horizontal: float, vertical: float) -> HeightField:
         """Ground that lies ``vertical`` above the highest ground within ``horizontal`` [m] of each point, or higher.
 
-        Every node is raised by vertical + horizontal * G, G the steepest triangle in the 4 x 4 cells around the node.
-        The corners of a triangle then agree on the 3 x 3 cells around its cell, which contain every point within one
-        spacing: hence the limit on ``horizontal``.
+        Every node is raised by vertical + horizontal * G, G the steepest triangle in the (2n + 2) x (2n + 2) cells
+        around the node, n = ceil(horizontal / spacing), at least 1. The corners of a triangle then agree on the
+        (2n + 1) x (2n + 1) cells around its cell, which contain every point within n spacings.
         """
-        if not 0.0 <= horizontal <= self.spacing:
-            raise ValueError(f"horizontal is {horizontal} m; allowed is 0 to the spacing of the map, {self.spacing} m")
+        if not (math.isfinite(horizontal) and horizontal >= 0.0):
+            raise ValueError(f"horizontal is {horizontal} m; allowed is a finite number of at least 0")
         if not (math.isfinite(vertical) and vertical >= 0.0):
             raise ValueError(f"vertical is {vertical} m; allowed is a finite number of at least 0")
         east, north = np.diff(self.z, axis=1), np.diff(self.z, axis=0)
         below_diagonal = np.hypot(east[:-1], north[:, 1:])
         above_diagonal = np.hypot(east[1:], north[:, :-1])
-        steepest = np.pad(np.maximum(below_diagonal, above_diagonal) / self.spacing, 2)  # no cells beyond the border
-        around_node = np.lib.stride_tricks.sliding_window_view(steepest, (4, 4)).max(axis=(2, 3))
+        n = max(1, math.ceil(min(horizontal, max(self.width, self.depth)) / self.spacing))
+        around_node = np.maximum(below_diagonal, above_diagonal) / self.spacing
+        for axis in range(2):
+            beyond = [(0, 0), (0, 0)]
+            beyond[axis] = (n + 1, n + 1)  # no cells beyond the border
+            padded = np.pad(around_node, beyond)
+            around_node = np.lib.stride_tricks.sliding_window_view(padded, 2 * n + 2, axis=axis).max(axis=-1)
         raised = self.z + vertical + horizontal * around_node
         name = f"{self.name} inflated by {horizontal:g} m and {vertical:g} m"
         return HeightField(raised, self.spacing, name, self.source, self.licence)

@@ -39,6 +39,8 @@ from sim.scenarios.experiment import Experiment
 from sim.signals import Array, Estimate, Message, Plan, PlanRequest
 
 VEHICLE = "vehicle"
+_LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, and numbers begin to overflow
+_LONGEST = 36_000.0  # [s] of simulated time that is logged at every tick
 _DRAWS = 200
 _SEPARATION = 0.8  # of the map's side
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
@@ -63,7 +65,7 @@ class Noise:
     """position fixes a second [Hz]"""
 
     def __post_init__(self) -> None:
-        _check(self.position, "noise.position", 0.0)
+        _check(self.position, "noise.position", 0.0, _LARGEST)
         _check(self.position_rate, "noise.position_rate", 0.0, 300.0, open_low=True)
 
 
@@ -94,9 +96,9 @@ class Faults:
         for name in ("solver_failure_rate", "corrupted_plan_rate", "late_plan_rate", "dropout_rate"):
             _check(getattr(self, name), f"faults.{name}", 0.0, 1.0)
         for name in ("late_plan_latency", "position_jump", "gust_rms"):
-            _check(getattr(self, name), f"faults.{name}", 0.0)
-        for name in ("gust_time_constant", "gust_limit"):
-            _check(getattr(self, name), f"faults.{name}", 0.0, open_low=True)
+            _check(getattr(self, name), f"faults.{name}", 0.0, _LARGEST)
+        _check(self.gust_time_constant, "faults.gust_time_constant", TICK, _LARGEST)
+        _check(self.gust_limit, "faults.gust_limit", 0.0, _LARGEST, open_low=True)
 
 
 @dataclass(frozen=True)
@@ -136,10 +138,12 @@ class SafeFlightConfig:
         low, high = self.drawn_heights
         if not (math.isfinite(high) and 0.0 <= low <= high):
             raise ValueError(f"drawn_heights = {self.drawn_heights!r}; allowed: two finite numbers, 0 <= low <= high")
-        _check(self.clearance_min, "clearance_min", 0.0)
+        if high > _LARGEST:
+            raise ValueError(f"drawn_heights = {self.drawn_heights!r}; allowed: <= {_LARGEST:g}")
+        _check(self.clearance_min, "clearance_min", 0.0, _LARGEST)
         for name in ("speed_max", "acceleration_max", "arrival_radius"):
-            _check(getattr(self, name), name, 0.0, open_low=True)
-        _check(self.deadline_factor, "deadline_factor", 1.0)
+            _check(getattr(self, name), name, 0.0, _LARGEST, open_low=True)
+        _check(self.deadline_factor, "deadline_factor", 1.0, _LARGEST)
         _check(self.radar_time, "radar_time", 0.0)
         for radar in self.radar:
             Radar(*radar)
@@ -224,6 +228,11 @@ class SafeFlight:
 
         # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
         duration = math.ceil(2.0 * deadline / TICK) * TICK
+        if duration > _LONGEST:
+            raise ValueError(
+                f"deadline_factor = {config.deadline_factor:g} at speed_max = {config.speed_max:g} m/s lets the flight "
+                f"take {duration:.0f} s; allowed: {_LONGEST:.0f} s, so be sooner or faster"
+            )
         record = _record(config, seed, controller, estimator, mission, radars, tracker.bound)
         return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record)
 

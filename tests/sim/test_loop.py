@@ -156,14 +156,19 @@ def test_a_plan_takes_over_at_its_own_start_and_not_before() -> None:
 
 
 def test_each_reading_reaches_the_estimator_once_with_the_command_held_since() -> None:
-    flown = Flight(estimator=ReadsState(period=3 * DT))
+    flown = Flight(estimator=ReadsState(period=5 * DT), tracker=Follows(period=5 * DT))
     recording = flown.run()
     times = [reading.t for _, readings, _ in flown.estimator.calls for reading in readings]
     assert times == pytest.approx([k * DT for k in range(len(times))])
     commands = recording.agents["vehicle"].commands
     for k, (t, _, command) in enumerate(flown.estimator.calls[1:], start=1):
-        assert t == pytest.approx(3 * DT * k)
-        np.testing.assert_array_equal(command, commands[3 * k - 1])
+        assert t == pytest.approx(5 * DT * k)
+        np.testing.assert_array_equal(command, commands[5 * k - 1])
+
+
+def test_an_estimator_slower_than_the_tracker_is_refused() -> None:
+    with pytest.raises(ValueError, match="with old estimates"):
+        Flight(estimator=ReadsState(period=2 * DT)).run()
 
 
 def test_a_command_is_held_for_the_trackers_period() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from controllers.flight.certificate import Certificate, Certified, TrackingBound, pass_time
-from controllers.flight.completion import ArcList
+from controllers.flight.completion import ArcList, complete
 from controllers.flight.planner import Retreat, complete_by
 from models.aerial.dynamics import state_at
 from models.aerial.mission import FlightMission
@@ -205,7 +205,8 @@ def retreat(certificate: Certificate, good: Plan, wait: float = 0.0) -> Plan:
 
 def test_the_first_plan_sets_the_deadline(certificate: Certificate, good: Plan, mission: FlightMission) -> None:
     wrapped = certified(certificate, Answers(good))
-    assert wrapped.plan(first_request(mission)) is good
+    plan = wrapped.plan(first_request(mission))
+    np.testing.assert_array_equal(plan.x, good.x)
     assert wrapped.deadline == pytest.approx(1.3 * good.t_end)
 
 
@@ -216,6 +217,70 @@ def test_a_certified_answer_is_passed_on(certificate: Certificate, good: Plan, m
     planner.answer = retreat(certificate, good)
     plan = wrapped.plan(later_request(good))
     assert plan.ok, plan.message
+
+
+def test_a_plan_cannot_be_changed_once_it_is_certified(
+    certificate: Certificate, good: Plan, mission: FlightMission
+) -> None:
+    answer = dataclasses.replace(good, x=good.x.copy())
+    plan = certified(certificate, Answers(answer)).plan(first_request(mission))
+    answer.x[1:, 2] -= 2000.0
+    np.testing.assert_array_equal(plan.x, good.x)
+    with pytest.raises(ValueError, match="read-only"):
+        plan.x[1:, 2] -= 2000.0
+
+
+def test_a_pass_after_which_the_mission_goes_on_is_missed_once_and_never_shortens_the_time(
+    certificate: Certificate, mission: FlightMission
+) -> None:
+    beyond = certificate.target + np.array([-400.0, -400.0, 1000.0])  # a go-around
+    arcs = ArcList.begin(0.0, flight.at_rest(mission.start))
+    complete_by(arcs, certificate)
+    there = arcs.t[-1]
+    complete(arcs, certificate.terrain, beyond, certificate.clearance_min, 200.0, 20.0)
+    complete_by(arcs, certificate)
+    plan = arcs.plan(0.0, 0.0)
+    planner = Answers(plan)
+    wrapped = certified(certificate, planner)
+    current, missed = wrapped.plan(first_request(mission)), []
+    for t in np.arange(0.0, there + 3.0 * planner.period, planner.period):
+        request = PlanRequest(t, t + planner.period, Estimate(t, state_at(plan, t)), current)
+        k = int(np.searchsorted(plan.t, request.t_start, side="right")) - 1  # what is left of it, the pass cut off
+        begun = state_at(plan, request.t_start)
+        planner.answer = dataclasses.replace(
+            plan,
+            t=np.append(request.t_start, plan.t[k + 1 :]),
+            x=np.vstack([begun, plan.x[k + 1 :]]),
+            u=plan.u[k:],
+            phase=plan.phase[k:],
+        )
+        deadline, answer = wrapped.deadline, wrapped.plan(request)
+        if "missed-pass" in answer.notes:
+            missed.append(t)
+            assert wrapped.deadline >= deadline
+        current = answer
+    assert len(missed) == 1
+    assert there < missed[0] <= there + planner.period
+
+
+@pytest.mark.parametrize("side", ["west", "east"])
+def test_a_plan_along_the_edge_of_the_map_leaves_the_tracker_room(mission: FlightMission, side: str) -> None:
+    bound = TrackingBound(5.0, 5.0, 1.0, 1.0)
+    for inside, status in ((5.5, None), (4.5, Status.OFF_MAP)):
+        x = inside if side == "west" else mission.terrain.width - inside
+        ends = [flight.above(mission.terrain, (x, y), 300.0) for y in (1500.0, 9000.0)]
+        edge = dataclasses.replace(mission, start=ends[0], target=ends[1])
+        certificate = Certificate.of(edge, bound)
+        arcs = ArcList.begin(0.0, flight.at_rest(edge.start))
+        complete_by(arcs, certificate)
+        refusal = certificate.refuse(arcs.plan(0.0, 0.0))
+        assert (refusal.status if refusal else None) is status
+
+
+def test_an_error_that_is_not_a_number_breaks_the_bound() -> None:
+    bound = TrackingBound(5.0, 5.0, 1.0, 1.0)
+    assert not bound.broken_by(np.zeros(6))
+    assert bound.broken_by(np.full(6, np.nan))
 
 
 ANSWERS: dict[str, tuple[Status, Callable[[Certificate, Plan], Plan | Exception]]] = {

@@ -256,20 +256,7 @@ class Result:
 
 def cost_of(problem: Problem, solution: Solution) -> float:
     """The objective at a solution's unknowns."""
-    s, cost = problem.stencil, problem.landscape.cost
-    value = kernels.objective(
-        solution.unknowns,
-        problem.start,
-        s.base,
-        s.weights,
-        s.climbs,
-        problem.landscape.heights,
-        cost.ground,
-        cost.ratio,
-        cost.scales,
-        problem.packed,
-    )
-    return float(value)
+    return float(kernels.objective(solution.unknowns, *problem.data))
 
 
 def measure(name: str, build: Callable[[], Any], problems: Recorded, repetitions: int, console: Console) -> Result:

@@ -24,12 +24,11 @@ _SIMULTANEOUS = 1e-9  # [s]
 class FullStateConfig:
     """Fields of the command line."""
 
-    period: float = TICK  # [s]
     rate: float = 300.0  # [Hz] of the readings
     timeout: float = 0.5  # [s] without a reading after which the estimate is lost
 
     def __post_init__(self) -> None:
-        for field in ("period", "rate", "timeout"):
+        for field in ("rate", "timeout"):
             value = getattr(self, field)
             if not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{field} = {value!r}; allowed: a finite value > 0")
@@ -40,8 +39,8 @@ class FullState:
 
     Config = FullStateConfig
 
-    def __init__(self, config: FullStateConfig, mission: FlightMission) -> None:
-        self.period = config.period
+    def __init__(self, config: FullStateConfig, mission: FlightMission, period: float = TICK) -> None:
+        self.period = period
         self._timeout = config.timeout
         self._position_variance = mission.position_noise**2  # [m^2]
         self._gust_rms = mission.gust.rms  # [m/s^2]
@@ -69,10 +68,12 @@ class FullState:
         for reading in measurements:
             if reading.name == "full_state" and reading.t > self._t_read:
                 self._x, self._t, self._t_read = reading.value.copy(), reading.t, reading.t
-        if self._t_read == -math.inf:
-            return Estimate(t, self._x.copy(), status=Status.INITIALISING)
+        if self._t == -math.inf:
+            self._t = t  # the start, as the mission states it, is all that is known
         if t > self._t:
             self._x, self._t = flow(self._x, command, t - self._t), t
+        if self._t_read == -math.inf:
+            return Estimate(t, self._x.copy(), status=Status.INITIALISING)
         age = t - self._t_read
         status = Status.OK if age <= self._timeout + _SIMULTANEOUS else Status.LOST
         return Estimate(t, self._x.copy(), self._covariance(age), status)

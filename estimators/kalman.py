@@ -36,7 +36,6 @@ _EYE = np.eye(3)
 class KalmanConfig:
     """Fields of the command line."""
 
-    period: float = TICK  # [s]
     timeout: float = 1.0  # [s] without a fix after which the estimate is lost
     start_position_std: float = 5.0  # [m] of the start as the mission states it, per axis
     start_velocity_std: float = 1.0  # [m/s]
@@ -44,7 +43,7 @@ class KalmanConfig:
     gust_floor: float = 0.05  # [m/s^2] least gust assumed: without any the filter would stop listening to its fixes
 
     def __post_init__(self) -> None:
-        for field in ("period", "timeout", "start_position_std", "start_velocity_std", "noise_floor", "gust_floor"):
+        for field in ("timeout", "start_position_std", "start_velocity_std", "noise_floor", "gust_floor"):
             value = getattr(self, field)
             if not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{field} = {value!r}; allowed: a finite value > 0")
@@ -84,7 +83,7 @@ class Kalman:
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
         from filterpy.kalman import KalmanFilter  # takes .7 s to import
 
-        self.period = config.period
+        self.period = TICK
         self._timeout = config.timeout
         self._model = AxisModel.of(config, mission)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}

@@ -26,7 +26,8 @@ def _rate(rate: float, what: str) -> float:
 class FailingSolver:
     """A planner whose solver gives up on a fraction ``rate`` of the requests.
 
-    The first request is always answered: a mission starts with a plan or not at all.
+    A request without a plan to fall back on is always answered: at the start, and after a breach of the tracking bound.
+    The faults below keep to that too.
     """
 
     def __init__(self, planner: Planner, rate: float, rng: np.random.Generator) -> None:

@@ -78,7 +78,7 @@ class _Cockpit:
     pending: list[Plan] = field(default_factory=list)
     estimate: Estimate | None = None
     plan: Plan | None = None
-    finite: bool = True
+    usable: bool = True  # the tracker's last command
 
     def tick(self, k: int, t: float, readings: Sequence[Measurement]) -> None:
         self.record.measurements(k, readings)
@@ -105,8 +105,10 @@ class _Cockpit:
         request = PlanRequest(t, t_start, estimate, self.plan, tuple(self.delivered))
         try:
             plan = self.agent.planner.plan(request)
-        except Exception as error:  # a planner that raises in flight is a recorded failure, not the end of the flight
-            plan = Plan.failure(Status.RAISED, f"{type(error).__name__}: {error}")
+            if not isinstance(plan, Plan):
+                raise TypeError(f"plan() returned {type(plan).__name__}; allowed: Plan")
+        except (Exception, SystemExit) as error:  # a recorded failure, not the end of the flight
+            plan = Plan.raised(error)
         self.delivered = []
         self.record.asked(plan)
         if plan.ok:
@@ -119,7 +121,7 @@ class _Cockpit:
         for plan in self.pending:
             if plan.t_start > t + _SIMULTANEOUS:
                 waiting.append(plan)
-            elif plan.ready > plan.t_start + _SIMULTANEOUS:
+            elif not plan.ready <= plan.t_start + _SIMULTANEOUS:  # NaN is late too
                 self._refused(t, plan, Status.LATE, f"ready at {plan.ready:.3f} s for a start at {plan.t_start:.3f} s")
             else:
                 self.plan = plan
@@ -134,13 +136,17 @@ class _Cockpit:
             self.record.event(t, note, message)
 
     def _track(self, t: float, estimate: Estimate, plan: Plan) -> None:
-        command = self.agent.tracker.command(t, estimate, plan)
-        finite = bool(np.isfinite(command).all())
-        if finite:
+        try:
+            command = np.asarray(self.agent.tracker.command(t, estimate, plan), dtype=float)
+            usable = command.shape == self.command.shape and bool(np.isfinite(command).all())
+            complaint = f"{command!r}"
+        except (Exception, SystemExit) as error:
+            usable, complaint = False, f"{type(error).__name__}: {error}"
+        if usable:
             self.command = command
-        elif self.finite:
-            self.record.event(t, "command-not-finite", f"{command!r}; the last finite command is held")
-        self.finite = finite
+        elif self.usable:
+            self.record.event(t, "command-unusable", f"{complaint}; the last usable command is held")
+        self.usable = usable
 
 
 def simulate(

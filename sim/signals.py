@@ -8,6 +8,7 @@ planner and an observer can speak of the same things without knowing each other.
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
@@ -111,6 +112,13 @@ class Plan:
         """A plan that is not there, and why."""
         nothing = np.empty((0, 0))
         return Plan(np.empty(0), nothing, nothing, np.empty(0, np.int64), status, message, ready, solve_ms=solve_ms)
+
+    @staticmethod
+    def raised(error: BaseException) -> Plan:
+        """What stands in for the answer of a planner that raised."""
+        last = traceback.extract_tb(error.__traceback__)[-1:]
+        where = "".join(f" ({frame.filename}:{frame.lineno})" for frame in last)
+        return Plan.failure(Status.RAISED, f"{type(error).__name__}: {error}{where}")
 
 
 @dataclass(frozen=True)

@@ -212,7 +212,10 @@ class Certified:
             left = max(current.t_end - request.t, self.period)
             self.deadline = max(self.deadline, request.t + self._factor * left)
         error = request.estimate.x - state_at(current, request.t)
-        if self._bound.broken_by(error):
+        if request.estimate.status is not Status.OK:
+            # Nobody knows where the vehicle is: its plan is the best guess, and no estimate to plan from anew.
+            notes = (*notes, "guarantee-lost")
+        elif self._bound.broken_by(error):
             return self._rebased(request, error, notes)
         plan = self._judged(self._planner, request)
         return dataclasses.replace(plan, notes=notes + plan.notes)
@@ -245,9 +248,12 @@ class Certified:
     def _judged(self, planner: Planner, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown, or the failure it is."""
         try:
-            return self._examined(planner.plan(request), request)
-        except Exception as error:  # whatever a stranger's planner does, the vehicle flies on
-            return Plan.failure(Status.RAISED, f"{type(error).__name__}: {error}")
+            plan = planner.plan(request)
+            if not isinstance(plan, Plan):
+                raise TypeError(f"plan() returned {type(plan).__name__}; allowed: Plan")
+            return self._examined(plan, request)
+        except (Exception, SystemExit) as error:  # whatever a stranger's planner does, the vehicle flies on
+            return Plan.raised(error)
 
     def _examined(self, plan: Plan, request: PlanRequest) -> Plan:
         if not plan.ok:

@@ -72,9 +72,8 @@ def complete(
     clearance: float,
     speed: float,
     acceleration: float,
-    wait: float = 0.0,
 ) -> None:
-    """Append the way from vertical flight to rest on the target; ``wait`` [s] is spent in hover before it.
+    """Append the way from vertical flight to rest on the target.
 
     ``clearance`` [m] is what level flight keeps above the ground; ``speed`` [m/s] and ``acceleration`` [m/s^2] are the
     bounds the plan may use.
@@ -83,7 +82,6 @@ def complete(
     rise = float(arcs.x[-1][5])
     arcs.add(-math.copysign(acceleration, rise) * up, abs(rise) / acceleration, Phase.MANOEUVRE)
     arcs.rest()
-    arcs.add(np.zeros(3), wait, Phase.HOVER)
     here = arcs.x[-1][:3]
     across = target[:2] - here[:2]
     distance = float(np.hypot(*across))
@@ -98,6 +96,6 @@ def complete(
 
 def highest_ground(terrain: HeightField, a: Array, b: Array) -> float:
     """Highest point [m] of the triangles under the straight line from a to b (2,) [m]; inf if it leaves the map."""
-    span = b - a
+    span = (b - a) * (1.0 - 1e-12)  # so that rounding does not carry a point on the border off the map
     clearance = terrain.arc_clearance([a[0], a[1], 0.0], [span[0], span[1], 0.0], np.zeros(3), 1.0)
     return -clearance

@@ -23,8 +23,8 @@ from sim.signals import Array
 
 # Indices into Parameters.packed.
 H, MANOEUVRE, FLOOR, SPEED, ACCELERATION, BETA, PSI, EPSILON, WIDTH, DEPTH = range(10)
-TERRAIN_WEIGHT, APPROACH_WEIGHT, CLIMB_WEIGHT, HARD_WEIGHT, SPACING = range(10, 15)
-PACKED_SIZE = 15
+TERRAIN_WEIGHT, APPROACH_WEIGHT, CLIMB_WEIGHT, SPACING = range(10, 14)
+PACKED_SIZE = 14
 
 BORDER = 1.0  # [m] that the plan's end keeps from the edge of the map
 _SUFFICIENT, _SHORTEST = 1e-4, 1e-3  # of the line search: share of the promised decrease, length of a step
@@ -423,7 +423,7 @@ def _add_turn(block: Array, v: Array, length: float, multiplier: float) -> None:
 def _add_curvature(hessian: Array, lost: Array, weights: Array, strength: float, bend: Array) -> bool:
     """Add the curvature strength * bend (3, 3) in the point sum_j weights_j a_j: its convex part to the Hessian.
 
-    The rest goes to ``lost``; returns whether there was any. (Loops instead of whole arrays: those compile for seconds.)
+    The rest goes to ``lost``; returns whether there was any. (Loops, because whole arrays compile for seconds.)
     """
     convex, rest = np.empty((3, 3)), np.empty((3, 3))
     for a in range(3):

@@ -37,6 +37,7 @@ import daqp
 import numpy as np
 
 from controllers.flight.certificate import TrackingBound
+from controllers.flight.checks import check_fields
 from controllers.flight.completion import ArcList, complete
 from controllers.flight.cost_to_go import REFERENCE_SPEED, TrilinearCost, trilinear_cost
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
@@ -74,15 +75,7 @@ class LiteralConfig:
     """of the tracker [rad/s]"""
 
     def __post_init__(self) -> None:
-        if self.nodes < 3:
-            raise ValueError(f"nodes = {self.nodes}; allowed: >= 3")  # by Euler, a_1 moves p_3 first
-        for name in ("horizon", "beta", "epsilon", "bandwidth"):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
-        for name, least in (("grid_nodes", 3), ("grid_layers", 2)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} = {getattr(self, name)}; allowed: >= {least}")
+        check_fields(self, 3, ("horizon", "beta", "epsilon"))  # by Euler, a_1 moves p_3 first
 
     @property
     def h(self) -> float:

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from controllers.flight.certificate import Certificate
+from controllers.flight.checks import check_fields
 from controllers.flight.cost_to_go import FactoredCost, factored_cost
 from controllers.flight.planner import RecedingHorizon, Solver
 from controllers.flight.problem import Parameters
@@ -48,19 +49,11 @@ class FlightConfig:
     """of the tracker [rad/s]"""
 
     def __post_init__(self) -> None:
-        if self.nodes < 2:
-            raise ValueError(f"nodes = {self.nodes}; allowed: >= 2")
-        for name, lowest in (("horizon", 0.0), ("beta", 0.0), ("tolerance", 0.0), ("bandwidth", 0.0)):
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value > lowest):
-                raise ValueError(f"{name} = {value!r}; allowed: a finite value > {lowest:g}")
+        check_fields(self, 2, ("horizon", "beta", "tolerance"))
         if not (math.isfinite(self.margin) and self.margin >= 0.0):
             raise ValueError(f"margin = {self.margin!r}; allowed: a finite value >= 0")
         if self.backend not in ("condensed", "ipopt", "fatrop"):
             raise ValueError(f"backend = {self.backend!r}; allowed: condensed, ipopt, fatrop")
-        for name, least in (("grid_nodes", 3), ("grid_layers", 2)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} = {getattr(self, name)}; allowed: >= {least}")
 
     @property
     def h(self) -> float:

@@ -146,6 +146,13 @@ class Problem:
         out[kernels.CLIMB_WEIGHT], out[kernels.SPACING] = _CLIMB_WEIGHT, self.landscape.terrain.spacing
         return out
 
+    @property
+    def data(self) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array]:
+        """What the kernels take beside the unknowns: start, stencil, splines and numbers."""
+        s, cost = self.stencil, self.landscape.cost
+        splines = (self.landscape.heights, cost.ground, cost.ratio, cost.scales)
+        return (self.start, s.base, s.weights, s.climbs, *splines, self.packed)
+
 
 @dataclass(frozen=True, eq=False)
 class Solution:

@@ -52,20 +52,9 @@ class GaussNewton:
         key = (problem.arcs, problem.hold is not None)
         if key not in self._workspaces:
             self._workspaces[key] = _Workspace(problem)
-        work, cost, s = self._workspaces[key], problem.landscape.cost, problem.stencil
-        packed = problem.packed
+        work, data, s = self._workspaces[key], problem.data, problem.stencil
+        packed = data[-1]
         hold = _NOWHERE if problem.hold is None else problem.hold
-        data = (
-            problem.start,
-            s.base,
-            s.weights,
-            s.climbs,
-            problem.landscape.heights,
-            cost.ground,
-            cost.ratio,
-            cost.scales,
-            packed,
-        )
         unknowns, trial = np.empty_like(guess), np.empty_like(guess)
         kernels.project(guess, problem.start, packed, unknowns)
         value = kernels.objective(unknowns, *data)

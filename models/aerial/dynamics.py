@@ -11,7 +11,6 @@ rest is the same in numpy; the tests hold all of it against MuJoCo.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi
@@ -22,20 +21,6 @@ from sim.signals import Array, Plan
 TICK = 1.0 / 300.0  # [s] of the flight physics
 
 _SIMULTANEOUS = 1e-9  # [s] two times closer than this are the same
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """Bounds of the vehicle, both on Euclidean norms."""
-
-    speed_max: float = 300.0  # [m/s] v_max
-    acceleration_max: float = 40.0  # [m/s^2] a_max
-
-    def admissible(self, x: Array, u: Array, tolerance: float = 1e-9) -> bool:
-        """Whether state x (..., 6) and input u (..., 3) keep the bounds, up to a relative tolerance."""
-        speed, acceleration = np.linalg.norm(x[..., 3:], axis=-1), np.linalg.norm(u, axis=-1)
-        within = 1.0 + tolerance
-        return bool(np.all(speed <= self.speed_max * within) and np.all(acceleration <= self.acceleration_max * within))
 
 
 @lru_cache(maxsize=1)

@@ -7,22 +7,24 @@ is one arena with as many vehicles attached as it has names; ``build_model`` com
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
-from dm_control import composer, mjcf
 
 from models.aerial.dynamics import TICK
 from models.terrain.height_field import HeightField
 from sim.signals import Array
 
+with warnings.catch_warnings():  # dm_control's renderer, which is not used here, warns where there is no display
+    warnings.simplefilter("ignore")
+    from dm_control import composer, mjcf
+
 GRAVITY = 9.81  # [m/s^2] the weight that the rotors carry; only the drawn tilt depends on it
-BASE = (
-    200.0  # [m] of rock below the lowest node, so that a fast vehicle cannot pass through the ground between two ticks
-)
+BASE = 200.0  # [m] of rock below the lowest node: a fast vehicle must not pass through the ground between two ticks
 
 _HERE = Path(__file__).parent
 

@@ -31,8 +31,8 @@ class Radar:
         if self.radius <= 0.0:
             raise ValueError(f"radar: radius is {self.radius} m; allowed is a number above 0")
         for name in ("weight", "mast"):
-            if getattr(self, name) < 0.0:
-                raise ValueError(f"radar: {name} is {getattr(self, name)}; allowed is a number of at least 0")
+            if not 0.0 <= getattr(self, name) <= 1e6:
+                raise ValueError(f"radar: {name} is {getattr(self, name)}; allowed is a number from 0 to 1e6")
 
     def position(self, terrain: HeightField) -> Array:
         """(3,) [m] where the antenna stands on ``terrain``."""

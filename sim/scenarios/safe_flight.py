@@ -66,7 +66,12 @@ class Noise:
 
     def __post_init__(self) -> None:
         _check(self.position, "noise.position", 0.0, _LARGEST)
-        _check(self.position_rate, "noise.position_rate", 0.0, 300.0, open_low=True)
+        _check(self.position_rate, "noise.position_rate", 0.0, 1.0 / TICK, open_low=True)
+        every = 1.0 / (self.position_rate * TICK)  # [ticks]
+        if abs(every - round(every)) > 1e-9:
+            raise ValueError(
+                f"noise.position_rate = {self.position_rate!r}; allowed: {1.0 / TICK:g} Hz over a whole number"
+            )
 
 
 @dataclass(frozen=True)

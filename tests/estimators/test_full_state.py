@@ -33,7 +33,7 @@ def test_a_reading_is_the_estimate(mission: FlightMission) -> None:
 
 
 def test_the_newest_reading_counts_whatever_the_order(mission: FlightMission) -> None:
-    estimator = FullState.build(FullStateConfig(period=2 * TICK), mission)
+    estimator = FullState.build(FullStateConfig(), mission)
     estimate = estimator.update(TICK, [*reading(TICK), *reading(0.0, 2.0 * X)], np.zeros(3))
     np.testing.assert_array_equal(estimate.x, X)
 
@@ -79,7 +79,7 @@ def test_its_quality_is_the_noise_of_the_readings_and_the_gusts(mission: FlightM
     np.testing.assert_allclose(quality.driving, np.diag([0.0, 0.0, 2.0 * 2.0**2 / 3.0]))
 
 
-@pytest.mark.parametrize("field", ["period", "rate", "timeout"])
+@pytest.mark.parametrize("field", ["rate", "timeout"])
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
 def test_impossible_fields_are_refused(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=field):

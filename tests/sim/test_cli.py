@@ -126,10 +126,10 @@ def test_lists_beside_from_replace_the_saved_ones(asked: Callable[..., Any], flo
 def test_another_estimator_beside_from_has_its_own_fields(
     asked: Callable[..., Any], flown: Path, tmp_path: Path
 ) -> None:
-    other = ("--estimator", "kalman", "--estimator.period", "0.02", "--noise.position", "0")
+    other = ("--estimator", "kalman", "--estimator.timeout", "2.5", "--noise.position", "0")
     changed = asked("--from", str(flown), *other, "--out", str(tmp_path))
     assert changed["estimator"]["name"] == "estimators.kalman:Kalman"
-    assert changed["estimator"]["fields"]["period"] == 0.02
+    assert changed["estimator"]["fields"]["timeout"] == 2.5
 
 
 def test_the_radar_list_appends(asked: Callable[..., Any], mission: Words, tmp_path: Path) -> None:

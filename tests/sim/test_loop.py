@@ -250,7 +250,7 @@ def test_a_command_that_is_not_finite_is_not_passed_on_and_told_once_an_episode(
     commands = recording.agents["vehicle"].commands
     assert np.isfinite(commands).all()
     np.testing.assert_array_equal(commands[4:8], commands[[3, 3, 3, 3]])
-    assert kinds(recording).count("command-not-finite") == 2
+    assert kinds(recording).count("command-unusable") == 2
 
 
 def test_the_referee_ends_the_flight() -> None:

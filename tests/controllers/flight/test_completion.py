@@ -21,9 +21,9 @@ place = st.tuples(inside, inside)
 height = st.floats(CLEARANCE, 3000.0)
 
 
-def completed(x: Array, target: Array, wait: float = 0.0) -> Plan:
+def completed(x: Array, target: Array) -> Plan:
     arcs = ArcList.begin(12.0, x)
-    complete(arcs, flight.mountains(), target, CLEARANCE, SPEED, ACCELERATION, wait)
+    complete(arcs, flight.mountains(), target, CLEARANCE, SPEED, ACCELERATION)
     return arcs.plan(math.nan, math.nan)
 
 
@@ -48,19 +48,10 @@ def test_it_rests_on_the_target_keeps_the_bounds_and_clears_the_ground(
     assert clearance.min() >= CLEARANCE - 1e-6
 
 
-@given(wait=st.floats(0.1, 500.0))
-def test_a_wait_is_spent_in_hover_before_the_way_on(wait: float) -> None:
-    start, target = flight.at_rest(point(flight.START, 100.0)), point(flight.TARGET, 100.0)
-    plan, prompt = completed(start, target, wait), completed(start, target)
-    assert abs(plan.t_end - prompt.t_end - wait) < 1e-9
-    assert plan.phase[0] == Phase.HOVER
-    np.testing.assert_array_equal(plan.x[0], plan.x[1])
-
-
 def test_its_phases_follow_each_other() -> None:
-    plan = completed(np.array([*point(flight.START, 100.0), 0.0, 0.0, 60.0]), point(flight.TARGET, 100.0), 5.0)
+    plan = completed(np.array([*point(flight.START, 100.0), 0.0, 0.0, 60.0]), point(flight.TARGET, 100.0))
     order = list(dict.fromkeys(Phase(phase) for phase in plan.phase))
-    assert order == [Phase.MANOEUVRE, Phase.HOVER, Phase.CLIMB, Phase.CRUISE, Phase.DESCENT]
+    assert order == [Phase.MANOEUVRE, Phase.CLIMB, Phase.CRUISE, Phase.DESCENT]
 
 
 def test_it_is_as_fast_as_its_bounds_allow() -> None:

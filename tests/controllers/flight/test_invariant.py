@@ -210,9 +210,7 @@ def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
     planner, _ = SafeFlight.build(FlightConfig(nodes=nodes), mission)
     wrapped = Certified(Scripted(planner, script), Retreat(CERTIFICATE, planner.period), CERTIFICATE, BOUND, factor)
     watched = Watched(wrapped, factor)
-    agent = Agent(
-        FullState(FullStateConfig(period=DT, rate=1.0 / DT), mission), watched, CriticallyDamped(DT, 0.8, BOUND)
-    )
+    agent = Agent(FullState(FullStateConfig(rate=1.0 / DT), mission, DT), watched, CriticallyDamped(DT, 0.8, BOUND))
     target = np.array(mission.target)
     recording = simulate(
         flight.PointMass(flight.at_rest(mission.start), DT),

@@ -74,23 +74,8 @@ def some_problems(landscape: Landscape) -> list[Problem]:
     ]
 
 
-def kernel_data(problem: Problem) -> tuple[Array, ...]:
-    stencil, cost = problem.stencil, problem.landscape.cost
-    return (
-        problem.start,
-        stencil.base,
-        stencil.weights,
-        stencil.climbs,
-        problem.landscape.heights,
-        cost.ground,
-        cost.ratio,
-        cost.scales,
-        problem.packed,
-    )
-
-
 def kernel_cost(problem: Problem, unknowns: Array) -> float:
-    return float(kernels.objective(unknowns, *kernel_data(problem)))
+    return float(kernels.objective(unknowns, *problem.data))
 
 
 def casadi_cost(problem: Problem) -> tuple[ca.Function, Array]:
@@ -138,7 +123,7 @@ def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: Lan
             unknowns = random_unknowns(problem, rng)
             hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
             upper, lower = np.zeros(size + count), np.zeros(size + count)
-            kernels.linearise(unknowns, *kernel_data(problem), hold, still, hessian, gradient, rows, upper, lower)
+            kernels.linearise(unknowns, *problem.data, hold, still, hessian, gradient, rows, upper, lower)
             soft = slice(size, size + looked + 1)
             gradient -= rows[: looked + 1].T @ np.maximum(lower[soft], 0.0)
             gradient += rows[: looked + 1].T @ np.maximum(-upper[soft], 0.0)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.aerial.dynamics import TICK, Parameters, continuous_dynamics, discrete_dynamics, flow, input_at, state_at
+from models.aerial.dynamics import TICK, continuous_dynamics, discrete_dynamics, flow, input_at, state_at
 from models.aerial.entity import build_model
 from models.terrain.height_field import HeightField
 from sim.signals import Array, Plan
@@ -123,12 +123,3 @@ def test_asking_a_plan_does_not_hand_out_its_arrays(plan: Plan) -> None:
     state_at(plan, plan.t)[:] = np.nan
     np.testing.assert_array_equal(plan.x, before[0])
     np.testing.assert_array_equal(plan.u, before[1])
-
-
-def test_bounds_are_on_euclidean_norms() -> None:
-    bounds = Parameters(speed_max=300.0, acceleration_max=40.0)
-    x, u = np.zeros((2, 6)), np.zeros((2, 3))
-    x[1, 3:], u[0] = (180.0, 0.0, 240.0), (0.0, -40.0, 0.0)
-    assert bounds.admissible(x, u)
-    assert not bounds.admissible(x, u * 1.01)
-    assert not bounds.admissible(x * 1.01, u)

@@ -10,7 +10,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from renders.palette import COLOURS, Part, Picture
 from renders.run_data import RunData
-from renders.storyboard import Frame, notices
+from renders.storyboard import EXAGGERATION, Frame, notices
 from sim.signals import Phase
 
 WHITE, SOFT, PANEL = (255, 255, 255, 255), (205, 214, 224, 255), (16, 24, 36, 176)
@@ -54,13 +54,13 @@ class Caption:
         canvas = Image.fromarray(picture).convert("RGBA")
         layer = Image.new("RGBA", canvas.size, (0, 0, 0, 0))
         draw = ImageDraw.Draw(layer)
-        for text, column, row in labels:
-            self._label(draw, text, column, row)
-        self._title(draw)
+        self._title(draw, frame)
         self._numbers(draw, frame)
         self._legend(draw)
         self._notice(draw, frame.notice)
         self._progress(draw, frame)
+        for text, column, row in labels:  # last, so that nothing covers them
+            self._label(draw, text, column, row)
         return np.asarray(Image.alpha_composite(canvas, layer).convert("RGB"))
 
     def _px(self, n: float) -> int:
@@ -70,17 +70,21 @@ class Caption:
         draw.rounded_rectangle(box, radius=self._px(9), fill=PANEL)
 
     def _label(self, draw: ImageDraw.ImageDraw, text: str, column: float, row: float) -> None:
-        if 0 <= column < self.width and 0 <= row < self.height:
-            draw.text(
-                (column + self._px(11), row), text, WHITE, self._bold[16], "lm",
-                stroke_width=self._px(2), stroke_fill=(16, 24, 36, 210),
-            )  # fmt: skip
+        half, gap = self._bold[16].getlength(text) / 2 + self._px(6), self._px(20)
+        middle = min(max(column, half), self.width - half)
+        draw.text(
+            (middle, max(row - gap, gap)), text, WHITE, self._bold[16], "mm",
+            stroke_width=self._px(2), stroke_fill=(16, 24, 36, 210),
+        )  # fmt: skip
 
-    def _title(self, draw: ImageDraw.ImageDraw) -> None:
+    def _title(self, draw: ImageDraw.ImageDraw, frame: Frame) -> None:
         font, pad, edge = self._plain[15], self._px(11), self._px(18)
         text = f"mathnavi · {self.run.config['scenario']} · {self.run.terrain.name} · seed {self.run.config['seed']}"
         self._panel(draw, (edge, edge, edge + 2 * pad + font.getlength(text), edge + self._px(34)))
         draw.text((edge + pad, edge + self._px(17)), text, WHITE, font, "lm")
+        if frame.camera != "chase":
+            scale = f"vehicle and heights not to scale: heights × {EXAGGERATION}"
+            draw.text((edge + pad, edge + self._px(48)), scale, WHITE, self._plain[13], "lm")
 
     def _numbers(self, draw: ImageDraw.ImageDraw, frame: Frame) -> None:
         run = self.run

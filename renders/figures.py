@@ -15,16 +15,18 @@ from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from models.terrain.height_field import HeightField
 from renders.palette import COLOURS, Part, hexadecimal
 from renders.relief import relief
-from renders.run_data import RunData
+from renders.run_data import RunData, event_name
 from sim.signals import Integers
 
 INK, GRID = "#1b2733", "#b9c2cc"
 GROUND, BOUND = "#9a8468", "#c2183b"
 MAP_PIXELS = 769  # along the longer side of a map's picture
+LOWEST_DRAWN = 1.0  # [m] of clearance, on a log scale
 MOST_POINTS = 1500  # of a curve
 STYLE: Any = {
     "font.size": 9.0,
@@ -129,8 +131,8 @@ def _round_length(length: float) -> float:
 def profile_figure(run: RunData) -> Figure:
     """Heights of the path and of the ground below it over the distance flown, and the least clearance."""
     with matplotlib.rc_context(STYLE):
-        figure = _figure(9.4, 4.4)
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3))
+        figure = _figure(9.4, 5.2)
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.8))
         known = np.isfinite(run.above_ground)
         lowest = int(np.argmin(np.where(known, run.above_ground, np.inf)))
         i = thinned(len(run.t), lowest)
@@ -150,10 +152,14 @@ def profile_figure(run: RunData) -> Figure:
         )  # fmt: skip
         upper.set(ylabel="height [m]", title="Height over the ground")
         upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2)
-        lower.plot(distance, run.above_ground[i], color=_colour(Part.FLOWN))
+        lower.plot(distance, np.maximum(run.above_ground[i], LOWEST_DRAWN), color=_colour(Part.FLOWN))
         lower.axhline(least, color=BOUND, ls=":", lw=1.0)
         lower.set(xlabel="distance flown [km]", ylabel="clearance [m]")
-        lower.set_ylim(min(0.0, float(run.above_ground[lowest])))
+        lower.set_yscale("log")
+        lower.set_ylim(max(0.6 * min(least, float(run.above_ground[lowest])), LOWEST_DRAWN))
+        lower.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        lower.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        lower.yaxis.set_minor_formatter(NullFormatter())
         lower.set_xlim(distance[0], distance[-1])
     return figure
 
@@ -214,13 +220,14 @@ def solve_figure(summary: Mapping[str, Any]) -> Figure:
 def events_figure(run: RunData) -> Figure:
     """When each kind of event happened."""
     with matplotlib.rc_context(STYLE):
-        kinds = list(dict.fromkeys(event.kind for event in run.events))
+        names = [event_name(event) for event in run.events]
+        kinds = list(dict.fromkeys(names))
         figure = _figure(9.4, 0.9 + 0.28 * max(len(kinds), 1))
         axes = figure.add_subplot()
         for row, kind in enumerate(kinds):
-            times = [event.t for event in run.events if event.kind == kind]
+            times = [event.t for event, name in zip(run.events, names, strict=True) if name == kind]
             axes.plot(times, [row] * len(times), "|", ms=11, mew=1.8, color=_colour(Part.OPTIMISED))
-        labels = [f"{kind.replace('-', ' ')} ({sum(event.kind == kind for event in run.events)})" for kind in kinds]
+        labels = [f"{kind} ({names.count(kind)})" for kind in kinds]
         axes.set_yticks(range(len(kinds)), labels)
         axes.set(xlabel="time [s]", title="Events", ylim=(len(kinds) - 0.4, -0.6))
         axes.set_xlim(-0.01 * run.duration, 1.01 * run.duration)
@@ -231,7 +238,7 @@ def terrain_figure(terrain: HeightField) -> Figure:
     """The hill-shaded map of a terrain, the distribution of its heights and slopes, and its numbers."""
     with matplotlib.rc_context(STYLE | {"figure.facecolor": "white"}):
         figure = _figure(11.0, 6.6)
-        grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1.0), height_ratios=(1.15, 1.0, 1.0))
+        grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1.0), height_ratios=(0.62, 1.0, 1.0))
         axes = figure.add_subplot(grid[:, 0])
         _draw_map(axes, terrain)
         peak = np.unravel_index(int(np.argmax(terrain.z)), terrain.z.shape)
@@ -256,8 +263,8 @@ def terrain_figure(terrain: HeightField) -> Figure:
             "digest": f"{terrain.digest[:16]}…",
         }
         for k, (name, value) in enumerate(lines.items()):
-            numbers.text(0.0, 0.92 - 0.19 * k, name, weight="bold", transform=numbers.transAxes)
-            numbers.text(0.24, 0.92 - 0.19 * k, value, transform=numbers.transAxes)
+            numbers.text(0.0, 0.94 - 0.22 * k, name, weight="bold", transform=numbers.transAxes)
+            numbers.text(0.24, 0.94 - 0.22 * k, value, transform=numbers.transAxes)
         for row, (values, name) in enumerate(((terrain.z, "height [m]"), (slope, "slope [°]")), start=1):
             histogram = figure.add_subplot(grid[row, 1])
             histogram.hist(values.ravel(), 60, color=GROUND, weights=np.full(values.size, 100.0 / values.size))

@@ -29,7 +29,7 @@ COLOURS: dict[Part, Colour] = {
     Part.FLOWN: (1.00, 0.50, 0.05),
     Part.OPTIMISED: (0.05, 0.42, 0.95),
     Part.MANOEUVRE: (0.86, 0.10, 0.72),
-    Part.COMPLETION: (0.02, 0.55, 0.38),
+    Part.COMPLETION: (0.10, 0.78, 0.48),
     Part.RADAR: (0.85, 0.05, 0.15),
     Part.START: (0.98, 0.98, 0.98),
     Part.TARGET: (1.00, 0.85, 0.05),

@@ -10,6 +10,7 @@ import base64
 import html
 import io
 import json
+import math
 import re
 import tempfile
 from collections.abc import Mapping
@@ -20,15 +21,13 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from renders import figures, opengl
-from renders.run_data import RunData, load_run
+from renders.run_data import RunData, event_name, load_run
 from renders.storyboard import EXAGGERATION
 from renders.video import write_still
 from sim.log import write_text
-from sim.metrics import SUMMARY_GROUPS
+from sim.metrics import SUMMARY_GROUPS, label
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted
-
-UNITS = {"_m_s2": "m/s²", "_m_s": "m/s", "_ms": "ms", "_s": "s", "_m": "m"}  # the first that fits
 
 CSS = """
 :root { color-scheme: light dark; --ink: #1b2733; --soft: #5a6876; --paper: #f4f6f8; --card: #ffffff; --grid: #cfd6dd;
@@ -47,13 +46,14 @@ header p { margin: 4px 0 0; color: var(--soft); }
 .tiles div { padding: 12px 16px; } .tiles b { display: block; font-size: 23px; } .tiles span { color: var(--soft); }
 figure { margin: 0 0 14px; padding: 12px; } figure svg, figure img { display: block; width: 100%; height: auto; }
 figure.map svg { max-width: 760px; margin: 0 auto; } figcaption { color: var(--soft); font-size: 13.5px; }
-.tables { display: grid; grid-template-columns: repeat(auto-fit, minmax(290px, 1fr)); gap: 12px; }
+.tables { display: grid; grid-template-columns: repeat(auto-fit, minmax(300px, 1fr)); gap: 12px; }
 .tables section { padding: 8px 16px 12px; } .tables h3 { font-size: 14px; margin: 4px 0; color: var(--soft); }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; font-weight: 400; padding: 3px 8px 3px 0; border-top: 1px solid var(--grid);
   vertical-align: top; }
 .tables td { text-align: right; padding-right: 0; white-space: nowrap; } .tables tr:first-child > * { border-top: 0; }
 thead th { font-weight: 600; color: var(--soft); }
+footer { margin-top: 32px; color: var(--soft); font-size: 13.5px; }
 pre { overflow-x: auto; background: var(--card); border: 1px solid var(--grid); border-radius: 10px; padding: 12px 16px;
   font-size: 13px; } details { padding: 8px 16px; } details pre { border: 0; padding: 0; }
 @media print { :root { --paper: #fff; --card: #fff; --ink: #000; --soft: #444; --grid: #bbb; } main { max-width: none; }
@@ -88,6 +88,7 @@ def page(run: RunData) -> str:
         + _events(run)
         + "<h2>Do it again</h2>\n"
         + _again(run)
+        + _footer(run.summary)
         + "</main>\n</body>\n</html>\n"
     )
 
@@ -97,21 +98,24 @@ def _text(value: object) -> str:
 
 
 def _number(value: object) -> str:
+    """A figure of the summary with the digits that a reader can use."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if value is None:
-        return "none"
-    if isinstance(value, float):
-        return f"{value:.0f}" if abs(value) >= 1e5 else f"{value:.5g}"
-    return str(value)
-
-
-def _unit(key: str) -> str:
-    return next((unit for ending, unit in UNITS.items() if key.endswith(ending) or f"{ending}_" in key), "")
+    if not isinstance(value, float):
+        return str(value)
+    size = abs(value)
+    if 0.0 < value < 1e-3:
+        return "< 0.001"
+    if size < 1.0:
+        return f"{value:#.2g}" if value else "0"
+    return f"{value:.2f}" if size < 10.0 else f"{value:.1f}" if size < 1e3 else f"{value:,.0f}"
 
 
 def _quantity(summary: Mapping[str, Any], key: str) -> str:
-    return f"{_number(summary.get(key))} {_unit(key)}".strip() if summary.get(key) is not None else "unknown"
+    number = _number(summary.get(key))
+    return number if number == "–" else f"{number} {label(key)[1]}".strip()
 
 
 def _headline(run: RunData) -> str:
@@ -122,7 +126,7 @@ def _headline(run: RunData) -> str:
         f", never below {mission.clearance_min:g} m over the ground" if safe else ", and came too close to the ground"
     )
     tiles = {
-        "arrival": _quantity(summary, "arrival_time_s") if arrived else "none",
+        "arrival": _quantity(summary, "arrival_time_s") if arrived else "–",
         "deadline": _quantity(summary, "deadline_s"),
         f"least clearance (allowed {mission.clearance_min:g} m)": _quantity(summary, "min_clearance_m"),
         "path flown": f"{run.travelled[-1] / 1e3:.2f} km",
@@ -151,14 +155,11 @@ def _overview(run: RunData) -> str:
 
 
 def _summary(summary: Mapping[str, Any]) -> str:
-    named = {key for keys in SUMMARY_GROUPS.values() for key in keys}
-    groups = {name: [key for key in keys if key in summary] for name, keys in SUMMARY_GROUPS.items()}
-    groups["run"] = [key for key in summary if key not in named]
     sections = ""
-    for name, keys in groups.items():
-        if keys:
+    for name, group in SUMMARY_GROUPS.items():
+        if keys := [key for key in group if key in summary]:
             rows = "".join(
-                f'<tr><th scope="row">{_text(key)}</th><td>{_text(_number(summary[key]))} {_unit(key)}</td></tr>\n'
+                f'<tr><th scope="row">{_text(label(key)[0])}</th><td>{_text(_quantity(summary, key))}</td></tr>\n'
                 for key in keys
             )
             sections += f"<section><h3>{name.capitalize()}</h3><table><tbody>\n{rows}</tbody></table></section>\n"
@@ -176,16 +177,15 @@ def _figures(run: RunData) -> str:
         (
             "profile",
             figures.profile_figure(run),
-            f"Height of the path and of the ground along it; the least clearance is {least}, on the exact triangles.",
+            f"Height of the path and of the ground along it; the least clearance is {least}, on the exact triangles. "
+            "The clearance has a log scale.",
         ),
         ("motion", figures.motion_figure(run), "Speed and commanded acceleration over time with their bounds."),
     ]
     if run.plans:
         drawn.append(("cost", figures.cost_figure(run), "Composite cost of the plan being flown, over time."))
     if run.summary.get("solve_ms_mean") is not None:
-        drawn.append(
-            ("solve", figures.solve_figure(run.summary), "Thread CPU time of one optimisation, on a log scale.")
-        )
+        drawn.append(("solve", figures.solve_figure(run.summary), "Thread CPU time of one optimisation."))
     if run.events:
         drawn.append(("events", figures.events_figure(run), "The times at which each kind of event happened."))
     return "".join(
@@ -211,7 +211,7 @@ def _events(run: RunData) -> str:
     if not run.events:
         return "<p>Nothing happened that is worth a line.</p>\n"
     rows = "".join(
-        f"<tr><td>{event.t:.2f} s</td><td>{_text(event.kind)}</td><td>{_text(event.message)}</td></tr>\n"
+        f"<tr><td>{event.t:.2f} s</td><td>{_text(event_name(event))}</td><td>{_text(event.message)}</td></tr>\n"
         for event in run.events[:MOST_EVENTS]
     )
     rest = len(run.events) - MOST_EVENTS
@@ -228,3 +228,14 @@ def _again(run: RunData) -> str:
         f"<p>The same seed on the same machine gives the same log, bit for bit.</p>\n<pre>{_text(command)}</pre>\n"
         f"<details><summary>config.json</summary><pre>{_text(config)}</pre></details>\n"
     )
+
+
+def _footer(summary: Mapping[str, Any]) -> str:
+    """What the summary's cards do not show: seed, version, how fast it ran."""
+    named = {key for keys in SUMMARY_GROUPS.values() for key in keys}
+    rest = "".join(
+        f"<span>{_text(label(key)[0])}</span> {_text(_quantity(summary, key))} · "
+        for key in summary
+        if key not in named
+    )
+    return f"<footer>{rest}mathnavi</footer>\n"

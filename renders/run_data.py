@@ -113,6 +113,13 @@ def plan_arcs(plan: Plan, t: float, step: float) -> list[tuple[int, Array]]:
     return arcs
 
 
+def event_name(event: Event) -> str:
+    """What happened, in words."""
+    if event.kind == "message" and event.message.startswith("radar "):
+        return "radar on"
+    return event.kind.replace("-", " ")
+
+
 def load_run(directory: str | Path) -> RunData:
     """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
     folder = Path(directory)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -43,7 +43,13 @@ MAX_GEOMS = 4000
 TRUE_WORLD, TALL_WORLD, AIRFRAME = 0, 1, 2  # geom groups
 TRUE_SPAN = 12.0  # [m] of the airframe as drawn
 CHASE_DISTANCE = 1300.0  # [m] behind the vehicle
+DASH = 11.0  # [pixels] at a picture 720 pixels high: length of a dash and of the gap after it
+MOST_PIXELS = 300.0  # that a piece of a line counts for: behind the camera it would count for any number
+PIN = 34.0  # [pixels] at a picture 720 pixels high: height of the pins at start and target
 BASE = 0.02  # share of the width: thickness of the slab under the lowest ground
+_ANGLE, _RISE = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), np.radians([15.0, 30.0, 50.0, 75.0]))
+# (192, 3) points on the upper half of the unit sphere
+DOME = np.stack([np.cos(_ANGLE) * np.cos(_RISE), np.sin(_ANGLE) * np.cos(_RISE), np.sin(_RISE)], -1).reshape(-1, 3)
 FILL = {"overview": 0.97, "top": 0.95}  # share of the picture that the map takes
 HORIZON, ZENITH, NADIR = (0.82, 0.88, 0.93), (0.20, 0.42, 0.74), (0.46, 0.55, 0.66)  # sky; fog is as the horizon
 
@@ -131,6 +137,35 @@ class Scene:
         row = self._renderer.height / 2.0 - ahead @ up * scale
         return np.column_stack([column, row, depth])
 
+    def labels(self, t: float, camera: Camera) -> list[tuple[str, float, float]]:
+        """(text, column, row) of what is in sight of the picture drawn last: start, target, radars that are on."""
+        run = self.run
+        lift = PIN * self._renderer.height / 720.0
+        found = []
+        eye, _, _ = self._eye()
+        for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target)):
+            if camera == "chase" and not run.terrain.line_of_sight(eye, place):
+                continue
+            pin = np.array([0.0, 0.0, lift * float(self._metres_per_pixel(self.world(place[None], camera))[0])])
+            top = place + pin / (1.0 if camera == "chase" else EXAGGERATION)
+            found.append((part.value, self._in_picture(top[None], camera)))
+        for number, radar in enumerate(run.mission.radars, start=1):
+            if t >= radar.time:
+                centre = np.array([radar.x, radar.y, float(run.terrain.height(radar.x, radar.y))])
+                # Beside the vehicle only a part of the dome is in the picture.
+                points = centre + (radar.radius * DOME if camera == "chase" else np.zeros((1, 3)))
+                name = Part.RADAR.value if len(run.mission.radars) == 1 else f"{Part.RADAR.value} {number}"
+                found.append((name, self._in_picture(points, camera)))
+        return [(name, *pixels.mean(axis=0).tolist()) for name, pixels in found if len(pixels)]
+
+    def _in_picture(self, points: Array, camera: Camera) -> Array:
+        """(m, 2) column and row of those of the map points (n, 3) that are in the picture."""
+        column, row, depth = self.pixels(points, camera).T
+        size = self._renderer.width, self._renderer.height
+        inside = (depth > 0.0) & (column >= 0) & (column < size[0]) & (row >= 0) & (row < size[1])
+        found: Array = np.column_stack([column, row])[inside]
+        return found
+
     # ---- cameras
 
     def _map_view(self, camera: Camera, turn: float) -> View:
@@ -197,7 +232,7 @@ class Scene:
         x = self.run.state(t)
         position, quaternion = airframe_pose(x[:3], x[3:], self.run.u[min(i, len(self.run.u) - 1)])
         position = self.world(position, camera)
-        span = 0.16 if camera == "chase" else 0.085  # of the picture's height
+        span = 0.16 if camera == "chase" else 0.045  # of the picture's height
         distance = CHASE_DISTANCE if camera == "chase" else self._camera.distance
         scale = span * 2.0 * distance * self._tangent() / TRUE_SPAN
         if camera != "chase":
@@ -234,13 +269,13 @@ class Scene:
             yield Part.FLOWN, np.vstack([run.x[np.searchsorted(run.travelled, stops), :3], run.state(t)[:3]])
         plan = run.plan(t)
         if plan is not None:
-            for phase, points in plan_arcs(plan, t, step=0.6):
-                yield part_of(phase), points
+            for part, arcs in groupby(plan_arcs(plan, t, step=0.6), lambda arc: part_of(arc[0])):
+                yield part, np.vstack([points for _, points in arcs])
 
     def _add_capsules(self, points: Array, part: Part, width: float, dashed: bool) -> None:
         """A line through world points (n, 3), ``width`` pixels wide wherever it runs."""
         if dashed:
-            points = _resample(points, self._metres_per_pixel(points).mean() * 9.0)
+            points = _resample(points, self._metres_per_pixel(points), DASH * self._renderer.height / 720.0)
         radii = 0.5 * width * self._metres_per_pixel(0.5 * (points[:-1] + points[1:])) * self._renderer.height / 720.0
         for k, (a, b) in enumerate(pairwise(points)):
             if dashed and k % 2:
@@ -263,7 +298,7 @@ class Scene:
             ground = np.array([place[0], place[1], float(self.run.terrain.height(place[0], place[1]))])
             foot, top = self.world(np.array([ground, place]), camera)
             pixel = float(self._metres_per_pixel(top[None])[0]) * self._renderer.height / 720.0
-            high = top + np.array([0.0, 0.0, 34.0 * pixel])
+            high = top + np.array([0.0, 0.0, PIN * pixel])
             self._add_capsule(foot, high, 1.6 * pixel, COLOURS[part])
             self._add_capsule(high, high + np.array([0.0, 0.0, 0.1 * pixel]), 6.0 * pixel, COLOURS[part])
 
@@ -309,10 +344,11 @@ class ChaseCamera:
         )
 
 
-def _resample(points: Array, step: float) -> Array:
-    """The line through points (n, 3) with about ``step`` [m] between its points."""
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    stops = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / max(step, 1e-6)) + 1))
+def _resample(points: Array, span: Array, step: float) -> Array:
+    """The line through points (n, 3), where a pixel spans ``span`` (n,) [m], ``step`` pixels from point to point."""
+    pixels = np.linalg.norm(np.diff(points, axis=0), axis=1) / (0.5 * (span[:-1] + span[1:]))
+    along = np.concatenate([[0.0], np.cumsum(np.minimum(pixels, MOST_PIXELS))])
+    stops = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / step) + 1))
     return np.column_stack([np.interp(stops, along, points[:, k]) for k in range(3)])
 
 

@@ -1,12 +1,12 @@
 """Which moment of a flight each frame of its video shows, from where.
 
-A whole flight lasts four minutes or more, its video twenty seconds. The tour spends most of them beside the vehicle: at
-the start, where something happens, and at the arrival; the overview and the top view cover the long ways between.
+A whole flight lasts four minutes or more, its video twenty seconds. The tour gives half of them to the flight's
+highlight, such as the way around a radar that pops up, and goes beside the vehicle: at
+the start, in the middle of its highlight and at the arrival; the overview and the top view cover the long ways between.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -19,11 +19,26 @@ Direction = Literal["tour", "chase", "overview", "top"]
 
 EXAGGERATION = 1.7  # of heights in the overview and the top view
 TURN = 0.8  # [degrees/s] at which the overview turns around the map
-NOTICE_LENGTH = 1.6  # [s] of video for which an event stays in sight
-MANY = 12  # events of one kind, of which a video cannot tell each
-LAST_LOOK = 1.0  # [s] of video for which the last moment stays
-SHOT_LENGTHS = (2.2, 3.8, 3.2, 4.6, 2.6, 3.6)  # [s] of video: the tour's shots before the last look
-FORCED_LENGTH = 19.0  # [s] of video before the last look, where one camera films everything
+NOTICE_LENGTH = 1.8  # [s] of video for which an event stays in sight, unless a cut comes first
+LAST_LOOK = 1.6  # [s] of video for which the last moment stays
+# Cameras and lengths [s of video] of the tour's shots before the last look; the third to the fifth are the highlight.
+TOUR: tuple[tuple[Camera, float], ...] = (
+    ("overview", 1.5),
+    ("chase", 2.4),
+    ("top", 4.4),
+    ("chase", 3.6),
+    ("overview", 3.4),
+    ("top", 2.2),
+    ("chase", 3.0),
+)
+FORCED_LENGTH = 18.4  # [s] of video before the last look, where one camera films everything
+TOLD = {  # kinds of events that a video tells of; the rest is for the report
+    "position-jump": "position jump",
+    "tracking-breach": "tracking bound exceeded",
+    "rebased": "tracking bound exceeded",
+    "guarantee-lost": "guarantee lost",
+    "ground-contact": "ground contact",
+}
 
 
 @dataclass(frozen=True)
@@ -52,33 +67,34 @@ class Frame:
     notice: str = ""  # what just happened
 
 
-def highlight(run: RunData) -> float:
-    """The moment [s] that deserves a close look: a radar pops up, or the ground is closest in mid-flight."""
-    late_radars = [radar.time for radar in run.mission.radars if 0.0 < radar.time < run.duration]
+def highlight(run: RunData) -> tuple[float, float]:
+    """From when to when [s] to look closely: from where a radar pops up until it is passed.
+
+    Without such a radar it is a stretch about the moment at which the ground is closest in mid-flight.
+    """
+    late_radars = [radar for radar in run.mission.radars if 0.0 < radar.time < run.duration]
     if late_radars:
-        return min(late_radars)
-    middle = (run.t >= 0.25 * run.duration) & (run.t <= 0.75 * run.duration)
-    heights = np.where(middle & np.isfinite(run.above_ground), run.above_ground, np.inf)
-    return float(run.t[np.argmin(heights)])
+        radar = min(late_radars, key=lambda radar: radar.time)
+        distance = np.hypot(run.x[:, 0] - radar.x, run.x[:, 1] - radar.y)
+        passed = float(run.t[np.argmin(np.where(run.t >= radar.time, distance, np.inf))])
+        begin, end = radar.time - 0.01 * run.duration, passed + 0.05 * run.duration
+    else:
+        middle = (run.t >= 0.25 * run.duration) & (run.t <= 0.75 * run.duration)
+        heights = np.where(middle & np.isfinite(run.above_ground), run.above_ground, np.inf)
+        closest = float(run.t[np.argmin(heights)])
+        begin, end = closest - 0.06 * run.duration, closest + 0.06 * run.duration
+    begin = float(np.clip(begin, 0.06 * run.duration, 0.7 * run.duration))
+    return begin, float(np.clip(end, begin + 0.12 * run.duration, 0.88 * run.duration))
 
 
 def notices(run: RunData) -> list[tuple[float, str]]:
-    """(time [s], text) of what happened, in order of time; of a kind that happens all the time only the first event."""
-    count = Counter(event.kind for event in run.events)
-    told: set[str] = set()
-    found = [(radar.time, "radar on") for radar in run.mission.radars if radar.time > 0.0]
+    """(time [s], text) of what a viewer should be told, in order of time; of each kind of event only the first."""
+    found = {"arrived" if run.summary.get("arrived") else "did not arrive": run.duration}
     for event in run.events:
-        if event.kind == "message":  # the radar that it announces is on the list already
-            continue
-        text = event.kind.replace("-", " ")
-        if count[event.kind] > MANY:
-            text += f", {count[event.kind]} times in this flight"
-        elif event.message:
-            text += f": {event.message}"
-        if event.kind not in told or count[event.kind] <= MANY:
-            told.add(event.kind)
-            found.append((event.t, text if len(text) <= 76 else text[:75] + "…"))
-    return sorted(found)
+        if event.kind in TOLD:
+            found.setdefault(TOLD[event.kind], event.t)
+    radars = [(radar.time, "radar on") for radar in run.mission.radars if 0.0 < radar.time < run.duration]
+    return sorted(radars + [(t, text) for text, t in found.items()])
 
 
 def shots(run: RunData, direction: Direction = "tour") -> list[Shot]:
@@ -88,12 +104,11 @@ def shots(run: RunData, direction: Direction = "tour") -> list[Shot]:
     end = run.duration
     if direction != "tour":
         return [Shot(direction, 0.0, end, FORCED_LENGTH), Shot(direction, end, end, LAST_LOOK)]
-    close = float(np.clip(highlight(run) / end - 0.02, 0.18, 0.80))
-    cuts = np.array([0.0, 0.03, 0.10, close, close + 0.08, 0.94, 1.0]) * end
-    cameras: tuple[Camera, ...] = ("overview", "chase", "overview", "chase", "top", "chase")
+    a, b = highlight(run)
+    cuts = (0.0, 0.03 * end, a, a + 0.4 * (b - a), a + 0.65 * (b - a), b, 0.94 * end, end)
     filmed = [
-        Shot(camera, float(a), float(b), length)
-        for camera, a, b, length in zip(cameras, cuts[:-1], cuts[1:], SHOT_LENGTHS, strict=True)
+        Shot(camera, begin, finish, length)
+        for (camera, length), begin, finish in zip(TOUR, cuts[:-1], cuts[1:], strict=True)
     ]
     return [*filmed, Shot("overview", end, end, LAST_LOOK)]
 
@@ -105,14 +120,14 @@ def storyboard(run: RunData, direction: Direction = "tour", fps: int = 24) -> li
     frames: list[Frame] = []
     total = sum(shot.length for shot in shots(run, direction))
     coming = notices(run)
-    notice, shown = "", 0.0  # the latest, and since when [s] of video
     for shot in shots(run, direction):
+        told: list[tuple[float, str]] = []  # (time [s] of video, text) since the cut
         count = round(shot.length * fps)
         for k in range(count):
             now = len(frames) / fps
             t = shot.begin + (shot.end - shot.begin) * k / count
             while coming and coming[0][0] <= t + 1e-6:
-                (_, notice), shown = coming.pop(0), now
-            lately = notice if now - shown < NOTICE_LENGTH else ""
+                told.append((now, coming.pop(0)[1]))
+            lately = " · ".join(text for shown, text in told if now - shown < NOTICE_LENGTH)
             frames.append(Frame(t, shot.camera, TURN * (now - 0.5 * total), shot.rate, lately))
     return frames

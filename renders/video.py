@@ -77,12 +77,12 @@ def write_still(
 ) -> Path:
     """Write a PNG of a run, ``CAMERA.png`` in its folder unless ``path`` says else.
 
-    It shows the moment ``t`` [s], by default one shortly after the flight's highlight.
+    It shows the moment ``t`` [s], by default the middle of the flight's highlight.
     """
     run = load_run(run_dir)
     if t is not None and not 0.0 <= t <= run.duration:
         raise ValueError(f"time = {t:g} s; allowed: 0 to {run.duration:g} s, the length of the run")
-    moment = min(highlight(run) + 0.05 * run.duration, run.duration) if t is None else t
+    moment = sum(highlight(run)) / 2.0 if t is None else t
     target = Path(path) if path is not None else run.directory / f"{camera}.png"
     partial = target.with_name(f".{target.name}.partial")
     with closing(draw(run.directory, [Frame(moment, camera, 0.0, 0.0)], width, height, STILL_SAMPLES)) as pictures:

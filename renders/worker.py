@@ -11,24 +11,10 @@ import os
 import sys
 from typing import BinaryIO
 
-import numpy as np
-
 from renders.caption import Caption
-from renders.palette import Part
-from renders.run_data import RunData, load_run
+from renders.run_data import load_run
 from renders.scene import Scene
 from renders.storyboard import Frame
-from sim.signals import Array
-
-
-def label_places(run: RunData, t: float) -> tuple[list[str], Array]:
-    """Names and map points (n, 3) [m] of what is labelled."""
-    names, points = [Part.START.value, Part.TARGET.value], [run.mission.start, run.mission.target]
-    for number, radar in enumerate(run.mission.radars, start=1):
-        if t >= radar.time:
-            names.append(Part.RADAR.value if len(run.mission.radars) == 1 else f"{Part.RADAR.value} {number}")
-            points.append(np.array([radar.x, radar.y, float(run.terrain.height(radar.x, radar.y))]))
-    return names, np.array(points)
 
 
 def draw(job: dict[str, object], output: BinaryIO) -> None:
@@ -42,12 +28,7 @@ def draw(job: dict[str, object], output: BinaryIO) -> None:
         for fields in frames:
             frame = Frame(*fields)
             picture = scene.draw(frame.t, frame.camera, frame.turn)
-            labels = []
-            if frame.camera != "chase":
-                names, places = label_places(run, frame.t)
-                pixels = scene.pixels(places, frame.camera)
-                labels = [(name, float(c), float(r)) for name, (c, r, _) in zip(names, pixels, strict=True)]
-            output.write(caption.write(picture, frame, labels).tobytes())
+            output.write(caption.write(picture, frame, scene.labels(frame.t, frame.camera)).tobytes())
             output.flush()
 
 

@@ -1,7 +1,8 @@
 """The command line ``mathnavi``.
 
 Exit codes: 0 the mission did what it should, 1 it ran and did not, 2 bad input: one line on standard error that names
-the field, its value and what is allowed. A command's module is imported when it is called, so that help is quick.
+the field, its value and what is allowed, or the usage where there is no command at all. A command's module is imported
+when it is called, so that help is quick.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 
 from sim.commands.errors import BadInputError
 
@@ -18,18 +20,22 @@ COMMANDS = {
     "render": ("sim.commands.render", "a video or a still of a run"),
     "terrain": ("sim.commands.terrain", "import an elevation model, show a map"),
 }
-USAGE = "usage: mathnavi COMMAND ...\n\n{}\n\n`mathnavi COMMAND --help` explains a command."
+USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
 INTERRUPTED = 130  # what a shell calls a process that ended by SIGINT
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the result is the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if arguments and arguments[0] in ("-h", "--help"):
-        print(USAGE.format("\n".join(f"  {name:9}{purpose}" for name, (_, purpose) in COMMANDS.items())))
+    if not arguments or arguments[0] in ("-h", "--help"):
+        usage = USAGE.format("\n".join(f"  {name:9}{purpose}" for name, (_, purpose) in COMMANDS.items()))
+        print(usage, file=sys.stdout if arguments else sys.stderr)
+        return 0 if arguments else 2
+    if arguments[0] == "--version":
+        print(f"mathnavi {version('mathnavi')}")
         return 0
     try:
-        return _command(*arguments[:1])(arguments[1:])
+        return _command(arguments[0])(arguments[1:])
     except BadInputError as error:
         print(f"mathnavi: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
@@ -38,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _command(name: str = "") -> Callable[[Sequence[str]], int]:
+def _command(name: str) -> Callable[[Sequence[str]], int]:
     if name not in COMMANDS:
         raise BadInputError(f"COMMAND = {name!r} is not known; allowed: {', '.join(COMMANDS)}")
     command: Callable[[Sequence[str]], int] = importlib.import_module(COMMANDS[name][0]).main

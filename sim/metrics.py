@@ -26,6 +26,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "planning": ("replans", "plans_adopted", "plans_rejected", "manoeuvres_rejected", "late_plans", "fallback_steps"),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
 }
+UNITS = {"_m_s": "m/s", "_ms": "ms", "_s": "s", "_m": "m"}  # by the end of a name; the longer first
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
 REJECTIONS = ("low-clearance", "off-map", "bounds", "deadline", "no-arrival", "wrong-start")
 
@@ -45,6 +46,14 @@ class TimedRadar:
 
     radar: Radar
     time: float = 0.0  # [s]
+
+
+def label(key: str) -> tuple[str, str]:
+    """The readable name and the unit ("" for none) of a key of the summary."""
+    if key.startswith("solve_ms_"):
+        return f"solve time {key.removeprefix('solve_ms_')}", "ms"
+    end = next((end for end in UNITS if key.endswith(end)), "")
+    return key.removesuffix(end).replace("_", " "), UNITS.get(end, "")
 
 
 def references(t: Array, agent: AgentRecorder) -> Array:

@@ -1,19 +1,33 @@
 """Plug-ins: entry points, or "package.module:Class" for a class that declares a frozen configuration.
 
 A plug-in is a class with a frozen dataclass ``Config`` and a static ``build``. The built-in ones enter by the same
-door as a stranger's package.
+door as a stranger's package, and what any of them builds is checked before it flies.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import importlib
+import traceback
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import metadata
 from importlib.metadata import entry_points
-from typing import Any
+from numbers import Real
+from typing import Any, TypeVar
+
+from sim.protocols import Estimator, Planner, Sensor
+
+Quality = TypeVar("Quality")
 
 GROUPS = {
     kind: f"mathnavi.{kind}" for kind in ("controllers", "estimators", "consensus", "scenarios", "studies", "terrains")
+}
+
+NEEDED = {  # of the class itself, beside Config
+    "controllers": ("build",),
+    "estimators": ("build", "sensors", "quality"),
+    "scenarios": ("build", "controller", "estimator"),
 }
 
 
@@ -45,32 +59,117 @@ def load(kind: str, name: str) -> Any:
     Raises ValueError if there is none, naming those that exist, or if it declares no frozen configuration.
     """
     points = {point.name: point for point in entry_points(group=GROUPS[kind])}
-    if name in points:
-        try:
-            plugin = points[name].load()
-        except (ImportError, AttributeError) as error:
-            raise ValueError(f"{kind}: {name!r} cannot be imported: {error}") from None
-    elif ":" in name:
-        plugin = _imported(kind, name)
-    else:
+    if name not in points and ":" not in name:
         known = ", ".join(sorted(points)) or "none"
         raise ValueError(f"{kind}: {name!r} is not known; allowed: {known}, or package.module:Class")
-    config = getattr(plugin, "Config", None)
-    if not (isinstance(config, type) and dataclasses.is_dataclass(config) and _frozen(config)):
-        raise ValueError(f"{kind}: {name!r} declares no frozen dataclass named Config, so it is not a plug-in")
-    if not callable(getattr(plugin, "build", None)):
-        raise ValueError(f"{kind}: {name!r} has no build(), so it is not a plug-in")
+    try:
+        plugin = points[name].load() if name in points else _at(name)
+    except Exception as error:  # whatever a stranger's module does when it is imported
+        raise ValueError(f"{kind}: {name!r} cannot be imported: {_told(error)}") from error
+    _check_class(kind, plugin, name)
     return plugin
 
 
+def checked_controller(part: Part, mission: Any, bound: type) -> tuple[Planner, Any]:
+    """The planner and the tracker that a controller builds; the tracker's ``bound`` is of the type given.
+
+    ValueError if the build fails or anything that the loop needs is missing.
+    """
+    _check_class("controllers", part.plugin, part.name)
+    pair = _called("controllers", part, "build", mission)
+    said = f"controllers: {part.name!r}: build() returned"
+    if not (isinstance(pair, tuple) and len(pair) == 2):
+        raise ValueError(f"{said} {_kind(pair)}; allowed: a pair (planner, tracker)")
+    planner, tracker = pair
+    _check_made(f"{said} the planner", planner, "plan")
+    _check_made(f"{said} the tracker", tracker, "command")
+    if not isinstance(getattr(tracker, "bound", None), bound):
+        given = _kind(tracker.bound) if hasattr(tracker, "bound") else "no bound"
+        raise ValueError(f"{said} the tracker {_kind(tracker)} with {given}; allowed: bound is a {bound.__name__}")
+    return planner, tracker
+
+
+def checked_estimator(part: Part, mission: Any) -> Estimator:
+    """The estimator that a plug-in builds; ValueError as for a controller."""
+    _check_class("estimators", part.plugin, part.name)
+    estimator: Estimator = _called("estimators", part, "build", mission)
+    _check_made(f"estimators: {part.name!r}: build() returned the estimator", estimator, "update")
+    return estimator
+
+
+def checked_sensors(part: Part, mission: Any) -> tuple[Sensor, ...]:
+    """What a vehicle carries for an estimator; ValueError as for a controller."""
+    _check_class("estimators", part.plugin, part.name)
+    sensors = _called("estimators", part, "sensors", mission)
+    said = f"estimators: {part.name!r}: sensors() returned"
+    if not isinstance(sensors, Sequence):
+        raise ValueError(f"{said} {_kind(sensors)}; allowed: a tuple of sensors")
+    for sensor in sensors:
+        if missing := [name for name in ("name", "size", "rate", "read") if not hasattr(sensor, name)]:
+            raise ValueError(
+                f"{said} {_kind(sensor)} without {' and '.join(missing)}; allowed: name, size, rate, read()"
+            )
+    return tuple(sensors)
+
+
+def checked_quality(part: Part, mission: Any, quality: type[Quality]) -> Quality:
+    """How good a plug-in's estimates are, of the type given; ValueError as for a controller."""
+    _check_class("estimators", part.plugin, part.name)
+    answer = _called("estimators", part, "quality", mission)
+    if not isinstance(answer, quality):
+        raise ValueError(
+            f"estimators: {part.name!r}: quality() returned {_kind(answer)}; allowed: a {quality.__name__}"
+        )
+    return answer
+
+
+def _check_class(kind: str, plugin: Any, name: str) -> None:
+    config = getattr(plugin, "Config", None)
+    if not (isinstance(config, type) and dataclasses.is_dataclass(config) and _frozen(config)):
+        raise ValueError(f"{kind}: {name!r} declares no frozen dataclass named Config, so it is not a plug-in")
+    for field in dataclasses.fields(config):
+        if field.init and field.default is field.default_factory is dataclasses.MISSING:
+            raise ValueError(f"{kind}: {name!r}: Config.{field.name} has no default; allowed: fields with defaults")
+    needed = NEEDED.get(kind, ("build",))
+    if missing := [attribute for attribute in needed if not hasattr(plugin, attribute)]:
+        raise ValueError(f"{kind}: {name!r} has no {' and no '.join(missing)}; allowed: {', '.join(needed)} and Config")
+
+
 def _frozen(config: type) -> bool:
-    parameters: Any = vars(config)["__dataclass_params__"]
-    return bool(parameters.frozen)
+    parameters: Any = vars(config).get("__dataclass_params__")
+    return parameters is not None and bool(parameters.frozen)
 
 
-def _imported(kind: str, name: str) -> Any:
+def _at(name: str) -> Any:
     module, _, attribute = name.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def _called(kind: str, part: Part, method: str, mission: Any) -> Any:
+    """What a plug-in's method makes of its configuration and a mission."""
     try:
-        return getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError, ValueError) as error:  # ValueError: no module before the colon
-        raise ValueError(f"{kind}: {name!r} cannot be imported: {error}") from None
+        return getattr(part.plugin, method)(part.config, mission)
+    except Exception as error:
+        if isinstance(error, ValueError) and "allowed" in str(error):
+            raise  # it refuses its configuration or the mission, and says why
+        raise ValueError(f"{kind}: {part.name!r}: {method}() failed: {_told(error)}") from error
+
+
+def _told(error: Exception) -> str:
+    """What was raised, and where."""
+    machinery = ("<frozen", __file__, importlib.__file__, metadata.__file__)
+    frames = traceback.extract_tb(error.__traceback__)
+    where = [f" ({frame.filename}:{frame.lineno})" for frame in frames if not frame.filename.startswith(machinery)]
+    return f"{type(error).__name__}: {error}{''.join(where[-1:])}"
+
+
+def _check_made(said: str, made: Any, method: str) -> None:
+    period = getattr(made, "period", None)
+    missing = [] if isinstance(period, Real) and not isinstance(period, bool) else ["period [s]"]
+    missing += [] if callable(getattr(made, method, None)) else [f"{method}()"]
+    if missing:
+        raise ValueError(f"{said} {_kind(made)} without {' and '.join(missing)}; allowed: period [s] and {method}()")
+
+
+def _kind(value: Any) -> str:
+    return "None" if value is None else f"a {type(value).__name__}"

@@ -5,7 +5,10 @@ from __future__ import annotations
 import ctypes.util
 import os
 import sys
+import tempfile
+from pathlib import Path
 
+import pytest
 from hypothesis import settings
 
 if sys.platform == "linux" and not os.environ.get("MUJOCO_GL"):
@@ -16,3 +19,20 @@ if sys.platform == "linux" and not os.environ.get("MUJOCO_GL"):
 # No deadline: the first example of a compiled kernel pays for its compilation.
 settings.register_profile("mathnavi", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("mathnavi")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the kernels before the first test and before any worker: each then loads them from the cache.
+
+    A process that compiles says so, which the tests of what is printed do not expect.
+    """
+    if hasattr(session.config, "workerinput") or session.config.option.collectonly:
+        return
+    from sim.scenarios.safe_flight import SafeFlight, SafeFlightConfig
+    from tests.flight import START, TARGET, above, mountains, save
+
+    terrain = mountains()
+    ends = above(terrain, START, 600.0), above(terrain, TARGET, 600.0)
+    with tempfile.TemporaryDirectory() as folder:
+        file = save(terrain, Path(folder) / "mountains.npz")
+        SafeFlight.build(SafeFlightConfig(file, *ends, radar=((6000.0, 6000.0, 900.0, 2.0),)), 0).run()

@@ -282,7 +282,7 @@ def _read_with_rasterio(path: Path) -> Raster:
 
 
 def _read_with_pillow(path: Path) -> Raster:
-    advice = "install the extra: pip install 'mathnavi[dem]', or convert the file with gdal_translate"
+    advice = "install the extra: pip install -e '.[dem]', or convert the file with gdal_translate"
     try:
         image, values = _decode(path)
     except ValueError as error:

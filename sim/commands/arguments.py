@@ -21,7 +21,7 @@ import tyro
 
 from sim.commands.errors import BadInputError
 
-_CONFIG = (tyro.conf.UseAppendAction, tyro.conf.FlagCreatePairsOff)
+_CONFIG = (tyro.conf.UseAppendAction, tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
 _CLOSE = 0.6  # similarity from which a flag that is not known counts as misspelt
 
 
@@ -32,6 +32,7 @@ class Group:
     of: type
     prefix: str = ""
     default: Any = None  # an instance; None where fields have to be given
+    heading: str | None = None  # in the help; the docstring of the dataclass if not given
 
 
 def parse(argv: Sequence[str], prog: str, description: str, *groups: Group) -> tuple[Any, ...]:
@@ -62,7 +63,7 @@ def parse(argv: Sequence[str], prog: str, description: str, *groups: Group) -> t
 
 
 def _field(name: str, group: Group) -> tuple[str, Any, Any]:
-    kind = Annotated[group.of, tyro.conf.arg(name=group.prefix)]  # type: ignore[name-defined]
+    kind = Annotated[group.of, tyro.conf.arg(name=group.prefix, help=group.heading)]  # type: ignore[name-defined]
     default = group.default
     return name, kind, field() if default is None else field(default_factory=lambda: default)
 
@@ -153,12 +154,16 @@ def _one_line(box: str, argv: Sequence[str], known: Mapping[str, bool], prefixes
     rule = next((k for k, line in enumerate(lines) if line and not line.strip("─-")), len(lines))
     message = re.sub(r"\bgroup[_-](\d+)\b[.]?", lambda k: f"{prefixes[int(k[1])]}.".lstrip("."), " ".join(lines[:rule]))
     if found := re.match(r"Error parsing (--\S+): ", message):
-        allowed = next((line.partition(" ")[2] for line in lines[rule:] if line.startswith(f"{found[1]} ")), "")
-        return f"{found[1]} = {_values(found[1], argv)}; allowed: {allowed}"
+        heading = next((k for k in range(rule, len(lines)) if lines[k].startswith(f"{found[1]} ")), rule)
+        kinds = "".join(lines[heading : heading + 1]).partition(" ")[2].strip("{}")
+        if len(kinds.split()) > 1:  # of several values the help says what each is
+            told = " ".join(lines[heading + 1 :]).replace(" (", ";").partition(";")[0]
+            kinds = f"{len(kinds.split())} values: {told} ({kinds})"
+        return _wrong(found[1], argv, kinds)
     if found := re.match(r"Error parsing ([\w.]*): (.*)", message):
         return with_flag(found[2], list(known), found[1].strip("."))
     if found := re.match(r"Missing value for argument '(--\S+?)'. Expected (\d+) values", message):
-        return f"{found[1]} = {_values(found[1], argv)}; allowed: {found[2]} value{'s' * (found[2] != '1')}"
+        return _wrong(found[1], argv, f"{found[2]} value{'s' * (found[2] != '1')}")
     if found := re.match(r"invalid choice '(.*)' for argument '(\S+)'. Expected one of \((.*)\)", message):
         choices = sorted({choice.strip(" '") for choice in found[3].split(",")} - {"", "None"})
         return f"{found[2]} = {found[1]}; allowed: {', '.join(choices)}"
@@ -167,6 +172,11 @@ def _one_line(box: str, argv: Sequence[str], known: Mapping[str, bool], prefixes
     if found := re.match(r"Unrecognized options: (.*)", message):
         return f"{found[1]}: nothing is known to do with this; allowed are flags, each followed by its values"
     return message
+
+
+def _wrong(flag: str, argv: Sequence[str], allowed: str) -> str:
+    values = _values(flag, argv)
+    return f"{flag} = {values}; allowed: {allowed}" if values else f"{flag}: its value is missing; allowed: {allowed}"
 
 
 def _values(flag: str, argv: Sequence[str]) -> str:
@@ -181,4 +191,4 @@ def _values(flag: str, argv: Sequence[str]) -> str:
                 words = [value] if assigned else []
         elif inside:
             words.append(word)
-    return " ".join(words) or "nothing"
+    return " ".join(words)

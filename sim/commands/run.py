@@ -33,7 +33,7 @@ DERIVED = (
     *(f"{camera}.{kind}" for camera in ("chase", "overview", "top") for kind in ("mp4", "png")),
 )
 PLACES = {"scenarios": "SCENARIO", "controllers": "--controller", "estimators": "--estimator"}
-USAGE = "usage: mathnavi run SCENARIO [OPTIONS]      SCENARIO: {}\n`mathnavi run SCENARIO --help` lists the options."
+USAGE = "usage: mathnavi run SCENARIO [OPTIONS]      SCENARIO: {}\nmathnavi run SCENARIO --help lists the options."
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,11 @@ def main(argv: Sequence[str]) -> int:
     with output_folder(order.folder), compilation_told(errors):
         experiment = build(order)
         outcome = fly(experiment, errors)
+        replaced = order.options.out is None and (order.folder / "summary.json").exists()
         with bad_input():
             outcome.write(order.folder)
+    if replaced:  # by chance, perhaps: nobody named the folder
+        errors.print(f"replaced the run in {order.folder}", style="dim", soft_wrap=True, highlight=False)
     for stale in DERIVED:
         (order.folder / stale).unlink(missing_ok=True)
 
@@ -119,16 +122,19 @@ def read_order(argv: Sequence[str]) -> Order:
     saved = Saved.read(Path(source)) if source is not None else None
     name, words = _scenario(argv, saved)
     scenario = _plugin("scenarios", name)
-    controller = value_of("--controller", words) or (saved.controller if saved else scenario.controller)
-    estimator = value_of("--estimator", words) or (saved.estimator if saved else scenario.estimator)
+    controller, estimator = value_of("--controller", words), value_of("--estimator", words)
+    if controller is None:
+        controller = saved.controller if saved else scenario.controller
+    if estimator is None:
+        estimator = saved.estimator if saved else scenario.estimator
     planner = _part("controllers", controller, saved, (saved.controller, saved.controller_fields) if saved else None)
     observer = _part("estimators", estimator, saved, (saved.estimator, saved.estimator_fields) if saved else None)
     config = _restored(scenario.Config, saved, words) if saved else scenario.Config()
     groups = (
         Group(Options, default=Options(saved.seed if saved else 0, controller=controller, estimator=estimator)),
         Group(type(config), default=config),
-        Group(type(planner.config), "planner", planner.config),
-        Group(type(observer.config), "estimator", observer.config),
+        Group(type(planner.config), "planner", planner.config, f"Of the controller {controller}."),
+        Group(type(observer.config), "estimator", observer.config, f"Of the estimator {estimator}."),
     )
     known = tuple(flag for group in groups for flag, _ in flags(group.of, group.prefix))
     purpose = (scenario.__doc__ or "").strip().partition("\n")[0]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from rich.table import Table
 
-from sim.metrics import SUMMARY_GROUPS
+from sim.metrics import SUMMARY_GROUPS, label
 
-UNITS = {"_m_s": "m/s", "_ms": "ms", "_s": "s", "_m": "m"}  # by the end of a name; the longer first
 UNTOLD = ("seed", "version")  # stand elsewhere
 
 
@@ -26,7 +26,7 @@ def summary_table(summary: Mapping[str, Any], events: Mapping[str, int]) -> Tabl
         heading = group
         for key in keys:
             if key in summary:
-                name, unit = _name_and_unit(key)
+                name, unit = label(key)
                 table.add_row(heading, name, _figure(summary[key]), unit)
                 heading = ""
     heading = "events"
@@ -36,15 +36,8 @@ def summary_table(summary: Mapping[str, Any], events: Mapping[str, int]) -> Tabl
     return table
 
 
-def _name_and_unit(key: str) -> tuple[str, str]:
-    if key.startswith("solve_ms_"):
-        return f"solve time {key.removeprefix('solve_ms_')}", "ms"
-    end = next((end for end in UNITS if key.endswith(end)), "")
-    return key.removesuffix(end).replace("_", " "), UNITS.get(end, "")
-
-
 def _figure(value: Any) -> str:
-    if value is None:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
         return "-"
     if isinstance(value, bool):
         return "yes" if value else "no"

@@ -13,6 +13,9 @@ solved again, in the order they arose and from the guess the planner had, by
 Times are of the thread (``time.thread_time``), each problem's the median over the repetitions. Costs are of the same
 function for all, ``kernels.objective`` at the accelerations and climb rate found, and are compared with the least that
 any of them found, at any tolerance. All else about the differences stands in benchmarks/README.md.
+
+With the defaults it takes some ten minutes: two or three to record, then the solvers, of which the compiled ones are
+built for a minute or two the first time. A few dozen problems are done sooner: --problems 20 --repetitions 1.
 """
 
 from __future__ import annotations
@@ -25,6 +28,7 @@ import shutil
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -40,7 +44,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.progress import track
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from controllers.flight import kernels, plugin, spline
@@ -54,6 +58,7 @@ from sim.signals import Array
 
 TOLERANCE = 1e-6
 SAME_COST = 1e-5
+LINE_EVERY = 10.0  # [s] between lines of progress
 OURS, IPOPT, DO_MPC = "condensed", "ipopt, VM", "do-mpc"
 
 
@@ -91,7 +96,28 @@ class Recorder:
         return self._solver.solve(problem, guess)
 
 
-def record(terrain: str, count: int) -> Recorded:
+@contextmanager
+def progress(console: Console, what: str, total: int) -> Iterator[Callable[[int], None]]:
+    """A function to tell how many problems are done: a bar on a terminal, elsewhere a line every ten seconds."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    began = told = time.monotonic()
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(what, total=total)
+
+        def tell(done: int) -> None:
+            nonlocal told
+            bar.update(task, completed=done, total=max(total, done))
+            if not console.is_terminal and time.monotonic() - told > LINE_EVERY:
+                told = time.monotonic()
+                console.print(f"{what}: {done} of {max(total, done)}", highlight=False)
+
+        if not console.is_terminal:
+            console.print(f"{what}: {total} problems", highlight=False)
+        yield tell
+    console.print(f"{what}: done in {time.monotonic() - began:.0f} s", highlight=False)
+
+
+def record(terrain: str, count: int, tell: Callable[[int], None]) -> Recorded:
     """At least ``count`` problems, whole missions at a time."""
     recorded: Recorded = []
     build = plugin.solver
@@ -102,6 +128,7 @@ def record(terrain: str, count: int) -> Recorded:
         with mock.patch.object(plugin, "solver", lambda config, into=mission: Recorder(build(config), into)):
             SafeFlight.build(SafeFlightConfig(terrain=terrain), seed).run()
         recorded += mission
+        tell(len(recorded))
     return recorded
 
 
@@ -264,22 +291,25 @@ def measure(name: str, build: Callable[[], Any], problems: Recorded, repetitions
     times = np.empty((repetitions, len(problems)))
     cost, iterations = np.full(len(problems), np.nan), []
     for repetition in range(repetitions):
+        if repetition == 0:
+            console.print(f"building {name}", highlight=False)
         solver = build()
         prepare = getattr(solver, "prepare", lambda problem, guess: None)
         first = problems[0]
         prepare(*first)
         solver.solve(*first)  # builds what is built once
-        title = f"{name}, {repetition + 1} of {repetitions}"
-        for i, (problem, guess) in enumerate(track(problems, title, console=console, transient=True)):
-            prepare(problem, guess)
-            began = time.thread_time()
-            outcome = solver.solve(problem, guess)
-            times[repetition, i] = 1e3 * (time.thread_time() - began)
-            if isinstance(outcome, Solution):
-                cost[i] = cost_of(problem, outcome)
-                iterations.append(outcome.iterations)
-            else:
-                cost[i] = np.nan
+        with progress(console, f"solving with {name}, {repetition + 1} of {repetitions}", len(problems)) as tell:
+            for i, (problem, guess) in enumerate(problems):
+                prepare(problem, guess)
+                began = time.thread_time()
+                outcome = solver.solve(problem, guess)
+                times[repetition, i] = 1e3 * (time.thread_time() - began)
+                if isinstance(outcome, Solution):
+                    cost[i] = cost_of(problem, outcome)
+                    iterations.append(outcome.iterations)
+                else:
+                    cost[i] = np.nan
+                tell(i + 1)
     return Result(name, np.median(times, axis=0), cost, float(np.mean(iterations)) if iterations else math.nan)
 
 
@@ -324,8 +354,10 @@ def _gap(cost: Array, best: Array) -> Array:
 def main(arguments: Arguments) -> None:
     warnings.simplefilter("ignore", FutureWarning)  # CasADi's, of how do-mpc calls it
     console = Console(width=110)  # the table needs it, wherever the output goes
-    console.print(f"Recording at least {arguments.problems} problems over {arguments.terrain}")
-    problems = record(arguments.terrain, arguments.problems)
+    if not find_spec("do_mpc"):
+        console.print(f"{DO_MPC} is left out: it is not installed (pip install -e '.[bench]')", markup=False)
+    with progress(console, f"recording missions over {arguments.terrain}", arguments.problems) as tell:
+        problems = record(arguments.terrain, arguments.problems, tell)
     results = {
         name: measure(name, build, problems, repetitions, console)
         for name, build, repetitions in contestants(arguments.repetitions)

@@ -48,6 +48,7 @@ class Caption:
         self._bold = {n: ImageFont.truetype(str(folder / "DejaVuSans-Bold.ttf"), self._px(n)) for n in (16, 26)}
         self._speed = np.linalg.norm(run.x[:, 3:], axis=1)
         self._notices = notices(run)
+        self._title_corner = (0.0, 0.0)  # right and lower edge of the title of the picture being written on
 
     def write(self, picture: Picture, frame: Frame, labels: list[tuple[str, float, float]]) -> Picture:
         """The picture with the caption of a frame and ``labels`` (text, column, row) beside places."""
@@ -70,21 +71,26 @@ class Caption:
         draw.rounded_rectangle(box, radius=self._px(9), fill=PANEL)
 
     def _label(self, draw: ImageDraw.ImageDraw, text: str, column: float, row: float) -> None:
+        """A name above its place, inside the picture and clear of the title."""
         half, gap = self._bold[16].getlength(text) / 2 + self._px(6), self._px(20)
         middle = min(max(column, half), self.width - half)
+        right, bottom = self._title_corner
+        least = bottom + gap if middle - half < right else gap
         draw.text(
-            (middle, max(row - gap, gap)), text, WHITE, self._bold[16], "mm",
+            (middle, max(row - gap, least)), text, WHITE, self._bold[16], "mm",
             stroke_width=self._px(2), stroke_fill=(16, 24, 36, 210),
         )  # fmt: skip
 
     def _title(self, draw: ImageDraw.ImageDraw, frame: Frame) -> None:
-        font, pad, edge = self._plain[15], self._px(11), self._px(18)
-        text = f"mathnavi · {self.run.config['scenario']} · {self.run.terrain.name} · seed {self.run.config['seed']}"
-        self._panel(draw, (edge, edge, edge + 2 * pad + font.getlength(text), edge + self._px(34)))
-        draw.text((edge + pad, edge + self._px(17)), text, WHITE, font, "lm")
+        run, pad, edge, row = self.run, self._px(11), self._px(18), self._px(24)
+        lines = [(f"mathnavi · {run.config['scenario']} · {run.terrain.name} · seed {run.config['seed']}", 15, WHITE)]
         if frame.camera != "chase":
-            scale = f"vehicle and heights not to scale: heights × {EXAGGERATION}"
-            draw.text((edge + pad, edge + self._px(48)), scale, WHITE, self._plain[13], "lm")
+            lines.append((f"vehicle and heights not to scale: heights × {EXAGGERATION}", 13, SOFT))
+        wide = max(self._plain[size].getlength(text) for text, size, _ in lines)
+        self._title_corner = edge + 2 * pad + wide, edge + self._px(10) + row * len(lines)
+        self._panel(draw, (edge, edge, *self._title_corner))
+        for k, (text, size, colour) in enumerate(lines):
+            draw.text((edge + pad, edge + self._px(17) + k * row), text, colour, self._plain[size], "lm")
 
     def _numbers(self, draw: ImageDraw.ImageDraw, frame: Frame) -> None:
         run = self.run

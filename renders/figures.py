@@ -20,7 +20,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from models.terrain.height_field import HeightField
 from renders.palette import COLOURS, Part, hexadecimal
 from renders.relief import relief
-from renders.run_data import RunData, event_name
+from renders.run_data import RunData, described
 from sim.signals import Integers
 
 INK, GRID = "#1b2733", "#b9c2cc"
@@ -143,13 +143,6 @@ def profile_figure(run: RunData) -> Figure:
         upper.plot(distance, run.x[i, 2], color=_colour(Part.FLOWN), label="flown")
         least = run.mission.clearance_min
         upper.plot(distance, ground + least, ":", color=BOUND, lw=1.0, label=f"least height, {least:g} m above ground")
-        here = run.travelled[lowest] / 1e3
-        early = here < 0.1 * distance[-1]  # the label would leave the axes
-        upper.annotate(
-            f"least {run.summary.get('min_clearance_m', run.above_ground[lowest]):.1f} m",
-            (here, run.x[lowest, 2]), (0, 22), textcoords="offset points", ha="left" if early else "center",
-            arrowprops={"arrowstyle": "-", "color": INK},
-        )  # fmt: skip
         upper.set(ylabel="height [m]", title="Height over the ground")
         upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2)
         lower.plot(distance, np.maximum(run.above_ground[i], LOWEST_DRAWN), color=_colour(Part.FLOWN))
@@ -161,6 +154,13 @@ def profile_figure(run: RunData) -> Figure:
         lower.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         lower.yaxis.set_minor_formatter(NullFormatter())
         lower.set_xlim(distance[0], distance[-1])
+        here = (run.travelled[lowest] / 1e3, max(float(run.above_ground[lowest]), LOWEST_DRAWN))
+        late = here[0] > 0.8 * distance[-1]  # the label would leave the axes
+        lower.plot(*here, "o", ms=4.0, color=INK)
+        lower.annotate(
+            f"least {run.summary.get('min_clearance_m', run.above_ground[lowest]):.1f} m", here, (-8 if late else 8, 0),
+            textcoords="offset points", ha="right" if late else "left", va="center",
+        )  # fmt: skip
     return figure
 
 
@@ -220,7 +220,7 @@ def solve_figure(summary: Mapping[str, Any]) -> Figure:
 def events_figure(run: RunData) -> Figure:
     """When each kind of event happened."""
     with matplotlib.rc_context(STYLE):
-        names = [event_name(event) for event in run.events]
+        names = [described(event)[0] for event in run.events]
         kinds = list(dict.fromkeys(names))
         figure = _figure(9.4, 0.9 + 0.28 * max(len(kinds), 1))
         axes = figure.add_subplot()

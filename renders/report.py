@@ -21,7 +21,7 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from renders import figures, opengl
-from renders.run_data import RunData, event_name, load_run
+from renders.run_data import RunData, described, load_run
 from renders.storyboard import EXAGGERATION
 from renders.video import write_still
 from sim.log import write_text
@@ -211,13 +211,14 @@ def _events(run: RunData) -> str:
     if not run.events:
         return "<p>Nothing happened that is worth a line.</p>\n"
     rows = "".join(
-        f"<tr><td>{event.t:.2f} s</td><td>{_text(event_name(event))}</td><td>{_text(event.message)}</td></tr>\n"
+        f"<tr><td>{event.t:.2f} s</td><td>{_text(name)}</td><td>{_text(message)}</td></tr>\n"
         for event in run.events[:MOST_EVENTS]
+        for name, message in [described(event)]
     )
     rest = len(run.events) - MOST_EVENTS
     more = f"<p>{rest} more in events.jsonl.</p>\n" if rest > 0 else ""
     head = '<thead><tr><th scope="col">time</th><th scope="col">kind</th><th scope="col">message</th></tr></thead>'
-    title = f"{len(run.events)} events"
+    title = f"{len(run.events)} event{'s' if len(run.events) > 1 else ''}"
     return f"<details open><summary>{title}</summary><table>{head}<tbody>\n{rows}</tbody></table>\n{more}</details>\n"
 
 
@@ -233,9 +234,5 @@ def _again(run: RunData) -> str:
 def _footer(summary: Mapping[str, Any]) -> str:
     """What the summary's cards do not show: seed, version, how fast it ran."""
     named = {key for keys in SUMMARY_GROUPS.values() for key in keys}
-    rest = "".join(
-        f"<span>{_text(label(key)[0])}</span> {_text(_quantity(summary, key))} · "
-        for key in summary
-        if key not in named
-    )
-    return f"<footer>{rest}mathnavi</footer>\n"
+    rest = (f" · {label(key)[0]} {_quantity(summary, key)}" for key in summary if key not in named)
+    return f"<footer>mathnavi{_text(''.join(rest))}</footer>\n"

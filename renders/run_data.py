@@ -113,11 +113,11 @@ def plan_arcs(plan: Plan, t: float, step: float) -> list[tuple[int, Array]]:
     return arcs
 
 
-def event_name(event: Event) -> str:
-    """What happened, in words."""
+def described(event: Event) -> tuple[str, str]:
+    """What happened, in words, and the details."""
     if event.kind == "message" and event.message.startswith("radar "):
-        return "radar on"
-    return event.kind.replace("-", " ")
+        return "radar on", ""
+    return event.kind.replace("-", " "), event.message
 
 
 def load_run(directory: str | Path) -> RunData:

@@ -228,21 +228,23 @@ class Scene:
     # ---- what is drawn
 
     def _place_airframe(self, t: float, camera: Camera) -> None:
-        i = self.run.index(t)
+        near = camera == "chase"
         x = self.run.state(t)
-        position, quaternion = airframe_pose(x[:3], x[3:], self.run.u[min(i, len(self.run.u) - 1)])
+        # From afar it is drawn level: tilted, it could turn its edge to the camera and be lost to sight.
+        u = self.run.u[min(self.run.index(t), len(self.run.u) - 1)] if near else np.zeros(3)
+        position, quaternion = airframe_pose(x[:3], x[3:], u)
         position = self.world(position, camera)
-        span = 0.16 if camera == "chase" else 0.045  # of the picture's height
-        distance = CHASE_DISTANCE if camera == "chase" else self._camera.distance
+        span = 0.16 if near else 0.055  # of the picture's height
+        distance = CHASE_DISTANCE if near else self._camera.distance
         scale = span * 2.0 * distance * self._tangent() / TRUE_SPAN
-        if camera != "chase":
-            position[2] += 0.15 * scale * TRUE_SPAN  # so that the enlarged airframe hovers over its place on the map
-            # The discs of the rotors, nearly clear beside the vehicle, are what is seen of it from afar.
-        self.model.geom_rgba[self._airframe_geoms, 3] = self._airframe_alpha ** (1.0 if camera == "chase" else 0.3)
+        if not near:
+            position[2] += 0.35 * scale * TRUE_SPAN  # so that the enlarged airframe hovers over its place on the map
+        # The discs of the rotors, nearly clear beside the vehicle, are what is seen of it from afar.
+        self.model.geom_rgba[self._airframe_geoms, 3] = self._airframe_alpha if near else 1.0
         self.data.mocap_pos[0], self.data.mocap_quat[0] = position, quaternion
         self.model.geom_size[self._airframe_geoms] = scale * self._airframe_size
         self.model.geom_pos[self._airframe_geoms] = scale * self._airframe_pos
-        opacity = 0.16 if camera == "chase" else 0.24  # the chase camera often looks from inside
+        opacity = 0.16 if near else 0.24  # the chase camera often looks from inside
         for k, radar in enumerate(self.run.mission.radars):
             for world in ("true", "tall"):
                 self.model.geom(f"radar {k} {world}").rgba[3] = opacity if t >= radar.time else 0.0

@@ -117,9 +117,7 @@ def checked_quality(part: Part, mission: Any, quality: type[Quality]) -> Quality
     _check_class("estimators", part.plugin, part.name)
     answer = _called("estimators", part, "quality", mission)
     if not isinstance(answer, quality):
-        raise ValueError(
-            f"estimators: {part.name!r}: quality() returned {_kind(answer)}; allowed: a {quality.__name__}"
-        )
+        raise ValueError(f"estimators: {part.name!r}: quality() returned {_kind(answer)}; allowed: {quality.__name__}")
     return answer
 
 

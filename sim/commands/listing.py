@@ -39,7 +39,7 @@ def main(argv: Sequence[str]) -> int:
     console = Console()
     for kind in GROUPS if options.kind == "all" else (options.kind,):
         points = sorted(entry_points(group=GROUPS[kind]))
-        console.print(listing(kind, points) if points else f"[bold]{kind}[/bold]\n  none installed", crop=False)
+        console.print(listing(kind, points) if points else f"[bold]{kind}[/bold]\n  none installed")
         console.print()
     return 0
 
@@ -50,10 +50,11 @@ def listing(kind: str, points: Sequence[EntryPoint]) -> Table:
     table.add_column("name", style="bold", no_wrap=True)
     table.add_column("what")
     if kind in WITH_FIELDS:
-        table.add_column(f"{WITH_FIELDS[kind]}FIELD")
-    table.add_column("from", no_wrap=True, overflow="fold", min_width=max(len(point.value) for point in points))
+        table.add_column(f"{WITH_FIELDS[kind]}FIELD", overflow="fold")
+    table.add_column("from", no_wrap=True)
     for point in points:
-        origin = f"{point.dist.name} {point.dist.version}\n{point.value}" if point.dist else point.value
+        place = point.value.replace(":", "\n:")  # broken here, not in the middle of a word
+        origin = f"{point.dist.name} {point.dist.version}\n{place}" if point.dist else place
         try:
             plugin = point.load()
         except Exception as error:  # one broken plug-in must not hide the others

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
 
 from renders import figures
-from renders.report import inline_svg, write_report
-from renders.run_data import RunData
+from renders.report import inline_svg, page, write_report
+from renders.run_data import RunData, described
+from sim.metrics import label
+from sim.signals import Event
 from tests.renders.synthetic import ridges
 
 VOID = {"meta", "img", "br", "link", "input"}
@@ -61,9 +65,29 @@ def test_report_needs_nothing_beside_itself(report: str) -> None:
 def test_report_shows_every_key_of_the_summary_and_every_event(report: str, run: RunData) -> None:
     words = Page(report).words
     for key in run.summary:
-        assert key in words
+        assert any(label(key)[0] in word for word in words)
     for event in run.events:
-        assert event.kind in words
+        assert described(event)[0] in words
+
+
+def test_figures_have_sensible_digits_and_unknown_ones_a_dash(run: RunData, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    summary = dict(run.summary) | {
+        "arrival_time_s": 276.43333, "tracking_error_max_m": 3e-10, "solve_ms_mean": math.nan, "solve_ms_p50": 0.28123,
+        "path_length_m": 76211.3, "deadline_s": None,
+    }  # fmt: skip
+    cells = re.findall(r"<tr><th[^>]*>([^<]*)</th><td>([^<]*)</td>", page(replace(run, summary=summary)))
+    shown = dict(cells)
+    assert shown["arrival time"] == "276.4 s"
+    assert shown["tracking error max"] == "&lt; 0.001 m"
+    assert shown["solve time mean"] == shown["deadline"] == "–"
+    assert shown["solve time p50"] == "0.28 ms"
+    assert shown["path length"] == "76,211 m"
+
+
+def test_a_radar_warning_is_told_in_words() -> None:
+    assert described(Event(1.0, "vehicle", "message", "radar from radar warning")) == ("radar on", "")
+    assert described(Event(1.0, "vehicle", "plan-rejected", "why")) == ("plan rejected", "why")
 
 
 def test_text_of_a_run_is_escaped(report: str) -> None:

@@ -41,11 +41,37 @@ def test_frames_run_forwards_and_show_every_event_once(fps: int, run: RunData) -
     assert "arrived" in changes
 
 
-def test_a_kind_of_event_that_happens_all_the_time_is_told_once(run: RunData) -> None:
-    jumps = tuple(Event(0.1 * k, "vehicle", "position-jump", f"by {k} m") for k in range(40))
-    told = [text for _, text in notices(replace(run, events=run.events + jumps))]
-    assert [text for text in told if "jump" in text] == ["position jump, 40 times in this flight"]
-    assert {text for _, text in notices(run)} <= set(told)
+def test_what_only_a_developer_cares_about_is_not_announced_and_jumps_are_told_once(run: RunData) -> None:
+    trivia = ("iteration-limit", "solver-failed", "low-clearance", "reserve-plan", "deadline", "late", "plan-rejected")
+    kinds = [*trivia, "position-jump", "rebased", "tracking-breach"] * 20
+    events = tuple(Event(0.1 * k, "vehicle", kind, "why") for k, kind in enumerate(kinds))
+    told = [text for _, text in notices(replace(run, events=events))]
+    assert sorted(told) == ["arrived", "position jump", "radar on", "tracking bound exceeded"]
+
+
+@pytest.mark.parametrize("arrived", [True, False])
+def test_the_last_second_says_whether_the_vehicle_arrived(arrived: bool, run: RunData) -> None:
+    frames = storyboard(replace(run, summary=dict(run.summary) | {"arrived": arrived}))
+    assert {frame.notice for frame in frames[-24:]} == {"arrived" if arrived else "did not arrive"}
+
+
+def test_a_notice_lasts_two_seconds_at_most_and_ends_with_its_shot(run: RunData) -> None:
+    events = tuple(Event(float(t), "vehicle", "ground-contact", "") for t in run.t[:: len(run.t) // 40])
+    for shift in range(0, 40, 7):
+        noticed = replace(run, events=events[shift:])
+        film, frames = shots(noticed), storyboard(noticed)
+        shot_of = np.repeat(np.arange(len(film)), [round(shot.length * 24) for shot in film])
+        seen = [k for k, frame in enumerate(frames) if "ground contact" in frame.notice]
+        assert len(seen) <= 2 * 24
+        assert len(set(shot_of[seen])) <= 1
+        assert all(frames[k].t >= events[shift].t - 1e-6 for k in seen)
+
+
+def test_the_way_around_a_radar_gets_more_than_a_third_of_the_tour(run: RunData) -> None:
+    radar = run.mission.radars[0]
+    passed = run.t[np.argmin(np.hypot(run.x[:, 0] - radar.x, run.x[:, 1] - radar.y))]
+    frames = storyboard(run)
+    assert sum(radar.time <= frame.t <= passed for frame in frames) > len(frames) / 3
 
 
 def test_unknown_camera_and_frame_rate_are_refused(run: RunData) -> None:

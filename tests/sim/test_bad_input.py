@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from controllers.flight.certificate import TrackingBound
+from estimators.full_state import FullStateConfig
+from models.aerial.mission import EstimateQuality
 from models.terrain.dem import HGT_NODES
 from models.terrain.library import load_terrain
 from sim.cli import main
+from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, checked_sensors, load
+from tests.flight import mission as flight_mission
 
 Words = tuple[str, ...]
 Refusal = Callable[..., str]
@@ -63,7 +70,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--start -1 3000 800", ["--start", "-1.0", "off the map", "0 to 12000"]),
         ("--target 3000 12001 800", ["--target", "12001.0", "off the map", "0 to 12000"]),
         ("--target 3000 3000 800", ["--target", "3000.0", "50 m"]),
-        ("--planner.nodes 1", ["--planner.nodes", "1", ">= 2"]),
+        ("--planner.nodes 1", ["--planner.nodes", "1", "2 to"]),
         ("--planner.nodes 2.5", ["--planner.nodes", "2.5", "INT"]),
         ("--planner.nodes many", ["--planner.nodes", "many", "INT"]),
         ("--planner.horizon 0", ["--planner.horizon", "0.0", "> 0"]),
@@ -86,6 +93,8 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--controller autopilot", ["--controller", "autopilot", "flight", "literal", "package.module:Class"]),
         ("--estimator oracle", ["--estimator", "oracle", "full_state", "kalman", "package.module:Class"]),
         ("--controller nowhere:Planner", ["--controller", "nowhere:Planner", "cannot be imported"]),
+        ("--controller controllers.flight.planner:RecedingHorizon", ["--controller", "no frozen dataclass"]),
+        ("--estimator controllers.flight.plugin:SafeFlight", ["--estimator", "no sensors and no quality"]),
         ("--controller json:JSONDecoder", ["--controller", "json:JSONDecoder", "no frozen dataclass"]),
         ("--planner.nods 3", ["--planner.nods", "did you mean --planner.nodes"]),
         ("--nodes 3", ["--nodes", "did you mean --planner.nodes"]),
@@ -95,10 +104,12 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--planner.nodes=11 --planner.nodes 12", ["--planner.nodes", "2 times", "once"]),
         ("--noise.position-rate 11 --noise.position_rate 12", ["--noise.position-rate", "2 times", "once"]),
         ("--video --video", ["--video", "2 times", "once"]),
-        ("--seed", ["--seed", "1 value"]),
+        ("--seed", ["--seed: its value is missing", "1 value"]),
+        ("--controller=", ["--controller", "''", "flight", "literal"]),
+        ("--estimator=", ["--estimator", "''", "full_state", "kalman"]),
         ("--seed 3 4", ["4"]),
         ("--controller", ["--controller", "value"]),
-        ("--start 1 2", ["--start", "1 2", "FLOAT FLOAT FLOAT"]),
+        ("--start 1 2", ["--start", "1 2", "3 values: x, y, z [m]"]),
     ],
 )
 def test_run_refuses_what_no_mission_can_be(refused: Refusal, mission: Words, flags: str, told: list[str]) -> None:
@@ -148,7 +159,6 @@ def test_a_start_without_a_certificate_is_refused(refused: Refusal, hills: Path)
 @pytest.mark.parametrize(
     ("argv", "told"),
     [
-        ("", ["COMMAND", "list, run, render, terrain"]),
         ("fly", ["COMMAND", "fly", "list, run, render, terrain"]),
         ("run", ["SCENARIO", "safe-flight"]),
         ("run --seed 3", ["--seed", "safe-flight"]),
@@ -184,6 +194,66 @@ def test_a_backend_that_does_not_exist_is_refused(
     line = refused("run", *mission)
     for word in ("MUJOCO_GL", "quantum", "osmesa"):
         assert word in line
+
+
+PLUGIN = """
+from dataclasses import dataclass
+from types import SimpleNamespace as Made
+
+@dataclass(frozen=True)
+class Settings:
+    gain: float = 1.0
+
+class Mine:
+    Config = Settings
+
+    @staticmethod
+    def build(config, mission):
+        {body}
+"""
+PLANNER, TRACKER = "Made(period=1.0, plan=print)", "Made(period=1.0, command=print, bound={})"
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ("return mission.colour", ["build() failed", "AttributeError", "colour", ".py:14)"]),
+        ("return int('x')", ["build() failed", "ValueError", "int()", ".py:14)"]),
+        ("return None", ["None", "a pair (planner, tracker)"]),
+        (f"return {PLANNER}", ["a SimpleNamespace", "a pair (planner, tracker)"]),
+        (f"return None, {TRACKER}", ["the planner None without period [s] and plan()"]),
+        (f"return Made(plan=print), {TRACKER}", ["the planner a SimpleNamespace without period [s];"]),
+        (f"return {PLANNER}, Made(period=1.0, bound=1)", ["the tracker a SimpleNamespace without command();"]),
+        (f"return {PLANNER}, Made(period=1.0, command=print)", ["the tracker", "no bound", "TrackingBound"]),
+        (f"return {PLANNER}, {TRACKER.format(None)}", ["the tracker", "None", "TrackingBound"]),
+    ],
+)
+def test_a_controller_that_builds_the_wrong_thing_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, body: str, told: list[str]
+) -> None:
+    name = tmp_path.name  # another one for every test
+    (tmp_path / f"{name}.py").write_text(PLUGIN.format(body=body))
+    monkeypatch.syspath_prepend(tmp_path)
+    part = Part.of(load("controllers", f"{name}:Mine"))
+    with pytest.raises(ValueError, match=f"controllers: '{name}:Mine': build") as info:
+        checked_controller(part, flight_mission(), TrackingBound)
+    for word in told:
+        assert word in str(info.value)
+
+
+def test_an_estimator_that_builds_the_wrong_thing_is_named() -> None:
+    class Wrong:
+        Config = FullStateConfig
+        build = sensors = quality = staticmethod(lambda config, mission: None)
+
+    part = Part.of(Wrong)
+    for check, told in (
+        (checked_estimator, "the estimator None without period [s] and update()"),
+        (checked_sensors, "None; allowed: a tuple of sensors"),
+        (partial(checked_quality, quality=EstimateQuality), "None; allowed: EstimateQuality"),
+    ):
+        with pytest.raises(ValueError, match=re.escape(told)):
+            check(part, flight_mission())
 
 
 @pytest.mark.parametrize("folder", ["map.npz", "map.npz/run", "/proc/run"])
@@ -317,7 +387,7 @@ def saved(hills: Path, tmp_path: Path) -> Callable[..., str]:
         ({"fields": {"speed_max": "fast"}}, ["fields.speed_max", "fast", "float"]),
         ({"fields": {"speed_max": -1.0}}, ["speed_max", "-1.0", "> 0"]),
         ({"fields": {"noise": {"position": None}}}, ["fields.noise.position", "None"]),
-        ({"controller": {"fields": {"nodes": 1}}}, ["nodes", "1", ">= 2"]),
+        ({"controller": {"fields": {"nodes": 1}}}, ["nodes", "1", "2 to"]),
         ({"controller": {"fields": {"backend": "x"}}}, ["controller.fields.backend", "'x'", "condensed"]),
         ({"controller": {"name": "autopilot"}}, ["autopilot", "flight"]),
     ],

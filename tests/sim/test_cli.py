@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
+from rich.console import Console
 
 from models.terrain.library import load_terrain, terrain_names
 from sim.cli import main
+from sim.commands.summary import summary_table
 from sim.commands.terrain import steepest
 from sim.plugins import names
 from sim.scenarios.experiment import Outcome
@@ -223,12 +227,43 @@ def test_help_explains_every_command(command: str, capsys: pytest.CaptureFixture
     assert not err
 
 
+def test_without_a_command_the_usage_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    out, err = capsys.readouterr()
+    assert not out
+    assert "terrain" in err
+
+
+def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"mathnavi {version('mathnavi')}\n"
+
+
+def test_what_there_is_no_number_for_is_a_dash(capsys: pytest.CaptureFixture[str]) -> None:
+    Console(width=100).print(summary_table({"solve_ms_mean": math.nan, "arrival_time_s": None}, {}))
+    shown = capsys.readouterr().out
+    assert shown.split().count("-") == 2
+    assert "nan" not in shown
+
+
+def test_a_run_that_replaces_another_in_a_folder_nobody_named_says_so(
+    mission: Words, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", *mission]) == 0
+    assert not capsys.readouterr().err
+    assert main(["run", *mission]) == 0
+    assert capsys.readouterr().err == "replaced the run in renders/out/safe-flight-seed0\n"
+
+
 def test_help_of_run_has_the_fields_of_the_plugins_that_are_chosen(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "safe-flight", "--estimator", "kalman", "--help"]) == 0
     shown = capsys.readouterr().out
     assert "--estimator.noise-floor" in shown
     assert "--planner.nodes" in shown
     assert "N, nodes of the horizon" in shown
+    assert "Of the estimator kalman." in shown
+    assert "None}" not in shown
 
 
 def test_terrain_import_crops_and_resamples(hills: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

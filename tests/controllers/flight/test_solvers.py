@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controllers.flight import kernels, reference
+from controllers.flight import kernels, reference, sqp
 from controllers.flight.cost_to_go import factored_cost
 from controllers.flight.problem import Landscape, Parameters, Problem, Solution
 from controllers.flight.reference import Reference
@@ -179,3 +179,21 @@ def test_unknown_backends_and_tolerances_are_refused() -> None:
         Reference(cast(Any, "snopt"))
     with pytest.raises(ValueError, match="tolerance"):
         Reference(tolerance=0.0)
+
+
+def test_a_programme_takes_any_number_of_soft_rows_whatever_it_was_set_up_with() -> None:
+    # min |x - 1|^2 / 2 + sum_k max(0, x_k)^2 / 2 over the rows given: x_k = 1/2 where there is one, else 1.
+    size, capacity = 12, 16
+    programme = sqp._Programme(size, capacity)
+    box = np.full(size, 10.0)
+    for count in (1, 12, 3, 12, 0, 12):
+        found = programme.solve(
+            np.eye(size),
+            -np.ones(size),
+            np.eye(size)[:count],
+            np.concatenate([box, np.zeros(count)]),
+            np.concatenate([-box, np.full(count, -1e30)]),
+            np.full(count, 8, np.int32),
+        )
+        assert found is not None
+        np.testing.assert_allclose(found[0], np.where(np.arange(size) < count, 0.5, 1.0), atol=1e-9)

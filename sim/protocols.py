@@ -136,7 +136,11 @@ class ControllerPlugin(Protocol):
 
     @staticmethod
     def build(config: Any, mission: Any) -> tuple[Planner, Tracker]:
-        """Fresh parts for one run. ``mission`` is the scenario's public description of the task."""
+        """Fresh parts for one run. ``mission`` is the scenario's public description of the task.
+
+        A scenario that certifies plans also needs ``tracker.bound``, what the tracker keeps, and certifies unless the
+        plug-in has an attribute ``certified`` that is False.
+        """
         ...
 
 
@@ -153,4 +157,9 @@ class EstimatorPlugin(Protocol):
     @staticmethod
     def sensors(config: Any, mission: Any) -> tuple[Sensor, ...]:
         """What the vehicle has to carry for it; the scenario mounts exactly these."""
+        ...
+
+    @staticmethod
+    def quality(config: Any, mission: Any) -> Any:
+        """How good its estimates are, in the terms of the scenario (``EstimateQuality`` for an aerial mission)."""
         ...

@@ -19,11 +19,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from controllers.flight.certificate import Certificate, Certified
+from controllers.flight.certificate import Certificate, Certified, TrackingBound
 from controllers.flight.planner import Retreat
 from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
-from models.aerial.mission import FlightMission, GustModel
+from models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from models.aerial.sensors import AccelerationSensor, Dropout
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, terrain_names
@@ -33,7 +33,7 @@ from sim.log import Recording
 from sim.loop import Agent
 from sim.metrics import TimedRadar, flight_summary
 from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, load
+from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, checked_sensors, load
 from sim.protocols import Planner, Plant, Sensor
 from sim.scenarios.experiment import Experiment
 from sim.signals import Array, Estimate, Message, Plan, PlanRequest
@@ -57,7 +57,7 @@ def _check(value: float, name: str, low: float, high: float = math.inf, *, open_
 
 @dataclass(frozen=True)
 class Noise:
-    """Fields of ``--noise``."""
+    """How the sensors err."""
 
     position: float = 0.0
     """standard deviation of a position reading on each axis [m]"""
@@ -76,7 +76,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Faults:
-    """Fields of ``--faults``."""
+    """What goes wrong on purpose."""
 
     solver_failure_rate: float = 0.0
     """fraction of the requests on which the solver gives up"""
@@ -180,7 +180,7 @@ class SafeFlight:
         mission = _mission(config, terrain, radars, estimator)
         mission, first = _certified_mission(config, mission, controller, draws)
 
-        raw, tracker = controller.plugin.build(controller.config, mission)
+        raw, tracker = checked_controller(controller, mission, TrackingBound)
         faults = config.faults
         faulty: Planner = raw
         if faults.solver_failure_rate > 0.0:
@@ -191,7 +191,7 @@ class SafeFlight:
             faulty = Delayed(faulty, faults.late_plan_latency, faults.late_plan_rate, delaying)
         planner = _certified(faulty, mission, tracker.bound) if _wants_certificate(controller) else faulty
 
-        sensors: list[Sensor] = [*estimator.plugin.sensors(estimator.config, mission), AccelerationSensor()]
+        sensors: list[Sensor] = [*checked_sensors(estimator, mission), AccelerationSensor()]
         if faults.dropout_rate > 0.0:
             sensors = [
                 Dropout(sensor, faults.dropout_rate, rng)
@@ -211,7 +211,7 @@ class SafeFlight:
         plant: Plant = Disturbed(body, disturbances) if disturbances else body
 
         messages = [Message(r.time, "radar warning", "radar", r.radar) for r in radars if r.time > 0.0]
-        agent = Agent(estimator.plugin.build(estimator.config, mission), planner, tracker, messages=messages)
+        agent = Agent(checked_estimator(estimator, mission), planner, tracker, messages=messages)
         deadline = config.deadline_factor * first.t_end
         target = np.array(mission.target)
 
@@ -274,7 +274,7 @@ def _mission(
         gust=GustModel(config.faults.gust_rms, config.faults.gust_time_constant, config.faults.gust_limit),
         radars=tuple(r.radar for r in radars if r.time <= 0.0),
     )
-    return dataclasses.replace(mission, quality=estimator.plugin.quality(estimator.config, mission))
+    return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 
 
 def _certified_mission(
@@ -343,7 +343,7 @@ def _drawn(mission: FlightMission, heights: tuple[float, float], rng: np.random.
 
 def _first_plan(mission: FlightMission, controller: Part) -> Plan:
     """What the certified planner answers at the start; a planner without a certificate is held to it here too."""
-    planner, tracker = controller.plugin.build(controller.config, mission)
+    planner, tracker = checked_controller(controller, mission, TrackingBound)
     x = np.array([*mission.start, 0.0, 0.0, 0.0])
     request = PlanRequest(0.0, 0.0, Estimate(0.0, x), None)
     return _certified(planner, mission, tracker.bound).plan(request)

@@ -332,7 +332,7 @@ def test_what_pillow_cannot_read_names_the_extra_to_install(tmp_path: Path, monk
     entries += [(277, 3, 1, 1), (278, 3, 1, 1), (279, 4, 1, 8), (339, 3, 1, 3)]
     directory = struct.pack("<H", len(entries)) + b"".join(struct.pack("<HHII", *entry) for entry in entries)
     (tmp_path / "a.tif").write_bytes(b"II*\0" + struct.pack("<I", 8) + directory + bytes(16))
-    with pytest.raises(ValueError, match=r"mathnavi\[dem\]"):
+    with pytest.raises(ValueError, match=r"\[dem\]"):
         import_dem(tmp_path / "a.tif", tmp_path / "out.npz")
 
 

@@ -141,10 +141,8 @@ class RecedingHorizon:
         """Optimised arcs, manoeuvre and completion as one plan."""
         parameters = problem.parameters
         arcs = ArcList.begin(t_start, problem.start)
-        for a in solution.accelerations:
+        for a in _exact(problem, solution):
             arcs.add(a, parameters.h, Phase.OPTIMISED)
-        if problem.hold is not None:
-            arcs.x[-1] = np.concatenate([problem.hold, arcs.x[-1][3:]])  # within the solver's tolerance
         end = arcs.x[-1]
         braking = (np.array([0.0, 0.0, solution.climb]) - end[3:]) / parameters.manoeuvre_duration
         arcs.add(braking, parameters.manoeuvre_duration, Phase.MANOEUVRE)
@@ -159,6 +157,18 @@ class RecedingHorizon:
         if solution.converged:
             return plan
         return dataclasses.replace(plan, notes=("iteration-limit",), message=solution.message)
+
+
+def _exact(problem: Problem, solution: Solution) -> Array:
+    """The accelerations (n, 3), changed as little as can be so that an exact arrival is exact to rounding."""
+    a = solution.accelerations
+    if problem.hold is None:
+        return a
+    s = problem.stencil
+    c = s.weights[-2]  # p_N = p_1 + base v_1 + sum_j c_j a_j
+    miss = problem.hold - (problem.start[:3] + s.base[-2] * problem.start[3:] + c @ a)
+    exact: Array = a + np.outer(c / (c @ c), miss)
+    return exact
 
 
 class Retreat:

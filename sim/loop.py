@@ -139,7 +139,7 @@ class _Cockpit:
         try:
             command = np.asarray(self.agent.tracker.command(t, estimate, plan), dtype=float)
             usable = command.shape == self.command.shape and bool(np.isfinite(command).all())
-            complaint = f"{command!r}"
+            complaint = "" if usable else f"{command!r}"
         except (Exception, SystemExit) as error:
             usable, complaint = False, f"{type(error).__name__}: {error}"
         if usable:

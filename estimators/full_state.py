@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.aerial.dynamics import TICK, flow
+from models.aerial.dynamics import flow
 from models.aerial.mission import EstimateQuality, FlightMission
 from models.aerial.sensors import FullStateSensor
 from sim.signals import Array, Estimate, Measurement, Status
@@ -24,13 +24,13 @@ _SIMULTANEOUS = 1e-9  # [s]
 class FullStateConfig:
     """Fields of the command line."""
 
-    rate: float = 300.0  # [Hz] of the readings
+    rate: float | None = None  # [Hz] of the readings; that of the estimates if not given
     timeout: float = 0.5  # [s] without a reading after which the estimate is lost
 
     def __post_init__(self) -> None:
         for field in ("rate", "timeout"):
             value = getattr(self, field)
-            if not (math.isfinite(value) and value > 0.0):
+            if value is not None and not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{field} = {value!r}; allowed: a finite value > 0")
 
 
@@ -39,11 +39,12 @@ class FullState:
 
     Config = FullStateConfig
 
-    def __init__(self, config: FullStateConfig, mission: FlightMission, period: float = TICK) -> None:
-        self.period = period
+    def __init__(self, config: FullStateConfig, mission: FlightMission) -> None:
+        self.period = mission.control_period
         self._timeout = config.timeout
         self._position_variance = mission.position_noise**2  # [m^2]
         self._gust_rms = mission.gust.rms  # [m/s^2]
+        self._fresh = self._covariance(0.0)  # of a reading that is not old
         self._x = np.array([*mission.start, 0.0, 0.0, 0.0])
         self._t = -math.inf  # [s] of _x
         self._t_read = -math.inf  # [s] of the last reading
@@ -67,7 +68,7 @@ class FullState:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         for reading in measurements:
             if reading.name == "full_state" and reading.t > self._t_read:
-                self._x, self._t, self._t_read = reading.value.copy(), reading.t, reading.t
+                self._x, self._t, self._t_read = reading.value, reading.t, reading.t
         if self._t == -math.inf:
             self._t = t  # the start, as the mission states it, is all that is known
         if t > self._t:
@@ -76,7 +77,7 @@ class FullState:
             return Estimate(t, self._x.copy(), status=Status.INITIALISING)
         age = t - self._t_read
         status = Status.OK if age <= self._timeout + _SIMULTANEOUS else Status.LOST
-        return Estimate(t, self._x.copy(), self._covariance(age), status)
+        return Estimate(t, self._x.copy(), self._covariance(age) if age > 0.0 else self._fresh, status)
 
     def _covariance(self, age: float) -> Array:
         """(6, 6) when the last reading is ``age`` [s] old; a gust that stays as it is bounds every other one."""

@@ -22,7 +22,6 @@ import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 from scipy.special import gammainc
 
-from models.aerial.dynamics import TICK
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from models.aerial.sensors import PositionSensor
 from sim.signals import Array, Estimate, Measurement, Status
@@ -83,7 +82,7 @@ class Kalman:
     def __init__(self, config: KalmanConfig, mission: FlightMission) -> None:
         from filterpy.kalman import KalmanFilter  # takes .7 s to import
 
-        self.period = TICK
+        self.period = mission.control_period
         self._timeout = config.timeout
         self._model = AxisModel.of(config, mission)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}

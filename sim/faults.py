@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -74,15 +74,18 @@ class Delayed:
 
 
 class Disturbance(Protocol):
-    """Something that acts on a plant at every tick."""
+    """Something that acts on a plant at every step."""
 
-    def act(self, plant: Plant) -> Sequence[Event]:
-        """Apply to the coming tick."""
+    def act(self, plant: Plant, ticks: int) -> Sequence[Event]:
+        """Apply to the coming step of so many ticks."""
         ...
 
 
 class Gusts:
-    """First-order Gauss-Markov forces on every vehicle: g' = -g / tau + white noise, clipped to a length."""
+    """First-order Gauss-Markov forces on every vehicle: g' = -g / tau + white noise, clipped to a length.
+
+    Held over a step, and exact from step to step.
+    """
 
     def __init__(self, rms: float, time_constant: float, limit: float, rng: np.random.Generator) -> None:
         if not (math.isfinite(rms) and rms >= 0.0):
@@ -94,8 +97,8 @@ class Gusts:
         self._rms, self._time_constant, self._limit, self._rng = rms, time_constant, limit, rng
         self._gust: dict[str, Array] = {}
 
-    def act(self, plant: Plant) -> Sequence[Event]:
-        keep = math.exp(-plant.dt / self._time_constant)
+    def act(self, plant: Plant, ticks: int) -> Sequence[Event]:
+        keep = math.exp(-ticks * plant.dt / self._time_constant)
         stir = self._rms * math.sqrt(1.0 - keep * keep)
         for name in plant.names:
             fresh = self._rng.standard_normal(3)
@@ -115,8 +118,9 @@ class PositionJumps:
         self._half_width, self._period, self._rng = half_width, period, rng
         self._next = period
 
-    def act(self, plant: Plant) -> Sequence[Event]:
-        if plant.t < self._next - 1.5 * plant.dt:  # in the tick before, so that the planner finds the vehicle displaced
+    def act(self, plant: Plant, ticks: int) -> Sequence[Event]:
+        # In the step before, so that the planner finds the vehicle displaced.
+        if plant.t < self._next - (ticks + 0.5) * plant.dt:
             return ()
         self._next += self._period
         events: list[Event] = []
@@ -164,6 +168,6 @@ class Disturbed:
     def displace(self, name: str, offset: Array) -> None:
         self.plant.displace(name, offset)
 
-    def step(self, commands: dict[str, Array]) -> Sequence[Event]:
-        events = [event for disturbance in self.disturbances for event in disturbance.act(self.plant)]
-        return [*events, *self.plant.step(commands)]
+    def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
+        events = [event for disturbance in self.disturbances for event in disturbance.act(self.plant, ticks)]
+        return [*events, *self.plant.step(commands, ticks)]

@@ -1,6 +1,6 @@
 """What a run leaves behind: arrays over time, events, and the times its solvers took.
 
-Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m; NaN where none fell due),
+Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m; the newest, NaN where none),
 ``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``.
 A single vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are kept
 apart from the arrays, so that the same seed gives the same log bit for bit.

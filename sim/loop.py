@@ -2,9 +2,11 @@
 
     sensors -> estimator -> planner (slow) -> tracker (fast) -> actuators
 
-Each part runs at its own rate, a whole number of physics ticks. A plan asked for at t takes over at its own start time,
-one planning period later, if it is at hand by then; until then, and whenever there is none, the vehicle flies the last
-plan that was adopted, which leads to rest. The loop knows protocols only: it never asks what a plan is for.
+Each part runs at its own rate, a whole number of physics ticks. The loop looks, and logs, at the greatest common divisor
+of these; the ticks between two looks are one step of the plant with the inputs held. A plan asked for at t takes over
+at its own start time, one planning period later, if it is at hand by then; until then, and whenever there is none, the
+vehicle flies the last plan that was adopted, which leads to rest. The loop knows protocols only: it never asks what a
+plan is for.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import numpy as np
 
 from sim.log import AgentRecorder, Recording
 from sim.protocols import Estimator, Planner, Plant, Tracker
-from sim.signals import Array, Estimate, Event, Measurement, Message, Plan, PlanRequest, Status
+from sim.signals import Array, Estimate, Measurement, Message, Plan, PlanRequest, Status
 
 _SIMULTANEOUS = 1e-9  # [s] two times closer than this are the same tick
 
@@ -80,8 +82,13 @@ class _Cockpit:
     plan: Plan | None = None
     usable: bool = True  # the tracker's last command
 
-    def tick(self, k: int, t: float, readings: Sequence[Measurement]) -> None:
-        self.record.measurements(k, readings)
+    def look(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
+        """Do what falls due at tick k; ``row`` is that of the log."""
+        self.record.measurements(row, readings)
+        self._act(k, t, readings)
+        self.record.command(row, self.command)
+
+    def _act(self, k: int, t: float, readings: Sequence[Measurement]) -> None:
         self.inbox.extend(readings)
         if k % self.estimator_ticks == 0:
             self.estimate = self.agent.estimator.update(t, self.inbox, self.command)
@@ -138,7 +145,8 @@ class _Cockpit:
     def _track(self, t: float, estimate: Estimate, plan: Plan) -> None:
         try:
             command = np.asarray(self.agent.tracker.command(t, estimate, plan), dtype=float)
-            usable = command.shape == self.command.shape and bool(np.isfinite(command).all())
+            # The square of a command is finite if the command is, short of a length of 1e154.
+            usable = command.shape == self.command.shape and math.isfinite(command @ command)
             complaint = "" if usable else f"{command!r}"
         except (Exception, SystemExit) as error:
             usable, complaint = False, f"{type(error).__name__}: {error}"
@@ -167,30 +175,34 @@ def simulate(
     if unknown := sorted(set(agents) - set(plant.names)):
         raise ValueError(f"agents {unknown} have no vehicle; the plant has {list(plant.names)}")
     dt, steps = plant.dt, whole_ticks(duration, plant.dt, "duration")
-    every_second = max(1, round(1.0 / dt))
-    recording = Recording.begin(plant, {name: agent.input_size for name, agent in agents.items()}, steps + 1)
+    names = plant.names
+    rates = {name: _rates(name, agent, dt) for name, agent in agents.items()}
+    stride = math.gcd(*(ticks for of_agent in rates.values() for ticks in of_agent)) or 1  # gcd() is 0: no agents
+    rows = -(-steps // stride) + 1
+    recording = Recording.begin(plant, {name: agent.input_size for name, agent in agents.items()}, rows)
     cockpits = [
         _Cockpit(
             name,
             agent,
-            *_rates(name, agent, dt),
+            *rates[name],
             recording.agents[name],
             np.zeros(agent.input_size),
             undelivered=sorted(agent.messages, key=lambda message: message.t),
         )
         for name, agent in agents.items()
     ]
-    for k in range(steps + 1):
+    told = -math.inf  # [s]
+    for row, k in enumerate((*range(0, steps, stride), steps)):
         t = plant.t
-        truths = {name: plant.state(name) for name in plant.names}
-        recording.truth(k, t, truths)
+        truths = {name: plant.state(name) for name in names}
+        recording.truth(row, t, truths)
         for cockpit in cockpits:
-            cockpit.tick(k, t, plant.sense(cockpit.name))
-            recording.agents[cockpit.name].command(k, cockpit.command)
+            cockpit.look(row, k, t, plant.sense(cockpit.name))
         if k == steps or (finished is not None and finished(t, truths)):
             break
-        events: Sequence[Event] = plant.step({cockpit.name: cockpit.command for cockpit in cockpits})
-        recording.events.extend(events)
-        if progress is not None and k % every_second == 0:
+        commands = {cockpit.name: cockpit.command for cockpit in cockpits}
+        recording.events.extend(plant.step(commands, min(stride, steps - k)))
+        if progress is not None and t >= told + 1.0:
+            told = t
             progress(t)
     return recording.end()

@@ -56,6 +56,11 @@ def label(key: str) -> tuple[str, str]:
     return key.removesuffix(end).replace("_", " "), UNITS.get(end, "")
 
 
+def is_wall_clock(key: str) -> bool:
+    """Whether a key of a summary tells how long something took: such figures differ from run to run."""
+    return key.startswith("solve_ms") or key.endswith("_wall_s") or key == "real_time_factor"
+
+
 def references(t: Array, agent: AgentRecorder) -> Array:
     """The state (n, 6) that the tracker was asked for at each time; NaN before the first plan.
 

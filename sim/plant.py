@@ -51,7 +51,7 @@ class _Mounted:
     """A sensor with what the plant needs to read it."""
 
     sensor: Sensor
-    every: int  # ticks
+    every: int  # ticks; 0: whenever the loop looks
     rng: np.random.Generator
 
 
@@ -99,6 +99,7 @@ class _Vehicle:
             _Mounted(sensor, _every(sensor, float(model.opt.timestep)), generator)
             for sensor, generator in zip(sensors, generators, strict=True)
         ]
+        self.readings: list[Measurement] = []  # since the last look
         self.touched: frozenset[str] = frozenset()  # what it touches now
         self.contacts = 0
         self.clipped = False
@@ -125,6 +126,8 @@ class MujocoPlant:
             for (name, equipment), generator in zip(vehicles.items(), generators, strict=True)
         }
         self._names = tuple(self._vehicles)
+        self._touching = False  # any vehicle anything
+        self._read_between: dict[int, tuple[_Vehicle, ...]] = {}
         self._owner = {geom: vehicle for vehicle in self._vehicles.values() for geom in vehicle.geoms}
         mujoco.mj_forward(model, self.data)
 
@@ -150,14 +153,18 @@ class MujocoPlant:
         return self._vehicle(name).contacts
 
     def sense(self, name: str) -> Sequence[Measurement]:
-        vehicle, tick = self._vehicle(name), self._ticks
-        readings: list[Measurement] = []
+        vehicle = self._vehicle(name)
+        self._read(vehicle, looking=True)
+        readings, vehicle.readings = vehicle.readings, []
+        return readings
+
+    def _read(self, vehicle: _Vehicle, *, looking: bool) -> None:
+        """Read the sensors that fall due at this tick."""
         for mounted in vehicle.sensors:
-            if tick % mounted.every == 0:
+            if self._ticks % mounted.every == 0 if mounted.every else looking:
                 value = mounted.sensor.read(vehicle.motion, mounted.rng)
                 if value is not None:
-                    readings.append(Measurement(mounted.sensor.name, tick * self.dt, value))
-        return readings
+                    vehicle.readings.append(Measurement(mounted.sensor.name, self._ticks * self.dt, value))
 
     def apply_force(self, name: str, force: Array) -> None:
         vehicle = self._vehicle(name)
@@ -169,8 +176,8 @@ class MujocoPlant:
         for i, axis in vehicle.slides:
             vehicle.motion.q[i] += float(axis @ offset)
 
-    def step(self, commands: Mapping[str, Array]) -> Sequence[Event]:
-        """Advance by one tick; a vehicle without a command gets none.
+    def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
+        """Advance by so many ticks with inputs and forces held; a vehicle without a command gets none.
 
         An input longer than its bound is shortened to it. That, and every contact, is an event when it begins:
         "input-clipped", "ground-contact", "vehicle-contact", "contact".
@@ -182,16 +189,29 @@ class MujocoPlant:
                 vehicle.control[:] = 0.0
             else:
                 self._actuate(vehicle, command, events)
-        mujoco.mj_step(self.model, self.data)
-        self._ticks += 1
-        self.data.time = self._ticks * self.dt
+        between = self._between(ticks)
+        model, data = self.model, self.data
+        for left in range(ticks - 1, -1, -1):
+            mujoco.mj_step(model, data)
+            self._ticks += 1
+            if data.ncon or self._touching:
+                self._touch(events)
+            if left:
+                for vehicle in between:
+                    self._read(vehicle, looking=False)
+        data.time = self._ticks * self.dt
         for vehicle in self._vehicles.values():
             if vehicle.disturbed:
                 vehicle.force[:] = 0.0
                 vehicle.disturbed = False
-        if self.data.ncon or any(vehicle.touched for vehicle in self._vehicles.values()):
-            self._touch(events)
         return events
+
+    def _between(self, ticks: int) -> tuple[_Vehicle, ...]:
+        """The vehicles with sensors to be read within steps of so many ticks; the rest is left to sense()."""
+        if ticks not in self._read_between:
+            vehicles = self._vehicles.values()
+            self._read_between[ticks] = tuple(v for v in vehicles if any(m.every % ticks for m in v.sensors))
+        return self._read_between[ticks]
 
     def _vehicle(self, name: str) -> _Vehicle:
         try:
@@ -243,6 +263,7 @@ class MujocoPlant:
                 events.append(Event(self.t, vehicle.name, now[thing], message))
                 vehicle.contacts += 1
             vehicle.touched = frozenset(now)
+        self._touching = any(touching.values())
 
 
 def _slice(indices: Array) -> slice:
@@ -254,9 +275,9 @@ def _slice(indices: Array) -> slice:
 
 
 def _every(sensor: Sensor, dt: float) -> int:
-    """Ticks from one reading to the next."""
+    """Ticks from one reading to the next, 0 for a sensor without a rate."""
     if sensor.rate is None:
-        return 1
+        return 0
     if not (math.isfinite(sensor.rate) and sensor.rate > 0.0):
         raise ValueError(f"sensor {sensor.name!r}: rate = {sensor.rate!r} Hz; allowed: a finite rate > 0")
     return whole_ticks(1.0 / sensor.rate, dt, f"the period of sensor {sensor.name!r} at {sensor.rate!r} Hz")

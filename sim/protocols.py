@@ -6,7 +6,7 @@ a reset(): a scenario builds fresh parts for every seed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
@@ -43,7 +43,7 @@ class Sensor(Protocol):
 
     @property
     def rate(self) -> float | None:
-        """[Hz]; None: once a tick."""
+        """[Hz]; None: whenever the loop looks."""
         ...
 
     def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
@@ -80,19 +80,19 @@ class Plant(Protocol):
         ...
 
     def sense(self, name: str) -> Sequence[Measurement]:
-        """The readings that fall due at this tick. Called once per tick."""
+        """The readings that fell due since the last step began. Called once before each step."""
         ...
 
     def apply_force(self, name: str, force: Array) -> None:
-        """Add a disturbance force (3,) [N], world frame, over the next tick."""
+        """Add a disturbance force (3,) [N], world frame, over the next step."""
         ...
 
     def displace(self, name: str, offset: Array) -> None:
         """Move a vehicle by (3,) [m] at once: the jumps w of Table A.3."""
         ...
 
-    def step(self, commands: dict[str, Array]) -> Sequence[Event]:
-        """Advance by one tick with these inputs held; returns what happened (a contact with the ground)."""
+    def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
+        """Advance by so many ticks with inputs and forces held; returns what happened (a contact with the ground)."""
         ...
 
 

@@ -72,13 +72,14 @@ def assert_well_formed(plan: Plan) -> None:
 
 
 class PointMass:
-    """``sim.protocols.Plant`` without MuJoCo: one double integrator, exact, that reads its own state."""
+    """``sim.protocols.Plant`` without MuJoCo: one double integrator, exact, that reads its own state at every tick."""
 
     names = ("vehicle",)
 
     def __init__(self, start: Array, dt: float) -> None:
         self.dt = dt
         self._x, self._ticks, self._force = start.copy(), 0, np.zeros(3)
+        self._readings = [self._reading()]
 
     @property
     def t(self) -> float:
@@ -94,7 +95,11 @@ class PointMass:
         return {"full_state": 6}
 
     def sense(self, name: str) -> Sequence[Measurement]:
-        return [Measurement("full_state", self.t, self._x.copy())]
+        readings, self._readings = self._readings, []
+        return readings
+
+    def _reading(self) -> Measurement:
+        return Measurement("full_state", self.t, self._x.copy())
 
     def apply_force(self, name: str, force: Array) -> None:
         self._force = self._force + force
@@ -102,8 +107,10 @@ class PointMass:
     def displace(self, name: str, offset: Array) -> None:
         self._x[:3] += offset
 
-    def step(self, commands: Mapping[str, Array]) -> Sequence[Event]:
-        self._x = flow(self._x, commands["vehicle"] + self._force, self.dt)
-        self._ticks += 1
+    def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
+        for _ in range(ticks):
+            self._x = flow(self._x, commands["vehicle"] + self._force, self.dt)
+            self._ticks += 1
+            self._readings.append(self._reading())
         self._force = np.zeros(3)
         return []

@@ -5,23 +5,17 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from models.aerial.dynamics import TICK
-
-_FASTEST = 0.1 / TICK  # [rad/s] of the tracker, whose commands are held for a tick
-
 
 def check_fields(config: Any, least_nodes: int, positive: tuple[str, ...]) -> None:
     """ValueError that names the field, its value and what is allowed.
 
-    The fields ``positive`` may also be None; ``nodes``, ``bandwidth``, ``grid_nodes`` and ``grid_layers`` are checked
-    always. Their upper limits are what still fits a machine.
+    The fields ``positive`` may also be None; ``nodes``, ``grid_nodes`` and ``grid_layers`` are checked always. Their
+    upper limits are what still fits a machine.
     """
     for name in positive:
         value = getattr(config, name)
         if value is not None and not (math.isfinite(value) and value > 0.0):
             raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
-    if not 0.0 < config.bandwidth <= _FASTEST:
-        raise ValueError(f"bandwidth = {config.bandwidth!r}; allowed: > 0 and <= {_FASTEST:g} rad/s")
     for name, least, most in (("nodes", least_nodes, 121), ("grid_nodes", 3, 513), ("grid_layers", 2, 65)):
         if not least <= getattr(config, name) <= most:
             raise ValueError(f"{name} = {getattr(config, name)}; allowed: {least} to {most}")

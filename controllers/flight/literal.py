@@ -41,7 +41,7 @@ from controllers.flight.checks import check_fields
 from controllers.flight.completion import ArcList, complete
 from controllers.flight.cost_to_go import REFERENCE_SPEED, TrilinearCost, trilinear_cost
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
-from models.aerial.dynamics import TICK, flow, input_at, state_at
+from models.aerial.dynamics import flow, input_at, state_at
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
@@ -75,7 +75,7 @@ class LiteralConfig:
     """of the tracker [rad/s]"""
 
     def __post_init__(self) -> None:
-        check_fields(self, 3, ("horizon", "beta", "epsilon"))  # by Euler, a_1 moves p_3 first
+        check_fields(self, 3, ("horizon", "beta", "bandwidth", "epsilon"))  # by Euler, a_1 moves p_3 first
 
     @property
     def h(self) -> float:
@@ -98,7 +98,7 @@ class LiteralFlight:
                 f"acceleration_max = {mission.acceleration_max:g} leaves nothing to plan with; allowed: > "
                 f"{bound.feedback:.3g}, which noise and gusts take"
             )
-        return Literal(config, mission, bound), CriticallyDamped(TICK, config.bandwidth, bound)
+        return Literal(config, mission, bound), CriticallyDamped(mission.control_period, config.bandwidth, bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +236,7 @@ class Literal:
         self._config, self._mission, self._bound = config, mission, bound
         self._thrust = mission.acceleration_max - bound.feedback  # [m/s^2] what the tracker leaves to a plan
         self._box = self._thrust / math.sqrt(3.0)
-        self.period = max(1, round(config.h / TICK)) * TICK
+        self.period = max(1, round(config.h / mission.control_period)) * mission.control_period
         self._target = np.array(mission.target)
         self._radars = mission.radars
         self._cost = _cost_to_go(mission.terrain, mission.target, self._radars, config.grid_nodes, config.grid_layers)

@@ -16,7 +16,6 @@ from controllers.flight.planner import RecedingHorizon, Solver
 from controllers.flight.problem import Parameters
 from controllers.flight.sqp import GaussNewton
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
-from models.aerial.dynamics import TICK
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
@@ -49,7 +48,7 @@ class FlightConfig:
     """of the tracker [rad/s]"""
 
     def __post_init__(self) -> None:
-        check_fields(self, 2, ("horizon", "beta", "tolerance"))
+        check_fields(self, 2, ("horizon", "beta", "bandwidth", "tolerance"))
         if not (math.isfinite(self.margin) and self.margin >= 0.0):
             raise ValueError(f"margin = {self.margin!r}; allowed: a finite value >= 0")
         if self.backend not in ("condensed", "ipopt", "fatrop"):
@@ -72,7 +71,7 @@ class SafeFlight:
     def build(config: FlightConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
         bound = tracking_bound(config.bandwidth, mission.quality, mission.gust)
         certificate = Certificate.of(mission, bound)
-        period = max(1, round(config.h / TICK)) * TICK
+        period = max(1, round(config.h / mission.control_period)) * mission.control_period
         parameters = Parameters(
             arcs=config.nodes - 1,
             h=config.h,
@@ -86,7 +85,7 @@ class SafeFlight:
             return _cost_to_go(mission.terrain, mission.target, radars, config.grid_nodes, config.grid_layers)
 
         planner = RecedingHorizon(parameters, certificate, solver(config), cost_to_go, mission.radars, period)
-        return planner, CriticallyDamped(TICK, config.bandwidth, bound)
+        return planner, CriticallyDamped(mission.control_period, config.bandwidth, bound)
 
 
 def solver(config: FlightConfig) -> Solver:

@@ -13,14 +13,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 from scipy.linalg import solve_continuous_lyapunov
 
 from controllers.flight.certificate import TrackingBound
-from models.aerial.dynamics import state_at
+from models.aerial.kernels import state_on
 from models.aerial.mission import EstimateQuality, GustModel
 from sim.signals import Array, Estimate, Plan
 
 _DEVIATIONS = 5.0
+_FASTEST = 0.1  # bandwidth times period
+_STILL = np.zeros(3)  # no gust
 _NUMERICAL = TrackingBound(0.05, 0.05, 0.05, 0.1)  # what rounding and arcs that end between ticks need
 
 
@@ -50,18 +53,45 @@ class CriticallyDamped:
     """Flies the last accepted plan, to rest and beyond."""
 
     def __init__(self, period: float, bandwidth: float, bound: TrackingBound) -> None:
+        """ValueError for a bandwidth [rad/s] that is too fast for commands held over a period [s]."""
+        if not 0.0 < bandwidth <= _FASTEST / period:
+            raise ValueError(f"bandwidth = {bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s")
         self.period, self.bound = period, bound
-        self._stiffness, self._damping = bandwidth**2, 2.0 * bandwidth
+        self._bandwidth = bandwidth
         self._limit = bound.feedback
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
-        reference, ahead = state_at(plan, t), state_at(plan, t + self.period)
-        error = estimate.x - reference
-        feedback = -self._stiffness * error[:3] - self._damping * error[3:]
-        if (gust := estimate.extra.get("gust")) is not None:
-            feedback = feedback - gust
-        size = math.sqrt(float(feedback @ feedback))
-        if size > self._limit:
-            feedback = feedback * (self._limit / size)
-        command: Array = (ahead[3:] - reference[3:]) / self.period + feedback
+        gust = estimate.extra.get("gust", _STILL)
+        command: Array = tracking_command(
+            plan.t, plan.x, plan.u, t, self.period, estimate.x, gust, self._bandwidth, self._limit
+        )
         return command
+
+
+@njit(cache=True, nogil=True)
+def tracking_command(
+    breaks: Array,
+    x: Array,
+    u: Array,
+    t: float,
+    period: float,
+    estimate: Array,
+    gust: Array,
+    bandwidth: float,
+    limit: float,
+) -> Array:
+    """a_ref - held(omega^2 (p^ - p_ref) + 2 omega (v^ - v_ref) + g^), a_ref the plan's mean over the period."""
+    reference = state_on(breaks, x, u, t)
+    ahead = state_on(breaks, x, u, t + period)
+    m = u.shape[1]
+    feedback = np.empty(m)
+    square = 0.0
+    for i in range(m):
+        away, drift = estimate[i] - reference[i], estimate[m + i] - reference[m + i]
+        feedback[i] = -(bandwidth * bandwidth) * away - 2.0 * bandwidth * drift - gust[i]
+        square += feedback[i] * feedback[i]
+    if square > limit * limit:
+        feedback *= limit / np.sqrt(square)
+    for i in range(m):
+        feedback[i] += (ahead[m + i] - reference[m + i]) / period
+    return feedback

@@ -16,11 +16,11 @@ from functools import lru_cache
 import casadi
 import numpy as np
 
+from models.aerial.kernels import SIMULTANEOUS, arc_at, state_on
 from sim.signals import Array, Plan
 
 TICK = 1.0 / 300.0  # [s] of the flight physics
-
-_SIMULTANEOUS = 1e-9  # [s] two times closer than this are the same
+CONTROL_TICKS = 5  # of the physics to one of estimator and tracker, unless a mission says else
 
 
 @lru_cache(maxsize=1)
@@ -55,12 +55,9 @@ def state_at(plan: Plan, t: float | Array) -> Array:
     Before the plan starts it is the plan's first state, after its end the state of rest in which it ends.
     """
     if not isinstance(t, np.ndarray):
-        arc = _arc(plan, t)
-        if 0 <= arc < len(plan.u):
-            return flow(plan.x[arc], plan.u[arc], t - float(plan.t[arc]))
-        state: Array = plan.x[max(arc, 0)].copy()
+        state: Array = state_on(plan.t, plan.x, plan.u, t)
         return state
-    k = plan.t.searchsorted(t + _SIMULTANEOUS, side="right") - 1
+    k = plan.t.searchsorted(t + SIMULTANEOUS, side="right") - 1
     states: Array = plan.x[np.clip(k, 0, len(plan.u))]
     inside = (k >= 0) & (k < len(plan.u))
     arcs = k[inside]
@@ -70,11 +67,6 @@ def state_at(plan: Plan, t: float | Array) -> Array:
 
 def input_at(plan: Plan, t: float) -> Array:
     """The input (3,) of a plan from absolute time t [s] on; zero before its start and after its end."""
-    k = _arc(plan, t)
+    k = arc_at(plan.t, t)
     held: Array = plan.u[k].copy() if 0 <= k < len(plan.u) else np.zeros(3)
     return held
-
-
-def _arc(plan: Plan, t: float) -> int:
-    """The arc that holds from t on, -1 before the first, K after the last; a breakpoint belongs to the later arc."""
-    return int(plan.t.searchsorted(t + _SIMULTANEOUS, side="right")) - 1

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from models.aerial.dynamics import CONTROL_TICKS, TICK
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
 from sim.signals import Array
@@ -61,4 +62,5 @@ class FlightMission:
     position_rate: float = 10.0  # [Hz] of the position fixes
     gust: GustModel = GustModel()
     quality: EstimateQuality = field(default_factory=lambda: EstimateQuality.exact(GustModel()))
+    control_period: float = CONTROL_TICKS * TICK  # [s] of estimator and tracker
     radars: tuple[Radar, ...] = ()  # known from the start; others come as messages

@@ -1,7 +1,7 @@
 """Sensors of the aerial vehicle: what turns its true motion into readings.
 
 A sensor is a frozen description; ``read`` draws its noise from the generator it is given. It keeps no time: the plant
-reads it ``rate`` times a second, or at every tick where ``rate`` is None.
+reads it ``rate`` times a second, or whenever the loop looks where ``rate`` is None.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class FullStateSensor:
     """
 
     position_noise: float = 0.0  # [m] standard deviation on each axis
-    rate: float | None = None  # [Hz]; None: once a tick
+    rate: float | None = None  # [Hz]; None: whenever the loop looks
     name: str = "full_state"
     size: int = 6
 
@@ -43,7 +43,7 @@ class PositionSensor:
     """Position fixes, (3,) [m], with Gaussian noise."""
 
     noise: float = 0.0  # [m] standard deviation on each axis
-    rate: float | None = 10.0  # [Hz]; None: once a tick
+    rate: float | None = 10.0  # [Hz]; None: whenever the loop looks
     name: str = "position"
     size: int = 3
 
@@ -60,7 +60,7 @@ class AccelerationSensor:
     """Net acceleration over the last tick, gusts included, (3,) [m/s^2], with Gaussian noise."""
 
     noise: float = 0.0  # [m/s^2] standard deviation on each axis
-    rate: float | None = None  # [Hz]; None: once a tick
+    rate: float | None = None  # [Hz]; None: whenever the loop looks
     name: str = "acceleration"
     size: int = 3
 

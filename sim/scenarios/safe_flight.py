@@ -21,7 +21,7 @@ import numpy as np
 
 from controllers.flight.certificate import Certificate, Certified, TrackingBound
 from controllers.flight.planner import Retreat
-from models.aerial.dynamics import TICK
+from models.aerial.dynamics import CONTROL_TICKS, TICK
 from models.aerial.entity import build_model
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from models.aerial.sensors import AccelerationSensor, Dropout
@@ -55,6 +55,13 @@ def _check(value: float, name: str, low: float, high: float = math.inf, *, open_
         raise ValueError(f"{name} = {value!r}; allowed: a finite value {allowed}")
 
 
+def _check_rate(rate: float, name: str) -> None:
+    _check(rate, name, 0.0, 1.0 / TICK + 1e-9, open_low=True)
+    every = 1.0 / (rate * TICK)  # [ticks]
+    if abs(every - round(every)) > 1e-9:
+        raise ValueError(f"{name} = {rate!r}; allowed: {1.0 / TICK:g} Hz over a whole number")
+
+
 @dataclass(frozen=True)
 class Noise:
     """How the sensors err."""
@@ -66,12 +73,7 @@ class Noise:
 
     def __post_init__(self) -> None:
         _check(self.position, "noise.position", 0.0, _LARGEST)
-        _check(self.position_rate, "noise.position_rate", 0.0, 1.0 / TICK, open_low=True)
-        every = 1.0 / (self.position_rate * TICK)  # [ticks]
-        if abs(every - round(every)) > 1e-9:
-            raise ValueError(
-                f"noise.position_rate = {self.position_rate!r}; allowed: {1.0 / TICK:g} Hz over a whole number"
-            )
+        _check_rate(self.position_rate, "noise.position_rate")
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,8 @@ class SafeFlightConfig:
     """gamma: the deadline over the duration of the first plan"""
     arrival_radius: float = 50.0
     """r_f, how near to the target counts as arrived [m]"""
+    control_rate: float = 1.0 / (CONTROL_TICKS * TICK)
+    """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
     radar: tuple[tuple[float, float, float, float], ...] = ()
     """X Y RADIUS WEIGHT [m, m, m, -] of a radar; may be given several times"""
     radar_time: float = 0.0
@@ -150,6 +154,7 @@ class SafeFlightConfig:
             _check(getattr(self, name), name, 0.0, _LARGEST, open_low=True)
         _check(self.deadline_factor, "deadline_factor", 1.0, _LARGEST)
         _check(self.radar_time, "radar_time", 0.0)
+        _check_rate(self.control_rate, "control_rate")
         for radar in self.radar:
             Radar(*radar)
 
@@ -160,6 +165,11 @@ class SafeFlight:
     Config = SafeFlightConfig
     controller = "flight"
     estimator = "full_state"
+
+    @staticmethod
+    def inputs(config: SafeFlightConfig) -> dict[str, str]:
+        """Digests of what the configuration names: what a result depends on beside the fields."""
+        return {"terrain": load_terrain(config.terrain).digest}
 
     @staticmethod
     def build(
@@ -213,11 +223,10 @@ class SafeFlight:
         messages = [Message(r.time, "radar warning", "radar", r.radar) for r in radars if r.time > 0.0]
         agent = Agent(checked_estimator(estimator, mission), planner, tracker, messages=messages)
         deadline = config.deadline_factor * first.t_end
-        target = np.array(mission.target)
+        target = mission.target
 
         def finished(t: float, truths: Mapping[str, Array]) -> bool:
-            away = truths[VEHICLE][:3] - target
-            return bool(away @ away <= mission.arrival_radius**2) or body.contacts(VEHICLE) > 0
+            return math.dist(truths[VEHICLE][:3], target) <= mission.arrival_radius or body.contacts(VEHICLE) > 0
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
             # The deadline counts from the plan that was flown first, which started from the estimate.
@@ -271,6 +280,7 @@ def _mission(
         arrival_radius=config.arrival_radius,
         position_noise=config.noise.position,
         position_rate=config.noise.position_rate,
+        control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
         gust=GustModel(config.faults.gust_rms, config.faults.gust_time_constant, config.faults.gust_limit),
         radars=tuple(r.radar for r in radars if r.time <= 0.0),
     )

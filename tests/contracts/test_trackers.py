@@ -167,7 +167,7 @@ def test_in_gusts_it_keeps_its_stated_bound(tracker: BoundedTracker, bench: Benc
             command = tracker.command(plant.t, estimate, bench.plan)
         error = estimate.x - bench.reference(bench.plan, plant.t)
         largest = np.maximum(largest, [math.hypot(error[0], error[1]), abs(error[2]), float(np.linalg.norm(error[3:]))])
-        gusts.act(plant)
+        gusts.act(plant, 1)
         plant.step({"vehicle": command})
     assert (largest <= [bound.horizontal, bound.vertical, bound.speed]).all()
     assert largest[0] > 0.1 * bound.horizontal  # the bound is not an empty one

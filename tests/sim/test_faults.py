@@ -135,7 +135,7 @@ def blown(rms: float, time_constant: float, limit: float, ticks: int, seed: int 
     """(ticks, 3) forces of a gust."""
     plant, gusts = Forces(), Gusts(rms, time_constant, limit, np.random.default_rng(seed))
     for _ in range(ticks):
-        assert list(gusts.act(plant)) == []
+        assert list(gusts.act(plant, 1)) == []
     return np.array(plant.forces)
 
 

@@ -163,7 +163,7 @@ def test_each_reading_reaches_the_estimator_once_with_the_command_held_since() -
     commands = recording.agents["vehicle"].commands
     for k, (t, _, command) in enumerate(flown.estimator.calls[1:], start=1):
         assert t == pytest.approx(5 * DT * k)
-        np.testing.assert_array_equal(command, commands[5 * k - 1])
+        np.testing.assert_array_equal(command, commands[k - 1])
 
 
 def test_an_estimator_slower_than_the_tracker_is_refused() -> None:
@@ -312,9 +312,9 @@ class Pair:
     def displace(self, name: str, offset: Array) -> None:
         self._vehicles[name].displace("vehicle", offset)
 
-    def step(self, commands: dict[str, Array]) -> Sequence[Event]:
+    def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
         for name, vehicle in self._vehicles.items():
-            vehicle.step({"vehicle": commands.get(name, np.zeros(3))})
+            vehicle.step({"vehicle": commands.get(name, np.zeros(3))}, ticks)
         return []
 
 
@@ -333,4 +333,32 @@ def test_progress_is_told_once_a_simulated_second() -> None:
     told: list[float] = []
     agent = Agent(ReadsState(), Answers(there_and_stop), Follows())
     simulate(flight.PointMass(START, DT), {"vehicle": agent}, 4.0, progress=told.append)
-    assert told == pytest.approx([0.1 + k for k in range(4)], abs=0.11)
+    assert told == pytest.approx([float(k) for k in range(4)], abs=0.11)
+
+
+@pytest.mark.parametrize(("estimator", "tracker", "look"), [(1, 1, 1), (5, 5, 5), (2, 4, 2), (5, 25, 5)])
+def test_the_loop_looks_and_logs_at_the_common_rate_of_its_parts(estimator: int, tracker: int, look: int) -> None:
+    dt = DT / 5
+    agent = Agent(ReadsState(estimator * dt), Answers(there_and_stop, 50 * dt), Follows(tracker * dt))
+    recording = simulate(flight.PointMass(START, dt), {"vehicle": agent}, 150 * dt)
+    np.testing.assert_allclose(np.diff(recording.t), look * dt)
+    assert recording.t[-1] == pytest.approx(150 * dt)
+    assert len(agent.estimator.calls) == 150 // estimator + 1  # type: ignore[attr-defined]
+
+
+def test_how_often_the_loop_looks_does_not_change_what_is_flown() -> None:
+    dt = DT / 5
+    seldom, often = (
+        simulate(
+            flight.PointMass(START, dt),
+            {"vehicle": Agent(ReadsState(every * dt), Answers(there_and_stop), Follows(5 * dt))},
+            4.0,
+        )
+        for every in (5, 1)
+    )
+    np.testing.assert_array_equal(seldom.truths["vehicle"], often.truths["vehicle"][::5])
+
+
+def test_a_duration_that_ends_between_two_looks_is_kept() -> None:
+    agent = Agent(ReadsState(0.5), Answers(there_and_stop), Follows(0.5))
+    assert simulate(flight.PointMass(START, DT), {"vehicle": agent}, 1.2).t.tolist() == pytest.approx([0, 0.5, 1, 1.2])

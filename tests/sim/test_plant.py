@@ -246,3 +246,25 @@ def test_errors_name_the_culprit(terrain: HeightField) -> None:
         plant_of(terrain, uav=Equipment(HIGH, (PositionSensor(), PositionSensor(1.0))))
     with pytest.raises(ValueError, match=r"no vehicle 'ghost'.*uav"):
         MujocoPlant(build_model(terrain, ["uav"], 40.0), {"ghost": Equipment(HIGH)}, np.random.default_rng(0))
+
+
+def test_a_step_of_many_ticks_is_that_many_steps(terrain: HeightField) -> None:
+    sensors = (FullStateSensor(2.0, rate=100.0), PositionSensor(1.0, rate=60.0), AccelerationSensor())
+    single, whole = (plant_of(terrain, uav=Equipment(HIGH, sensors)) for _ in range(2))
+    u, force = np.array([1.0, -2.0, 3.0]), np.array([0.5, 0.0, 0.1])
+    read: dict[str, list[tuple[float, list[float]]]] = {"single": [], "whole": []}
+    for plant, name, ticks in ((single, "single", 1), (whole, "whole", 5)):
+        for tick in range(0, 31, ticks):
+            looks = tick % 5 == 0
+            readings = plant.sense("uav")
+            read[name] += [(r.t, r.value.tolist()) for r in readings if looks or r.name != "acceleration"]
+            plant.apply_force("uav", force)
+            plant.step({"uav": u}, ticks)
+    assert [reading for reading in read["whole"] if reading[0] <= 30 * TICK] == read["single"]
+
+
+def test_a_contact_within_a_step_of_many_ticks_is_told(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(np.array([200.0, 200.0, 3.0, 0.0, 0.0, -40.0])))
+    events = list(plant.step({"uav": np.zeros(3)}, 60))
+    assert [event.kind for event in events][:1] == ["ground-contact"]
+    assert 0.0 < events[0].t < 60 * TICK

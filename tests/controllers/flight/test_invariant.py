@@ -210,7 +210,8 @@ def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
     planner, _ = SafeFlight.build(FlightConfig(nodes=nodes), mission)
     wrapped = Certified(Scripted(planner, script), Retreat(CERTIFICATE, planner.period), CERTIFICATE, BOUND, factor)
     watched = Watched(wrapped, factor)
-    agent = Agent(FullState(FullStateConfig(rate=1.0 / DT), mission, DT), watched, CriticallyDamped(DT, 0.8, BOUND))
+    estimator = FullState(FullStateConfig(), dataclasses.replace(mission, control_period=DT))
+    agent = Agent(estimator, watched, CriticallyDamped(DT, 0.8, BOUND))
     target = np.array(mission.target)
     recording = simulate(
         flight.PointMass(flight.at_rest(mission.start), DT),

@@ -1,0 +1,40 @@
+"""The motion along a plan, compiled: the loop asks for it at every look.
+
+The state after the input u was held for s from x = (p, v) is (p + v s + u s^2 / 2, v + u s); see ``dynamics``.
+"""
+
+from __future__ import annotations
+
+from numba import njit
+
+from sim.signals import Array
+
+SIMULTANEOUS = 1e-9
+"""[s] two times closer than this are the same"""
+
+
+@njit(cache=True, nogil=True)
+def arc_at(breaks: Array, t: float) -> int:
+    """The arc that holds from t on, -1 before the first, K after the last; a breakpoint belongs to the later arc."""
+    low, high = 0, len(breaks)
+    while low < high:
+        middle = (low + high) // 2
+        if breaks[middle] <= t + SIMULTANEOUS:
+            low = middle + 1
+        else:
+            high = middle
+    return low - 1
+
+
+@njit(cache=True, nogil=True)
+def state_on(breaks: Array, x: Array, u: Array, t: float) -> Array:
+    """The state (2 m,) at t of arcs with breaks (K + 1,), states (K + 1, 2 m) and inputs (K, m), held beyond the ends."""
+    arc = arc_at(breaks, t)
+    state: Array = x[max(arc, 0)].copy()
+    if 0 <= arc < len(u):
+        s = t - breaks[arc]
+        m = u.shape[1]
+        for i in range(m):
+            state[i] = state[i] + s * state[m + i] + (0.5 * s * s) * u[arc, i]
+            state[m + i] = state[m + i] + s * u[arc, i]
+    return state

@@ -20,7 +20,7 @@ from sim.signals import Array
 # The summary's figures as they are read, for every table that shows them.
 SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "mission": ("arrived", "arrival_time_s", "deadline_s", "flight_time_s"),
-    "path": ("path_length_m", "straight_line_m", "control_effort", "radar_exposure_s"),
+    "path": ("path_length_m", "straight_line_m", "mean_height_m", "control_effort", "radar_exposure_s"),
     "safety": ("min_clearance_m", "ground_contacts", "speed_max_m_s", "missed_passes", "guarantee_lost"),
     "tracking": ("tracking_breaches", "tracking_error_max_m", "tracking_bound_m", "rebased_plans"),
     "planning": ("replans", "plans_adopted", "plans_rejected", "manoeuvres_rejected", "late_plans", "fallback_steps"),
@@ -80,6 +80,12 @@ def episodes(flags: NDArray[np.bool_]) -> int:
     return int(np.count_nonzero(np.diff(np.concatenate([[False], flags]).astype(np.int8)) == 1))
 
 
+def height_above_ground(x: Array, mission: FlightMission) -> Array:
+    """(n,) [m] of states (n, 6)."""
+    above: Array = x[:, 2] - mission.terrain.height(x[:, 0], x[:, 1])
+    return above
+
+
 def flown_clearance(t: Array, x: Array, mission: FlightMission) -> Array:
     """Least height above ground [m] of each physics step (n - 1,), exact: the force is constant over a step."""
     dt = np.diff(t)
@@ -123,6 +129,7 @@ def flight_summary(
         "flight_time_s": float(t[-1]),
         "path_length_m": float(np.linalg.norm(np.diff(x[:, :3], axis=0), axis=1).sum()),
         "straight_line_m": float(np.linalg.norm(np.subtract(mission.target, mission.start))),
+        "mean_height_m": float(np.average(height_above_ground(x, mission)[1:], weights=np.diff(t))),
         "control_effort": float((np.square(command).sum(axis=1) * np.diff(t)).sum()),
         "min_clearance_m": float(clearance.min()),
         "speed_max_m_s": float(np.linalg.norm(x[:, 3:], axis=1).max()),

@@ -41,8 +41,8 @@ from sim.signals import Array, Estimate, Message, Plan, PlanRequest
 VEHICLE = "vehicle"
 _LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, and numbers begin to overflow
 _LONGEST = 36_000.0  # [s] of simulated time that is logged at every tick
-_DRAWS = 200
-_SEPARATION = 0.8  # of the map's side
+_DRAWS = 500
+_DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
 
 Point = tuple[float, float, float]
@@ -120,6 +120,8 @@ class SafeFlightConfig:
     """x, y, z [m] on the map; drawn from the seed if not given"""
     drawn_heights: tuple[float, float] = (50.0, 450.0)
     """heights above h_min between which a start or target is drawn [m]"""
+    drawn_separation: tuple[float, float] = (0.8, 1.5)
+    """shares of the map's side between which the distance of a drawn start and target lies"""
     clearance_min: float = 50.0
     """h_min, least height above ground [m]"""
     speed_max: float = 300.0
@@ -136,6 +138,8 @@ class SafeFlightConfig:
     """X Y RADIUS WEIGHT [m, m, m, -] of a radar; may be given several times"""
     radar_time: float = 0.0
     """when the radars are switched on [s]; the planner learns of them then"""
+    radar_known: bool = True
+    """whether the planner is told of the radars at all"""
     noise: Noise = field(default_factory=Noise)
     faults: Faults = field(default_factory=Faults)
 
@@ -144,11 +148,12 @@ class SafeFlightConfig:
             point = getattr(self, name)
             if point is not None and not all(math.isfinite(c) for c in point):
                 raise ValueError(f"{name} = {point!r}; allowed: three finite numbers")
-        low, high = self.drawn_heights
-        if not (math.isfinite(high) and 0.0 <= low <= high):
-            raise ValueError(f"drawn_heights = {self.drawn_heights!r}; allowed: two finite numbers, 0 <= low <= high")
-        if high > _LARGEST:
-            raise ValueError(f"drawn_heights = {self.drawn_heights!r}; allowed: <= {_LARGEST:g}")
+        for name, largest in (("drawn_heights", _LARGEST), ("drawn_separation", _DIAGONAL)):
+            low, high = getattr(self, name)
+            if not 0.0 <= low <= high <= largest:
+                raise ValueError(
+                    f"{name} = {(low, high)!r}; allowed: two finite numbers, 0 <= low <= high <= {largest:g}"
+                )
         _check(self.clearance_min, "clearance_min", 0.0, _LARGEST)
         for name in ("speed_max", "acceleration_max", "arrival_radius"):
             _check(getattr(self, name), name, 0.0, _LARGEST, open_low=True)
@@ -220,7 +225,8 @@ class SafeFlight:
             disturbances.append(PositionJumps(faults.position_jump, planner.period, jumping))
         plant: Plant = Disturbed(body, disturbances) if disturbances else body
 
-        messages = [Message(r.time, "radar warning", "radar", r.radar) for r in radars if r.time > 0.0]
+        late = [r for r in radars if config.radar_known and r.time > 0.0]
+        messages = [Message(r.time, "radar warning", "radar", r.radar) for r in late]
         agent = Agent(checked_estimator(estimator, mission), planner, tracker, messages=messages)
         deadline = config.deadline_factor * first.t_end
         target = mission.target
@@ -282,7 +288,7 @@ def _mission(
         position_rate=config.noise.position_rate,
         control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
         gust=GustModel(config.faults.gust_rms, config.faults.gust_time_constant, config.faults.gust_limit),
-        radars=tuple(r.radar for r in radars if r.time <= 0.0),
+        radars=tuple(r.radar for r in radars if config.radar_known and r.time <= 0.0),
     )
     return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 
@@ -313,18 +319,22 @@ def _certified_mission(
             )
         return fixed, plan
     side = max(mission.terrain.width, mission.terrain.depth)
+    nearest, farthest = config.drawn_separation
     for _ in range(_DRAWS):
         start = config.start or _drawn(mission, config.drawn_heights, rng)
         target = config.target or _drawn(mission, config.drawn_heights, rng)
-        if math.hypot(target[0] - start[0], target[1] - start[1]) < _SEPARATION * side:
+        if not nearest * side <= math.dist(start[:2], target[:2]) <= farthest * side:
+            continue
+        if math.dist(start, target) <= mission.arrival_radius:
             continue
         drawn = dataclasses.replace(mission, start=start, target=target)
         plan = _first_plan(drawn, controller)
         if plan.ok:
             return drawn, plan
     raise ValueError(
-        f"start = {config.start!r}, target = {config.target!r}: none of {_DRAWS} drawn missions has its ends "
-        f"{_SEPARATION:g} of the side apart and an initial certificate; give both --start and --target"
+        f"drawn_separation = {config.drawn_separation!r}: none of {_DRAWS} missions drawn for start = {config.start!r}, "
+        f"target = {config.target!r} has its ends so far apart and an initial certificate; allowed: other shares of "
+        f"the side, or both --start and --target"
     )
 
 

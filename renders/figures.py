@@ -53,7 +53,8 @@ STYLE: Any = {
 }
 
 
-def _figure(width: float, height: float) -> Figure:
+def canvas(width: float, height: float) -> Figure:
+    """An empty figure [inches]."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
@@ -70,9 +71,9 @@ def thinned(n: int, keep: int) -> Integers:
 def map_figure(run: RunData) -> Figure:
     """The hill-shaded map with the path flown, the first plan, radars, start and target."""
     with matplotlib.rc_context(STYLE):
-        figure = _figure(7.6, 7.2)
+        figure = canvas(7.6, 7.2)
         axes = figure.add_subplot()
-        _draw_map(axes, run.terrain)
+        draw_map(axes, run.terrain)
         outline = [patheffects.withStroke(linewidth=3.4, foreground="white", alpha=0.85)]
         for number, radar in enumerate(run.mission.radars, start=1):
             centre = (radar.x / 1e3, radar.y / 1e3)
@@ -110,7 +111,8 @@ def _name_place(axes: Axes, text: str, place: tuple[float, float], offset: tuple
     )  # fmt: skip
 
 
-def _draw_map(axes: Axes, terrain: HeightField) -> None:
+def draw_map(axes: Axes, terrain: HeightField) -> None:
+    """The hill-shaded map in ``axes`` [km], with a bar of a round length."""
     east, north = terrain.width / 1e3, terrain.depth / 1e3
     axes.imshow(relief(terrain, MAP_PIXELS), extent=(0.0, east, 0.0, north), origin="upper")
     axes.set(xlabel="east [km]", ylabel="north [km]", xlim=(0.0, east), ylim=(0.0, north), aspect="equal")
@@ -131,7 +133,7 @@ def _round_length(length: float) -> float:
 def profile_figure(run: RunData) -> Figure:
     """Heights of the path and of the ground below it over the distance flown, and the least clearance."""
     with matplotlib.rc_context(STYLE):
-        figure = _figure(9.4, 5.2)
+        figure = canvas(9.4, 5.2)
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.8))
         known = np.isfinite(run.above_ground)
         lowest = int(np.argmin(np.where(known, run.above_ground, np.inf)))
@@ -167,7 +169,7 @@ def profile_figure(run: RunData) -> Figure:
 def motion_figure(run: RunData) -> Figure:
     """Speed and commanded acceleration over time against their bounds."""
     with matplotlib.rc_context(STYLE):
-        figure = _figure(9.4, 3.9)
+        figure = canvas(9.4, 3.9)
         upper, lower = figure.subplots(2, 1, sharex=True)
         curves = (
             (upper, np.linalg.norm(run.x[:, 3:], axis=1), run.mission.speed_max, "speed [m/s]"),
@@ -188,7 +190,7 @@ def motion_figure(run: RunData) -> Figure:
 def cost_figure(run: RunData) -> Figure:
     """The composite cost of each adopted plan, from its adoption on."""
     with matplotlib.rc_context(STYLE):
-        figure = _figure(9.4, 2.6)
+        figure = canvas(9.4, 2.6)
         axes = figure.add_subplot()
         cost = np.array([plan.cost for plan in run.plans])
         axes.step(run.adopted, cost, where="post", color=_colour(Part.OPTIMISED))
@@ -201,7 +203,7 @@ def cost_figure(run: RunData) -> Figure:
 def solve_figure(summary: Mapping[str, Any]) -> Figure:
     """How long the optimisation of a plan took: mean, median, 99th percentile and the longest."""
     with matplotlib.rc_context(STYLE):
-        figure = _figure(9.4, 2.2)
+        figure = canvas(9.4, 2.2)
         axes = figure.add_subplot()
         names = {"p50": "median", "mean": "mean", "p99": "99th percentile", "max": "longest"}
         found = [(name, summary.get(f"solve_ms_{key}")) for key, name in names.items()]
@@ -222,7 +224,7 @@ def events_figure(run: RunData) -> Figure:
     with matplotlib.rc_context(STYLE):
         names = [described(event)[0] for event in run.events]
         kinds = list(dict.fromkeys(names))
-        figure = _figure(9.4, 0.9 + 0.28 * max(len(kinds), 1))
+        figure = canvas(9.4, 0.9 + 0.28 * max(len(kinds), 1))
         axes = figure.add_subplot()
         for row, kind in enumerate(kinds):
             times = [event.t for event, name in zip(run.events, names, strict=True) if name == kind]
@@ -237,10 +239,10 @@ def events_figure(run: RunData) -> Figure:
 def terrain_figure(terrain: HeightField) -> Figure:
     """The hill-shaded map of a terrain, the distribution of its heights and slopes, and its numbers."""
     with matplotlib.rc_context(STYLE | {"figure.facecolor": "white"}):
-        figure = _figure(11.0, 6.6)
+        figure = canvas(11.0, 6.6)
         grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1.0), height_ratios=(0.62, 1.0, 1.0))
         axes = figure.add_subplot(grid[:, 0])
-        _draw_map(axes, terrain)
+        draw_map(axes, terrain)
         peak = np.unravel_index(int(np.argmax(terrain.z)), terrain.z.shape)
         top = (float(peak[1]) * terrain.spacing / 1e3, float(peak[0]) * terrain.spacing / 1e3)
         axes.plot(*top, "^", ms=7, mfc="white", mec="#101824")

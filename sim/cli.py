@@ -17,6 +17,9 @@ from sim.commands.errors import BadInputError
 COMMANDS = {
     "list": ("sim.commands.listing", "what is installed: controllers, estimators, scenarios, terrains"),
     "run": ("sim.commands.run", "fly a scenario and write its log, summary, video and report"),
+    "sweep": ("sim.commands.sweep", "fly a scenario over many seeds and variations, into a store that resumes"),
+    "store": ("sim.commands.store", "show or export what a sweep has stored"),
+    "study": ("sim.commands.study", "tables and figures of the thesis, and what holds of its claims"),
     "render": ("sim.commands.render", "a video or a still of a run"),
     "terrain": ("sim.commands.terrain", "import an elevation model, show a map"),
 }

@@ -28,6 +28,7 @@ NEEDED = {  # of the class itself, beside Config
     "controllers": ("build",),
     "estimators": ("build", "sensors", "quality"),
     "scenarios": ("build", "controller", "estimator"),
+    "studies": ("run", "quick", "title"),
 }
 
 

@@ -70,6 +70,17 @@ def _field(name: str, group: Group) -> tuple[str, Any, Any]:
 
 def flags(of: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
     """The flags of a dataclass, each with whether it may be given several times."""
+    for flag, _, repeats in _leaves(of, prefix, ""):
+        yield flag, repeats
+
+
+def fields_by_flag(of: type, prefix: str = "") -> dict[str, str]:
+    """The dotted name of the field that each flag of a dataclass sets."""
+    return {flag: name for flag, name, _ in _leaves(of, prefix, "")}
+
+
+def _leaves(of: type, prefix: str, above: str) -> Iterator[tuple[str, str, bool]]:
+    """Of each flag: itself, the dotted name of its field, and whether it may be given several times."""
     hints = get_type_hints(of, include_extras=True)
     for entry in dataclasses.fields(of):
         hint, marks = hints[entry.name], ()
@@ -77,11 +88,12 @@ def flags(of: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
             hint, marks = get_args(hint)[0], get_args(hint)[1:]
         if tyro.conf.Positional in marks:
             continue
-        name = f"{prefix}.{entry.name.rstrip('_')}".strip(".")
+        name, field_name = f"{prefix}.{entry.name.rstrip('_')}".strip("."), f"{above}.{entry.name}".strip(".")
         if isinstance(hint, type) and dataclasses.is_dataclass(hint):
-            yield from flags(hint, name)
+            yield from _leaves(hint, name, field_name)
         else:
-            yield f"--{name.replace('_', '-')}", get_origin(hint) is list or Ellipsis in get_args(hint)
+            repeats = get_origin(hint) is list or Ellipsis in get_args(hint)
+            yield f"--{name.replace('_', '-')}", field_name, repeats
 
 
 def given(argv: Sequence[str]) -> list[str]:
@@ -92,14 +104,20 @@ def given(argv: Sequence[str]) -> list[str]:
 
 def value_of(flag: str, argv: Sequence[str]) -> str | None:
     """The first word given with ``flag``, None without the flag."""
+    return next(iter(values_of(flag, argv)), None)
+
+
+def values_of(flag: str, argv: Sequence[str]) -> list[str]:
+    """The first word each time that ``flag`` is given."""
+    values = []
     for k, word in enumerate(argv):
         if word.startswith(f"{flag}="):
-            return word.partition("=")[2]
-        if word == flag:
+            values.append(word.partition("=")[2])
+        elif word == flag:
             if k + 1 == len(argv) or argv[k + 1].startswith("--"):
                 raise BadInputError(f"{flag}: its value is missing")
-            return argv[k + 1]
-    return None
+            values.append(argv[k + 1])
+    return values
 
 
 def with_flag(message: str, known: Sequence[str], prefix: str = "") -> str:
@@ -117,12 +135,13 @@ def _check_flags(argv: Sequence[str], prog: str, known: Mapping[str, bool]) -> N
     counts = Counter(given(argv))
     for name, count in counts.items():
         if name not in known:
-            raise BadInputError(f"{name} is not a field of {prog!r}; {_suggestion(name, list(known), prog)}")
+            raise BadInputError(f"{name} is not a field of {prog!r}; {suggestion(name, list(known), prog)}")
         if count > 1 and not known[name]:
             raise BadInputError(f"{name} is given {count} times; allowed: once")
 
 
-def _suggestion(name: str, known: list[str], prog: str) -> str:
+def suggestion(name: str, known: Sequence[str], prog: str) -> str:
+    """What may have been meant by a flag that is not known."""
     close = difflib.get_close_matches(name, known, 3, _CLOSE)
     # A field may be asked for without its group: --nodes means --planner.nodes.
     close += [flag for flag in known if flag.rpartition(".")[2] == name.lstrip("-") and flag not in close]

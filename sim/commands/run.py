@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import os
 import sys
 import tempfile
 import time
@@ -19,12 +17,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from renders.opengl import NoOpenGLError
-from sim.commands import opengl
-from sim.commands.arguments import Group, flags, given, parse, value_of, with_flag
+from sim.commands.arguments import value_of
 from sim.commands.errors import BadInputError, bad_input
+from sim.commands.order import Order, prepare, read_order, usage
 from sim.commands.saved import Saved
 from sim.commands.summary import summary_table
-from sim.plugins import Part, load, names
 from sim.scenarios.experiment import Experiment, Outcome
 
 DERIVED = (
@@ -32,16 +29,12 @@ DERIVED = (
     "report.html",
     *(f"{camera}.{kind}" for camera in ("chase", "overview", "top") for kind in ("mp4", "png")),
 )
-PLACES = {"scenarios": "SCENARIO", "controllers": "--controller", "estimators": "--estimator"}
-USAGE = "usage: mathnavi run SCENARIO [OPTIONS]      SCENARIO: {}\nmathnavi run SCENARIO --help lists the options."
 
 
 @dataclass(frozen=True)
 class Options:
-    """Flags of every scenario."""
+    """Flags of a run."""
 
-    seed: int = 0
-    """of every random draw: the same seed gives the same log, bit for bit"""
     out: Path | None = None
     """folder of the run; renders/out/SCENARIO-seedN if not given"""
     video: bool = False
@@ -50,143 +43,51 @@ class Options:
     """write report.html"""
     from_: Annotated[Path | None, tyro.conf.arg(name="from")] = None
     """run folder whose config.json is run again; flags beside it take precedence"""
-    controller: str = ""
-    """name of a plug-in, or package.module:Class; its fields are --planner.*"""
-    estimator: str = ""
-    """name of a plug-in, or package.module:Class; its fields are --estimator.*"""
-
-    def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed}; allowed: a whole number >= 0")
-
-
-@dataclass(frozen=True)
-class Order:
-    """Everything that was asked for."""
-
-    name: str  # of the scenario
-    scenario: Any
-    options: Options
-    config: Any
-    controller: Part
-    estimator: Part
-    known: tuple[str, ...]  # flags
-    saved: Saved | None
-
-    @property
-    def folder(self) -> Path:
-        return self.options.out or Path("renders/out") / f"{self.name.replace(':', '.')}-seed{self.options.seed}"
 
 
 def main(argv: Sequence[str]) -> int:
-    if not argv:
-        raise BadInputError(f"SCENARIO is missing; allowed: {', '.join(names('scenarios'))}")
-    if argv[0] in ("-h", "--help"):
-        print(USAGE.format(", ".join(names("scenarios"))))
+    if usage("run", argv):
         return 0
-    opengl.choose()
-    if os.getcwd() not in sys.path:  # where a user's own plug-in lies, "my_planner:Mine"
-        sys.path.append(os.getcwd())
+    prepare()
     try:
-        order = read_order(argv)
+        source = value_of("--from", argv)
+        saved = Saved.read(Path(source)) if source is not None else None
+        order = read_order("run", argv, Options, saved)
     except SystemExit:  # the help is printed
         return 0
+    folder = order.options.out or Path("renders/out") / f"{order.name.replace(':', '.')}-seed{order.choice.seed}"
     errors = Console(stderr=True)
-    with output_folder(order.folder), compilation_told(errors):
-        experiment = build(order)
+    with output_folder(folder), compilation_told(errors):
+        experiment = build(order, saved)
         outcome = fly(experiment, errors)
-        replaced = order.options.out is None and (order.folder / "summary.json").exists()
+        replaced = order.options.out is None and (folder / "summary.json").exists()
         with bad_input():
-            outcome.write(order.folder)
+            outcome.write(folder)
     if replaced:  # by chance, perhaps: nobody named the folder
-        errors.print(f"replaced the run in {order.folder}", style="dim", soft_wrap=True, highlight=False)
+        errors.print(f"replaced the run in {folder}", style="dim", soft_wrap=True, highlight=False)
     for stale in DERIVED:
-        (order.folder / stale).unlink(missing_ok=True)
+        (folder / stale).unlink(missing_ok=True)
 
     console = Console()
     verdict = "the mission did what it should" if outcome.success else "the mission did NOT do what it should"
     kinds = Counter(event.kind for event in outcome.recording.events)
-    console.print(f"{order.name}, seed {order.options.seed}: {verdict}", style="bold", highlight=False)
+    console.print(f"{order.name}, seed {order.choice.seed}: {verdict}", style="bold", highlight=False)
     console.print(summary_table(outcome.summary, kinds))
-    _draw(order, errors)
-    console.print(f"run     {order.folder}", soft_wrap=True, highlight=False)
+    _draw(order.options, folder, errors)
+    console.print(f"run     {folder}", soft_wrap=True, highlight=False)
     for made in ("video.mp4", "report.html"):
-        if (order.folder / made).is_file():
-            console.print(f"{made.partition('.')[0]:8}{order.folder / made}", soft_wrap=True, highlight=False)
+        if (folder / made).is_file():
+            console.print(f"{made.partition('.')[0]:8}{folder / made}", soft_wrap=True, highlight=False)
     return 0 if outcome.success else 1
 
 
-def read_order(argv: Sequence[str]) -> Order:
-    """What ``argv`` asks for, on top of what a saved run says."""
-    source = value_of("--from", argv)
-    saved = Saved.read(Path(source)) if source is not None else None
-    name, words = _scenario(argv, saved)
-    scenario = _plugin("scenarios", name)
-    controller, estimator = value_of("--controller", words), value_of("--estimator", words)
-    if controller is None:
-        controller = saved.controller if saved else scenario.controller
-    if estimator is None:
-        estimator = saved.estimator if saved else scenario.estimator
-    planner = _part("controllers", controller, saved, (saved.controller, saved.controller_fields) if saved else None)
-    observer = _part("estimators", estimator, saved, (saved.estimator, saved.estimator_fields) if saved else None)
-    config = _restored(scenario.Config, saved, words) if saved else scenario.Config()
-    groups = (
-        Group(Options, default=Options(saved.seed if saved else 0, controller=controller, estimator=estimator)),
-        Group(type(config), default=config),
-        Group(type(planner.config), "planner", planner.config, f"Of the controller {controller}."),
-        Group(type(observer.config), "estimator", observer.config, f"Of the estimator {estimator}."),
-    )
-    known = tuple(flag for group in groups for flag, _ in flags(group.of, group.prefix))
-    purpose = (scenario.__doc__ or "").strip().partition("\n")[0]
-    options, config, planner_config, observer_config = parse(words, f"mathnavi run {name}", purpose, *groups)
-    parts = Part(planner.plugin, planner_config), Part(observer.plugin, observer_config)
-    return Order(name, scenario, options, config, *parts, known, saved)
-
-
-def _scenario(argv: Sequence[str], saved: Saved | None) -> tuple[str, Sequence[str]]:
-    if argv[0].startswith("-"):
-        if saved is None:
-            raise BadInputError(
-                f"{argv[0]} stands where the scenario belongs; allowed: {', '.join(names('scenarios'))}"
-            )
-        return saved.scenario, argv
-    if saved is not None and argv[0] != saved.scenario:
-        raise BadInputError(f"scenario {argv[0]!r} is not the one in {saved.path}; allowed: {saved.scenario}")
-    return argv[0], argv[1:]
-
-
-def _plugin(kind: str, name: str) -> Any:
-    try:
-        return load(kind, name)
-    except ValueError as error:
-        raise BadInputError(str(error).replace(kind, PLACES[kind], 1)) from error
-
-
-def _part(kind: str, name: str, saved: Saved | None, before: tuple[str, dict[str, Any]] | None) -> Part:
-    """A plug-in with its default fields, or with the saved ones if it is the plug-in that was saved."""
-    plugin = _plugin(kind, name)
-    if saved is not None and before is not None and _plugin(kind, before[0]) is plugin:
-        return Part(plugin, saved.restored(plugin.Config, before[1], f"{kind.removesuffix('s')}.fields"))
-    return Part.of(plugin)
-
-
-def _restored(config: type, saved: Saved, words: Sequence[str]) -> Any:
-    """The saved fields of a scenario, but for the lists that are given anew: those start empty."""
-    lists = {flag for flag, repeats in flags(config) if repeats} & set(given(words))
-    fields = {name: value for name, value in saved.fields.items() if f"--{name.replace('_', '-')}" not in lists}
-    return saved.restored(config, fields, "fields")
-
-
-def build(order: Order) -> Experiment:
+def build(order: Order, saved: Saved | None) -> Experiment:
     """The closed loop; what is wrong with its fields comes to light here."""
-    try:
-        with bad_input():
-            experiment: Experiment = order.scenario.build(
-                order.config, order.options.seed, order.controller, order.estimator
-            )
-    except BadInputError as error:
-        raise BadInputError(with_flag(_about_a_file(str(error), order.config), order.known)) from error
-    terrain, saved = experiment.config.get("terrain", {}), order.saved
+    with order.blamed():
+        experiment: Experiment = order.scenario.build(
+            order.config, order.choice.seed, order.controller, order.estimator
+        )
+    terrain = experiment.config.get("terrain", {})
     same_map = saved is not None and terrain.get("path") == saved.terrain_path
     if saved is not None and same_map and terrain.get("digest") != saved.terrain_digest:
         raise BadInputError(
@@ -194,15 +95,6 @@ def build(order: Order) -> Experiment:
             f"allowed: {saved.terrain_digest}"
         )
     return experiment
-
-
-def _about_a_file(message: str, config: Any) -> str:
-    """A message that starts with the name of a file, with the field that names it before it."""
-    for entry in dataclasses.fields(config):
-        value = getattr(config, entry.name)
-        if isinstance(value, str) and message.startswith(f"{value}: "):
-            return f"{entry.name} = {message}"
-    return message
 
 
 def fly(experiment: Experiment, errors: Console) -> Outcome:
@@ -270,16 +162,16 @@ def compilation_told(errors: Console) -> Iterator[None]:
         yield
 
 
-def _draw(order: Order, errors: Console) -> None:
+def _draw(options: Options, folder: Path, errors: Console) -> None:
     """Video and report if they were asked for; a run without them is still a run."""
-    if order.options.video:
+    if options.video:
         from renders.video import write_video
 
         try:
-            write_video(order.folder, progress=errors.is_terminal)
+            write_video(folder, progress=errors.is_terminal)
         except (NoOpenGLError, RuntimeError) as error:
             print(f"mathnavi: no video: {error}", file=sys.stderr)
-    if order.options.report:
+    if options.report:
         from renders.report import write_report
 
-        write_report(order.folder)
+        write_report(folder)

@@ -1,0 +1,208 @@
+"""Open reports in headless Chromium; fail unless each is whole, in the light and in the dark theme.
+
+Whole means: no error on the console, no exception, no request beyond the file itself, and every drawing, picture and
+3-D view shows something. The browser is spoken to over a pipe in its DevTools protocol, JSON messages that end with
+NUL: https://chromedevtools.github.io/devtools-protocol/
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import io
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+FLAGS = (
+    "--headless=new", "--remote-debugging-pipe", "--no-first-run", "--disable-background-networking",
+    "--hide-scrollbars",
+    "--no-sandbox",  # root may not have one, and the pages are our own
+    "--use-angle=swiftshader", "--enable-unsafe-swiftshader",  # WebGL without a graphics card
+)  # fmt: skip
+WIDTH, PATIENCE = 1200, 120.0  # [pixels], [s] for one report
+LEAST_COLOURS = 2000  # in a 3-D view that shows a terrain
+
+READY = """(() => {
+  document.querySelectorAll('details').forEach((part) => { part.open = true; });  // what is folded in has no size
+  return document.readyState === 'complete' && [...document.images].every((image) => image.complete)
+    && [...document.querySelectorAll('.view')].every((view) => view.dataset.drawn === 'yes');
+})()"""
+FOUND = """(() => {
+  const found = (part, drawn) => {
+    const { x, y, width, height } = part.getBoundingClientRect();
+    const name = part.getAttribute('aria-label') || part.alt;
+    return { name, x, y: y + scrollY, width, height, drawn: Boolean(drawn && width && height) };
+  };
+  const all = (selector, test) => [...document.querySelectorAll(selector)].map((part) => found(part, test(part)));
+  const hasContext = (canvas) => canvas.getContext('webgl') || canvas.getContext('webgl2');
+  return {
+    height: document.documentElement.scrollHeight,
+    drawings: all('figure > svg', (svg) => svg.getBBox().width * svg.getBBox().height),
+    pictures: all('img', (image) => image.naturalWidth),
+    views: all('.view', (view) => view.dataset.drawn && [...view.querySelectorAll('canvas')].some(hasContext)),
+  };
+})()"""
+
+
+class Browser:
+    """A Chromium with one page; it ends with the context."""
+
+    def __init__(self, program: str, profile: str) -> None:
+        to_child, from_here = os.pipe()
+        to_here, from_child = os.pipe()
+        # Chromium reads from descriptor 3 and writes to 4, whatever numbers the pipes have here.
+        redirected = f'exec "$@" 3<&{to_child} 4>&{from_child}'
+        self._process = subprocess.Popen(
+            ["bash", "-c", redirected, "bash", program, *FLAGS, f"--user-data-dir={profile}", "about:blank"],
+            pass_fds=(to_child, from_child),
+            **dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL),
+        )  # fmt: skip
+        for end in (to_child, from_child):
+            os.close(end)
+        self._out, self._in = os.fdopen(from_here, "wb", 0), os.fdopen(to_here, "rb", 0)
+        self._received, self._asked, self._session = b"", 0, ""
+        self.events: list[dict[str, Any]] = []
+
+    def __enter__(self) -> Browser:
+        pages = [info for info in self.ask("Target.getTargets")["targetInfos"] if info["type"] == "page"]
+        self._session = self.ask("Target.attachToTarget", targetId=pages[0]["targetId"], flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self.ask(f"{domain}.enable")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._session = ""
+        self.ask("Browser.close")
+        self._process.wait(PATIENCE)
+        self._out.close()
+        self._in.close()
+
+    def ask(self, method: str, **parameters: Any) -> dict[str, Any]:
+        """The result of a method; what happens meanwhile is kept in ``events``."""
+        self._asked += 1
+        session = {"sessionId": self._session} if self._session else {}
+        message = {"id": self._asked, "method": method, "params": parameters} | session
+        self._out.write(json.dumps(message).encode() + b"\0")
+        hangs = threading.Timer(PATIENCE, self._process.kill)
+        hangs.start()
+        try:
+            while (answer := self._read()).get("id") != self._asked:
+                self.events.append(answer)
+        finally:
+            hangs.cancel()
+        if "error" in answer:
+            raise RuntimeError(f"Chromium does not do {method}: {answer['error']['message']}")
+        result: dict[str, Any] = answer["result"]
+        return result
+
+    def value(self, expression: str) -> Any:
+        """What a JavaScript expression yields."""
+        answer = self.ask("Runtime.evaluate", expression=expression, returnByValue=True)
+        if "exceptionDetails" in answer:
+            raise RuntimeError(f"the page cannot be looked at: {answer['exceptionDetails']}")
+        return answer["result"].get("value")
+
+    def screenshot(self, **clip: Any) -> bytes:
+        options: dict[str, Any] = {"clip": clip | {"scale": 1}} if clip else {}
+        return base64.b64decode(self.ask("Page.captureScreenshot", captureBeyondViewport=True, **options)["data"])
+
+    def _read(self) -> dict[str, Any]:
+        while b"\0" not in self._received:
+            more = self._in.read(1 << 20)
+            if not more:
+                raise RuntimeError(f"Chromium ended, or said nothing for {PATIENCE:g} s")
+            self._received += more
+        first, _, self._received = self._received.partition(b"\0")
+        message: dict[str, Any] = json.loads(first)
+        return message
+
+
+def complaints(events: list[dict[str, Any]], url: str) -> list[str]:
+    """What a page did that it must not."""
+    found = []
+    for event in events:
+        method, told = event.get("method"), event.get("params", {})
+        if method == "Runtime.exceptionThrown":
+            details = told["exceptionDetails"]
+            found.append(f"exception: {details.get('exception', {}).get('description', details['text'])}")
+        elif method == "Runtime.consoleAPICalled" and told["type"] in ("error", "assert"):
+            found.append(f"console: {' '.join(str(part.get('value', part)) for part in told['args'])}")
+        elif method == "Log.entryAdded" and told["entry"]["level"] == "error":
+            found.append(f"console: {told['entry']['text']}")
+        elif method == "Network.requestWillBeSent":
+            asked = told["request"]["url"]
+            if asked != url and not asked.startswith(("data:", "blob:")):
+                found.append(f"request: {asked}")
+    return found
+
+
+def examine(browser: Browser, report: Path, theme: str, screenshots: Path | None) -> tuple[list[str], str]:
+    """What is wrong with a report, and what was found in it."""
+    url = report.resolve().as_uri()
+    browser.events.clear()
+    browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
+    size = {"width": WIDTH, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    browser.ask("Emulation.setDeviceMetricsOverride", **size)
+    browser.ask("Page.navigate", url=url)
+    until = time.monotonic() + PATIENCE
+    while not browser.value(READY) and time.monotonic() < until:
+        time.sleep(0.2)
+    found = browser.value(FOUND)
+    wrong = [
+        f"not drawn: {part['name']}"
+        for kind in ("drawings", "pictures", "views")
+        for part in found[kind]
+        if not part["drawn"]
+    ]
+    wrong += [f"it has no {kind}" for kind in ("drawings", "views") if not found[kind]]
+    for view in found["views"]:
+        seen = browser.screenshot(**{side: view[side] for side in ("x", "y", "width", "height")})
+        pixels = np.asarray(Image.open(io.BytesIO(seen)).convert("RGB")).reshape(-1, 3)
+        if len(np.unique(pixels, axis=0)) < LEAST_COLOURS:
+            wrong.append(f"blank: {view['name']}")
+    if screenshots is not None:
+        screenshots.mkdir(parents=True, exist_ok=True)
+        browser.ask("Emulation.setDeviceMetricsOverride", **(size | {"height": found["height"]}))
+        (screenshots / f"{report.parent.name}-{report.stem}-{theme}.png").write_bytes(browser.screenshot())
+    counts = ", ".join(f"{len(found[kind])} {kind}" for kind in ("drawings", "pictures", "views"))
+    return complaints(browser.events, url) + wrong, counts
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("program", help="the Chromium to open the reports with")
+    parser.add_argument("reports", nargs="+", type=Path, metavar="REPORT.html")
+    parser.add_argument("--screenshots", type=Path, metavar="FOLDER", help="keep a picture of each page here")
+    arguments = parser.parse_args()
+    failed = False
+    # Chromium's helpers may write into the profile for a moment after it has ended.
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile,
+        Browser(arguments.program, profile) as browser,
+    ):
+        for report in arguments.reports:
+            for theme in ("light", "dark"):
+                wrong, counts = examine(browser, report, theme, arguments.screenshots)
+                print(
+                    f"{report}, {theme}: {counts}, {report.stat().st_size / 1e6:.1f} MB"
+                    if not wrong
+                    else f"{report}, {theme}:"
+                )
+                for line in wrong:
+                    print(f"    {line}", file=sys.stderr)
+                failed = failed or bool(wrong)
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

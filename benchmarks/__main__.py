@@ -1,0 +1,51 @@
+"""Every benchmark, and one table of what they found.
+
+python -m benchmarks [--quick] [--out FILE.json]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+from rich.console import Console
+
+from benchmarks import flight_solvers, loop_overhead, sweep_scaling
+from benchmarks.comparison import WIDTH, Findings, Machine, table, write
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Measure our software beside other people's, and print one table."""
+
+    quick: bool = False
+    """whether a few problems, one repetition or two and one minute have to do: rough figures"""
+    out: Path = Path("renders/out/benchmarks.json")
+    """where the figures go"""
+
+
+def parts(quick: bool) -> dict[str, Callable[[Console], Findings]]:
+    """The benchmarks by name."""
+    solvers = flight_solvers.Arguments(problems=60, repetitions=2) if quick else flight_solvers.Arguments()
+    loop = loop_overhead.Arguments(repetitions=5, seconds=60.0) if quick else loop_overhead.Arguments()
+    sweep = sweep_scaling.Arguments(trials=12, repetitions=1) if quick else sweep_scaling.Arguments()
+    return {
+        "flight_solvers": lambda console: flight_solvers.run(solvers, console),
+        "loop_overhead": lambda console: loop_overhead.run(loop, console),
+        "sweep_scaling": lambda console: sweep_scaling.run(sweep, console),
+    }
+
+
+def main(arguments: Arguments) -> None:
+    console, machine = Console(width=WIDTH), Machine.here()
+    findings = {name: measure(console) for name, measure in parts(arguments.quick).items()}
+    described = machine.plain() | {"quick": arguments.quick}
+    console.print(table(list(findings.values()), described))
+    write(arguments.out, findings, described)
+    console.print(f"Wrote {arguments.out}")
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments, description=Arguments.__doc__))

@@ -1,0 +1,190 @@
+"""What every benchmark finds: rows that set our software beside other people's, the table of them, and its file.
+
+A row holds the figures of R repetitions, in each of which ours and the other ran one after the other. It shows the
+median of either and the median, the least and the greatest of the R ratios of neighbours; so a machine that slows down
+for a while spoils no ratio but widens the spread.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from sim.log import write_json
+from sim.signals import Array
+
+Ratio = Literal["other / ours", "ours / other"]
+
+WIDTH = 120  # of a console, so that the table stays whole wherever the output goes
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """One row of the table."""
+
+    what: str
+    unit: str
+    ours: Array  # (R,)
+    other: Array  # (R,) of the runs beside them
+    software: str  # the other
+    of: Ratio
+    """what the ratio is of"""
+    at_least: float | None = None
+    """of the ratio, if it is to be"""
+    at_most: float | None = None
+
+    @property
+    def ratios(self) -> Array:
+        """(R,)"""
+        return self.other / self.ours if self.of == "other / ours" else self.ours / self.other
+
+    @property
+    def ratio(self) -> float:
+        return float(np.median(self.ratios))
+
+    @property
+    def wanted(self) -> str:
+        bounds = ((">=", self.at_least), ("<=", self.at_most))
+        return " ".join(f"{sign} {bound:g}" for sign, bound in bounds if bound is not None)
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the ratio is as wanted; None if nothing is."""
+        if not self.wanted:
+            return None
+        low = -np.inf if self.at_least is None else self.at_least
+        high = np.inf if self.at_most is None else self.at_most
+        return bool(low <= self.ratio <= high)
+
+    def plain(self) -> dict[str, Any]:
+        """The row as plain data."""
+        return {
+            "what": self.what,
+            "unit": self.unit,
+            "ours": float(np.median(self.ours)),
+            "software": self.software,
+            "other": float(np.median(self.other)),
+            "ratio_of": self.of,
+            "ratio": self.ratio,
+            "ratio_least": float(self.ratios.min()),
+            "ratio_greatest": float(self.ratios.max()),
+            "repetitions": len(self.ratios),
+            "wanted": self.wanted or None,
+            "holds": self.holds,
+        }
+
+
+class Findings(Protocol):
+    """What one benchmark comes back with."""
+
+    @property
+    def title(self) -> str:
+        """What was measured, in a line."""
+        ...
+
+    def comparisons(self) -> list[Comparison]:
+        """Its rows of the table."""
+        ...
+
+    def show(self, console: Console) -> None:
+        """What it has to say beside these rows."""
+        ...
+
+    def plain(self) -> dict[str, Any]:
+        """All of it as plain data."""
+        ...
+
+
+def _load() -> list[float]:
+    return [round(load, 2) for load in os.getloadavg()]
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What it ran on, as it was when this was made."""
+
+    processor: str
+    cores: int  # that this process may use
+    load: list[float] = field(default_factory=_load)  # over the last 1, 5 and 15 minutes
+
+    @staticmethod
+    def here() -> Machine:
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return Machine(_processor(), cores)
+
+    def plain(self) -> dict[str, Any]:
+        packages = ["mathnavi", "mujoco", "dm-control", "casadi", "numpy", "numba"]
+        packages += ["do-mpc"] * bool(find_spec("do_mpc"))
+        versions = {name: version(name) for name in packages} | {"python": platform.python_version()}
+        return {
+            "processor": self.processor,
+            "cores": self.cores,
+            "system": f"{platform.system()} {platform.machine()}",
+            "load_before": self.load,
+            "load_after": _load(),
+            "versions": versions,
+        }
+
+
+def _processor() -> str:
+    """The name of the processor's model."""
+    information = Path("/proc/cpuinfo")
+    if information.exists():
+        for line in information.read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def table(parts: Sequence[Findings], machine: Mapping[str, Any]) -> Table:
+    """The rows of every part, and in the caption what they were measured on."""
+    cores = f"{machine['cores']} core{'s' * (machine['cores'] != 1)}"
+    before, after = machine["load_before"][0], machine["load_after"][0]
+    caption = (
+        f"{machine['processor']}, {cores}; load {before:g} before, {after:g} after; "
+        + ", ".join(f"{name} {number}" for name, number in machine["versions"].items())
+        + ". Medians over the repetitions; the ratio is the median of those of neighbouring runs, the spread the least "
+        "and the greatest of them."
+    )
+    shown = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), caption=caption, caption_justify="left")
+    for heading in ("what", "ours", "other", "other software", "ratio", "spread", "of", "wanted"):
+        numeric = heading in ("ours", "other", "ratio", "spread")
+        shown.add_column(heading, justify="right" if numeric else "left", no_wrap=True)
+    for part in parts:
+        shown.add_row(f"[bold]{part.title}[/bold]")
+        for row in part.comparisons():
+            ours, other = (f"{np.median(figures):.3g} {row.unit}" for figures in (row.ours, row.other))
+            spread = f"{row.ratios.min():.3g} .. {row.ratios.max():.3g}"
+            wanted = row.wanted + {True: " yes", False: " NO", None: ""}[row.holds]
+            shown.add_row(f"  {row.what}", ours, other, row.software, f"{row.ratio:.3g}", spread, row.of, wanted)
+        shown.add_section()
+    return shown
+
+
+def write(path: Path, parts: Mapping[str, Findings], machine: Mapping[str, Any]) -> None:
+    """The table and all that its parts found, as JSON."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = [{"part": name, **row.plain()} for name, part in parts.items() for row in part.comparisons()]
+    write_json(path, {"machine": machine, "rows": rows, "parts": {name: part.plain() for name, part in parts.items()}})
+
+
+def alone(name: str, measure: Callable[[Console], Findings], out: Path) -> None:
+    """Run one benchmark by itself: all that it has to say, its rows, and the file."""
+    console, machine = Console(width=WIDTH), Machine.here()
+    findings = measure(console)
+    described = machine.plain()
+    findings.show(console)
+    console.print(table([findings], described))
+    write(out, {name: findings}, described)
+    console.print(f"Wrote {out}")

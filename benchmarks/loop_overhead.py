@@ -1,0 +1,243 @@
+"""What the closed loop costs beside the physics in it: thread CPU time of a flight against that of its physics alone.
+
+    python benchmarks/loop_overhead.py [--seconds 120] [--repetitions 11]
+
+The parts are those that ``safe-flight`` mounts: the plant with its terrain and sensors, the estimator ``full_state``,
+the tracker, the referee. Physics at 300 Hz; estimator, tracker and log at 60 Hz. The planner is idle: it hands out one
+certified plan to the target and is not asked again. The commands of that flight are then replayed
+
+* by ``mujoco.mj_step(model, data)`` in a Python loop on the same model,
+* by dm_control's ``rl.control.Environment`` on it, which observes the state after every command and does no more.
+
+All three make the same number of steps and end in the same state, which is checked.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import gc
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+os.environ.setdefault("MUJOCO_GL", "disable")
+
+import mujoco
+import numpy as np
+import tyro
+from dm_control.mujoco import Physics
+from dm_control.mujoco.wrapper import MjModel
+from dm_control.rl.control import Environment
+from rich.console import Console
+
+from benchmarks.comparison import Comparison, Ratio, alone
+from benchmarks.progress import progress
+from models.aerial.dynamics import CONTROL_TICKS, TICK
+from sim.log import Recording
+from sim.loop import simulate
+from sim.plant import MujocoPlant
+from sim.scenarios.safe_flight import VEHICLE, SafeFlight, SafeFlightConfig
+from sim.signals import Array, Estimate, Plan, PlanRequest
+
+NEVER = 36_000.0  # [s] until the planner is asked again
+BARE, DM_CONTROL = "mujoco.mj_step", "dm_control"
+AT_MOST = 1.5  # times the bare steps
+
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Measure what the closed loop costs beside the physics in it."""
+
+    terrain: str = "tian_shan"
+    """name of a terrain, or an .npz file"""
+    seconds: float = 120.0
+    """simulated time of a run, less if the flight ends before [s]"""
+    repetitions: int = 11
+    """runs of each"""
+    out: Path = Path("renders/out/loop_overhead.json")
+    """where the figures go"""
+
+    def __post_init__(self) -> None:
+        if self.repetitions < 1:
+            raise ValueError(f"repetitions = {self.repetitions}; allowed: >= 1")
+
+
+class IdlePlanner:
+    """One plan for the whole flight."""
+
+    period = NEVER
+
+    def __init__(self, answer: Plan) -> None:
+        self._answer = answer
+
+    def plan(self, request: PlanRequest) -> Plan:
+        return self._answer
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """What a flight did: what the others have to do again."""
+
+    model: mujoco.MjModel
+    start: Array  # (6,)
+    end: Array  # (6,)
+    commands: Array  # (n, 3) each held for ``CONTROL_TICKS``
+    cpu: float  # [s] thread CPU time
+
+    @property
+    def seconds(self) -> float:
+        """Simulated time [s]."""
+        return len(self.commands) * CONTROL_TICKS * TICK
+
+
+def fly(terrain: str, seconds: float) -> Flight:
+    """The closed loop of ``safe-flight`` with an idle planner."""
+    experiment = SafeFlight.build(SafeFlightConfig(terrain=terrain), seed=1)
+    plant, agent = experiment.plant, experiment.agents[VEHICLE]
+    assert isinstance(plant, MujocoPlant)
+    plan = agent.planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, plant.state(VEHICLE)), None))
+    agent = dataclasses.replace(agent, planner=IdlePlanner(plan))
+
+    def flown() -> Recording:
+        return simulate(plant, {VEHICLE: agent}, seconds, experiment.finished)
+
+    recording, cpu = _timed(flown)
+    truth = recording.truths[VEHICLE]
+    return Flight(plant.model, truth[0], truth[-1], recording.agents[VEHICLE].commands[: len(truth) - 1], cpu)
+
+
+def bare_steps(flight: Flight) -> float:
+    """Thread CPU time [s] of MuJoCo's own steps."""
+    model, step = flight.model, mujoco.mj_step
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = flight.start[:3], flight.start[3:]
+    mujoco.mj_forward(model, data)
+    control = data.ctrl
+
+    def stepped() -> None:
+        for command in flight.commands:
+            control[:] = command
+            for _ in range(CONTROL_TICKS):
+                step(model, data)
+
+    _, cpu = _timed(stepped)
+    _check_end(BARE, np.concatenate((data.qpos, data.qvel)), flight)
+    return cpu
+
+
+class Replay:
+    """A task of dm_control, by shape: the state is observed, nothing is rewarded and nothing ends it."""
+
+    def __init__(self, start: Array) -> None:
+        self._start = start
+
+    def initialize_episode(self, physics: Any) -> None:
+        physics.data.qpos[:], physics.data.qvel[:] = self._start[:3], self._start[3:]
+
+    def before_step(self, action: Array, physics: Any) -> None:
+        physics.set_control(action)
+
+    def after_step(self, physics: Any) -> None:
+        pass
+
+    def get_observation(self, physics: Any) -> dict[str, Array]:
+        return {"position": physics.data.qpos.copy(), "velocity": physics.data.qvel.copy()}
+
+    def get_reward(self, physics: Any) -> float:
+        return 0.0
+
+    def get_termination(self, physics: Any) -> None:
+        return None
+
+
+def dm_control_steps(flight: Flight) -> float:
+    """Thread CPU time [s] of dm_control's environment."""
+    physics = Physics.from_model(MjModel(flight.model))
+    environment = Environment(physics, Replay(flight.start), n_sub_steps=CONTROL_TICKS)
+    environment.reset()
+
+    def stepped() -> None:
+        for command in flight.commands:
+            environment.step(command)
+
+    _, cpu = _timed(stepped)
+    _check_end(DM_CONTROL, np.concatenate((physics.data.qpos, physics.data.qvel)), flight)
+    return cpu
+
+
+def _timed(work: Callable[[], Made]) -> tuple[Made, float]:
+    """What the work makes, and its thread CPU time [s]; the rubbish of the work before is not its own."""
+    gc.collect()
+    began = time.thread_time()
+    made = work()
+    return made, time.thread_time() - began
+
+
+def _check_end(name: str, end: Array, flight: Flight) -> None:
+    if not np.allclose(end, flight.end, rtol=1e-9, atol=1e-6):
+        raise RuntimeError(f"{name} ends at {end.tolist()}, the flight at {flight.end.tolist()}: not the same work")
+
+
+@dataclass(frozen=True, eq=False)
+class LoopFindings:
+    """Thread CPU time of each run."""
+
+    seconds: float  # [s] simulated in one run
+    loop: Array  # (R,) [s]
+    bare: Array  # (R,) [s]
+    dm_control: Array  # (R,) [s]
+
+    @property
+    def title(self) -> str:
+        return f"{self.seconds:.0f} s of flight"
+
+    def comparisons(self) -> list[Comparison]:
+        looks = self.seconds / (CONTROL_TICKS * TICK)
+        of: Ratio = "ours / other"
+        loop, bare, peer = (1e6 / looks * cpu for cpu in (self.loop, self.bare, self.dm_control))
+        return [
+            Comparison("a command and its 5 steps", "us", loop, bare, BARE, of, at_most=AT_MOST),
+            Comparison("a command and its 5 steps", "us", loop, peer, DM_CONTROL, of),
+        ]
+
+    def show(self, console: Console) -> None:
+        looks = self.seconds / (CONTROL_TICKS * TICK)
+        added = 1e6 / looks * float(np.median(self.loop - self.bare))
+        console.print(f"The loop adds {added:.1f} us to the five steps of a command.", highlight=False)
+
+    def plain(self) -> dict[str, Any]:
+        return {
+            "simulated_s": self.seconds,
+            "physics_hz": 1.0 / TICK,
+            "control_hz": 1.0 / (CONTROL_TICKS * TICK),
+            "loop_s": self.loop.tolist(),
+            "bare_s": self.bare.tolist(),
+            "dm_control_s": self.dm_control.tolist(),
+        }
+
+
+def run(arguments: Arguments, console: Console) -> LoopFindings:
+    """Fly and replay in turns."""
+    rows: list[tuple[float, float, float]] = []
+    with progress(console, "the loop beside its physics", arguments.repetitions) as tell:
+        warm = fly(arguments.terrain, arguments.seconds)
+        bare_steps(warm), dm_control_steps(warm)
+        for repetition in range(arguments.repetitions):
+            flight = fly(arguments.terrain, arguments.seconds)
+            rows.append((flight.cpu, bare_steps(flight), dm_control_steps(flight)))
+            tell(repetition + 1)
+    loop, bare, peer = np.array(rows).T
+    return LoopFindings(warm.seconds, loop, bare, peer)
+
+
+def main(arguments: Arguments) -> None:
+    alone("loop_overhead", lambda console: run(arguments, console), arguments.out)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments, description=Arguments.__doc__))

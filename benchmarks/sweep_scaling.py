@@ -1,0 +1,197 @@
+"""How a sweep gains from a second process: the same short flights by one worker and by two, each into a fresh store.
+
+    python benchmarks/sweep_scaling.py [--trials 40] [--repetitions 3] [--workers 2]
+
+``sim.sweep`` beside ``concurrent.futures.ProcessPoolExecutor``, which builds and runs the same trials in processes of
+its own, also with one thread each, and stores nothing. The time until as many trials have ended as there are workers,
+in which their processes start, import and load compiled kernels, counts as the start; the rate is that of the rest.
+The whole time is also shown.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+os.environ.setdefault("MUJOCO_GL", "disable")
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.comparison import Comparison, alone
+from benchmarks.progress import progress
+from sim.signals import Array
+from sim.store import Store
+from sim.sweep.child import ENVIRONMENT
+from sim.sweep.execution import Progress, run_trials
+from sim.sweep.trial import Trial, trial
+
+OURS, POOL = "run_trials", "ProcessPoolExecutor"
+AT_LEAST = 1.7  # times as fast with two workers as with one
+
+Kind = tuple[str, int]  # what runs a sweep, and with how many workers
+Seconds = dict[Kind, Array]  # (R,) [s] of every kind
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Measure how a sweep gains from more processes."""
+
+    terrain: str = "jacksboro"
+    """name of a terrain, or an .npz file"""
+    trials: int = 40
+    """flights of a sweep"""
+    workers: int = 2
+    """processes, beside one"""
+    repetitions: int = 3
+    """sweeps of each kind"""
+    out: Path = Path("renders/out/sweep_scaling.json")
+    """where the figures go"""
+
+    def __post_init__(self) -> None:
+        for name, least in (("workers", 2), ("repetitions", 1), ("trials", 3 * self.workers)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} = {getattr(self, name)}; allowed: >= {least}")
+
+
+@dataclass(frozen=True)
+class Course:
+    """When the trials of one sweep ended."""
+
+    start: float  # [s] until as many had ended as there are workers
+    interval: float  # [s] between the ends of two trials after that
+    whole: float  # [s] from the call to its return
+
+    @staticmethod
+    def of(ends: Sequence[float], workers: int, whole: float) -> Course:
+        """``ends`` [s] since the call, one of each trial, in order."""
+        start = ends[workers - 1]
+        return Course(start, (ends[-1] - start) / (len(ends) - workers), whole)
+
+
+def swept(trials: Sequence[Trial], workers: int) -> Course:
+    """By ``sim.sweep``, into a store of its own."""
+    ends: list[float] = []
+
+    def note(state: Progress) -> None:
+        ends.extend([time.perf_counter() - began] * (state.done - len(ends)))
+
+    with tempfile.TemporaryDirectory() as folder, Store.open(Path(folder) / "sweep.db") as store:
+        began = time.perf_counter()
+        records = run_trials(trials, store, workers=workers, progress=note)
+        whole = time.perf_counter() - began
+    for record in records:
+        if record.status != "ok":
+            raise RuntimeError(f"trial of seed {record.seed}: {record.status}: {record.error}")
+    return Course.of(ends, workers, whole)
+
+
+def fly(trial: Trial) -> dict[str, Any]:
+    """The summary of one trial, in a process of the pool."""
+    return trial.build().run().summary
+
+
+def pooled(trials: Sequence[Trial], workers: int) -> Course:
+    """By a pool of the standard library."""
+    ends: list[float] = []
+    with mock.patch.dict(os.environ, ENVIRONMENT):  # one thread to a process, as in a sweep
+        began = time.perf_counter()
+        with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+            for future in as_completed([pool.submit(fly, trial) for trial in trials]):
+                future.result()
+                ends.append(time.perf_counter() - began)
+        whole = time.perf_counter() - began
+    return Course.of(ends, workers, whole)
+
+
+@dataclass(frozen=True)
+class SweepFindings:
+    """The courses of all sweeps in the order of the repetitions."""
+
+    trials: int
+    workers: int  # of the larger sweeps
+    courses: dict[Kind, list[Course]]
+
+    @property
+    def title(self) -> str:
+        return f"sweep of {self.trials} flights"
+
+    def comparisons(self) -> list[Comparison]:
+        flights, wholes = self._of(lambda course: course.interval), self._of(lambda course: course.whole)
+        one, many, itself = 1, self.workers, "the same, 1 worker"
+
+        def row(
+            what: str, seconds: Seconds, ours: Kind, other: Kind, software: str, at_least: float | None = None
+        ) -> Comparison:
+            return Comparison(what, "s", seconds[ours], seconds[other], software, "other / ours", at_least)
+
+        return [
+            row(
+                f"a flight, {many} workers", flights, (OURS, many), (OURS, one), itself, AT_LEAST if many == 2 else None
+            ),
+            row(f"the whole, {many} workers", wholes, (OURS, many), (OURS, one), itself),
+            row("a flight, 1 worker", flights, (OURS, one), (POOL, one), POOL),
+            row(f"a flight, {many} workers", flights, (OURS, many), (POOL, many), POOL),
+            row(f"the whole, {many} workers", wholes, (OURS, many), (POOL, many), POOL),
+        ]
+
+    def show(self, console: Console) -> None:
+        shown = Table(title="medians")
+        for heading in ("", "workers", "start [s]", "a flight [s]", "whole [s]", "times as fast as one"):
+            shown.add_column(heading, justify="right" if heading else "left")
+        for row in self.plain()["sweeps"]:
+            numbers = [f"{row[key]:.3g}" for key in ("start_s", "flight_s", "whole_s", "speed_up")]
+            shown.add_row(row["by"], str(row["workers"]), *numbers)
+        console.print(shown)
+
+    def plain(self) -> dict[str, Any]:
+        columns = {
+            "start_s": self._of(lambda course: course.start),
+            "flight_s": (flights := self._of(lambda course: course.interval)),
+            "whole_s": self._of(lambda course: course.whole),
+            "speed_up": {(by, workers): flights[by, 1] / flights[by, workers] for by, workers in flights},
+        }
+        sweeps = [
+            {"by": by, "workers": workers}
+            | {name: float(np.median(figures[by, workers])) for name, figures in columns.items()}
+            for by, workers in self.courses
+        ]
+        return {"trials": self.trials, "sweeps": sweeps}
+
+    def _of(self, figure: Callable[[Course], float]) -> Seconds:
+        return {kind: np.array([figure(course) for course in courses]) for kind, courses in self.courses.items()}
+
+
+def run(arguments: Arguments, console: Console) -> SweepFindings:
+    """Sweep by turns with one worker and with more."""
+    workers = arguments.workers
+    trials = [
+        trial(seed=seed, terrain=arguments.terrain, drawn_separation=(0.2, 0.3)) for seed in range(arguments.trials)
+    ]
+    fly(trials[0])  # numba compiles here what its cache may lack
+    kinds = [(OURS, 1), (OURS, workers), (POOL, workers), (POOL, 1)]  # what is compared stands side by side
+    courses: dict[Kind, list[Course]] = {kind: [] for kind in kinds}
+    with progress(console, "sweeping", arguments.repetitions * len(kinds)) as tell:
+        for repetition in range(arguments.repetitions):
+            for i, (by, count) in enumerate(kinds):
+                tell(repetition * len(kinds) + i, f"{by}, {count} of {workers} workers")
+                courses[by, count].append((swept if by == OURS else pooled)(trials, count))
+    return SweepFindings(arguments.trials, workers, courses)
+
+
+def main(arguments: Arguments) -> None:
+    alone("sweep_scaling", lambda console: run(arguments, console), arguments.out)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments, description=Arguments.__doc__))

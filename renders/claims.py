@@ -1,0 +1,80 @@
+"""What the thesis prints and what was asked for, each beside what was measured: claims, and their ledger."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+Kind = Literal["printed", "target"]
+VERDICTS = {True: "yes", False: "no", None: "not measured"}
+WIDEST = 40  # [characters] of a column that is filled up, so that it can be read where it is not rendered
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement and how it fared."""
+
+    id: str
+    kind: Kind  # "printed": in the thesis, and may honestly not hold; "target": what is asked of this software
+    statement: str
+    source: str  # where it stands
+    expected: str
+    measured: str
+    holds: bool | None  # None: not measured
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise ValueError(f"claim {self.id!r}: kind = {self.kind!r}; allowed: {', '.join(get_args(Kind))}")
+
+    @property
+    def verdict(self) -> str:
+        """Whether it holds, in words."""
+        return VERDICTS[self.holds]
+
+
+def tally(claims: Sequence[Claim]) -> str:
+    """How many hold, in words."""
+    counts = Counter(claim.verdict for claim in claims)
+    rest = {"do not": counts["no"], "not measured": counts["not measured"]}
+    return "; ".join(
+        [
+            f"{counts['yes']} of {len(claims)} claims hold",
+            *(f"{words}: {count}" for words, count in rest.items() if count),
+        ]
+    )
+
+
+def ledger(claims: Mapping[str, Sequence[Claim]]) -> str:
+    """The claims by terrain as a Markdown text: one table, a row for each claim, a pair of columns for each terrain."""
+    by_id = {terrain: {claim.id: claim for claim in some} for terrain, some in claims.items()}
+    first: dict[str, Claim] = {}
+    for some in claims.values():
+        for claim in some:
+            first.setdefault(claim.id, claim)
+    head = ["id", "kind", "claim", "where in the thesis", "expected"]
+    head += [f"{what} {terrain}" for terrain in claims for what in ("measured on", "holds on")]
+    rows = []
+    for name, claim in first.items():
+        row = [claim.id, claim.kind, claim.statement, claim.source, claim.expected]
+        for terrain in claims:
+            found = by_id[terrain].get(name)
+            row += [found.measured if found else "", found.verdict if found else VERDICTS[None]]
+        rows.append([" ".join(cell.split()).replace("|", "\\|") for cell in row])
+    tallies = "".join(f"- {terrain}: {tally(some)}.\n" for terrain, some in claims.items())
+    return (
+        "# Claims\n\n"
+        "What the thesis prints (kind `printed`; it may honestly not hold) and what is asked of this software (kind\n"
+        "`target`), each beside what was measured. Written by `mathnavi study all`.\n\n"
+        f"{tallies}\n{_markdown_table(head, rows)}"
+    )
+
+
+def _markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(len(cell) for cell in column) for column in zip(head, *rows, strict=True)]
+    widths = [width if width <= WIDEST else 3 for width in widths]
+    lines = [head, ["-" * width for width in widths], *rows]
+    return "".join(
+        f"| {' | '.join(cell.ljust(width) for cell, width in zip(line, widths, strict=True))} |\n" for line in lines
+    )

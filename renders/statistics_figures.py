@@ -1,0 +1,173 @@
+"""Samples as figures: rates with their exact limits, medians with their bootstrap bands, distributions.
+
+In the style of ``renders.figures``, so a report puts the reader's theme in place of its ink and grid.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+from renders.figures import BOUND, STYLE, canvas
+from sim.signals import Array
+from sim.statistics import Band, Rate
+
+SERIES = ("#0d6bf2", "#e07b00", "#12a06b", "#c2185b", "#8a4fd0", "#7a8896")  # readable on light and on dark ground
+WIDTH = 9.4  # [inches] of a figure
+ROW, PANEL = 0.24, 2.6  # [inches] of a row of a forest plot, of a panel of curves
+FORESTS, CURVES = 3, 2  # panels side by side
+MOST_STEPS = 400  # of a distribution
+WHOLE = 0.35  # an axis of rates that would show more than this share of 0 to 100 % shows all of it
+
+
+def rates_figure(names: Sequence[str], panels: Mapping[str, Sequence[Rate]]) -> Figure:
+    """Forest plots: one panel for each kind of event, one row for each name."""
+    with matplotlib.rc_context(STYLE):
+        figure, cells = _forest_grid(len(names), len(panels))
+        for axes, (title, rates) in zip(cells, panels.items(), strict=True):
+            limits = [_limits(rate) for rate in rates]
+            _forest(axes, names, [100.0 * rate.value for rate in rates], 100.0 * np.array(limits))
+            axes.set(title=title, xlabel="share [%]", xlim=_percent_limits(limits))
+    return figure
+
+
+def rates_figure_on(axes: Axes, names: Sequence[str], rates: Sequence[Rate]) -> None:
+    """A forest plot in ``axes`` that also says in words what it shows."""
+    limits = [_limits(rate) for rate in rates]
+    _forest(axes, names, [100.0 * rate.value for rate in rates], 100.0 * np.array(limits))
+    for row, rate in enumerate(rates):
+        axes.annotate(rate.text(), (0.0, row), (3, 5), xycoords=("axes fraction", "data"),
+                      textcoords="offset points", fontsize=8.0)  # fmt: skip
+    axes.set(xlabel="share [%]", xlim=_percent_limits(limits), ylim=(len(names) - 0.5, -0.75))
+
+
+def medians_figure(names: Sequence[str], panels: Mapping[str, Sequence[Band | None]]) -> Figure:
+    """Forest plots of medians: one panel for each figure (its name with the unit), one row for each name.
+
+    None where there is no value; a band of a single value has no limits and no bar.
+    """
+    with matplotlib.rc_context(STYLE):
+        figure, cells = _forest_grid(len(names), len(panels))
+        for axes, (xlabel, bands) in zip(cells, panels.items(), strict=True):
+            known = [band or Band(math.nan, math.nan, math.nan, 0) for band in bands]
+            _forest(axes, names, [band.median for band in known], np.array([(band.low, band.high) for band in known]))
+            axes.set_xlabel(xlabel)
+    return figure
+
+
+def bands_figure(
+    x: Sequence[float], panels: Mapping[str, Mapping[str, Sequence[Band | None]]], xlabel: str, log: bool = False
+) -> Figure:
+    """Medians over x with their bands: a panel for each figure, in all of them the same curves (no name: no legend)."""
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(WIDTH, PANEL * math.ceil(len(panels) / CURVES))
+        for axes, (ylabel, curves) in zip(_grid(figure, len(panels), CURVES), panels.items(), strict=True):
+            for colour, (name, bands) in zip(SERIES, curves.items(), strict=False):
+                low, median, high = (
+                    np.array([math.nan if band is None else getattr(band, end) for band in bands])
+                    for end in ("low", "median", "high")
+                )
+                axes.fill_between(x, low, high, color=colour, alpha=0.22, lw=0.0)
+                axes.plot(x, median, "o-", ms=4.0, color=colour, label=name)
+            axes.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if log else "linear")
+        if any(curves):
+            figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=len(SERIES))
+    return figure
+
+
+def distribution_figure(samples: Mapping[str, Array], xlabel: str, bound: float | None, bound_name: str) -> Figure:
+    """Share of each sample at or below a value, on a log scale, so that the rare low ones can be seen, and a bound."""
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(WIDTH, 3.2)
+        axes = figure.add_subplot()
+        for colour, (name, sample) in zip(SERIES, samples.items(), strict=False):
+            values = np.sort(sample)
+            n = len(values)
+            chosen = np.unique(np.geomspace(1, n, min(n, MOST_STEPS)).round().astype(int))
+            axes.step(values[chosen - 1], 100.0 * chosen / n, where="post", color=colour, label=name)
+        if bound is not None:
+            axes.axvline(bound, color=BOUND, ls=":", lw=1.4)
+            axes.annotate(
+                bound_name, (bound, 1.0), (4, -2), xycoords=("data", "axes fraction"), textcoords="offset points",
+                va="top", color=BOUND,
+            )  # fmt: skip
+        axes.set(xlabel=xlabel, ylabel="trials at or below [%]", yscale="log", ylim=(None, 100.0))
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        if any(samples):
+            axes.legend(loc="lower right")
+    return figure
+
+
+def scatter_figure(
+    x: Array, panels: Mapping[str, tuple[Array, Sequence[float], Sequence[Band]]], xlabel: str, log: bool = False
+) -> Figure:
+    """Every trial's value over x, and medians of bins with their bands.
+
+    A panel has its values (n,), NaN where there is none, the middle of each bin on x, and the bin's band.
+    """
+    with matplotlib.rc_context(STYLE):
+        rows = math.ceil(len(panels) / CURVES)
+        figure = canvas(WIDTH, PANEL * rows)
+        for axes, (ylabel, (values, middles, bands)) in zip(
+            _grid(figure, len(panels), CURVES), panels.items(), strict=True
+        ):
+            axes.plot(
+                x,
+                values,
+                ".",
+                ms=float(np.clip(60.0 / math.sqrt(len(x)), 1.2, 3.2)),
+                alpha=0.5,
+                color=SERIES[5],
+                rasterized=True,
+            )
+            low, high = (np.array([getattr(band, end) for band in bands]) for end in ("low", "high"))
+            axes.fill_between(middles, low, high, color=SERIES[0], alpha=0.25, lw=0.0)
+            axes.plot(middles, [band.median for band in bands], "o-", ms=4.0, color=SERIES[0])
+            axes.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if log else "linear")
+    return figure
+
+
+def _grid(figure: Figure, count: int, across: int, sharey: bool = False) -> list[Axes]:
+    """``count`` panels, ``across`` of them a row as far as there are so many."""
+    cells = list(figure.subplots(math.ceil(count / across), min(count, across), sharey=sharey, squeeze=False).ravel())
+    for unused in cells[count:]:
+        unused.remove()
+    return cells[:count]
+
+
+def _forest_grid(rows: int, count: int) -> tuple[Figure, list[Axes]]:
+    figure = canvas(WIDTH, math.ceil(count / FORESTS) * (0.8 + ROW * rows))
+    return figure, _grid(figure, count, FORESTS, sharey=True)
+
+
+def _forest(axes: Axes, names: Sequence[str], values: Sequence[float], limits: Array) -> None:
+    """A dot for each value, a bar between its limits (n, 2), the first name on top."""
+    rows = np.arange(len(names))
+    axes.hlines(rows, limits[:, 0], limits[:, 1], color=SERIES[0], lw=4.0, alpha=0.5)
+    axes.plot(values, rows, "o", ms=5.0, color=SERIES[0], clip_on=False, zorder=3)
+    axes.set_yticks(rows, names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.grid(axis="y", visible=False)
+
+
+def _limits(rate: Rate) -> tuple[float, float]:
+    """What a rate's bar spans: without an event up to the one-sided bound, as its text says."""
+    return (0.0, rate.upper) if rate.events == 0 else (rate.low, rate.high)
+
+
+def _percent_limits(limits: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """An axis [%] that shows all the limits: near 0, near 100 or all of it."""
+    low, high = min(low for low, _ in limits), max(high for _, high in limits)
+    if high <= WHOLE:
+        return 0.0, 108.0 * high
+    if low >= 1.0 - WHOLE:
+        return 100.0 - 108.0 * (1.0 - low), 100.0
+    return 0.0, 100.0

@@ -1,0 +1,88 @@
+"""A study on one page: what was done, what it says of the claims, the thesis' numbers beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from models.terrain.height_field import HeightField
+from renders import page
+from renders.claims import Claim, tally
+from renders.page import Markup
+from renders.terrain_view import Track, script, terrain_view
+from sim.log import write_text
+from sim.signals import Array
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text or numbers under their columns' names."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[object]]
+
+
+@dataclass(frozen=True, eq=False)
+class StudyPage:
+    """What the page of a study shows."""
+
+    name: str
+    title: str
+    summary: Sequence[str]  # paragraphs
+    tables: Sequence[Table]
+    figures: Sequence[tuple[str, Figure, str]]  # name, drawing, caption
+    claims: Sequence[Claim]
+    terrain: HeightField
+    tracks: Sequence[Track]
+    command: str  # that does it again
+    places: Mapping[str, Array] = field(default_factory=dict)  # (3,) [m] map frame
+    radars: Sequence[tuple[float, float, float, float]] = ()  # x, y, z, radius [m]
+
+
+def write_study_report(path: Path, study: StudyPage) -> Path:
+    """Write the page, whole or not at all, and return its path."""
+    write_text(path, report(study))
+    return path
+
+
+def report(study: StudyPage) -> Markup:
+    """The page's HTML."""
+    met = all(claim.holds is not False for claim in study.claims if claim.kind == "target")
+    return page.document(
+        study.title,
+        page.heading(study.title, f"{tally(study.claims)}.", met),
+        *(page.paragraph(words) for words in study.summary),
+        page.section("Claims", page.card(_claims(study.claims))),
+        page.section("Numbers", *(page.card(page.table(t.columns, t.rows, t.title)) for t in study.tables)),
+        page.section("Figures", *(page.figure_block(drawing, name, words) for name, drawing, words in study.figures)),
+        page.section("Over the terrain", terrain_view(study.terrain, study.tracks, study.places, study.radars)),
+        page.section("Do it again", page.card(page.preformatted(study.command))),
+        script=script(),
+    )
+
+
+def _claims(claims: Sequence[Claim]) -> Markup:
+    columns = ("claim", "statement", "where", "expected", "measured", "holds")
+    return page.table(
+        columns,
+        [
+            (
+                Markup(f'<span class="whole">{page.text(claim.id)}</span><br><small>{claim.kind}</small>'),
+                claim.statement,
+                claim.source,
+                claim.expected,
+                claim.measured,
+                _verdict(claim),
+            )
+            for claim in claims
+        ],
+    )
+
+
+def _verdict(claim: Claim) -> Markup:
+    tones = {True: ' class="good"', False: ' class="bad"', None: ""}
+    return Markup(f"<span{tones[claim.holds]}>{claim.verdict}</span>")

@@ -1,0 +1,223 @@
+"""The records of a sweep as its report needs them: in groups, with a rate for each kind of event and a median for each
+figure, for any scenario.
+
+Trials are grouped by the values of the fields that were varied. A field with many numeric values, or with another one
+for every seed, is continuous: it makes no groups but bins. Of a summary, truth values become rates and numbers medians;
+what a flight calls ``min_clearance_m`` and ``clearance_min`` is a clearance and h_min, what it must not fall below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from sim.metrics import SUMMARY_GROUPS, label
+from sim.signals import Array
+from sim.statistics import Band, Rate, median_band, rate
+from sim.store import Record
+
+MOST_LISTED = 12  # values of a numeric field that still make groups
+BINS = 8  # of a continuous field, with equally many trials each
+CLEARANCE, CLEARANCE_BOUND = "min_clearance_m", "clearance_min"
+# What matters first; the rest of a summary follows in its own order.
+KEY_FIGURES = (
+    CLEARANCE, "arrival_time_s", "path_length_m", "control_effort",
+    "radar_exposure_s", "fallback_steps", "tracking_error_max_m",
+)  # fmt: skip
+
+Test = Callable[[Record], bool | None]  # whether an event happened in a trial; None where the trial cannot say
+
+
+@dataclass(frozen=True)
+class Group:
+    """Records that belong together."""
+
+    name: str
+    values: tuple[object, ...]  # of the fields that make the groups
+    records: Sequence[Record]
+
+    def rate(self, happened: Test) -> Rate | None:
+        """Of an event among the trials that can say; None without any."""
+        told = [event for record in self.records if (event := happened(record)) is not None]
+        return rate(sum(told), len(told)) if told else None
+
+    def band(self, key: str) -> Band | None:
+        """Of a figure among the trials that have it, always from the same resamples; None without any."""
+        known = figures(self.records, key)
+        known = known[np.isfinite(known)]
+        return median_band(known, np.random.default_rng(0)) if len(known) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Records, and the names of the fields that were varied, as ``Record.fields`` has them.
+
+    Raises ValueError where there are no records, and for a field that no record has.
+    """
+
+    records: Sequence[Record]
+    varied: Sequence[str]
+
+    def __post_init__(self) -> None:
+        if not self.records:
+            raise ValueError("records: none; allowed: at least one")
+        known = {name for record in self.records for name in record.fields}
+        if unknown := [name for name in self.varied if name not in known]:
+            raise ValueError(f"varied = {unknown[0]!r}; allowed: {', '.join(sorted(known))}")
+
+    @cached_property
+    def continuous(self) -> list[str]:
+        """The varied fields that make no groups: numbers of many values, or of another value for every seed."""
+        return [name for name in self.varied if _all(values := self.values(name)) and self._is_spread(values)]
+
+    @cached_property
+    def listed(self) -> list[str]:
+        """The varied fields that make groups."""
+        return [name for name in self.varied if name not in self.continuous]
+
+    @cached_property
+    def groups(self) -> list[Group]:
+        """By the values of ``listed``, in order; a single one without such a field."""
+        return grouped(self.records, self.listed) if self.listed else [Group("all trials", (), self.records)]
+
+    @cached_property
+    def events(self) -> dict[str, Test]:
+        """The kinds of events whose rates are told, by name."""
+        tests: dict[str, Test] = {
+            "success": lambda record: record.success is True,
+            "recorded failure": lambda record: record.status != "ok",
+        }
+        flights: dict[str, Test] = {"below h_min": _too_low, "late or not arrived": _late}
+        tests |= {kind: happened for kind, happened in flights.items() if any(map(_can_say(happened), self.records))}
+        for key in self._keys:
+            values = [record.summary[key] for record in self.records if record.summary.get(key) is not None]
+            if not values:
+                continue
+            if all(isinstance(value, bool) for value in values):
+                tests[label(key)[0]] = partial(_told, key)
+            elif key in SUMMARY_GROUPS["safety"] and all(isinstance(value, int) for value in values):
+                tests[f"any {label(key)[0]}"] = partial(_told, key)
+        return tests
+
+    @cached_property
+    def figures(self) -> list[str]:
+        """The keys of the summary's numbers that are not the same everywhere, those that matter most first."""
+        order = dict.fromkeys([*KEY_FIGURES, *(key for keys in SUMMARY_GROUPS.values() for key in keys), *self._keys])
+        found = []
+        for key in (key for key in order if key in self._keys):
+            values = {record.summary.get(key) for record in self.records} - {None}
+            if len(values) > 1 and _all(values):
+                found.append(key)
+        return found
+
+    @cached_property
+    def timings(self) -> list[str]:
+        """The keys of what was measured with a clock."""
+        return list(dict.fromkeys(key for record in self.records for key in record.timings))
+
+    def values(self, name: str) -> list[Any]:
+        """Of a field, one a record."""
+        return [_hashable(record.fields.get(name)) for record in self.records]
+
+    def bins(self, name: str) -> list[Group]:
+        """The records by a continuous field, in order, with equally many in each bin as far as that goes."""
+        order = sorted(self.records, key=lambda record: record.fields[name])
+        parts = [part for part in np.array_split(np.arange(len(order)), BINS) if len(part)]
+        found = []
+        for part in parts:
+            records = [order[k] for k in part]
+            low, high = records[0].fields[name], records[-1].fields[name]
+            found.append(
+                Group(f"{low:.3g} to {high:.3g}", (float(np.median([r.fields[name] for r in records])),), records)
+            )
+        return found
+
+    def _is_spread(self, values: Sequence[float]) -> bool:
+        seeds: dict[float, set[int]] = {}
+        for value, record in zip(values, self.records, strict=True):
+            seeds.setdefault(value, set()).add(record.seed)
+        drawn = len(set.union(*seeds.values())) > 1 < len(seeds) and all(len(some) == 1 for some in seeds.values())
+        return drawn or len(seeds) > MOST_LISTED
+
+    @cached_property
+    def _keys(self) -> list[str]:
+        return list(dict.fromkeys(key for record in self.records for key in record.summary))
+
+
+def grouped(records: Iterable[Record], names: Sequence[str]) -> list[Group]:
+    """Records by the values of fields, in order of those."""
+    found: dict[tuple[Any, ...], list[Record]] = {}
+    for record in records:
+        found.setdefault(tuple(_hashable(record.fields.get(name)) for name in names), []).append(record)
+    ordered = sorted(found.items(), key=lambda item: [_order(value) for value in item[0]])
+    short = [name.rpartition(".")[2].replace("_", " ") for name in names]
+    return [
+        Group(", ".join(f"{name} {said(value)}" for name, value in zip(short, values, strict=True)), values, some)
+        for values, some in ordered
+    ]
+
+
+def figures(records: Sequence[Record], key: str) -> Array:
+    """(n,) A figure of each record, from its summary or its timings; NaN where there is none."""
+    found = (record.timings.get(key) if key in record.timings else record.summary.get(key) for record in records)
+    return np.array([np.nan if value is None else float(value) for value in found])
+
+
+def said(value: object) -> str:
+    """The value of a field, to be read."""
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, (tuple, list)):
+        return f"({', '.join(map(said, value))})"
+    return str(value)
+
+
+def is_number(value: object) -> bool:
+    """Whether a value is a number; a truth value is none."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def shared(records: Sequence[Record]) -> Mapping[str, Any]:
+    """The fields that are the same in all records."""
+    first = records[0].fields
+    return {name: value for name, value in first.items() if all(r.fields.get(name) == value for r in records)}
+
+
+def _all(values: Iterable[object]) -> bool:
+    return all(is_number(value) for value in values)
+
+
+def _told(key: str, record: Record) -> bool | None:
+    value = record.summary.get(key)
+    return None if value is None else value > 0
+
+
+def _too_low(record: Record) -> bool | None:
+    bound = record.fields.get(CLEARANCE_BOUND)
+    if bound is None or CLEARANCE not in record.summary:
+        return None
+    clearance = record.summary[CLEARANCE]
+    return clearance is None or bool(clearance < bound)  # what is no number is no proof of a clearance
+
+
+def _late(record: Record) -> bool | None:
+    if not {"arrived", "arrival_time_s", "deadline_s"} <= record.summary.keys():
+        return None
+    return not record.summary["arrived"] or bool(record.summary["arrival_time_s"] > record.summary["deadline_s"])
+
+
+def _can_say(happened: Test) -> Callable[[Record], bool]:
+    return lambda record: happened(record) is not None
+
+
+def _hashable(value: Any) -> Any:
+    return tuple(map(_hashable, value)) if isinstance(value, (list, tuple)) else value
+
+
+def _order(value: object) -> tuple[bool, float, str]:
+    """Numbers before words."""
+    return (not is_number(value), float(value) if is_number(value) else 0.0, str(value))  # type: ignore[arg-type]

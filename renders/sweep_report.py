@@ -1,0 +1,295 @@
+"""A sweep on one page: rates with exact limits, medians with bootstrap bands, every failure."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from models.terrain.height_field import HeightField
+from renders import page
+from renders.page import UNKNOWN, Markup, number
+from renders.statistics_figures import (
+    SERIES,
+    bands_figure,
+    distribution_figure,
+    medians_figure,
+    rates_figure,
+    scatter_figure,
+)
+from renders.sweep_data import CLEARANCE, CLEARANCE_BOUND, Group, Sweep, figures, grouped, is_number, said, shared
+from renders.terrain_view import Track, script, terrain_view
+from sim.log import write_text
+from sim.metrics import label
+from sim.statistics import Band, Rate, percent
+from sim.store import Record
+
+MOST_TILES = 5
+MOST_DRAWN = 30  # groups in a forest plot
+MOST_PANELS = 6  # figures of the summary that are drawn; the table has all
+ALWAYS_OVER = ("success", "below h_min")  # rates drawn over a continuous field even where they are the same in all bins
+MOST_FAILURES = 200  # in a list; the rest is counted
+DECADES = 20.0  # ratio of the 90th to the 10th percentile from which an axis has a log scale
+
+
+def write_sweep_report(
+    path: Path,
+    records: Sequence[Record],
+    varied: Sequence[str],
+    terrain: HeightField | None,
+    tracks: Sequence[Track],
+    command: str,
+) -> Path:
+    """Write the page, whole or not at all, and return its path.
+
+    ``varied`` are the names of fields as ``Record.fields`` has them. Raises ValueError where there are no records, and
+    for a field that no record has.
+    """
+    write_text(path, report(Sweep(records, varied), terrain, tracks, command))
+    return path
+
+
+def report(sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], command: str) -> Markup:
+    """The page's HTML."""
+    scenarios = ", ".join(dict.fromkeys(record.scenario for record in sweep.records))
+    title = f"{scenarios}: {len(sweep.records)} trials"
+    return page.document(
+        title,
+        *_headline(title, sweep),
+        page.section("Rates", *_rates(sweep)),
+        page.section("Medians", *_medians(sweep)),
+        *_clearance(sweep),
+        *(page.section(f"Over {name}", *_over(sweep, name)) for name in sweep.continuous),
+        *([page.section("Over the terrain", terrain_view(terrain, tracks))] if terrain else []),
+        *_failures(sweep),
+        page.section("Times", _times(sweep)),
+        page.section("Do it again", *_again(sweep, command)),
+        page.footer(f"Code: {', '.join(sorted({record.code for record in sweep.records}))}"),
+        script=script() if terrain else "",
+    )
+
+
+def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:
+    everything = Group("all", (), sweep.records)
+    failed = sum(record.status != "ok" for record in sweep.records)
+    missed = sum(record.status == "ok" and not record.success for record in sweep.records)
+    counts = {
+        "of the missions did not do what they should": missed,
+        "of the trials did not run to their end": failed,
+    }
+    told = [f"{count:,} {words}" for words, count in counts.items() if count]
+    verdict = f"{', '.join(told)}." if told else "Every mission did what it should."
+    tiles: dict[str, object] = {"trials": f"{len(sweep.records):,}"}
+    for kind, happened in sweep.events.items():
+        found = everything.rate(happened)
+        if found is not None and len(tiles) < MOST_TILES:
+            tiles[f"{kind}: {_limits(found)}"] = f"{found.events:,} of {found.trials:,}"
+    return page.heading(title, verdict, not told), page.tiles(tiles)
+
+
+def _limits(found: Rate) -> str:
+    confidence = f"{100.0 * found.confidence:g} %"
+    if found.events == 0:
+        return f"at most {percent(found.upper)} % ({confidence})"
+    return f"{percent(found.low)} to {percent(found.high)} % ({confidence})"
+
+
+def _rates(sweep: Sweep) -> tuple[Markup, Markup]:
+    rates = {kind: [group.rate(happened) for group in sweep.groups] for kind, happened in sweep.events.items()}
+    rows = {kind: [UNKNOWN if found is None else found.text() for found in row] for kind, row in rates.items()}
+    table = _by_group(
+        sweep, rows, "Exact (Clopper-Pearson) 95 % limits. A rate of zero states its one-sided 95 % upper bound."
+    )
+    drawn = [group.name for group in sweep.groups[:MOST_DRAWN]]
+    known = {kind: [found for found in row[:MOST_DRAWN] if found is not None] for kind, row in rates.items()}
+    figure = rates_figure(drawn, {kind: row for kind, row in known.items() if len(row) == len(drawn)})
+    return table, page.figure_block(figure, "rates", _drawn("Rates with their 95 % limits", sweep))
+
+
+def _drawn(what: str, sweep: Sweep) -> str:
+    by = f" by {', '.join(sweep.listed)}" if sweep.listed else ""
+    rest = len(sweep.groups) - MOST_DRAWN
+    return f"{what}{by}{f'; the first {MOST_DRAWN} groups, {rest} more are in the table' if rest > 0 else ''}."
+
+
+def _medians(sweep: Sweep) -> list[Markup]:
+    bands = {key: [group.band(key) for group in sweep.groups] for key in sweep.figures}
+    if not bands:
+        return [page.paragraph("No figure of the summary differs from trial to trial.")]
+    sizes = [len(group.records) for group in sweep.groups]
+    rows = {
+        _named(key): [_band_text(band, size) for band, size in zip(row, sizes, strict=True)]
+        for key, row in bands.items()
+    }
+    table = _by_group(sweep, rows, "Medians with 95 % bootstrap bands; n where not every trial has the figure.")
+    figure = _medians_drawn(sweep)
+    caption = _drawn("Medians with their 95 % bootstrap bands", sweep)
+    return [table, page.figure_block(figure, "medians", caption)] if len(sweep.groups) > 1 else [table]
+
+
+def _medians_drawn(sweep: Sweep) -> Figure:
+    """Over a numeric field where the other fields leave few enough curves, else as a forest plot."""
+    keys = sweep.figures[:MOST_PANELS]
+    numeric = [name for name in sweep.listed if all(map(is_number, sweep.values(name)))]
+    if numeric:
+        along = max(numeric, key=lambda name: len(set(sweep.values(name))))
+        x = sorted(set(sweep.values(along)))
+        curves = grouped(sweep.records, [name for name in sweep.listed if name != along])
+        if len(curves) <= len(SERIES):
+            at = [{group.values[0]: group for group in grouped(curve.records, [along])} for curve in curves]
+            panels = {
+                _named(key): {
+                    curve.name: [points[value].band(key) if value in points else None for value in x]
+                    for curve, points in zip(curves, at, strict=True)
+                }
+                for key in keys
+            }
+            return bands_figure(x, panels, along, log=_spans_decades(x))
+    drawn = sweep.groups[:MOST_DRAWN]
+    return medians_figure(
+        [group.name for group in drawn], {_named(key): [group.band(key) for group in drawn] for key in keys}
+    )
+
+
+def _by_group(sweep: Sweep, rows: dict[str, list[str]], caption: str) -> Markup:
+    """A table with the shorter side across: the groups, or what is told of them."""
+    sizes = [f"n = {len(group.records)}" for group in sweep.groups]
+    if len(sweep.groups) < len(rows):
+        heads = [f"{group.name} ({size})" for group, size in zip(sweep.groups, sizes, strict=True)]
+        return page.card(page.table(["", *heads], [(name, *cells) for name, cells in rows.items()], caption))
+    across = zip(sweep.groups, sizes, zip(*rows.values(), strict=True), strict=True)
+    lines = [(group.name, size, *cells) for group, size, cells in across]
+    return page.card(page.table([", ".join(sweep.listed), "", *rows], lines, caption))
+
+
+def _clearance(sweep: Sweep) -> list[Markup]:
+    if CLEARANCE not in sweep.figures:
+        return []
+    few = len(sweep.groups) <= len(SERIES)
+    groups = sweep.groups if few else [Group("", (), sweep.records)]
+    samples = {group.name if len(groups) > 1 else "": figures(group.records, CLEARANCE) for group in groups}
+    samples = {name: sample[np.isfinite(sample)] for name, sample in samples.items()}
+    bounds = {record.fields[CLEARANCE_BOUND] for record in sweep.records if CLEARANCE_BOUND in record.fields}
+    bound = bounds.pop() if len(bounds) == 1 else None
+    figure = distribution_figure(
+        {name: sample for name, sample in samples.items() if len(sample)},
+        _named(CLEARANCE),
+        bound,
+        f"allowed {bound:g} m" if bound is not None else "",
+    )
+    least = min(float(sample.min()) for sample in samples.values() if len(sample))
+    words = f"How many trials came how near to the ground; the least clearance of all is {number(least)} m."
+    return [page.section("Clearance", page.figure_block(figure, "clearance", words))]
+
+
+def _over(sweep: Sweep, name: str) -> list[Markup]:
+    """What changes with a continuous field."""
+    bins = sweep.bins(name)
+    rates = {kind: [part.rate(happened) for part in bins] for kind, happened in sweep.events.items()}
+    told = {
+        kind: [found for found in row if found]
+        for kind, row in rates.items()
+        if None not in row and (kind in ALWAYS_OVER or len({found.value for found in row if found}) > 1)
+    }
+    ordered = [record for part in bins for record in part.records]
+    x = np.array([float(record.fields[name]) for record in ordered])
+    panels = {}
+    for key in sweep.figures[:MOST_PANELS]:
+        known = [(part.values[0], band) for part in bins if (band := part.band(key)) is not None]
+        middles, bands = zip(*known, strict=True)
+        panels[_named(key)] = (figures(ordered, key), middles, bands)
+    blocks = [
+        page.figure_block(
+            rates_figure([part.name for part in bins], told),
+            f"rates-{name}",
+            f"Rates with their 95 % limits in {len(bins)} bins of {name} with equally many trials.",
+        )
+    ]
+    if panels:
+        words = f"Each trial over {name}, and medians of the bins with their 95 % bootstrap bands."
+        blocks.append(page.figure_block(scatter_figure(x, panels, name, log=_spans_decades(x)), f"over-{name}", words))
+    return blocks
+
+
+def _failures(sweep: Sweep) -> list[Markup]:
+    """The trials that did not run to their end, and the missions that did not do what they should."""
+    failed = [record for record in sweep.records if record.status != "ok"]
+    missed = [record for record in sweep.records if record.status == "ok" and not record.success]
+    blocks = []
+    if failed:
+        rows = [
+            (record.status, str(record.seed), *_varied(sweep, record), _error(record))
+            for record in failed[:MOST_FAILURES]
+        ]
+        table = page.table(("status", "seed", *sweep.varied, "error"), rows)
+        blocks.append(page.section(f"Recorded failures ({len(failed)})", page.card(table), *_more(failed)))
+    if missed:
+        keys = sweep.figures[:MOST_PANELS]
+        rows = [
+            (str(record.seed), *_varied(sweep, record), *(page.quantity(key, record.summary.get(key)) for key in keys))
+            for record in missed[:MOST_FAILURES]
+        ]
+        table = page.table(("seed", *sweep.varied, *(label(key)[0] for key in keys)), rows)
+        blocks.append(page.section(f"Missions without success ({len(missed)})", page.card(table), *_more(missed)))
+    return blocks
+
+
+def _varied(sweep: Sweep, record: Record) -> list[str]:
+    return [said(record.fields[name]) if name in record.fields else UNKNOWN for name in sweep.varied]
+
+
+def _error(record: Record) -> Markup:
+    lines = (record.error or "it said nothing").strip().splitlines()
+    if len(lines) == 1:
+        return page.text(lines[0])
+    return page.details(lines[-1], page.preformatted("\n".join(lines)))
+
+
+def _more(records: Sequence[Record]) -> list[Markup]:
+    rest = len(records) - MOST_FAILURES
+    return [page.paragraph(f"{rest} more are in the store.")] if rest > 0 else []
+
+
+def _times(sweep: Sweep) -> Markup:
+    everything = Group("all", (), sweep.records)
+    rows = [(_named(key), _band_text(everything.band(key), len(sweep.records))) for key in sweep.timings]
+    return page.card(
+        page.table((), rows, "What depends on the machine and its load: medians with 95 % bootstrap bands.")
+    )
+
+
+def _again(sweep: Sweep, command: str) -> tuple[Markup, ...]:
+    same = json.dumps(shared(sweep.records), indent=2, ensure_ascii=False, default=str)
+    return (
+        page.paragraph(
+            "The same trials with the same code give the same results, whoever runs them and in whatever order."
+        ),
+        page.card(page.preformatted(command)),
+        page.card(page.details("fields that all trials share", page.preformatted(same))),
+    )
+
+
+def _named(key: str) -> str:
+    name, unit = label(key)
+    return f"{name} [{unit}]" if unit else name
+
+
+def _band_text(band: Band | None, size: int) -> str:
+    if band is None:
+        return UNKNOWN
+    limits = f" [{_counted(band.low)}, {_counted(band.high)}]" if band.n > 1 else ""
+    return f"{_counted(band.median)}{limits}{f' (n = {band.n})' if band.n != size else ''}"
+
+
+def _counted(value: float) -> str:
+    """A number without decimals where it has none: most medians of counts are counts."""
+    return number(int(value) if value.is_integer() else value)
+
+
+def _spans_decades(values: Iterable[float]) -> bool:
+    """Whether values are spread like those of a logarithm: evenly spread ones have a ratio of 9 here."""
+    low, high = np.quantile(list(values), [0.1, 0.9])
+    return bool(0.0 < DECADES * low <= high)

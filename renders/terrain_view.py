@@ -1,0 +1,300 @@
+"""A terrain that a reader can turn, with the paths flown over it: a block of a report (``renders.page``).
+
+The ground is drawn on its own triangles, in the colours of ``renders.relief``, heights exaggerated as in every picture.
+The nodes travel packed (16 bits a height, 24 a colour) and are unfolded by ``terrain_view.js``; plotly draws.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from models.terrain.height_field import HeightField
+from renders.figures import thinned
+from renders.page import Markup, text
+from renders.palette import COLOURS, Part, hexadecimal
+from renders.relief import relief, resampled
+from renders.storyboard import EXAGGERATION
+from sim.signals import Array
+
+MOST_NODES = 257  # along the longer side of the ground
+HEIGHT_UNIT = 0.1  # [m]
+SIDE = 0.05  # of the longer side of the map: how far the block goes down below the lowest ground
+EARTH = "#5d5145"  # of the block's sides
+LEVELS, SECTORS = 25, 73  # of a radar's dome
+ELEVATION = math.radians(40.0)  # of the camera over what it looks at
+DISTANCE = 1.14  # of the camera from there, in lengths of the map's longer side
+SOUTHWARD = 0.11  # how far what it looks at lies south of the map's middle, in the same lengths
+MARGIN = 0.06  # around the map for the numbers along its edges, in the same lengths
+LABELS = 5  # about as many along the map's longer side
+FLAT_LIGHT = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0}  # the shade is in the colours
+POSITION = "%{x:.1f} km east, %{y:.1f} km north, %{z:,.0f} m high"
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """A line in the map frame."""
+
+    name: str
+    points: Array = field(repr=False)  # (n, 3) [m] map frame
+    colour: str  # #rrggbb
+    dashed: bool = False
+
+
+def script() -> str:
+    """What a page with at least one view runs; about 5 MB, of plotly."""
+    from plotly.offline import get_plotlyjs  # not needed for anything but this
+
+    own = Path(__file__).with_name("terrain_view.js").read_text(encoding="utf-8")
+    return f"{get_plotlyjs()}\n{own}"
+
+
+def terrain_view(
+    terrain: HeightField,
+    tracks: Sequence[Track],
+    places: Mapping[str, Array] | None = None,
+    radars: Sequence[tuple[float, float, float, float]] = (),
+) -> Markup:
+    """The view: ``places`` are (3,) [m] by name; ``radars`` antennas (x, y, z) and radius [m], all in the map frame.
+
+    Tracks of one name share an entry of the legend. Raises ValueError for a track that is not (n, 3) or not finite.
+    """
+    places = places or {}
+    names = [track.name for track in tracks]
+    for track in tracks:
+        if track.points.ndim != 2 or track.points.shape[1] != 3 or not track.points.size:
+            raise ValueError(f"track {track.name!r} has points {track.points.shape}; allowed: (n, 3), n >= 1")
+        if not np.isfinite(track.points).all():
+            raise ValueError(f"track {track.name!r} has points that are not finite; allowed: finite numbers [m]")
+    extent = _Extent.around(terrain, [track.points for track in tracks], radars)
+    view = {
+        "ground": _ground(terrain),
+        "ground_style": {"lighting": FLAT_LIGHT, "hovertemplate": f"{POSITION}<extra></extra>"},
+        "traces": [
+            _sides(terrain, extent.low),
+            *(_dome(radar, terrain, first=k == 0) for k, radar in enumerate(radars)),
+            *(_line(track, first=names.index(track.name) == k) for k, track in enumerate(tracks)),
+            _marks(places),
+            _scale(terrain, extent.low),  # last: terrain_view.js gives it the theme's colour
+        ],
+        "layout": _layout(terrain, extent, places),
+    }
+    data = json.dumps(view, separators=(",", ":"), allow_nan=False)
+    data = data.replace("<", "\\u003c")  # so that nothing in it ends the script
+    label = f"The terrain {terrain.name} in three dimensions with {', '.join(dict.fromkeys(names)) or 'no track'}"
+    return Markup(
+        f'<figure class="card"><div class="view" role="img" aria-label="{text(label)}"></div>'
+        f'<script type="application/json">{data}</script>'
+        "<noscript>The terrain that can be turned needs JavaScript, which this browser does not run.</noscript>"
+        f"<figcaption>{text(terrain.name)}, heights {EXAGGERATION} times as tall as they are. Drag to turn; "
+        "click, then scroll to zoom; drag with the right button to move.</figcaption></figure>\n"
+    )
+
+
+@dataclass(frozen=True)
+class _Extent:
+    """The box that is drawn: the whole map from ``low`` to ``high`` [m]; what lies outside of it is cut off."""
+
+    low: float
+    high: float
+
+    @staticmethod
+    def around(terrain: HeightField, points: Sequence[Array], radars: Sequence[tuple[float, ...]]) -> _Extent:
+        tops = [
+            float(terrain.z.max()),
+            *(float(p[:, 2].max()) for p in points),
+            *(z + r for *_, z, r in radars),
+        ]
+        side = SIDE * max(terrain.width, terrain.depth) / EXAGGERATION
+        return _Extent(float(terrain.z.min()) - side, max(tops) + 0.02 * side)
+
+
+def _packed(values: Any, kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
+
+
+def _ground(terrain: HeightField) -> dict[str, Any]:
+    """The nodes, row 0 south: their own where there are few enough, else as many, evenly spread between them."""
+    size = min(max(terrain.z.shape), MOST_NODES)
+    z = resampled(terrain, size, order=1)
+    low = float(z.min())
+    unit = max(HEIGHT_UNIT, (float(z.max()) - low) / 65535.0)
+    return {
+        "rows": z.shape[0],
+        "columns": z.shape[1],
+        "east_km": terrain.width / 1e3,
+        "north_km": terrain.depth / 1e3,
+        "low_m": low,
+        "unit_m": unit,
+        "heights": _packed(np.rint((z - low) / unit), "<u2"),
+        "colours": _packed(relief(terrain, size)[::-1], "u1"),
+    }
+
+
+def _points(points: Array) -> dict[str, Any]:
+    """Points (n, 3) [m] as plotly takes them: km, km and m."""
+    x, y, z = points.T
+    return {"type": "scatter3d", "x": _numbers(x / 1e3, 4), "y": _numbers(y / 1e3, 4), "z": _numbers(z, 1)}
+
+
+def _numbers(values: Array, digits: int) -> list[float]:
+    rounded: list[float] = np.round(values, digits).tolist()
+    return rounded
+
+
+def _mesh(vertices: Array, rows: int, columns: int) -> dict[str, Any]:
+    """A grid of ``rows`` x ``columns`` vertices (n, 3) [m] as plotly's triangles."""
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    first, second, third = (
+        np.concatenate(pair)
+        for pair in ((corner, corner), (corner + 1, corner + columns + 1), (corner + columns + 1, corner + columns))
+    )
+    return _points(vertices) | {
+        "type": "mesh3d",
+        "i": first.tolist(),
+        "j": second.tolist(),
+        "k": third.tolist(),
+        "hoverinfo": "skip",
+    }
+
+
+def _sides(terrain: HeightField, low: float) -> dict[str, Any]:
+    """The block's four sides, from the edge of the ground down, and its bottom."""
+    size = min(max(terrain.z.shape), MOST_NODES)
+    z = resampled(terrain, size, order=1)
+    rows, columns = z.shape
+    j = np.concatenate([np.zeros(columns), np.arange(rows), np.full(columns, rows - 1), np.arange(rows)[::-1]])
+    i = np.concatenate([np.arange(columns), np.full(rows, columns - 1), np.arange(columns)[::-1], np.zeros(rows)])
+    edge = z[j.astype(int), i.astype(int)]
+    x, y = i * terrain.width / (columns - 1), j * terrain.depth / (rows - 1)
+    upper, lower = np.column_stack([x, y, edge]), np.column_stack([x, y, np.full_like(edge, low)])
+    middle = np.broadcast_to([0.5 * terrain.width, 0.5 * terrain.depth, low], upper.shape)
+    return _mesh(np.vstack([middle, lower, upper]), 3, len(edge)) | {"color": EARTH, "lighting": FLAT_LIGHT}
+
+
+def _dome(radar: tuple[float, float, float, float], terrain: HeightField, *, first: bool) -> dict[str, Any]:
+    """The sphere that a radar sees, down to where the ground hides it."""
+    x, y, z, radius = radar
+    lowest = max(-1.0, (float(terrain.z.min()) - z) / radius)
+    elevation = np.linspace(math.asin(lowest), 0.5 * math.pi, LEVELS)
+    azimuth = np.linspace(0.0, 2.0 * math.pi, SECTORS)
+    up, around = (grid.ravel() for grid in np.meshgrid(elevation, azimuth, indexing="ij"))
+    level = np.cos(up)
+    vertices = np.array([x, y, z]) + radius * np.column_stack(
+        [level * np.cos(around), level * np.sin(around), np.sin(up)]
+    )
+    look = {
+        "name": Part.RADAR.value,
+        "legendgroup": Part.RADAR.value,
+        "showlegend": first,
+        "color": hexadecimal(COLOURS[Part.RADAR]),
+        "opacity": 0.28,
+        "lighting": {"ambient": 0.7, "diffuse": 0.4, "specular": 0.1, "fresnel": 0.0},
+    }
+    return _mesh(vertices, LEVELS, SECTORS) | look
+
+
+def _line(track: Track, *, first: bool) -> dict[str, Any]:
+    """A track; of those with one name the legend has the ``first``."""
+    return _points(track.points[thinned(len(track.points), 0)]) | {
+        "mode": "lines",
+        "name": text(track.name),
+        "legendgroup": track.name,
+        "showlegend": first,
+        "line": {"color": track.colour, "width": 6, "dash": "dash" if track.dashed else "solid"},
+        "hovertemplate": f"{POSITION}<extra>{text(track.name)}</extra>",
+    }
+
+
+def _marks(places: Mapping[str, Array]) -> dict[str, Any]:
+    """A dot for each place; its name is an annotation, which no mountain hides."""
+    colours = {part.value: hexadecimal(COLOURS[part]) for part in (Part.START, Part.TARGET)}
+    return _points(np.array(list(places.values())).reshape(-1, 3)) | {
+        "mode": "markers",
+        "marker": {
+            "size": 6,
+            "color": [colours.get(name, "#ffffff") for name in places],
+            "line": {"color": "#101824", "width": 2},
+        },
+        "showlegend": False,
+        "text": [text(name) for name in places],
+        "hovertemplate": f"{POSITION}<extra>%{{text}}</extra>",
+    }
+
+
+def _scale(terrain: HeightField, low: float) -> dict[str, Any]:
+    """Distances along the southern and the western edge, and north."""
+    east, north = terrain.width, terrain.depth
+    step = 1e3 * _round_step(max(east, north) / 1e3 / LABELS)
+    along, up = (np.arange(step, side, step) for side in (east, north))
+    beside = 0.9 * MARGIN * max(east, north)
+    points = np.vstack(
+        [
+            np.column_stack([along, np.full_like(along, -0.5 * beside), np.full_like(along, low)]),
+            np.column_stack([np.full_like(up, -beside), up, terrain.height(np.zeros_like(up), up)]),
+            [[0.5 * east, north + 0.5 * beside, float(terrain.height(0.5 * east, north))]],
+        ]
+    )
+    return _points(points) | {
+        "mode": "text",
+        "text": [*(f"{value / 1e3:g} km" for value in (*along, *up)), "north"],
+        "textposition": "middle center",
+        "textfont": {"size": 12},
+        "hoverinfo": "skip",
+        "showlegend": False,
+    }
+
+
+def _layout(terrain: HeightField, extent: _Extent, places: Mapping[str, Array]) -> dict[str, Any]:
+    longest = max(terrain.width, terrain.depth)
+    tall = EXAGGERATION * (extent.high - extent.low) / longest
+    middle = 0.5 * (float(terrain.z.min()) + float(terrain.z.max()))
+    height = EXAGGERATION * (middle - 0.5 * (extent.low + extent.high)) / longest
+    hidden = {"visible": False, "showspikes": False}
+    margin = MARGIN * longest / 1e3
+    sides = {"x": terrain.width, "y": terrain.depth}
+    axes = {f"{axis}axis": hidden | {"range": [-margin, side / 1e3 + margin]} for axis, side in sides.items()}
+    return {
+        "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
+        "paper_bgcolor": "rgba(0,0,0,0)",
+        "modebar": {"bgcolor": "rgba(0,0,0,0)"},
+        "font": {"family": 'system-ui, "DejaVu Sans", sans-serif', "size": 13},
+        "hoverlabel": {"bgcolor": "#101824", "font": {"color": "#ffffff"}},
+        "legend": {"x": 0.0, "y": 1.0, "bgcolor": "rgba(0,0,0,0)", "itemsizing": "constant"},
+        "scene": axes | {
+            "zaxis": hidden | {"range": [extent.low, extent.high]},
+            "aspectmode": "manual",
+            "aspectratio": {axis: side / longest + 2.0 * MARGIN for axis, side in sides.items()} | {"z": tall},
+            "camera": {
+                "center": {"x": 0.0, "y": -SOUTHWARD, "z": height},
+                "eye": {
+                    "x": 0.0,
+                    "y": -SOUTHWARD - DISTANCE * math.cos(ELEVATION),
+                    "z": height + DISTANCE * math.sin(ELEVATION),
+                },
+                "up": {"x": 0.0, "y": 0.0, "z": 1.0},
+            },
+            "dragmode": "turntable",
+            "annotations": [
+                {
+                    "x": float(point[0]) / 1e3, "y": float(point[1]) / 1e3, "z": float(point[2]), "text": text(name),
+                    "ax": 0, "ay": -30, "arrowhead": 0, "arrowwidth": 1, "arrowcolor": "#101824",
+                    "bgcolor": "rgba(16,24,36,0.76)", "font": {"color": "#ffffff", "size": 13}, "borderpad": 3,
+                }
+                for name, point in places.items()
+            ],
+        },
+    }  # fmt: skip
+
+
+def _round_step(step: float) -> float:
+    """The smallest of 1, 2, 5 times a power of ten that is no shorter."""
+    power = 10.0 ** math.floor(math.log10(step))
+    return power * min(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= step * (1.0 - 1e-9))

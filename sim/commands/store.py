@@ -1,0 +1,98 @@
+"""``mathnavi store``: what a sweep has left, to read and to take elsewhere."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from renders.sweep_data import grouped
+from sim.commands.arguments import Group, parse
+from sim.commands.errors import BadInputError, bad_input
+from sim.commands.evidence import print_evidence, verdict
+from sim.store import Record, Store, canonical_json
+
+USAGE = """usage: mathnavi store show FILE.db
+       mathnavi store export FILE.db --out FILE.csv|FILE.jsonl"""
+
+PLUGINS = ("controller", "estimator")  # they decide which other fields there are
+
+File = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE.db")]
+
+
+@dataclass(frozen=True)
+class Show:
+    """What is in a store."""
+
+    file: File
+    """store of a sweep"""
+
+
+@dataclass(frozen=True)
+class Export:
+    """From a store to a table."""
+
+    file: File
+    """store of a sweep"""
+    out: Path
+    """the file to write: .csv, one line a trial, or .jsonl, one JSON object a trial"""
+
+
+def main(argv: Sequence[str]) -> int:
+    actions = {"show": _show, "export": _export}
+    if argv and argv[0] in ("-h", "--help"):
+        print(USAGE)
+        return 0
+    if not argv or argv[0] not in actions:
+        raise BadInputError(f"store {' '.join(argv[:1])}: not a command; allowed: {', '.join(actions)}")
+    with suppress(SystemExit):  # the help is printed
+        actions[argv[0]](argv[1:])
+    return 0
+
+
+def _show(argv: Sequence[str]) -> None:
+    (options,) = parse(argv, "mathnavi store show", "Print what is in a store.", Group(Show))
+    with bad_input(), Store.existing(options.file) as store:
+        records = store.records()
+    console = Console()
+    if not records:
+        console.print(f"{options.file}: no trials", soft_wrap=True, highlight=False)
+    kinds = Counter((record.scenario, record.code) for record in records)
+    for scenario, code in kinds:
+        members = [record for record in records if (record.scenario, record.code) == (scenario, code)]
+        console.print(f"{scenario}, {verdict(members)}", style="bold", highlight=False, soft_wrap=True)
+        console.print(f"code {code}", style="dim", highlight=False, soft_wrap=True)
+        print_evidence(console, members, _compared(members))
+
+
+def _export(argv: Sequence[str]) -> None:
+    (options,) = parse(argv, "mathnavi store export", "Write a store as a table (.csv, .jsonl).", Group(Export))
+    with bad_input(), Store.existing(options.file) as store:
+        writers = {".csv": store.export_csv, ".jsonl": store.export_jsonl}
+        if options.out.suffix not in writers:
+            raise BadInputError(f"--out = {options.out}; allowed: a name that ends in {' or '.join(writers)}")
+        writers[options.out.suffix](options.out)
+    print(options.out)
+
+
+def _compared(records: Sequence[Record]) -> list[str]:
+    """The fields that a sweep has listed: those that differ where the seed is the same. Drawn ones follow the seed.
+
+    A field that follows from others, as a plug-in's defaults do, is left out.
+    """
+    values: dict[tuple[str, int], set[str]] = {}
+    for record in records:
+        for name, value in record.fields.items():
+            values.setdefault((name, record.seed), set()).add(canonical_json(value))
+    differing = dict.fromkeys(name for (name, _), found in values.items() if len(found) > 1)
+    compared: list[str] = []
+    for name in sorted(differing, key=lambda name: name not in PLUGINS):
+        if len(grouped(records, [*compared, name])) > len(grouped(records, compared)):
+            compared.append(name)
+    return compared

@@ -1,0 +1,148 @@
+"""``mathnavi sweep``: a scenario over many seeds and over variations of its fields, into a store that resumes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from sim.commands.errors import BadInputError
+from sim.commands.evidence import print_evidence, verdict
+from sim.commands.order import Order, prepare, usage
+from sim.commands.progress import sweep_progress
+from sim.commands.variations import read_orders, read_variations, trials
+from sim.store import Store, StoreError
+from sim.sweep.child import RefusedError
+from sim.sweep.cluster import LostError, check
+from sim.sweep.execution import Progress, run_trials
+from sim.sweep.trial import LARGEST_SEED, Trial, keys
+
+INTERRUPTED = 130  # what a shell calls a process that ended by SIGINT
+REPORT = ".html"
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of a sweep."""
+
+    trials: int
+    """of each combination of listed values, with the seeds SEED, SEED + 1, and so on"""
+    store: Path
+    """file of the results (SQLite); a sweep goes on where it stopped, and adds to what is there"""
+    vary: tuple[str, ...] = ()
+    """FIELD=V1,V2,...: each of these values; FIELD=LOW..HIGH: drawn for every trial; may be given several times"""
+    workers: int | None = None
+    """processes; one for each core if not given"""
+    cluster: str | None = None
+    """address of a Dask scheduler whose workers run the trials, tcp://HOST:PORT"""
+    timeout: float | None = None
+    """time after which a trial is cut off and recorded as timed out [s]; none if not given"""
+    report: bool = False
+    """write a page beside the store, with .html in place of its ending"""
+
+    def __post_init__(self) -> None:
+        if self.trials < 1:
+            raise ValueError(f"trials = {self.trials}; allowed: a whole number >= 1")
+        if self.workers is not None and self.workers < 1:
+            raise ValueError(f"workers = {self.workers}; allowed: a whole number >= 1")
+        if self.timeout is not None and not (math.isfinite(self.timeout) and self.timeout > 0.0):
+            raise ValueError(f"timeout = {self.timeout}; allowed: a finite number of seconds > 0")
+        if self.workers is not None and self.cluster is not None:
+            raise ValueError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
+        if self.store.suffix == REPORT:
+            raise ValueError(f"store = {self.store}; allowed: another ending than that of the report, {REPORT}")
+
+
+def main(argv: Sequence[str]) -> int:
+    if usage("sweep", argv):
+        return 0
+    prepare()
+    try:
+        asked = read_sweep(argv)
+    except SystemExit:  # the help is printed
+        return 0
+    order, options = asked.order, asked.order.options
+    with order.blamed():
+        keys(asked.trials)  # a file that a field names, and that is not there, comes to light here
+        if options.cluster is not None:
+            check(options.cluster)
+        store = Store.open(options.store)
+    command = shlex.join(["mathnavi", "sweep", *argv])
+    state = Progress(len(asked.trials), 0, 0, 0, 0, False)
+    try:
+        with store, sweep_progress(Console(stderr=True), order.name) as draw:
+
+            def progress(now: Progress) -> None:
+                nonlocal state
+                state = now
+                draw(now)
+
+            workers = options.workers or _cores()
+            records = run_trials(
+                asked.trials,
+                store,
+                workers=workers,
+                cluster=options.cluster,
+                timeout=options.timeout,
+                progress=progress,
+            )
+    except KeyboardInterrupt:
+        print(f"mathnavi: interrupted, {_stored(state)}; to go on: {command}", file=sys.stderr)
+        return INTERRUPTED
+    except (StoreError, RefusedError, LostError) as error:
+        print(f"mathnavi: {' '.join(str(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
+        return 1
+    console = Console()
+    console.print(f"{order.name}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
+    print_evidence(console, records, asked.listed)
+    console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
+    if options.report:
+        from renders.sweep_report import write_sweep_report  # what draws takes a while to import
+        from sim.commands.tracks import shown_flights
+
+        terrain, tracks = shown_flights(asked.trials, records)
+        path, varied = options.store.with_suffix(REPORT), [*asked.listed, *asked.drawn]
+        page = write_sweep_report(path, records, varied, terrain, tracks, command)
+        console.print(f"report  {page}", soft_wrap=True, highlight=False)
+    return 0
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a sweep is asked for."""
+
+    order: Order  # the first, where plug-ins are varied
+    trials: list[Trial]  # those of one seed together
+    listed: list[str]  # fields
+    drawn: list[str]  # fields
+
+
+def read_sweep(argv: Sequence[str]) -> Asked:
+    """What ``argv`` asks for; BadInputError if it cannot be."""
+    variations = read_variations(argv)
+    orders = read_orders(argv, Options, variations)
+    seed, count = orders[0].choice.seed, orders[0].options.trials
+    if seed > LARGEST_SEED - count + 1:
+        raise BadInputError(f"--seed = {seed}; allowed: 0 to {LARGEST_SEED} less the trials that follow")
+    by_order = [trials(order, variations, count) for order in orders]
+    drawn = by_order[0][1]
+    by_seed = zip(*(made for made, _ in by_order), strict=True)
+    together = itertools.chain.from_iterable(itertools.chain.from_iterable(by_seed))
+    listed = [variation.name for variation in variations if variation.name not in drawn]
+    return Asked(orders[0], list(together), listed, drawn)
+
+
+def _cores() -> int:
+    """Those that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _stored(state: Progress) -> str:
+    return f"{state.done} of {state.total} trials are stored"

@@ -1,0 +1,54 @@
+"""The flights that a sweep's report shows, flown again: a store keeps no paths."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from models.terrain.height_field import HeightField
+from models.terrain.library import load_terrain
+from renders.sweep_data import figures
+from renders.terrain_view import Track
+from sim.commands.evidence import path_ratio
+from sim.store import Record
+from sim.sweep.trial import Trial
+
+MOST_POINTS = 400  # of a track
+COLOURS = {"lowest": "#c2183b", "of median length": "#2166ac", "unsuccessful": "#e08214"}
+
+
+def shown_flights(trials: Sequence[Trial], records: Sequence[Record]) -> tuple[HeightField | None, list[Track]]:
+    """A terrain, and over it the flight that came nearest to the ground, one of median length, and one that failed.
+
+    No terrain and no tracks where the scenario knows no terrain.
+    """
+    ended = {k: record for k, record in enumerate(records) if record.status == "ok" and "terrain" in record.fields}
+    if not ended:
+        return None, []
+    chosen = _chosen(ended)
+    place = records[next(iter(chosen.values()), next(iter(ended)))].fields["terrain"]
+    tracks = []
+    for name, k in chosen.items():
+        x = trials[k].build().run().arrays.get("truth.x") if records[k].fields["terrain"] == place else None
+        if x is not None:
+            points = np.vstack([x[: -1 : math.ceil(len(x) / MOST_POINTS), :3], x[-1:, :3]])
+            tracks.append(Track(f"{name}, seed {records[k].seed}", points, COLOURS[name]))
+    return load_terrain(place), tracks
+
+
+def _chosen(records: Mapping[int, Record]) -> dict[str, int]:
+    """Which of the records are shown, by what they are shown for; each once."""
+    places, among = list(records), list(records.values())
+    clearance = figures(among, "min_clearance_m")
+    ratio = path_ratio(among)
+    found: dict[str, int] = {}
+    if not np.isnan(clearance).all():
+        found["lowest"] = places[int(np.nanargmin(clearance))]
+    if not np.isnan(ratio).all():
+        found["of median length"] = places[int(np.nanargmin(np.abs(ratio - np.nanmedian(ratio))))]
+    failed = [k for k, record in records.items() if record.success is False]
+    if failed:
+        found["unsuccessful"] = failed[0]
+    return {name: k for k, name in {k: name for name, k in found.items()}.items()}

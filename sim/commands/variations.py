@@ -1,0 +1,189 @@
+"""``--vary FIELD=V1,V2,...`` and ``--vary FIELD=LOW..HIGH``: from words to trials.
+
+Listed values make a full factorial, and every combination flies the same seeds, so that it is compared with the others
+mission by mission. A drawn value is uniform, afresh for every trial, from a generator of the trial's seed and the
+field's name: what else is varied, and in which order, changes nothing in it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from sim.commands.arguments import fields_by_flag, given, parse, suggestion, values_of
+from sim.commands.errors import BadInputError
+from sim.commands.order import Order, read_order
+from sim.fields import leaf, leaf_type, with_fields
+from sim.plugins import Part
+from sim.sweep.trial import Trial
+
+PLUGINS = ("--controller", "--estimator")
+FORMS = "allowed: FIELD=V1,V2,... or FIELD=LOW..HIGH"
+TRUTH = {"true": True, "false": False}
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One ``--vary``."""
+
+    flag: str
+    text: str  # after the equals sign
+
+    @property
+    def name(self) -> str:
+        """The field, as ``Record.fields`` has it."""
+        return self.flag.removeprefix("--").replace("-", "_")
+
+    @property
+    def listed(self) -> list[str]:
+        return self.text.split(",")
+
+    def wrong(self, why: str) -> BadInputError:
+        return BadInputError(f"--vary {self.name}={self.text}: {why}")
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """What a field is drawn from, both ends included."""
+
+    name: str  # of the field
+    low: Any
+    high: Any
+
+    def draw(self, seed: int) -> Any:
+        rng = np.random.default_rng([seed, zlib.crc32(self.name.encode())])
+        if isinstance(self.low, int):
+            return int(rng.integers(self.low, self.high, endpoint=True))
+        return float(rng.uniform(self.low, self.high))
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where the fields of an order lie: in which of its configurations, and under which name."""
+
+    order: Order
+
+    @cached_property
+    def places(self) -> dict[str, tuple[str, str]]:
+        """By flag: the prefix of the configuration, and the dotted name in it."""
+        return {
+            flag: (group.prefix, name)
+            for group in self.order.fields
+            for flag, name in fields_by_flag(group.of, group.prefix).items()
+        }
+
+    def values(self, variation: Variation) -> Uniform | list[Any]:
+        """What the field is drawn from, or its listed values, read as the command line reads them."""
+        prefix, name = self.places[variation.flag]
+        group = next(group for group in self.order.fields if group.prefix == prefix)
+        if leaf_type(group.default, name) in (int, float) and ".." in variation.text:
+            low, high = (self._parsed(variation, text) for text in variation.text.split("..", 1))
+            if low > high:
+                raise variation.wrong(f"{low!r} > {high!r}; allowed: LOW <= HIGH")
+            return Uniform(variation.name, low, high)
+        values = [self._parsed(variation, text) for text in variation.listed]
+        if twice := [value for k, value in enumerate(values) if value in values[:k]]:
+            raise variation.wrong(f"{twice[0]!r} is given twice; allowed: each value once")
+        return values
+
+    def _parsed(self, variation: Variation, text: str) -> Any:
+        prefix, name = self.places[variation.flag]
+        group = next(group for group in self.order.fields if group.prefix == prefix)
+        if leaf_type(group.default, name) is bool:
+            if text.lower() not in TRUTH:
+                raise variation.wrong(f"{text!r}; allowed: true, false")
+            return TRUTH[text.lower()]
+        words = text.split()
+        if not words or any(word == "-h" or word.startswith("--") for word in words):
+            raise variation.wrong(f"{text!r} is no value; {FORMS}")
+        argv = [f"{variation.flag}={words[0]}"] if len(words) == 1 else [variation.flag, *words]
+        (config,) = parse(argv, self.order.prog, "", group)
+        return leaf(config, name)
+
+
+def read_variations(argv: Sequence[str]) -> list[Variation]:
+    """Every ``--vary`` of ``argv``; BadInputError for one of another form, given twice or beside its own flag."""
+    variations: list[Variation] = []
+    for text in values_of("--vary", argv):
+        field, equals, values = text.partition("=")
+        variation = Variation(f"--{field.strip().lstrip('-').replace('_', '-')}", values)
+        if not (equals and field.strip() and values):
+            raise BadInputError(f"--vary = {text!r}; {FORMS}")
+        if variation.flag in {other.flag for other in variations}:
+            raise variation.wrong("this field is varied twice; allowed: once")
+        if variation.flag in given(argv):
+            raise variation.wrong(f"{variation.flag} is given as well; allowed: one of both")
+        variations.append(variation)
+    return variations
+
+
+def read_orders(argv: Sequence[str], options: type, variations: Sequence[Variation]) -> list[Order]:
+    """What is asked for with each combination of the controllers and estimators that are listed."""
+    plugins = [variation for variation in variations if variation.flag in PLUGINS]
+    for variation in plugins:
+        if len(set(variation.listed)) < len(variation.listed):
+            raise variation.wrong("a plug-in is given twice; allowed: each once")
+    names = [variation.name for variation in plugins]
+    combinations = itertools.product(*(variation.listed for variation in plugins))
+    return [read_order("sweep", argv, options, chosen=dict(zip(names, values, strict=True))) for values in combinations]
+
+
+def trials(order: Order, variations: Sequence[Variation], count: int) -> tuple[list[list[Trial]], list[str]]:
+    """For each of ``count`` seeds, the trials of all combinations of listed values; and the names of what is drawn."""
+    target = Target(order)
+    variations = [variation for variation in variations if variation.flag not in PLUGINS]
+    for variation in variations:
+        if variation.flag not in target.places:
+            known = [*target.places, *PLUGINS]
+            where = f"the fields of {order.prog!r} that can be varied"
+            raise variation.wrong(f"this is not one of {where}; {suggestion(variation.flag, known, order.prog)}")
+    listed: dict[str, list[Any]] = {}
+    drawn: dict[str, Uniform] = {}
+    for variation in variations:
+        values = target.values(variation)
+        if isinstance(values, Uniform):
+            drawn[variation.flag] = values
+        else:
+            listed[variation.flag] = values
+    combinations = [dict(zip(listed, values, strict=True)) for values in itertools.product(*listed.values())]
+    with order.blamed():
+        bases = [_set(order, target, combination) for combination in combinations]
+        made: list[list[Trial]] = []
+        for seed in range(order.choice.seed, order.choice.seed + count):
+            drawn_now = {flag: uniform.draw(seed) for flag, uniform in drawn.items()}
+            made.append([_trial(_set(base, target, drawn_now), seed) for base in bases])
+        return made, [uniform.name for uniform in drawn.values()]
+
+
+def _set(order: Order, target: Target, values: Mapping[str, Any]) -> Order:
+    """The order with some flags set."""
+    if not values:
+        return order
+    fields: dict[str, dict[str, Any]] = {"": {}, "planner": {}, "estimator": {}}
+    for flag, value in values.items():
+        prefix, name = target.places[flag]
+        fields[prefix][name] = value
+    return replace(
+        order,
+        config=with_fields(order.config, fields[""]),
+        controller=Part(order.controller.plugin, with_fields(order.controller.config, fields["planner"], "planner")),
+        estimator=Part(order.estimator.plugin, with_fields(order.estimator.config, fields["estimator"], "estimator")),
+    )
+
+
+def _trial(order: Order, seed: int) -> Trial:
+    return Trial(
+        order.name,
+        order.config,
+        seed,
+        order.choice.controller,
+        order.controller.config,
+        order.choice.estimator,
+        order.estimator.config,
+    )

@@ -1,0 +1,196 @@
+"""What a study is: a table or a figure of the thesis, done again on a terrain, and what it says of the claims.
+
+A study is a class with a frozen dataclass ``Config`` of its sample sizes, ``quick``, such a configuration for a first
+look, a ``title``, and a static ``run(config, setup)``. It flies its missions through ``Setup.fly``, so each is stored
+as it ends and a study that was interrupted goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from models.terrain.height_field import HeightField
+from models.terrain.library import load_terrain
+from renders.claims import Claim
+from renders.study_report import StudyPage, Table, write_study_report
+from renders.terrain_view import Track
+from sim.log import write_bytes, write_json, write_text
+from sim.scenarios.experiment import Outcome
+from sim.statistics import Band, median_band
+from sim.store import Record, Store
+from sim.sweep.execution import Progress, run_trials
+from sim.sweep.trial import Trial, trial
+
+TRACK_POINTS = 400
+VEHICLE = "vehicle"
+
+
+class StudyError(RuntimeError):
+    """A study that cannot say anything."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Where a study flies, and with what."""
+
+    terrain: str  # name, or an .npz file
+    store: Store
+    workers: int = 1
+    progress: Callable[[Progress], None] | None = None
+
+    @cached_property
+    def ground(self) -> HeightField:
+        """The terrain itself."""
+        return load_terrain(self.terrain)
+
+    def trial(self, seed: int, measure: str = "", **named: Any) -> Trial:
+        """A mission of ``safe-flight`` here; ``named`` are ``controller``, ``estimator`` and ``fields``."""
+        fields = {"terrain": self.terrain, **named.pop("fields", {})}
+        return trial("safe-flight", seed, fields=fields, measure=measure, **named)
+
+    def fly(self, trials: Sequence[Trial]) -> list[Record]:
+        """The records of the trials, in their order, flown where the store has none.
+
+        StudyError if a trial did not run to its end: a table over what is left would not be the one it claims to be.
+        """
+        records = run_trials(trials, self.store, workers=self.workers, progress=self.progress)
+        for record in records:
+            if record.status != "ok":
+                last = (record.error or "").strip().rpartition("\n")[2]
+                raise StudyError(f"seed {record.seed} {record.status}: {last}; parameters: {record.parameters}")
+        return records
+
+    def flown(self, mission: Trial) -> Outcome:
+        """One mission again, for its path."""
+        outcome: Outcome = mission.build().run()
+        return outcome
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What came out."""
+
+    summary: Sequence[str]  # paragraphs
+    rows: Sequence[Mapping[str, Any]]  # NAME.csv, one value a cell
+    tables: Sequence[Table]
+    figure: Figure  # NAME.png
+    caption: str
+    claims: Sequence[Claim]
+    tracks: Sequence[Track] = ()
+    places: Mapping[str, np.ndarray] = field(default_factory=dict)
+    radars: Sequence[tuple[float, float, float, float]] = ()  # x, y, z, radius [m]
+
+
+class Study(Protocol):
+    """An entry point of ``mathnavi.studies``."""
+
+    Config: ClassVar[type[Any]]  # a frozen dataclass: how much is flown
+    quick: ClassVar[Any]  # a Config that ends within a minute
+    title: ClassVar[str]
+
+    @staticmethod
+    def run(config: Any, setup: Setup) -> Findings:
+        """Fly, measure, judge."""
+        ...
+
+
+def write_findings(folder: Path, name: str, title: str, findings: Findings, setup: Setup, command: str) -> None:
+    """NAME.csv, NAME.png, NAME.html, and NAME.json last, so that a JSON means a whole study."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"{name}.json").unlink(missing_ok=True)
+    write_text(folder / f"{name}.csv", as_csv(findings.rows))
+    picture = io.BytesIO()
+    findings.figure.savefig(picture, format="png", dpi=150, facecolor="white")
+    write_bytes(folder / f"{name}.png", picture.getvalue())
+    page = StudyPage(
+        name=name,
+        title=f"{title}, {setup.ground.name}",
+        summary=findings.summary,
+        tables=findings.tables,
+        figures=[(name, findings.figure, findings.caption)],
+        claims=findings.claims,
+        terrain=setup.ground,
+        tracks=findings.tracks,
+        places=findings.places,
+        radars=findings.radars,
+        command=command,
+    )
+    write_study_report(folder / f"{name}.html", page)
+    document = {
+        "study": name,
+        "title": title,
+        "terrain": {"name": setup.ground.name, "digest": setup.ground.digest},
+        "summary": list(findings.summary),
+        "rows": list(findings.rows),
+        "claims": [asdict(claim) for claim in findings.claims],
+        "command": command,
+    }
+    write_json(folder / f"{name}.json", document)
+
+
+def read_claims(path: Path) -> tuple[str, list[Claim]]:
+    """The terrain's name and the claims that a study has written."""
+    document = json.loads(path.read_text(encoding="utf-8"))
+    return document["terrain"]["name"], [Claim(**claim) for claim in document["claims"]]
+
+
+def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows as CSV, under the names of all of them."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    out = io.StringIO()
+    writer = csv.DictWriter(out, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return out.getvalue()
+
+
+def values(records: Iterable[Record], key: str) -> np.ndarray:
+    """One figure of every record, from its summary or its timings; NaN where there is none."""
+    found = [{**record.summary, **record.timings}.get(key) for record in records]
+    return np.array([math.nan if value is None else float(value) for value in found])
+
+
+def median(sample: np.ndarray) -> Band:
+    """The median with its bootstrap band, always from the same resamples; what is NaN is left out."""
+    return median_band(sample[np.isfinite(sample)], np.random.default_rng(0))
+
+
+def effort_norm(records: Iterable[Record], h: float) -> np.ndarray:
+    """||a||_2 [m/s^2] = sqrt(sum_k |a_k|^2) over accelerations held for h [s]: the measure of effort in A.6 and A.7."""
+    return np.sqrt(values(records, "control_effort") / h)
+
+
+def falls(sequence: Sequence[float]) -> bool:
+    """Whether each is less than the one before."""
+    return all(later < earlier for earlier, later in pairwise(sequence))
+
+
+def track(name: str, outcome: Outcome, colour: str, *, dashed: bool = False) -> Track:
+    """The path flown, thinned, for the 3-D view."""
+    p = outcome.recording.truths[VEHICLE][:, :3]
+    chosen = np.unique(np.linspace(0, len(p) - 1, min(TRACK_POINTS, len(p))).astype(int))
+    return Track(name, p[chosen], colour, dashed)
+
+
+def heights(outcome: Outcome) -> np.ndarray:
+    """(n,) [m] height of the path flown above the ground."""
+    x = outcome.recording.truths[VEHICLE]
+    above: np.ndarray = x[:, 2] - load_terrain(outcome.config["terrain"]["path"]).height(x[:, 0], x[:, 1])
+    return above
+
+
+def ends(outcome: Outcome) -> dict[str, np.ndarray]:
+    """Start and target of a mission, for the 3-D view."""
+    return {name: np.array(outcome.config["mission"][name]) for name in ("start", "target")}

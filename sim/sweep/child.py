@@ -1,0 +1,226 @@
+"""The parent's side of a child process that runs trials (``sim.sweep.serve``): time-outs, crashes, replacement.
+
+A trial runs in a process of its own making so that whatever a plug-in does ends that process and nothing else. The
+process is started as a program, not forked, so it can be had from any thread and inside Dask's workers, and it leads
+a session of its own, so that Ctrl-C does not reach it and what a plug-in has started is killed with it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from multiprocessing import Pipe
+from threading import Lock
+
+from sim.store import Record
+from sim.sweep.serve import comparable
+from sim.sweep.trial import Trial
+
+START = "import sys; sys.path[:] = sys.argv[2:]; from sim.sweep.serve import main; main(int(sys.argv[1]))"
+# One thread each, so that children do not compete and no sum depends on the number of cores; and no order of a set
+# that differs from process to process.
+ENVIRONMENT = {
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"),
+    "PYTHONHASHSEED": "0",
+}
+_INTERVAL = 1.0  # [s] between two looks at whether somebody still waits
+_LAST_LINES = 20  # of what a child said before it died
+_LAST_BYTES = 4000
+_LAST_BREATH = 10.0  # [s] between the end of a connection and that of its process
+
+
+class RefusedError(RuntimeError):
+    """A child process does not run what was asked, because its code or its files are others."""
+
+
+class StoppedError(RuntimeError):
+    """Nobody waits for the trial any more."""
+
+
+class OverdueError(RuntimeError):
+    """A trial has used up its time."""
+
+
+class DiedError(RuntimeError):
+    """A child process ended in the middle of a trial; the message says how."""
+
+
+class Worker:
+    """Runs one trial after the other in a child process, which is replaced when it has died or had to be killed."""
+
+    def __init__(
+        self, path: Sequence[str], folder: str | None = None, compiling: Callable[[], None] = lambda: None
+    ) -> None:
+        """``path`` is the child's sys.path, ``folder`` where it works; ``compiling`` is called when numba compiles."""
+        self._path, self._folder, self._compiling = path, folder, compiling
+        self._child: _Child | None = None
+        self._closed = False
+        self._lock = Lock()
+
+    def run(
+        self, trial: Trial, key: str, timeout: float | None = None, stopped: Callable[[], bool] = lambda: False
+    ) -> Record:
+        """The record of a trial that may take ``timeout`` [s], not counting what numba compiles.
+
+        A child that dies is believed if it had served nothing else before; otherwise the trial is run once more, in a
+        new one: what an earlier trial has left behind must not be told of this one.
+
+        Raises RefusedError, and StoppedError when the worker is stopped meanwhile or ``stopped()``, which is asked now
+        and then, says that nobody waits for the record.
+        """
+        request = pickle.dumps((trial, key))
+        while True:
+            child = self._living()
+            served = child.served
+            try:
+                return child.ask(request, timeout, self._compiling, stopped)
+            except OverdueError as error:
+                self._replace()
+                return trial.record(key, "timed-out", error=str(error))
+            except DiedError as error:
+                self._replace()
+                if not served:
+                    return trial.record(key, "crashed", error=str(error))
+            except StoppedError:
+                self._replace()
+                raise
+
+    def stop(self) -> None:
+        """Kill the child, from any thread; no trial runs any more."""
+        with self._lock:
+            self._closed = True
+            if self._child is not None:
+                self._child.kill()
+
+    def close(self) -> None:
+        """End the child, in the thread that runs the trials."""
+        with self._lock:
+            self._closed = True
+            if self._child is not None:
+                self._child.discard()
+            self._child = None
+
+    def _living(self) -> _Child:
+        with self._lock:
+            if self._closed:
+                raise StoppedError
+            if self._child is None:
+                self._child = _Child(self._path, self._folder)
+            return self._child
+
+    def _replace(self) -> None:
+        with self._lock:
+            if self._closed:
+                raise StoppedError
+            if self._child is not None:
+                self._child.discard()
+            self._child = None
+
+
+class _Clock:
+    """What is left of a limit [s]; it stands until it is started."""
+
+    def __init__(self, limit: float | None) -> None:
+        self._left, self._since = math.inf if limit is None else limit, math.nan
+
+    def start(self) -> None:
+        self._since = time.monotonic()
+
+    def stop(self) -> None:
+        self._left, self._since = self.left(), math.nan
+
+    def left(self) -> float:
+        gone = 0.0 if math.isnan(self._since) else time.monotonic() - self._since
+        return max(0.0, self._left - gone)
+
+
+class _Child:
+    """One process."""
+
+    def __init__(self, path: Sequence[str], folder: str | None) -> None:
+        self.served = 0  # trials
+        with ExitStack() as opened:
+            self._connection, theirs = Pipe()
+            opened.callback(self._connection.close)
+            # Appended to, so that it can be emptied under the child.
+            self._said = opened.enter_context(tempfile.TemporaryFile("a+b"))
+            with theirs:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-P", "-c", START, str(theirs.fileno()), *path],
+                    stdin=subprocess.DEVNULL,
+                    stdout=self._said,
+                    stderr=self._said,
+                    pass_fds=(theirs.fileno(),),
+                    cwd=folder,
+                    env={**os.environ, **ENVIRONMENT},
+                    start_new_session=True,
+                )
+            self._opened = opened.pop_all()
+
+    def ask(
+        self, request: bytes, timeout: float | None, compiling: Callable[[], None], stopped: Callable[[], bool]
+    ) -> Record:
+        """The record of one trial; OverdueError, DiedError, RefusedError, StoppedError."""
+        clock = _Clock(timeout)
+        self._said.truncate(0)
+        try:
+            self._connection.send_bytes(request)
+            while clock.left() > 0.0:
+                if not self._connection.poll(min(clock.left(), _INTERVAL)):
+                    if stopped():
+                        raise StoppedError
+                    continue
+                what, value = self._connection.recv()
+                if what == "refused":
+                    raise RefusedError(value)
+                if what == "ended":
+                    self.served += 1
+                    record: Record = value
+                    return record
+                if what == "compiling" and value:
+                    clock.stop()
+                    compiling()
+                else:
+                    clock.start()
+        except (EOFError, OSError) as error:
+            raise DiedError(self._cause_of_death()) from error
+        raise OverdueError(f"no end within {timeout:g} s")
+
+    def kill(self) -> None:
+        with suppress(ProcessLookupError, PermissionError):  # it is gone already
+            os.killpg(self._process.pid, signal.SIGKILL)
+
+    def discard(self) -> None:
+        """Kill it and what it has started, and leave nothing of it."""
+        self.kill()
+        self._process.wait()
+        self._opened.close()
+
+    def _cause_of_death(self) -> str:
+        try:
+            code = self._process.wait(_LAST_BREATH)
+        except subprocess.TimeoutExpired:
+            return self._with_last_words("the process has closed its connection")
+        if code >= 0:
+            return self._with_last_words(f"the process ended itself with exit code {code}")
+        hint = ", as it is where memory runs out" if code == -signal.SIGKILL else ""
+        return self._with_last_words(f"the process was killed by {signal.Signals(-code).name}{hint}")
+
+    def _with_last_words(self, cause: str) -> str:
+        size = self._said.seek(0, os.SEEK_END)
+        self._said.seek(max(0, size - _LAST_BYTES))
+        lines = comparable(self._said.read().decode(errors="replace")).splitlines()[-_LAST_LINES:]
+        return "\n".join([cause, *lines])
+
+
+def module_path() -> list[str]:
+    """Where this process finds its modules."""
+    return [entry for entry in sys.path if isinstance(entry, str)]

@@ -1,0 +1,130 @@
+"""Trials on a Dask cluster: the same child processes, one for every thread of the cluster's workers.
+
+The workers need mathnavi as it is here, and the files that the trials name under the same names; a worker that has
+others refuses. A worker that dies costs nothing but time: Dask runs its trials elsewhere, and only a trial that has
+cost several workers is recorded as crashed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import logging
+import os
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+from sim.store import Record
+from sim.sweep.child import RefusedError, Worker, module_path
+from sim.sweep.trial import Trial
+
+PATIENCE = 5.0  # [s] for the scheduler to answer
+HOW_TO_INSTALL = "a cluster needs the extra `cluster`: pip install -e '.[cluster]'"
+_ALLOWED = "allowed: the address of a Dask scheduler that answers, tcp://HOST:8786"
+
+
+class LostError(RuntimeError):
+    """The cluster is gone, or cannot run trials at all."""
+
+
+def check(address: str) -> None:
+    """ValueError if Dask is missing, or if no scheduler answers at ``address``."""
+    try:
+        with ThreadPoolExecutor(1) as aside:  # this thread may have an event loop of its own
+            kind = aside.submit(asyncio.run, _kind(address, _dask())).result()
+    except ModuleNotFoundError as error:
+        raise ValueError(f"cluster = {address!r}: {HOW_TO_INSTALL}") from error
+    except Exception as error:
+        raise ValueError(f"cluster = {address!r}: {error or type(error).__name__}; {_ALLOWED}") from error
+    if kind != "Scheduler":
+        raise ValueError(f"cluster = {address!r} is a {kind}; {_ALLOWED}")
+
+
+def _dask() -> Any:
+    return importlib.import_module("distributed")
+
+
+async def _kind(address: str, distributed: Any) -> str:
+    """What answers at an address. A whole client that finds nobody would take long to give up."""
+    arguments = distributed.Security().get_connection_args("client")
+    async with distributed.rpc(address, timeout=PATIENCE, connection_args=arguments) as other:
+        return str((await asyncio.wait_for(other.identity(), PATIENCE))["type"])
+
+
+class DaskCluster:
+    """A client, and the futures of the trials that have not ended."""
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        check(address)
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # LostError says what it would say
+        self._client = _dask().Client(address, timeout=PATIENCE, set_as_default=False)
+        self._futures: list[Any] = []
+        self._stopped = False
+
+    def start(
+        self,
+        jobs: Mapping[str, Trial],
+        timeout: float | None,
+        tell: Callable[[Record | BaseException | None], None],
+    ) -> None:
+        run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path())
+        self._futures = self._client.map(run, list(jobs.values()), list(jobs), pure=False)
+        for (key, trial), future in zip(jobs.items(), self._futures, strict=True):
+            future.add_done_callback(partial(self._ended, trial, key, tell))
+
+    def stop(self) -> None:
+        self._stopped = True
+        with suppress(Exception):  # it may be gone
+            self._client.cancel(self._futures)
+        self._futures = []
+        self._client.close(timeout=PATIENCE)
+
+    def _ended(
+        self, trial: Trial, key: str, tell: Callable[[Record | BaseException | None], None], future: Any
+    ) -> None:
+        if self._stopped:
+            return
+        try:
+            tell(future.result())
+            future.release()
+        except _dask().KilledWorker:
+            tell(trial.record(key, "crashed", error="several workers of the cluster died while they ran this trial"))
+        except RefusedError as error:
+            tell(error)
+        except BaseException as error:
+            tell(LostError(f"the cluster at {self._address}: {type(error).__name__}: {error}"))
+
+
+def own_path() -> list[str]:
+    """Where this process finds the user's own modules: of its path what is no part of the Python installation."""
+    installed = tuple({os.path.realpath(folder) for folder in (sys.prefix, sys.base_prefix)})
+    folders = [os.path.realpath(entry) for entry in module_path()]
+    return [folder for folder in folders if not folder.startswith(installed)]
+
+
+_here = threading.local()
+
+
+def execute(trial: Trial, key: str, *, timeout: float | None, folder: str, path: list[str]) -> Record:
+    """Run a trial in the child process of this thread of a Dask worker, from the client's folder if it is there too."""
+    known = module_path()
+    place = (folder if os.path.isdir(folder) else None, (*known, *(entry for entry in path if entry not in known)))
+    if getattr(_here, "place", None) != place:
+        if getattr(_here, "place", None) is not None:
+            _here.worker.close()
+        _here.worker, _here.place = Worker(place[1], folder=place[0]), place
+    dask_worker = _dask().get_worker()
+    task = dask_worker.get_current_task()
+
+    def cancelled() -> bool:  # by the client, or because the client is gone
+        state = dask_worker.state.tasks.get(task)
+        return state is None or state.state == "cancelled"
+
+    record: Record = _here.worker.run(trial, key, timeout, cancelled)
+    return record

@@ -1,0 +1,130 @@
+"""The child process of a sweep: it runs trial after trial for its parent, and dies with it.
+
+It hears on a connection of its own, so nothing that a plug-in prints can be taken for an answer:
+
+    parent -> child     the pickled pair (trial, key)
+    child -> parent     ("refused", why)                 its code or its files are not those that the key stands for
+                        ("began", None)                  from here on time counts
+                        ("compiling", True or False)     numba has begun, or ended; this does not count
+                        ("ended", record)
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import importlib
+import os
+import pickle
+import re
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from multiprocessing.connection import Connection
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+from sim.metrics import is_wall_clock
+from sim.store import Record, canonical_json
+from sim.sweep.trial import Trial
+
+Tell = Callable[[str, Any], None]
+
+LONGEST = 10_000  # characters of what is kept of an error
+_EXPENDABLE = "1000"  # the most that Linux takes: where memory runs out, this process goes and not the sweep
+_ADDRESS = re.compile(r"\b0x[0-9a-fA-F]+")
+_LOADED = re.compile(r"^Extension modules:.*\n?", re.MULTILINE)
+
+
+def main(descriptor: int) -> None:
+    """Serve until the other end of the connection is closed."""
+    os.set_inheritable(descriptor, False)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
+    faulthandler.enable(all_threads=False)
+    with suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(_EXPENDABLE)
+    connection: Connection[Any, Any] = Connection(descriptor)
+    requests: SimpleQueue[bytes] = SimpleQueue()
+    threading.Thread(target=_hear, args=(connection, requests), daemon=True).start()
+
+    def tell(what: str, value: Any) -> None:
+        connection.send((what, value))
+
+    while True:
+        _answer(requests.get(), tell)
+
+
+def comparable(text: str) -> str:
+    """What was said of an error, without what differs from process to process."""
+    said = _LOADED.sub("", _ADDRESS.sub("0x...", text)).strip()
+    return said[-LONGEST:].encode("utf-8", "backslashreplace").decode()
+
+
+def _hear(connection: Connection[Any, Any], requests: SimpleQueue[bytes]) -> None:
+    """Pass requests on; when the parent is gone, end this process and what its plug-ins have started."""
+    with suppress(EOFError, OSError):
+        while True:
+            requests.put(connection.recv_bytes())
+    os.killpg(os.getpgrp(), signal.SIGKILL)
+
+
+def _answer(request: bytes, tell: Tell) -> None:
+    try:
+        trial, key = pickle.loads(request)
+        same = trial.key == key
+    except Exception as error:
+        tell("refused", f"a worker cannot read the trial: {type(error).__name__}: {error}")
+        return
+    if not same:
+        tell("refused", f"a worker has other sources or files than the sweep began with: its code is {trial.code}")
+        return
+    if "numba" in sys.modules:
+        _tell_compilation(tell)
+    tell("began", None)
+    record = _run(trial, key)
+    for stream in (sys.stdout, sys.stderr):  # so that what this trial printed is not taken for the next one's
+        with suppress(Exception):
+            stream.flush()
+    tell("ended", record)
+
+
+def _run(trial: Trial, key: str) -> Record:
+    began = time.perf_counter()
+    timings: dict[str, float | None] = {}
+    try:
+        figures, success = trial.run()
+        for name in filter(is_wall_clock, figures):
+            timings[name] = None if figures[name] is None else float(figures[name])
+        kept = {name: value for name, value in figures.items() if name not in timings and name != "seed"}
+        canonical_json(kept)  # what cannot be stored is an error of this trial
+        ended: dict[str, Any] = {"status": "ok", "success": success, "summary": kept}
+    except BaseException:  # of a plug-in, whatever it is: it ends the trial and not this process
+        timings = {}
+        ended = {"status": "raised", "error": comparable(traceback.format_exc())}
+    return trial.record(key, timings={**timings, "trial_wall_s": time.perf_counter() - began}, **ended)
+
+
+@cache
+def _tell_compilation(tell: Tell) -> None:
+    """From now on say when numba compiles, which it does only where its cache holds nothing."""
+    event: Any = importlib.import_module("numba.core.event")
+
+    class Announcement(event.Listener):
+        depth = 0  # one function's compilation is part of another's
+
+        def on_start(self, event: Any) -> None:
+            self.depth += 1
+            if self.depth == 1:
+                tell("compiling", True)
+
+        def on_end(self, event: Any) -> None:
+            self.depth -= 1
+            if self.depth == 0:
+                tell("compiling", False)
+
+    event.register("numba:compile", Announcement())

@@ -1,0 +1,196 @@
+"""One trial: a scenario with its plug-ins, every field resolved, and a seed. What it is called by is what is in it.
+
+A scenario may have a static ``inputs(config) -> dict[str, str]``: for each field, by its dotted name, that names a
+file, the digest of what is in the file. A digest depends on that field only. In the key it stands for the field.
+
+A trial may name a measure, a function at "package.module:function" that makes figures of the ``Outcome``, which holds
+the whole log. They join the summary, and only they are kept of it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from sim.fields import leaf, plain, with_fields
+from sim.plugins import Part, load
+from sim.scenarios.experiment import Experiment
+from sim.store import Record, canonical_json
+from sim.sweep.code import code_version
+
+LARGEST_SEED = 2**63 - 1  # that a store has room for
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What is run once. Plug-ins are called as on the command line, by a name or by "package.module:Class"."""
+
+    scenario: str
+    config: Any  # frozen dataclass of the scenario
+    seed: int
+    controller: str
+    controller_config: Any  # frozen dataclass of the controller
+    estimator: str
+    estimator_config: Any  # frozen dataclass of the estimator
+    measure: str = ""  # "package.module:function" of the outcome
+
+    def __post_init__(self) -> None:
+        if not (isinstance(self.seed, int) and 0 <= self.seed <= LARGEST_SEED):
+            raise ValueError(f"seed = {self.seed!r}; allowed: a whole number from 0 to {LARGEST_SEED}")
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Every resolved field as plain data, and the digests of the files that fields name."""
+        plugin = _plugin("scenarios", self.scenario)
+        return self._parameters(plugin.inputs(self.config) if hasattr(plugin, "inputs") else {})
+
+    @property
+    def code(self) -> str:
+        """The version of the code that it runs."""
+        return code_version(
+            _plugin("scenarios", self.scenario),
+            _plugin("controllers", self.controller),
+            _plugin("estimators", self.estimator),
+            *([_function(self.measure)] if self.measure else []),
+        )
+
+    @property
+    def key(self) -> str:
+        """The content hash of scenario, parameters, seed and code."""
+        return keys([self])[0]
+
+    def build(self) -> Experiment:
+        """The closed loop, ready to run; ValueError as the scenario has it."""
+        parts = (
+            Part(_plugin("controllers", self.controller), self.controller_config),
+            Part(_plugin("estimators", self.estimator), self.estimator_config),
+        )
+        experiment: Experiment = _plugin("scenarios", self.scenario).build(self.config, self.seed, *parts)
+        return experiment
+
+    def run(self) -> tuple[dict[str, Any], bool]:
+        """The summary, with what is measured beside it, and whether the mission did what it should."""
+        outcome = self.build().run()
+        measured = _function(self.measure)(outcome) if self.measure else {}
+        return {**outcome.summary, **measured}, bool(outcome.success)
+
+    def record(
+        self,
+        key: str,
+        status: str,
+        success: bool | None = None,
+        summary: Mapping[str, Any] | None = None,
+        timings: Mapping[str, float | None] | None = None,
+        error: str | None = None,
+    ) -> Record:
+        """How it ended, as a store has it."""
+        named = (key, self.scenario, self.parameters, self.seed, self.code)
+        return Record(*named, status, success, dict(summary or {}), dict(timings or {}), error)
+
+    def _parameters(self, inputs: Mapping[str, str]) -> dict[str, Any]:
+        return {
+            "config": plain(self.config),
+            "controller": {"name": self.controller, "fields": plain(self.controller_config)},
+            "estimator": {"name": self.estimator, "fields": plain(self.estimator_config)},
+            "inputs": dict(inputs),
+            **({"measure": self.measure} if self.measure else {}),
+        }
+
+    def _key(self, inputs: Mapping[str, str]) -> str:
+        parameters = self._parameters(inputs)
+        for name in inputs:  # what is in a file counts, not where it lies
+            *above, last = name.split(".")
+            holder = parameters["config"]
+            for part in above:
+                holder = holder[part]
+            del holder[last]
+        return hashlib.sha256(canonical_json([self.scenario, parameters, self.seed, self.code]).encode()).hexdigest()
+
+
+def trial(
+    scenario: str = "safe-flight",
+    seed: int = 0,
+    controller: str | None = None,
+    estimator: str | None = None,
+    fields: Mapping[str, Any] | None = None,
+    measure: str = "",
+    **more: Any,
+) -> Trial:
+    """A trial with some fields set, those that are not at their defaults.
+
+    ``fields`` are named as on the command line, with underscores: "terrain", "faults.gust_rms", "planner.nodes",
+    "estimator.rate"; ``more`` are those of the scenario that need no dot. Without a controller or an estimator, the
+    scenario's own; ``measure`` as of a Trial.
+
+        trial(seed=3, terrain="jacksboro", fields={"faults.gust_rms": 1.5, "planner.nodes": 13})
+
+    ValueError for a plug-in or a field that is not known, and for a value of another type or out of its range.
+    """
+    plugin = _plugin("scenarios", scenario)
+    names = {"controllers": controller or plugin.controller, "estimators": estimator or plugin.estimator}
+    sorted_out: dict[str, dict[str, Any]] = {"planner": {}, "estimator": {}, "": {}}
+    for name, value in {**(fields or {}), **more}.items():
+        group, _, rest = name.partition(".")
+        if rest and group in sorted_out:
+            sorted_out[group][rest] = value
+        else:
+            sorted_out[""][name] = value
+    return Trial(
+        scenario=scenario,
+        config=with_fields(plugin.Config(), sorted_out[""]),
+        seed=seed,
+        controller=names["controllers"],
+        controller_config=with_fields(
+            _plugin("controllers", names["controllers"]).Config(), sorted_out["planner"], "planner"
+        ),
+        estimator=names["estimators"],
+        estimator_config=with_fields(
+            _plugin("estimators", names["estimators"]).Config(), sorted_out["estimator"], "estimator"
+        ),
+        measure=measure,
+    )
+
+
+def keys(trials: Sequence[Trial]) -> list[str]:
+    """The keys of many trials, without building any of them; each file that they name is looked at once."""
+    named: dict[str, tuple[str, ...]] = {}  # by scenario: the fields that name files
+    digests: dict[tuple[str, ...], dict[str, str]] = {}  # by scenario and what those fields say
+
+    def place(trial: Trial) -> tuple[str, ...]:
+        return (trial.scenario, *(repr(leaf(trial.config, name)) for name in named[trial.scenario]))
+
+    def inputs(trial: Trial) -> dict[str, str]:
+        plugin = _plugin("scenarios", trial.scenario)
+        if not hasattr(plugin, "inputs"):
+            return {}
+        if trial.scenario not in named or place(trial) not in digests:
+            found = plugin.inputs(trial.config)
+            named[trial.scenario] = tuple(found)
+            digests[place(trial)] = found
+        return digests[place(trial)]
+
+    return [trial._key(inputs(trial)) for trial in trials]
+
+
+@cache
+def _plugin(kind: str, name: str) -> Any:
+    """A plug-in that another process can find too."""
+    plugin = load(kind, name)
+    if plugin.__module__ == "__main__":
+        raise ValueError(f"{kind}: {name!r} lies in the script that runs; allowed: one in a module of its own")
+    return plugin
+
+
+@cache
+def _function(name: str) -> Callable[[Any], Mapping[str, Any]]:
+    """What stands at "package.module:function"."""
+    module, _, attribute = name.partition(":")
+    try:
+        function: Callable[[Any], Mapping[str, Any]] = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"measure = {name!r}: {error}; allowed: package.module:function") from error
+    return function

@@ -1,0 +1,82 @@
+"""Reads a report as a browser does: its tags, what it would fetch, its words."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from typing import Any
+
+VOID = {"meta", "img", "br", "link", "input"}
+FETCHED = ("src", "href", "xlink:href", "srcset", "poster", "action")
+
+
+class Page(HTMLParser):
+    """Collects tags, attributes and text; checks that tags are closed in order."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.attributes: list[tuple[str, dict[str, str | None]]] = []
+        self.words: list[str] = []
+        self.scripts: list[tuple[str | None, str]] = []  # type, content
+        self.styles: list[str] = []
+        self._open: list[tuple[str, str | None]] = []
+        self.feed(source)
+        self.close()
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self._open.append((tag, dict(attrs).get("type")))
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.attributes.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop()[0] == tag
+
+    def handle_data(self, data: str) -> None:
+        tag, kind = self._open[-1] if self._open else ("", None)
+        if tag == "script":
+            self.scripts.append((kind, data))
+        elif tag == "style":
+            self.styles.append(data)
+        else:
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        """Everything there is to read."""
+        return " ".join(self.words)
+
+    @property
+    def views(self) -> list[dict[str, Any]]:
+        """What the 3-D views are drawn from."""
+        return [json.loads(content) for kind, content in self.scripts if kind == "application/json"]
+
+
+def check_stands_alone(source: str) -> None:
+    """Nothing in the page is fetched, and the page forbids it; nothing follows another's style sheet or script."""
+    page = Page(source)
+    for tag, attributes in page.attributes:
+        assert tag not in {"link", "iframe", "object", "embed", "base"}
+        for name in FETCHED:
+            value = attributes.get(name)
+            assert value is None or value.startswith(("data:", "#")), (tag, name, value[:60])
+    styles = "".join(page.styles) + " ".join(attributes.get("style") or "" for _, attributes in page.attributes)
+    assert not re.search(r"url\((?!['\"]?#)|@import", styles)
+    policy = next(a["content"] for t, a in page.attributes if t == "meta" and a.get("http-equiv"))
+    assert policy is not None
+    assert "default-src 'none'" in policy
+    assert "http" not in policy
+
+
+def check_identifiers(source: str) -> None:
+    """Every identifier is its element's own, and every one that is used is there."""
+    page = Page(source)
+    identifiers = [attributes["id"] for _, attributes in page.attributes if "id" in attributes]
+    assert len(identifiers) == len(set(identifiers))
+    markup = re.sub(r"<script.*?</script>", "", source, flags=re.DOTALL)
+    used = set(re.findall(r"url\(#([^)]+)\)", markup)) | set(re.findall(r'href="#([^"]+)"', markup))
+    assert used <= set(identifiers)

@@ -1,0 +1,71 @@
+"""A study's page shows every claim with its verdict in words, every number, every figure and the command."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from renders.claims import Claim
+from renders.study_report import StudyPage, Table, report, write_study_report
+from renders.terrain_view import Track
+from tests.renders.reading import Page, check_identifiers, check_stands_alone
+from tests.renders.synthetic import ridges
+
+PATH = np.array([[1e3, 1e3, 2500.0], [9e3, 8e3, 2600.0]])
+
+
+def drawing() -> Figure:
+    figure = Figure()
+    figure.add_subplot().plot([0.0, 1.0])
+    return figure
+
+
+def claim(name: str, kind: str, holds: bool | None) -> Claim:
+    return Claim(name, kind, f"{name} & all", "Table A.1", f"{name} < 3", f"{name}: 2.9", holds)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def study() -> StudyPage:
+    return StudyPage(
+        name="horizon",
+        title="Horizon, ridges",
+        summary=["Flown with <four> horizons.", "The unit is unknown."],
+        tables=[
+            Table("Table A.1", ("T_p", "path [m]", "printed"), [("5 s", "73,169", "71,080"), ("10 s", 69_953, None)])
+        ],
+        figures=[("horizon", drawing(), "Medians."), ("paths", drawing(), "Paths.")],
+        claims=[claim("A.path", "printed", False), claim("A.effort", "printed", True), claim("fast", "target", None)],
+        terrain=ridges(33),
+        tracks=[Track("T_p = 5 s", PATH, "#c2183b")],
+        command="mathnavi study horizon",
+        places={"start": PATH[0]},
+        radars=[(3e3, 3e3, 2000.0, 1e3)],
+    )
+
+
+def test_everything_that_was_found_is_shown(study: StudyPage, tmp_path: Path) -> None:
+    path = write_study_report(tmp_path / "horizon.html", study)
+    assert [file.name for file in tmp_path.iterdir()] == ["horizon.html"]
+    source = path.read_text(encoding="utf-8")
+    check_stands_alone(source)
+    check_identifiers(source)
+    page = Page(source)
+    for one in study.claims:
+        for word in (one.id, one.kind, one.statement, one.source, one.expected, one.measured, one.verdict):
+            assert word in page.words
+    for word in (*study.summary, "Table A.1", "73,169", "71,080", "69953", "–", "Medians.", "Paths.", study.command):
+        assert word in page.words
+    assert sum(tag == "svg" for tag, _ in page.attributes) == 2
+    assert "T_p = 5 s" in {trace.get("name") for trace in page.views[0]["traces"]}
+    assert len(source.encode()) < 8e6
+
+
+@pytest.mark.parametrize(("kind", "tone"), [("printed", "good"), ("target", "bad")])
+def test_only_a_target_that_fails_is_the_softwares_failure(study: StudyPage, kind: str, tone: str) -> None:
+    page = Page(report(replace(study, claims=[claim("x", kind, False)])))
+    (verdict,) = [attributes for tag, attributes in page.attributes if tag == "p" and "class" in attributes]
+    assert verdict["class"] == tone

@@ -1,0 +1,171 @@
+"""A sweep's page tells every rate with its limits, every median with its band and every failure, for any scenario."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from renders.sweep_data import Sweep
+from renders.sweep_report import report, write_sweep_report
+from renders.terrain_view import Track
+from sim.statistics import median_band, rate
+from sim.store import Record
+from tests.renders.reading import Page, check_identifiers, check_stands_alone
+from tests.renders.synthetic import ridges
+
+COMMAND = "mathnavi sweep safe-flight --trials 20 --store <a.db>"
+TRACEBACK = "Traceback (most recent call last):\n  File <x>\nValueError: a < b"
+
+
+def flight(seed: int, nodes: int, gust: float, **other: Any) -> Record:
+    """A made-up mission; it came the nearer to the ground, the harder the wind."""
+    rng = np.random.default_rng([seed, nodes])
+    config = {"terrain": "ridges", "clearance_min": 50.0, "faults": {"gust_rms": gust}}
+    parameters = {
+        "config": config,
+        "controller": {"name": "flight", "fields": {"nodes": nodes}},
+        "estimator": {"name": "kalman", "fields": {}},
+    }
+    summary = {
+        "arrived": True, "arrival_time_s": 100.0 + rng.uniform(0.0, 9.0), "deadline_s": 200.0,
+        "min_clearance_m": 120.0 - 20.0 * gust + rng.uniform(0.0, 5.0), "ground_contacts": 0, "replans": 40 + seed,
+    }  # fmt: skip
+    told = {"status": "ok", "success": True, "summary": summary, "timings": {"trial_wall_s": 1.0 + 0.1 * seed}}
+    return Record(f"{seed}-{nodes}-{gust}", "safe-flight", parameters, seed, "0.1.0+abc", **{**told, **other})
+
+
+def broken(seed: int, nodes: int, gust: float = 0.0) -> Record:
+    return flight(seed, nodes, gust, status="raised", success=None, summary={}, error=TRACEBACK)
+
+
+LISTED = [flight(seed, nodes, gust) for seed in range(8) for nodes in (4, 13) for gust in (0.0, 2.0)]
+DRAWN = [flight(seed, 13, float(np.random.default_rng(seed).uniform(0.0, 4.0))) for seed in range(40)]
+
+
+def test_groups_are_the_combinations_of_the_listed_values_in_order() -> None:
+    sweep = Sweep(LISTED, ["planner.nodes", "faults.gust_rms"])
+    assert [group.values for group in sweep.groups] == [(4, 0.0), (4, 2.0), (13, 0.0), (13, 2.0)]
+    assert [group.name for group in sweep.groups] == [f"nodes {n}, gust rms {g}" for n in (4, 13) for g in (0, 2)]
+    assert {len(group.records) for group in sweep.groups} == {8}
+    assert sweep.continuous == []
+
+
+def test_without_a_listed_field_all_trials_are_one_group() -> None:
+    assert [len(group.records) for group in Sweep(LISTED, []).groups] == [len(LISTED)]
+
+
+def test_a_field_of_many_values_or_drawn_afresh_for_every_seed_is_continuous() -> None:
+    assert Sweep(DRAWN, ["faults.gust_rms"]).continuous == ["faults.gust_rms"]
+    assert Sweep(DRAWN[:3], ["faults.gust_rms"]).continuous == ["faults.gust_rms"]
+    one_seed = [flight(0, nodes, 0.0) for nodes in range(2, 6)]
+    assert Sweep(one_seed, ["planner.nodes"]).continuous == []
+    assert Sweep([flight(0, nodes, 0.0) for nodes in range(2, 16)], ["planner.nodes"]).continuous == ["planner.nodes"]
+
+
+def test_bins_share_the_trials_evenly_in_the_order_of_the_field() -> None:
+    bins = Sweep(DRAWN, ["faults.gust_rms"]).bins("faults.gust_rms")
+    assert [len(part.records) for part in bins] == [5] * 8
+    values = [record.fields["faults.gust_rms"] for part in bins for record in part.records]
+    assert values == sorted(values)
+
+
+def test_a_recorded_failure_is_no_success_and_says_nothing_of_clearances() -> None:
+    sweep = Sweep([*LISTED, broken(90, 4)], [])
+    (group,) = sweep.groups
+    assert group.rate(sweep.events["success"]) == rate(32, 33)
+    assert group.rate(sweep.events["recorded failure"]) == rate(1, 33)
+    assert group.rate(sweep.events["below h_min"]) == rate(0, 32)
+    assert group.rate(sweep.events["any ground contacts"]) == rate(0, 32)
+
+
+def test_too_low_late_and_unknown_clearances_are_violations() -> None:
+    base = LISTED[0].summary
+    odd = [
+        flight(1, 4, 0.0, summary={**base, "min_clearance_m": 49.9}),
+        flight(2, 4, 0.0, summary={**base, "min_clearance_m": None}),
+        flight(3, 4, 0.0, summary={**base, "arrival_time_s": 201.0}),
+        flight(4, 4, 0.0, summary={**base, "arrived": False, "arrival_time_s": None}),
+    ]
+    sweep = Sweep([LISTED[0], *odd], [])
+    (group,) = sweep.groups
+    assert group.rate(sweep.events["below h_min"]) == rate(2, 5)
+    assert group.rate(sweep.events["late or not arrived"]) == rate(2, 5)
+    assert group.rate(sweep.events["arrived"]) == rate(4, 5)
+
+
+def test_everything_that_was_found_is_shown(tmp_path: Path) -> None:
+    missed = flight(91, 13, 2.0, success=False)
+    records = [*LISTED, broken(90, 4), missed]
+    track = Track("lowest", np.array([[1e3, 1e3, 2500.0], [9e3, 8e3, 2600.0]]), "#c2183b")
+    varied = ["planner.nodes", "faults.gust_rms"]
+    path = write_sweep_report(tmp_path / "a.html", records, varied, ridges(33), [track], COMMAND)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.html"]
+    source = path.read_text(encoding="utf-8")
+    check_stands_alone(source)
+    check_identifiers(source)
+    page = Page(source)
+    sweep = Sweep(records, varied)
+    for group in sweep.groups:
+        assert any(group.name in word for word in page.words)
+        for happened in sweep.events.values():
+            found = group.rate(happened)
+            assert found is not None
+            assert found.text() in page.words
+    assert {COMMAND, "ValueError: a < b", TRACEBACK, "90", "91", "raised"} <= set(page.words)
+    assert "0.1.0+abc" in page.text
+    assert "trial wall [s]" in page.words
+    assert [trace["name"] for trace in page.views[0]["traces"] if trace.get("mode") == "lines"] == ["lowest"]
+    assert len(source.encode()) < 8e6
+
+
+def test_medians_have_their_bands_and_count_the_trials_that_have_none() -> None:
+    records = [flight(0, 4, 0.0, summary={**LISTED[0].summary, "arrived": False, "arrival_time_s": None}), *LISTED]
+    times = [record.summary["arrival_time_s"] for record in LISTED]
+    band = median_band(times, np.random.default_rng(0))
+    shown = f"{band.median:.1f} [{band.low:.1f}, {band.high:.1f}] (n = 32)"
+    assert shown in Page(report(Sweep(records, []), None, [], COMMAND)).words
+
+
+def test_figures_are_drawn_over_a_continuous_field() -> None:
+    page = Page(report(Sweep(DRAWN, ["faults.gust_rms"]), None, [], COMMAND))
+    assert "Over faults.gust_rms" in page.words
+    labels = [attributes["aria-label"] or "" for tag, attributes in page.attributes if tag == "svg"]
+    assert sum("faults.gust_rms" in label for label in labels) == 2
+
+
+def test_another_scenario_with_other_words_is_told_too() -> None:
+    records = [
+        Record(
+            str(seed), "my.module:Chase", {"config": {"gain": gain}}, seed, "0.1.0", "ok", True,
+            {"caught": seed % 2 == 0, "miss_m": 0.5 * seed, "note": "fine", "lost": None}, {},
+        )
+        for seed in range(6) for gain in ("high", "low")
+    ]  # fmt: skip
+    page = Page(report(Sweep(records, ["gain"]), None, [], COMMAND))
+    assert {"caught", "miss [m]", rate(3, 6).text()} <= set(page.words)
+    assert "lost" not in page.words
+    assert page.views == []
+    assert page.scripts == []
+
+
+def test_a_sweep_in_which_nothing_ran_is_a_report_too() -> None:
+    page = Page(report(Sweep([broken(k, 4, 0.5 * k) for k in range(20)], ["faults.gust_rms"]), None, [], COMMAND))
+    assert rate(20, 20).text() in page.words
+    assert "Recorded failures (20)" in page.words
+
+
+def test_a_single_trial_has_medians_without_a_band() -> None:
+    assert not math.isnan(LISTED[0].summary["arrival_time_s"])
+    page = Page(report(Sweep(LISTED[:1], ["planner.nodes"]), None, [], COMMAND))
+    assert rate(1, 1).text() in page.words
+
+
+def test_no_records_and_fields_that_no_trial_has_are_refused() -> None:
+    with pytest.raises(ValueError, match="records"):
+        Sweep([], [])
+    with pytest.raises(ValueError, match=r"planner\.knots.*planner\.nodes"):
+        Sweep(LISTED, ["planner.knots"])

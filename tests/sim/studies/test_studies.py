@@ -1,0 +1,98 @@
+"""Every study keeps one contract: its files, its claims, and nothing flown twice."""
+
+from __future__ import annotations
+
+import csv
+import json
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from models.terrain.dem import write_npz
+from models.terrain.height_field import HeightField
+from sim.plugins import load
+from sim.store import Store
+from sim.studies.study import Findings, Setup, write_findings
+
+SMALLEST: dict[str, dict[str, int]] = {
+    "horizon": {"seeds": 1},
+    "run-time": {"seeds": 1},
+    "threat": {"seeds": 1},
+    "noise": {"seeds": 1},
+    "beta": {"seeds": 1},
+    "cost-to-go": {"starts": 40, "repetitions": 1},
+    "literal-planner": {"seeds": 1},
+    "safety": {"missions": 1},
+}
+CLAIMS = {
+    "horizon": {"A.path-falls", "A.effort-falls", "A.20-to-15"},
+    "run-time": {"A.runtime-grows", "flight.cpu-ratio"},
+    "threat": {"A.threat-lower", "flight.radar"},
+    "noise": {"A.effort-grows-with-noise"},
+    "beta": {"A.beta", "flight.beta"},
+    "cost-to-go": {"flight.cost-to-go"},
+    "literal-planner": {"A.safety-as-printed"},
+    "safety": {"flight.safe", "flight.arrives"},
+}
+NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))
+
+
+@pytest.fixture(scope="session")
+def hills(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """8 km of hills, crossed in half a minute."""
+    x, y = np.meshgrid(np.arange(41) * 200.0, np.arange(41) * 200.0)
+    path = tmp_path_factory.mktemp("map") / "hills.npz"
+    write_npz(HeightField(500.0 + 250.0 * np.sin(x / 1500.0) * np.cos(y / 1700.0), 200.0, "hills"), path)
+    return str(path)
+
+
+def test_every_study_is_in_this_suite() -> None:
+    assert set(SMALLEST) == set(CLAIMS) == set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path) -> None:
+    """One test for all of it, so that each study is run once."""
+    plugin = load("studies", name)
+    config = plugin.Config(**SMALLEST[name])
+    with Store.open(tmp_path / "trials.db") as store:
+        setup = Setup(hills, store)
+        findings: Findings = plugin.run(config, setup)
+        write_findings(tmp_path, name, plugin.title, findings, setup, f"mathnavi study {name}")
+        flown = store.keys()
+        again: Findings = plugin.run(config, setup)
+        assert store.keys() == flown  # nothing is flown twice
+    assert_claims(name, findings)
+    if name != "cost-to-go":  # which measures times
+        assert [claim.measured for claim in again.claims] == [claim.measured for claim in findings.claims]
+    assert_files(tmp_path, name, findings)
+
+
+def assert_claims(name: str, findings: Findings) -> None:
+    """They are those that the study is there for, and each tells all that a ledger needs."""
+    assert {claim.id for claim in findings.claims} == CLAIMS[name]
+    for claim in findings.claims:
+        assert claim.kind == ("printed" if claim.id.startswith("A.") else "target")
+        assert isinstance(claim.holds, bool)
+        assert all((claim.statement, claim.source, claim.expected, claim.measured))
+
+
+def assert_files(folder: Path, name: str, findings: Findings) -> None:
+    """NAME.csv, NAME.json, NAME.png and NAME.html hold what was found."""
+    rows = list(csv.DictReader((folder / f"{name}.csv").open(encoding="utf-8")))
+    assert len(rows) == len(findings.rows) > 0
+    assert list(rows[0]) == list(dict.fromkeys(column for row in findings.rows for column in row))
+    document = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
+    assert document["terrain"]["name"] == "hills"
+    keys = {"id", "kind", "statement", "source", "expected", "measured", "holds"}
+    assert all(claim.keys() == keys for claim in document["claims"])
+    assert len(document["rows"]) == len(findings.rows)
+    with Image.open(folder / f"{name}.png") as picture:
+        assert picture.width >= 1000
+        assert np.asarray(picture.convert("L")).std() > 10.0
+    page = (folder / f"{name}.html").read_text(encoding="utf-8")
+    assert all(claim.id in page for claim in findings.claims)
+    assert all(table.title in page for table in findings.tables)

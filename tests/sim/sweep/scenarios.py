@@ -1,0 +1,130 @@
+"""Scenarios without a vehicle, for what a sweep has to live through."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Part:
+    """A nested group of fields."""
+
+    share: float = 0.5
+    count: int = 3
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.share <= 1.0:
+            raise ValueError(f"part.share = {self.share!r}; allowed: 0 to 1")
+
+
+@dataclass(frozen=True)
+class CoinConfig:
+    """What the coin does instead of falling."""
+
+    bias: float = 0.5
+    wait: float = 0.0  # [s]
+    raise_at: tuple[int, ...] = ()  # seeds
+    exit_at: tuple[int, ...] = ()
+    segfault_at: tuple[int, ...] = ()
+    die_at: tuple[int, ...] = ()
+    hang_at: tuple[int, ...] = ()
+    chatter: bool = False
+    marks: str = ""  # a folder in which every trial that begins leaves a file
+    part: Part = field(default_factory=Part)
+
+
+class Coin:
+    """A coin that falls as the seed has it."""
+
+    Config = CoinConfig
+    controller = "tests.sim.sweep.scenarios:Nobody"
+    estimator = "tests.sim.sweep.scenarios:Nobody"
+
+    @staticmethod
+    def build(config: CoinConfig, seed: int, controller: Any, estimator: Any) -> Any:
+        def run() -> Any:
+            if config.marks:
+                Path(config.marks, f"{seed}-{time.time_ns()}-{os.getpid()}").touch()
+            if config.chatter:
+                print("nonsense\n" * 1000, flush=True)
+                os.write(1, b"\x80\x04more nonsense")
+            if seed in config.hang_at:
+                time.sleep(60.0)
+            if seed in config.raise_at:
+                raise RuntimeError(f"seed {seed} is out of order")
+            if seed in config.exit_at:
+                sys.exit("enough")
+            if seed in config.segfault_at:
+                print("last words", file=sys.stderr)
+                os.kill(os.getpid(), signal.SIGSEGV)
+            if seed in config.die_at:
+                os._exit(7)
+            time.sleep(config.wait)
+            x = float(np.random.default_rng(seed).random())
+            summary = {"heads": x < config.bias, "x_m": x, "least_m": -np.inf, "mean": np.nan, "seed": seed}
+            wall = {"real_time_factor": time.perf_counter()}
+            return SimpleNamespace(summary={**summary, **wall}, success=bool(x < config.bias), arrays={})
+
+        return SimpleNamespace(run=run)
+
+
+class Nobody:
+    """Neither a controller nor an estimator, where none is needed."""
+
+    @dataclass(frozen=True)
+    class Config:
+        """Nothing that anyone asks for."""
+
+        gain: float = 1.0
+
+    build = sensors = quality = staticmethod(lambda config, mission: None)
+
+
+class Somebody(Nobody):
+    """Another one of that kind."""
+
+
+def twice(outcome: Any) -> dict[str, Any]:
+    """A measure."""
+    return {"twice_x_m": 2.0 * outcome.summary["x_m"]}
+
+
+SLOW = """
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numba
+import numpy as np
+
+from tests.sim.sweep.scenarios import Coin
+
+
+def tower(height):
+    @numba.njit
+    def floor(x):
+        return np.sort(np.linalg.inv(x @ x.T + np.eye(3)).ravel())[::-1].reshape(3, 3) * height
+
+    return floor
+
+
+class Slow:
+    '''Compiles for a while, and then does nothing.'''
+
+    Config, controller, estimator = Coin.Config, Coin.controller, Coin.estimator
+    floors = [tower(height) for height in range(3)]
+
+    @staticmethod
+    def build(config, seed, controller, estimator):
+        for floor in Slow.floors:
+            floor(np.eye(3))
+        return SimpleNamespace(run=lambda: SimpleNamespace(summary={}, success=True))
+"""

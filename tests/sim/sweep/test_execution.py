@@ -1,0 +1,200 @@
+"""Trials run in child processes, whatever they do there, and a store has each of them once."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.store import Record, Store, StoreError
+from sim.sweep.child import RefusedError
+from sim.sweep.execution import Progress, run_trials
+from sim.sweep.trial import Trial, keys, trial
+from tests.sim.sweep.scenarios import SLOW
+
+COIN = "tests.sim.sweep.scenarios:Coin"
+MISHAPS: dict[str, Any] = {
+    "raise_at": (2,),
+    "exit_at": (3,),
+    "segfault_at": (4, 5),
+    "die_at": (6,),
+    "hang_at": (7,),
+    "chatter": True,
+}
+TIMEOUT = 2.0  # [s]
+
+
+def coins(count: int, **fields: Any) -> list[Trial]:
+    return [trial(COIN, seed, **fields) for seed in range(count)]
+
+
+def told(records: Sequence[Record]) -> list[Record]:
+    """The records without what depends on the time."""
+    return [replace(record, timings={}) for record in records]
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with Store.open(tmp_path / "store.db") as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def mishaps(tmp_path_factory: pytest.TempPathFactory) -> list[Record]:
+    with Store.open(tmp_path_factory.mktemp("mishaps") / "store.db") as opened:
+        return run_trials(coins(10, **MISHAPS), opened, workers=2, timeout=TIMEOUT)
+
+
+def test_what_goes_wrong_is_recorded_and_stops_nothing(mishaps: list[Record]) -> None:
+    statuses = ["ok", "ok", "raised", "raised", "crashed", "crashed", "crashed", "timed-out", "ok", "ok"]
+    assert [record.status for record in mishaps] == statuses
+    assert [record.seed for record in mishaps] == list(range(10))
+    for record in mishaps:
+        assert (record.success is None) == (record.error is not None) == (record.status != "ok")
+
+
+def test_an_error_is_told_with_where_it_was_raised(mishaps: list[Record]) -> None:
+    error = mishaps[2].error or ""
+    assert error.startswith("Traceback")
+    assert error.endswith("RuntimeError: seed 2 is out of order")
+    assert "scenarios.py" in error
+    assert (mishaps[3].error or "").endswith("SystemExit: enough")
+
+
+def test_a_death_is_told_with_its_cause_and_last_words(mishaps: list[Record]) -> None:
+    fault, ended, hung = (mishaps[k].error or "" for k in (4, 6, 7))
+    assert fault.startswith("the process was killed by SIGSEGV\n")
+    for word in ("last words", "Segmentation fault", "scenarios.py"):
+        assert word in fault
+    assert ended.startswith("the process ended itself with exit code 7")
+    assert hung == "no end within 2 s"
+
+
+def test_results_are_those_of_the_same_process(mishaps: list[Record]) -> None:
+    for k in (0, 1, 8, 9):
+        x = float(np.random.default_rng(k).random())
+        assert mishaps[k].summary == {"heads": x < 0.5, "x_m": x, "least_m": -np.inf, "mean": None}
+        assert mishaps[k].success == (x < 0.5)
+        assert mishaps[k].timings.keys() == {"real_time_factor", "trial_wall_s"}
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_the_number_of_workers_changes_nothing(store: Store, mishaps: list[Record], workers: int) -> None:
+    trials = coins(10, **MISHAPS)
+    records = run_trials(trials[::-1], store, workers=workers, timeout=TIMEOUT)
+    assert told(records[::-1]) == told(mishaps)
+
+
+def test_a_measure_joins_the_summary(store: Store) -> None:
+    (record,) = run_trials([trial(COIN, measure="tests.sim.sweep.scenarios:twice")], store)
+    assert record.summary["twice_x_m"] == 2.0 * record.summary["x_m"]
+    assert record.parameters["measure"] == "tests.sim.sweep.scenarios:twice"
+
+
+def test_what_the_store_has_is_not_run_again(store: Store, tmp_path: Path) -> None:
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    trials = coins(8, marks=str(marks))
+    first = run_trials(trials[2:5], store)
+    everything = run_trials([*trials, *trials], store, workers=2)
+    assert everything[2:5] == first
+    assert everything[:8] == everything[8:]
+    seeds = sorted(int(mark.name.partition("-")[0]) for mark in marks.iterdir())
+    assert seeds == list(range(8))
+
+
+def test_progress_tells_what_was_found_and_what_failed(store: Store) -> None:
+    trials = coins(6, raise_at=(4,), bias=0.0)
+    run_trials(trials[:2], store)
+    seen: list[Progress] = []
+    run_trials(trials, store, workers=2, progress=seen.append)
+    assert seen[0] == Progress(total=6, found=2, done=2, failed=0, unsuccessful=0, compiling=False)
+    assert seen[-1] == Progress(total=6, found=2, done=6, failed=1, unsuccessful=3, compiling=False)
+    assert [now.done for now in seen] == sorted(now.done for now in seen)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"workers": 0}, "workers = 0"),
+        ({"timeout": 0.0}, "timeout = 0.0"),
+        ({"timeout": float("nan")}, "timeout = nan"),
+    ],
+)
+def test_bad_arguments_are_refused(store: Store, arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        run_trials(coins(1), store, **arguments)
+    assert not store.keys()
+
+
+def test_sources_that_changed_meanwhile_end_the_sweep(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sim.sweep.trial.code_version", lambda *_: "as it was")
+    with pytest.raises(RefusedError, match="other sources or files"):
+        run_trials(coins(3), store)
+    assert not store.keys()
+
+
+def test_a_store_that_is_full_ends_the_sweep_and_keeps_what_it_has(store: Store) -> None:
+    run_trials(coins(3), store)
+    store._connection.execute("PRAGMA max_page_count = 12")
+    with pytest.raises(StoreError, match="database or disk is full"):
+        run_trials(coins(100), store)
+    assert set(keys(coins(3))) <= store.keys()
+    store._connection.execute("PRAGMA max_page_count = 10000")
+    assert len(run_trials(coins(100), store, workers=2)) == len(store.keys()) == 100
+
+
+def test_what_numba_compiles_does_not_count(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = f"slow_{tmp_path.name}"
+    (tmp_path / f"{name}.py").write_text(SLOW)
+    monkeypatch.syspath_prepend(tmp_path)
+    seen: list[Progress] = []
+    records = run_trials([trial(f"{name}:Slow", seed) for seed in (0, 1)], store, timeout=0.5, progress=seen.append)
+    assert [record.status for record in records] == ["ok", "ok"]
+    assert (records[0].timings["trial_wall_s"] or 0.0) > 0.5
+    assert any(now.compiling for now in seen)
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+PARENT = """
+import sys
+from sim.store import Store
+from sim.sweep.execution import run_trials
+from tests.sim.sweep.test_execution import coins
+with Store.open(sys.argv[1]) as store:
+    run_trials(coins(4, marks=sys.argv[2], hang_at=(0, 1, 2, 3)), store, workers=2)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks processes up in /proc")
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
+def test_children_end_with_their_parent(tmp_path: Path, end: signal.Signals) -> None:
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    parent = subprocess.Popen([sys.executable, "-c", PARENT, str(tmp_path / "store.db"), str(marks)])
+    until = time.monotonic() + 30.0
+    while len(list(marks.iterdir())) < 2 and time.monotonic() < until:
+        time.sleep(0.05)
+    children = [int(mark.name.rpartition("-")[2]) for mark in marks.iterdir()]
+    assert len(children) == 2
+    assert all(map(is_running, children))
+    os.kill(parent.pid, end)
+    parent.wait()
+    while any(map(is_running, children)) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not any(map(is_running, children))

@@ -1,0 +1,175 @@
+"""What a trial is called by is what is in it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import pickle
+import shutil
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from models.terrain.dem import write_npz
+from models.terrain.height_field import HeightField
+from models.terrain.library import load_terrain
+from sim.plugins import load
+from sim.sweep.code import code_version
+from sim.sweep.trial import LARGEST_SEED, Trial, keys, trial
+from tests.sim.sweep.scenarios import Coin, CoinConfig
+
+COIN = "tests.sim.sweep.scenarios:Coin"
+NOBODY = "tests.sim.sweep.scenarios:Nobody"
+OTHERS: list[dict[str, Any]] = [
+    {"seed": 1},
+    {"bias": 0.25},
+    {"fields": {"part.share": 0.25}},
+    {"fields": {"planner.gain": 2.0}},
+    {"fields": {"estimator.gain": 2.0}},
+    {"estimator": "tests.sim.sweep.scenarios:Somebody"},
+    {"measure": "tests.sim.sweep.scenarios:twice"},
+]
+
+
+def test_the_same_content_has_the_same_key() -> None:
+    one, other = trial(COIN, 3, bias=0.25), trial(COIN, 3, controller=NOBODY, fields={"bias": 0.25})
+    assert one == other
+    assert one.key == other.key == pickle.loads(pickle.dumps(one)).key
+    assert len(one.key) == 64
+
+
+def test_every_difference_makes_another_key() -> None:
+    trials = [trial(COIN), *(trial(COIN, **other) for other in OTHERS)]
+    assert len(set(keys(trials))) == len(trials)
+
+
+def test_a_whole_number_is_the_number_it_stands_for() -> None:
+    assert trial(COIN, bias=1).key == trial(COIN, bias=1.0).key
+
+
+def test_other_code_makes_another_key(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = trial(COIN).key
+    monkeypatch.setattr("sim.sweep.trial.code_version", lambda *_: "another")
+    assert trial(COIN).key != before
+
+
+def test_the_parameters_are_every_field_as_plain_data() -> None:
+    made = trial(COIN, raise_at=(1, 2), fields={"part.share": 0.25, "planner.gain": 3, "estimator.gain": 4.0})
+    expected = dataclasses.asdict(CoinConfig()) | {"part": {"share": 0.25, "count": 3}}
+    expected |= {name: list(expected[name]) for name in expected if name.endswith("_at")} | {"raise_at": [1, 2]}
+    assert made.parameters == {
+        "config": expected,
+        "controller": {"name": NOBODY, "fields": {"gain": 3.0}},
+        "estimator": {"name": NOBODY, "fields": {"gain": 4.0}},
+        "inputs": {},
+    }
+    assert json.loads(json.dumps(made.parameters)) == made.parameters
+
+
+def test_its_record_calls_the_fields_as_the_command_line_does() -> None:
+    fields = trial(COIN, fields={"part.share": 0.25, "planner.gain": 3.0}).record("key", "ok").fields
+    told = {"part.share": 0.25, "controller": NOBODY, "planner.gain": 3.0, "estimator": NOBODY, "estimator.gain": 1.0}
+    assert fields == {**fields, **told}
+
+
+def test_a_flight_has_its_own_plugins_by_default() -> None:
+    flight = trial(seed=3, fields={"faults.gust_rms": 1.5, "planner.nodes": 7}, terrain="jacksboro")
+    assert (flight.scenario, flight.controller, flight.estimator) == ("safe-flight", "flight", "full_state")
+    assert flight.config.faults.gust_rms == 1.5
+    assert flight.controller_config.nodes == 7
+    assert flight.parameters["inputs"] == {"terrain": load_terrain("jacksboro").digest}
+
+
+def test_a_file_counts_by_what_is_in_it_and_not_by_its_place(hills: Path, tmp_path: Path) -> None:
+    first = trial(terrain=str(hills))
+    shutil.copy(hills, tmp_path / "copy.npz")
+    assert trial(terrain=str(tmp_path / "copy.npz")).key == first.key
+    terrain = load_terrain(hills)
+    write_npz(HeightField(terrain.z + 1.0, terrain.spacing, terrain.name), tmp_path / "copy.npz")
+    assert trial(terrain=str(tmp_path / "copy.npz")).key != first.key
+
+
+def test_keys_are_made_without_building_anything(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[float] = []
+
+    def inputs(config: CoinConfig) -> dict[str, str]:
+        looked.append(config.part.share)
+        return {"part.share": f"digest of {config.part.share}"}
+
+    monkeypatch.setattr(Coin, "build", None)
+    monkeypatch.setattr(Coin, "inputs", staticmethod(inputs), raising=False)
+    trials = [trial(COIN, seed, fields={"part.share": share}) for seed in range(50) for share in (0.25, 0.75)]
+    made = keys(trials)
+    assert len(set(made)) == 100
+    assert sorted(looked) == [0.25, 0.75]
+    assert made == [one.key for one in trials]
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ({"scenario": "hover"}, "'hover' is not known"),
+        ({"scenario": COIN, "controller": "autopilot"}, "'autopilot' is not known"),
+        ({"scenario": COIN, "colour": 1}, "colour is not a field"),
+        ({"scenario": COIN, "fields": {"part.colour": 1}}, "part.colour is not a field; allowed: share, count"),
+        ({"scenario": COIN, "fields": {"bias.colour": 1}}, "bias has no fields"),
+        ({"scenario": COIN, "fields": {"planner.colour": 1}}, "planner.colour is not a field"),
+        ({"scenario": COIN, "bias": "high"}, "bias = 'high'; allowed: int or float"),
+        ({"scenario": COIN, "fields": {"part.count": 1.5}}, "part.count = 1.5; allowed: int"),
+        ({"scenario": COIN, "fields": {"part.share": 1.5}}, "part.share = 1.5; allowed: 0 to 1"),
+        ({"scenario": COIN, "seed": -1}, "seed = -1"),
+        ({"scenario": COIN, "seed": LARGEST_SEED + 1}, "seed = "),
+    ],
+)
+def test_what_no_trial_can_be_is_refused(asked: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        trial(**asked)
+
+
+def test_a_measure_that_is_nowhere_is_told() -> None:
+    with pytest.raises(ValueError, match=r"measure = 'tests\.nowhere:at_all'.*package\.module:function"):
+        _ = trial(COIN, measure="tests.nowhere:at_all").code
+
+
+def test_a_plugin_of_the_script_that_runs_cannot_be_had_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    @dataclass(frozen=True)
+    class Scenario(CoinConfig):
+        Config = CoinConfig
+        controller = estimator = NOBODY
+        build = staticmethod(lambda *_: None)
+
+    Scenario.__module__ = "__main__"
+    monkeypatch.setattr(sys.modules["__main__"], "Mine", Scenario, raising=False)
+    with pytest.raises(ValueError, match="lies in the script that runs"):
+        trial("__main__:Mine")
+
+
+def test_a_config_may_hold_what_json_cannot_say_but_the_key_tells() -> None:
+    assert trial(COIN, wait=math.inf).key != trial(COIN, wait=-math.inf).key
+
+
+@dataclass(frozen=True)
+class _Thing:
+    items: tuple[Any, ...] = field(default=())
+
+
+def test_what_cannot_be_stored_is_told() -> None:
+    odd = Trial(COIN, _Thing((object(),)), 0, NOBODY, _Thing(), NOBODY, _Thing())
+    with pytest.raises(TypeError, match="cannot be stored"):
+        _ = odd.key
+
+
+def test_the_code_version_tells_whose_sources_it_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from sim.scenarios.safe_flight import SafeFlight
+
+    assert code_version() == code_version(SafeFlight)
+    assert code_version().count("+") == 1
+    assert code_version(Coin).startswith(f"{code_version()}+tests-")
+    name = f"alone_{tmp_path.name}"
+    (tmp_path / f"{name}.py").write_text(Path(sys.modules[Coin.__module__].__file__ or "").read_text())
+    monkeypatch.syspath_prepend(tmp_path)
+    assert code_version(load("scenarios", f"{name}:Coin"), Coin).startswith(f"{code_version()}+{name}-")

@@ -2,7 +2,7 @@
 #   make fly     one safe flight over real mountains, with its video and report
 #   make test    the tests           make test ARGS="-k terrain"
 #   make lint    style, types and the floors of the house
-#   make bench   the benchmarks against other people's software
+#   make bench   one table: our software beside other people's    make bench ARGS=--quick
 #   make clean   remove caches and outputs
 # PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend.
 
@@ -15,7 +15,7 @@ WORKERS ?= 2
 ARGS ?=
 
 PACKAGES := models sim controllers estimators renders
-BENCHMARKS := $(filter-out benchmarks/_%,$(wildcard benchmarks/*.py))
+BENCHMARKS := $(wildcard benchmarks)
 INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: fly test lint bench clean opengl .venv
@@ -37,11 +37,11 @@ lint: .venv/.developed
 	.venv/bin/lint-imports
 
 bench: .venv/.benchmarked
-	@set -e; for benchmark in $(BENCHMARKS); do echo "$$benchmark"; .venv/bin/python "$$benchmark"; done
+	.venv/bin/python -m benchmarks $(ARGS)
 
 clean:
 	rm -rf renders/out dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
-	find $(PACKAGES) $(wildcard tests benchmarks) -name __pycache__ -type d -prune -exec rm -rf {} +
+	find $(PACKAGES) $(BENCHMARKS) $(wildcard tests) -name __pycache__ -type d -prune -exec rm -rf {} +
 
 opengl: | .venv/bin/pip
 	@bash .ci/opengl

@@ -63,10 +63,12 @@ class Browser:
         # Chromium reads from descriptor 3 and writes to 4, whatever numbers the pipes have here.
         redirected = f'exec "$@" 3<&{to_child} 4>&{from_child}'
         self._process = subprocess.Popen(
-            ["bash", "-c", redirected, "bash", program, *FLAGS, f"--user-data-dir={profile}", "about:blank"],
+            ["bash", "-c", redirected, "bash", program, *FLAGS, f"--user-data-dir={profile}"],
             pass_fds=(to_child, from_child),
-            **dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL),
-        )  # fmt: skip
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
         for end in (to_child, from_child):
             os.close(end)
         self._out, self._in = os.fdopen(from_here, "wb", 0), os.fdopen(to_here, "rb", 0)
@@ -74,8 +76,8 @@ class Browser:
         self.events: list[dict[str, Any]] = []
 
     def __enter__(self) -> Browser:
-        pages = [info for info in self.ask("Target.getTargets")["targetInfos"] if info["type"] == "page"]
-        self._session = self.ask("Target.attachToTarget", targetId=pages[0]["targetId"], flatten=True)["sessionId"]
+        page = self.ask("Target.createTarget", url="about:blank")["targetId"]
+        self._session = self.ask("Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.ask(f"{domain}.enable")
         return self

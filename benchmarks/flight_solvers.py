@@ -1,6 +1,6 @@
 """One replan of the flight planner, solved by us and by other people's software: thread CPU time and cost.
 
-    python benchmarks/flight_solvers.py [--terrain NAME|FILE.npz] [--problems 400] [--repetitions 5]
+    python benchmarks/flight_solvers.py [--terrain NAME|FILE.npz] [--problems 600] [--repetitions 5]
 
 Problems are recorded from closed-loop missions of the scenario ``safe-flight`` (N = 13, seeds 1, 2, ...) and then
 solved again, in the order they arose and from the guess the planner had, by
@@ -61,7 +61,7 @@ class Arguments:
 
     terrain: str = "tian_shan"
     """name of a terrain, or an .npz file"""
-    problems: int = 400
+    problems: int = 600
     """how many problems to record at least"""
     repetitions: int = 5
     """solves of each problem by each solver"""

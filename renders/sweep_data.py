@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -176,7 +176,7 @@ def said(value: object) -> str:
     return str(value)
 
 
-def is_number(value: object) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
     """Whether a value is a number; a truth value is none."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
@@ -220,4 +220,4 @@ def _hashable(value: Any) -> Any:
 
 def _order(value: object) -> tuple[bool, float, str]:
     """Numbers before words."""
-    return (not is_number(value), float(value) if is_number(value) else 0.0, str(value))  # type: ignore[arg-type]
+    return (not is_number(value), float(value) if is_number(value) else 0.0, str(value))

@@ -2,11 +2,11 @@
 
     sensors -> estimator -> planner (slow) -> tracker (fast) -> actuators
 
-Each part runs at its own rate, a whole number of physics ticks. The loop looks, and logs, at the greatest common divisor
-of these; the ticks between two looks are one step of the plant with the inputs held. A plan asked for at t takes over
-at its own start time, one planning period later, if it is at hand by then; until then, and whenever there is none, the
-vehicle flies the last plan that was adopted, which leads to rest. The loop knows protocols only: it never asks what a
-plan is for.
+Each part runs at its own rate, a whole number of physics ticks. The loop looks, and logs, at the greatest common
+divisor of these; the ticks between two looks are one step of the plant with the inputs held. A plan asked for at t
+takes over at its own start time, one planning period later, if it is at hand by then; until then, and whenever there is
+none, the vehicle flies the last plan that was adopted, which leads to rest. The loop knows protocols only: it never
+asks what a plan is for.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ def arc_at(breaks: Array, t: float) -> int:
 
 @njit(cache=True, nogil=True)
 def state_on(breaks: Array, x: Array, u: Array, t: float) -> Array:
-    """The state (2 m,) at t of arcs with breaks (K + 1,), states (K + 1, 2 m) and inputs (K, m), held beyond the ends."""
+    """The state (2 m,) at t of arcs: breaks (K + 1,), states (K + 1, 2 m), inputs (K, m); held beyond both ends."""
     arc = arc_at(breaks, t)
     state: Array = x[max(arc, 0)].copy()
     if 0 <= arc < len(u):

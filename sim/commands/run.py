@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,6 +19,7 @@ from renders.opengl import NoOpenGLError
 from sim.commands.arguments import value_of
 from sim.commands.errors import BadInputError, bad_input
 from sim.commands.order import Order, prepare, read_order, usage
+from sim.commands.output import output_folder
 from sim.commands.saved import Saved
 from sim.commands.summary import summary_table
 from sim.scenarios.experiment import Experiment, Outcome
@@ -119,27 +119,6 @@ def fly(experiment: Experiment, errors: Console) -> Outcome:
             if flying:
                 raise  # the loop checks its rates before it starts; whatever comes later is a defect
             raise BadInputError(str(error)) from error
-
-
-@contextmanager
-def output_folder(folder: Path) -> Iterator[None]:
-    """Make the folder and try to write into it; if what follows fails, what was made goes again."""
-    made = [path for path in (folder, *folder.parents) if not path.exists()]
-    try:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                pass
-        except OSError as error:
-            raise BadInputError(
-                f"--out = {folder}: {error.strerror}; allowed: a folder that can be made or written to"
-            ) from error
-        yield
-    except BaseException:
-        for path in made:
-            with suppress(OSError):
-                path.rmdir()
-        raise
 
 
 @contextmanager

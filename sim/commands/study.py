@@ -18,6 +18,7 @@ from renders.claims import Claim, ledger
 from sim.commands.arguments import Group, parse
 from sim.commands.errors import BadInputError, bad_input
 from sim.commands.order import prepare
+from sim.commands.output import output_folder
 from sim.commands.progress import sweep_progress
 from sim.commands.sweep import INTERRUPTED
 from sim.log import write_text
@@ -132,8 +133,7 @@ def _study(
 ) -> Sequence[Claim]:
     """Run one study, write its files, and return its claims."""
     command = shlex.join(["mathnavi", "study", name, *argv[1:]])
-    with bad_input():
-        folder.mkdir(parents=True, exist_ok=True)
+    with output_folder(folder), bad_input():
         store = Store.open(folder / STORE)
     with store, sweep_progress(errors, name) as progress:
         setup = Setup(terrain, store, options.workers, progress)

@@ -332,9 +332,9 @@ def _certified_mission(
         if plan.ok:
             return drawn, plan
     raise ValueError(
-        f"drawn_separation = {config.drawn_separation!r}: none of {_DRAWS} missions drawn for start = {config.start!r}, "
-        f"target = {config.target!r} has its ends so far apart and an initial certificate; allowed: other shares of "
-        f"the side, or both --start and --target"
+        f"drawn_separation = {config.drawn_separation!r}: none of {_DRAWS} missions drawn for start = {config.start!r} "
+        f"and target = {config.target!r} has its ends so far apart and an initial certificate; allowed: other shares "
+        f"of the side, or both --start and --target"
     )
 
 

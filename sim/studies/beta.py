@@ -21,7 +21,7 @@ from renders.study_report import Table
 from sim.scenarios.experiment import Outcome
 from sim.store import Record
 from sim.studies.drawing import paths_on_map
-from sim.studies.study import VEHICLE, Findings, Setup, ends, median, track, values
+from sim.studies.study import VEHICLE, Findings, Setup, check_counts, ends, median, track, values
 
 BETAS = (1.0, 10.0, 100.0, 1e3, 1e4)
 PRINTED = {1.0: (362.5, 0.26), 1e4: (227.5, 1.13)}  # Table A.4: time of flight [s], energy consumption (its own unit)
@@ -35,6 +35,9 @@ class BetaConfig:
 
     seeds: int = 20
     """missions for each beta, the same for all"""
+
+    def __post_init__(self) -> None:
+        check_counts(self)
 
 
 class Beta:

@@ -35,7 +35,7 @@ from renders.study_report import Table
 from renders.terrain_view import Track
 from sim.signals import Array
 from sim.statistics import rate
-from sim.studies.study import Findings, Setup
+from sim.studies.study import Findings, Setup, check_counts
 
 GRIDS = ((33, 5), (65, 9))
 PLANNERS_GRID = GRIDS[1]
@@ -55,6 +55,9 @@ class CostToGoConfig:
     """random starts of each gradient flow"""
     repetitions: int = 7
     """times that each cost is built"""
+
+    def __post_init__(self) -> None:
+        check_counts(self)
 
 
 class CostToGo:

@@ -22,7 +22,7 @@ from renders.study_report import Table
 from sim.scenarios.experiment import Outcome
 from sim.store import Record
 from sim.studies.drawing import paths_on_map
-from sim.studies.study import Findings, Setup, effort_norm, ends, falls, median, track, values
+from sim.studies.study import Findings, Setup, check_counts, effort_norm, ends, falls, median, track, values
 
 H = 5.0 / 3.0  # [s]
 NODES = (4, 7, 10, 13)
@@ -40,6 +40,9 @@ class HorizonConfig:
 
     seeds: int = 20
     """missions for each horizon, the same for all"""
+
+    def __post_init__(self) -> None:
+        check_counts(self)
 
 
 class Horizon:

@@ -24,7 +24,7 @@ from sim.scenarios.experiment import Outcome
 from sim.signals import Phase
 from sim.statistics import rate
 from sim.store import Record
-from sim.studies.study import VEHICLE, Findings, Setup, ends, heights, track, values
+from sim.studies.study import VEHICLE, Findings, Setup, check_counts, ends, heights, track, values
 
 LOW = (0.5, 30.0)  # [m] above h_min at both ends of a mission
 PLANNERS = ("literal", "flight")
@@ -37,6 +37,9 @@ class LiteralPlannerConfig:
 
     seeds: int = 60
     """low-flying missions for each of the two planners"""
+
+    def __post_init__(self) -> None:
+        check_counts(self)
 
 
 class LiteralPlanner:

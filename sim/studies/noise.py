@@ -26,7 +26,7 @@ from sim.scenarios.experiment import Outcome
 from sim.statistics import rate
 from sim.store import Record
 from sim.studies.drawing import paths_on_map
-from sim.studies.study import VEHICLE, Findings, Setup, effort_norm, ends, falls, track, values
+from sim.studies.study import VEHICLE, Findings, Setup, check_counts, effort_norm, ends, falls, track, values
 from sim.sweep.trial import Trial
 
 H = 2.0  # [s] = 10 s / (6 - 1)
@@ -46,6 +46,9 @@ class NoiseConfig:
 
     seeds: int = 12
     """missions for each half-width and planner, the same for all"""
+
+    def __post_init__(self) -> None:
+        check_counts(self)
 
 
 class Noise:

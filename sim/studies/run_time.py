@@ -29,7 +29,7 @@ from renders.claims import Claim
 from renders.figures import STYLE
 from renders.study_report import Table
 from sim.store import Record
-from sim.studies.study import Findings, Setup, falls, values
+from sim.studies.study import Findings, Setup, check_counts, falls, values
 
 NODES = (4, 7, 10, 13, 16, 19)
 HORIZONS = (5.0, 10.0, 15.0, 20.0, 30.0)  # [s]
@@ -47,6 +47,9 @@ class RunTimeConfig:
 
     seeds: int = 6
     """missions for each pair of nodes and horizon, the same for all"""
+
+    def __post_init__(self) -> None:
+        check_counts(self)
 
 
 class RunTime:

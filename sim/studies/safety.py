@@ -21,7 +21,7 @@ from renders.statistics_figures import rates_figure_on
 from renders.study_report import Table
 from sim.statistics import rate
 from sim.store import Record
-from sim.studies.study import Findings, Setup, track, values
+from sim.studies.study import Findings, Setup, check_counts, track, values
 
 GROUPS: dict[str, dict[str, Any]] = {
     "no failures": {},
@@ -41,6 +41,9 @@ class SafetyConfig:
 
     missions: int = 200
     """of each group"""
+
+    def __post_init__(self) -> None:
+        check_counts(self)
 
 
 class Safety:

@@ -12,7 +12,7 @@ import io
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -57,8 +57,8 @@ class Setup:
 
     def trial(self, seed: int, measure: str = "", **named: Any) -> Trial:
         """A mission of ``safe-flight`` here; ``named`` are ``controller``, ``estimator`` and ``fields``."""
-        fields = {"terrain": self.terrain, **named.pop("fields", {})}
-        return trial("safe-flight", seed, fields=fields, measure=measure, **named)
+        here = {"terrain": self.terrain, **named.pop("fields", {})}
+        return trial("safe-flight", seed, fields=here, measure=measure, **named)
 
     def fly(self, trials: Sequence[Trial]) -> list[Record]:
         """The records of the trials, in their order, flown where the store has none.
@@ -76,6 +76,14 @@ class Setup:
         """One mission again, for its path."""
         outcome: Outcome = mission.build().run()
         return outcome
+
+
+def check_counts(config: Any) -> None:
+    """Every field of a study's configuration is how many of something; ValueError for none."""
+    for entry in fields(config):
+        count = getattr(config, entry.name)
+        if count < 1:
+            raise ValueError(f"{entry.name} = {count}; allowed: a whole number >= 1")
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from renders.study_report import Table
 from sim.scenarios.experiment import Outcome
 from sim.store import Record
 from sim.studies.drawing import paths_on_map
-from sim.studies.study import VEHICLE, Findings, Setup, ends, heights, median, track, values
+from sim.studies.study import VEHICLE, Findings, Setup, check_counts, ends, heights, median, track, values
 from sim.sweep.trial import Trial
 
 RADIUS = 10_000.0  # [m]
@@ -38,6 +38,9 @@ class ThreatConfig:
 
     seeds: int = 20
     """missions, each unaware and aware of its radar"""
+
+    def __post_init__(self) -> None:
+        check_counts(self)
 
 
 class Threat:

@@ -30,7 +30,7 @@ MISHAPS: dict[str, Any] = {
     "hang_at": (7,),
     "chatter": True,
 }
-TIMEOUT = 2.0  # [s]
+TIMEOUT = 1.0  # [s]
 
 
 def coins(count: int, **fields: Any) -> list[Trial]:
@@ -76,7 +76,7 @@ def test_a_death_is_told_with_its_cause_and_last_words(mishaps: list[Record]) ->
     for word in ("last words", "Segmentation fault", "scenarios.py"):
         assert word in fault
     assert ended.startswith("the process ended itself with exit code 7")
-    assert hung == "no end within 2 s"
+    assert hung == "no end within 1 s"
 
 
 def test_results_are_those_of_the_same_process(mishaps: list[Record]) -> None:
@@ -159,7 +159,7 @@ def test_what_numba_compiles_does_not_count(store: Store, tmp_path: Path, monkey
     monkeypatch.syspath_prepend(tmp_path)
     seen: list[Progress] = []
     records = run_trials([trial(f"{name}:Slow", seed) for seed in (0, 1)], store, timeout=0.5, progress=seen.append)
-    assert [record.status for record in records] == ["ok", "ok"]
+    assert [record.status for record in records] == ["ok", "ok"], records[0].error
     assert (records[0].timings["trial_wall_s"] or 0.0) > 0.5
     assert any(now.compiling for now in seen)
 

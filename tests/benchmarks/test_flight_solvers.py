@@ -1,0 +1,113 @@
+"""Everybody solves the same problems, and is judged by the same cost."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from benchmarks.do_mpc_solver import DoMpc
+from benchmarks.flight_solvers import (
+    DO_MPC,
+    IPOPT,
+    OURS,
+    TOLERANCE,
+    Arguments,
+    Recorded,
+    Result,
+    SolverFindings,
+    measure,
+    record,
+)
+from controllers.flight.problem import Problem, Solution
+from controllers.flight.reference import Reference
+from controllers.flight.sqp import GaussNewton
+from sim.signals import Array
+from tests.flight import mountains, save
+
+FEW = 4
+QUIET = Console(quiet=True)
+
+
+@pytest.fixture(scope="module")
+def problems(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    file = save(mountains(), Path(tmp_path_factory.mktemp("terrain")) / "mountains.npz")
+    return record(file, FEW, lambda done, doing="": None)[:FEW]
+
+
+def test_problems_are_recorded_with_the_planners_guess(problems: Recorded) -> None:
+    assert len(problems) == FEW
+    for problem, guess in problems:
+        assert problem.hold is None
+        assert guess.shape == (3 * problem.arcs + 1,)
+
+
+def test_everybody_solves_every_problem_to_the_same_cost(problems: Recorded) -> None:
+    contestants = {OURS: partial(GaussNewton, TOLERANCE), IPOPT: partial(Reference, "ipopt", TOLERANCE)}
+    results = measure(contestants, problems, 2, QUIET)
+    assert all(result.ms.shape == (2, FEW) and not result.failures for result in results.values())
+    assert results[OURS].cost == pytest.approx(results[IPOPT].cost, rel=1e-4)
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")  # CasADi's, of how do-mpc calls it
+def test_do_mpc_solves_the_same_problem(problems: Recorded) -> None:
+    pytest.importorskip("do_mpc", reason="the extra [bench] is not installed")
+    contestants = {OURS: partial(GaussNewton, TOLERANCE), DO_MPC: partial(DoMpc, TOLERANCE)}
+    results = measure(contestants, problems[:2], 1, QUIET)
+    assert results[OURS].cost == pytest.approx(results[DO_MPC].cost, rel=1e-4)
+
+
+def test_who_gives_up_has_failed_and_has_no_cost(problems: Recorded) -> None:
+    class Resigned:
+        def solve(self, problem: Problem, guess: Array) -> Solution | str:
+            return "no"
+
+    (result,) = measure({"resigned": Resigned}, problems, 1, QUIET).values()
+    assert result.failures == FEW
+    assert math.isnan(result.iterations)
+
+
+def findings(**cost: Any) -> SolverFindings:
+    best = np.array([1.0, 2.0])
+    ours = Result(np.array([[1.0, 1.0], [1.0, 3.0]]), cost.get("ours", best), 2.0)
+    ipopt = Result(np.array([[40.0, 40.0], [40.0, 80.0]]), cost.get("ipopt", best), 8.0)
+    return SolverFindings("plain", 13, {OURS: ours, IPOPT: ipopt}, best, cost.get("ipopt_tight", best))
+
+
+def test_mean_and_median_are_compared_repetition_by_repetition() -> None:
+    mean, median = findings().comparisons()
+    assert mean.ratios == pytest.approx([40.0, 30.0])
+    assert median.ratios == pytest.approx([40.0, 30.0])
+    assert mean.wanted == ">= 30"
+
+
+def test_failures_stand_beside_the_name() -> None:
+    assert findings(ipopt=np.array([1.0, np.nan])).comparisons()[0].software == f"{IPOPT} (1 failed)"
+
+
+def test_a_worse_cost_is_told_unless_it_is_another_minimum() -> None:
+    def gap(found: SolverFindings) -> float:
+        measured: float = found.claims()[-1]["measured"]
+        return measured
+
+    assert gap(findings()) == 0.0
+    assert gap(findings(ours=np.array([1.0, 2.3]))) == pytest.approx(0.1)
+    assert gap(findings(ours=np.array([1.0, 2.3]), ipopt_tight=np.array([1.0, 1.7]))) == 0.0
+
+
+def test_what_is_found_can_be_shown_and_stored(capsys: pytest.CaptureFixture[str]) -> None:
+    found = findings()
+    found.show(Console(width=100))
+    assert "condensed" in capsys.readouterr().out
+    assert found.plain()["problems"] == 2
+
+
+@pytest.mark.parametrize("field", ["problems", "repetitions"])
+def test_nothing_to_solve_is_refused(field: str) -> None:
+    with pytest.raises(ValueError, match=f"{field} = 0; allowed: >= 1"):
+        Arguments(**{field: 0})

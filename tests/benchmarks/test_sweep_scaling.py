@@ -1,0 +1,51 @@
+"""What counts as start and what as the time of a flight, and that both ways fly every trial."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pytest
+
+from benchmarks.sweep_scaling import OURS, POOL, Arguments, Course, SweepFindings, pooled, swept
+from sim.sweep.trial import Trial, trial
+from tests.flight import START, above, mountains, save
+
+
+def short(tmp_path: Path, seeds: Sequence[int]) -> list[Trial]:
+    terrain = mountains()
+    start, near = above(terrain, START, 600.0), (START[0] + 300.0, START[1])
+    target = above(terrain, near, 600.0)
+    file = save(terrain, tmp_path / "mountains.npz")
+    return [trial(seed=seed, terrain=file, start=start, target=target) for seed in seeds]
+
+
+def test_a_flights_time_is_counted_from_when_every_worker_may_have_flown_one() -> None:
+    course = Course.of([3.0, 4.0, 5.0, 6.0, 7.0, 7.0], 2, 8.0)
+    assert (course.start, course.interval, course.whole) == (4.0, 0.75, 8.0)
+
+
+@pytest.mark.parametrize("run", [swept, pooled])
+def test_every_trial_is_flown(tmp_path: Path, run: Callable[[Sequence[Trial], int], Course]) -> None:
+    course = run(short(tmp_path, range(3)), 1)
+    assert 0.0 < course.start < course.whole
+    assert 0.0 < course.interval < course.whole
+
+
+def test_a_trial_that_fails_is_no_measurement(tmp_path: Path) -> None:
+    off = trial(terrain=save(mountains(), tmp_path / "mountains.npz"), start=(-1.0, 0.0, 0.0))
+    with pytest.raises(RuntimeError, match="trial of seed 0: raised"):
+        swept([off], 1)
+
+
+def test_two_workers_are_compared_with_one_and_with_the_pool() -> None:
+    one, two = Course(1.0, 0.4, 9.0), Course(1.0, 0.2, 5.0)
+    rows = SweepFindings(20, 2, {(OURS, 1): [one], (OURS, 2): [two], (POOL, 2): [two], (POOL, 1): [one]}).comparisons()
+    assert [row.ratio for row in rows] == pytest.approx([2.0, 1.8, 1.0, 1.0, 1.0])
+    assert [row.wanted for row in rows] == [">= 1.7", "", "", "", ""]
+
+
+@pytest.mark.parametrize(("field", "value"), [("workers", 1), ("repetitions", 0), ("trials", 5)])
+def test_too_little_is_refused(field: str, value: int) -> None:
+    with pytest.raises(ValueError, match=f"{field} = {value}; allowed: >= "):
+        Arguments(**{field: value})

@@ -1,0 +1,128 @@
+"""``mathnavi study``: what it writes, its exit codes, and bad input."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+from matplotlib.figure import Figure
+
+from renders.claims import Claim
+from renders.study_report import Table
+from sim.cli import main
+from sim.commands import study
+from sim.studies.study import Findings, Setup, StudyError
+
+HERE = "tests.sim.studies.test_study_command"
+
+
+@dataclass(frozen=True)
+class TinyConfig:
+    """How much is counted."""
+
+    count: int = 3
+
+
+class Tiny:
+    """A study without a flight."""
+
+    Config = TinyConfig
+    quick = TinyConfig(count=1)
+    title = "Counting"
+    kind: ClassVar[Any] = "target"
+    holds = True
+
+    @classmethod
+    def run(cls, config: TinyConfig, setup: Setup) -> Findings:
+        figure = Figure()
+        figure.add_subplot().plot([0.0, config.count])
+        claim = Claim("tiny.count", cls.kind, "It counts.", "nowhere", "some", str(config.count), cls.holds)
+        rows = [{"count": config.count}]
+        return Findings(
+            ["It counted."], rows, [Table("Counts", ("count",), [(str(config.count),)])], figure, "", [claim]
+        )
+
+
+class Missed(Tiny):
+    """A target that is missed."""
+
+    holds = False
+
+
+class Printed(Missed):
+    """A claim of the print that does not hold."""
+
+    kind = "printed"
+
+
+class Speechless(Tiny):
+    """A study that cannot say anything."""
+
+    @classmethod
+    def run(cls, config: TinyConfig, setup: Setup) -> Findings:
+        raise StudyError("seed 3 crashed")
+
+
+def run(tmp_path: Path, name: str, *words: str) -> int:
+    return main(["study", f"{HERE}:{name}", "--terrain", "jacksboro", "--out", str(tmp_path / "out"), *words])
+
+
+@pytest.mark.parametrize(("name", "code"), [("Tiny", 0), ("Missed", 1), ("Printed", 0), ("Speechless", 1)])
+def test_only_a_target_that_is_missed_fails(name: str, code: int, tmp_path: Path) -> None:
+    assert run(tmp_path, name) == code
+
+
+def test_a_study_that_says_nothing_leaves_no_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(tmp_path, "Speechless")
+    assert "seed 3 crashed" in capsys.readouterr().err
+    assert not list((tmp_path / "out").glob("*.json"))
+
+
+@pytest.mark.parametrize(("words", "count"), [((), 3), (("--quick",), 1), (("--count", "7"), 7)])
+def test_its_sample_is_the_default_the_quick_one_or_what_is_asked_for(
+    words: tuple[str, ...], count: int, tmp_path: Path
+) -> None:
+    assert run(tmp_path, "Tiny", *words) == 0
+    (document,) = (tmp_path / "out").glob("*.json")
+    assert json.loads(document.read_text(encoding="utf-8"))["rows"] == [{"count": count}]
+
+
+def test_all_of_them_write_the_ledger_over_every_terrain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = (f"{HERE}:Tiny", f"{HERE}:Printed")
+    monkeypatch.setattr(study, "names", lambda kind: names)
+    out = tmp_path / "out"
+    assert main(["study", "all", "--terrain", "jacksboro", "--terrain", "tian_shan", "--out", str(out)]) == 0
+    ledger = (out / "CLAIMS.md").read_text(encoding="utf-8")
+    assert all(word in ledger for word in ("jacksboro", "tian_shan", "tiny.count"))
+    for terrain in ("jacksboro", "tian_shan"):
+        assert {path.suffix for path in (out / terrain).iterdir()} == {".csv", ".png", ".json", ".html", ".db"}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ((), ("NAME", "horizon", "all")),
+        (("nonsense",), ("nonsense", "horizon")),
+        (("horizon", "--terrain", "atlantis"), ("atlantis", "allowed")),
+        (("horizon", "--terrain", "jacksboro", "--terrain", "jacksboro"), ("terrain", "once")),
+        (("horizon", "--workers", "0"), ("--workers = 0", "allowed")),
+        (("horizon", "--seeds", "nan"), ("--seeds = nan", "allowed")),
+        (("horizon", "--seeds", "0"), ("--seeds = 0", "allowed")),
+        (("horizon", "--sead", "2"), ("--sead", "--seeds")),
+        (("all", "--seeds", "2"), ("--seeds", "not a field")),
+        (("horizon", "--out", "/dev/null/x"), ("/dev/null", "allowed")),
+    ],
+)
+def test_bad_input_is_one_line_with_exit_code_2(
+    words: tuple[str, ...], told: tuple[str, ...], capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main(["study", *words]) == 2
+    error = capsys.readouterr().err
+    assert len(error.splitlines()) == 1, error
+    assert all(word in error for word in told), error
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,110 @@
+"""A Dask cluster leaves the same store as this machine does."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim.store import Store
+from sim.sweep import cluster
+from sim.sweep.child import RefusedError
+from sim.sweep.cluster import check
+from sim.sweep.execution import run_trials
+from tests.sim.sweep.test_execution import TIMEOUT, coins
+
+distributed = pytest.importorskip("distributed")
+dask_config = pytest.importorskip("dask.config")
+
+FEW_MISHAPS: dict[str, Any] = {"raise_at": (1,), "segfault_at": (2,), "hang_at": (3,), "chatter": True}
+
+
+@pytest.fixture(scope="module")
+def dask() -> Iterator[Any]:
+    """Two workers in processes of their own; a trial that costs one of them is not tried again."""
+    with (
+        dask_config.set({"distributed.scheduler.allowed-failures": 0}),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, silence_logs=50
+        ) as made,
+    ):
+        yield made
+
+
+def test_the_records_are_those_of_this_machine(dask: Any, tmp_path: Path) -> None:
+    trials = coins(6, **FEW_MISHAPS)
+    with Store.open(tmp_path / "here.db") as here, Store.open(tmp_path / "there.db") as there:
+        local = run_trials(trials, here, workers=2, timeout=TIMEOUT)
+        remote = run_trials(trials, there, cluster=dask.scheduler_address, timeout=TIMEOUT)
+    assert [replace(record, timings={}) for record in remote] == [replace(record, timings={}) for record in local]
+
+
+def test_what_ends_before_an_interrupt_is_stored_and_the_rest_is_called_off(dask: Any, tmp_path: Path) -> None:
+    trials = coins(6, hang_at=(4, 5))
+    with Store.open(tmp_path / "store.db") as store:
+        later = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+
+        def interrupt(now: Any) -> None:
+            if now.done == 4 and not later.is_alive() and not later.finished.is_set():
+                later.start()
+
+        began = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            run_trials(trials, store, cluster=dask.scheduler_address, progress=interrupt)
+        assert len(store.keys()) == 4
+        assert len(run_trials(trials[:4], store, cluster=dask.scheduler_address)) == 4
+        # The workers are free again, though what they were at would have taken a minute.
+        run_trials(coins(2, bias=0.1), store, cluster=dask.scheduler_address)
+        assert time.monotonic() - began < 30.0
+
+
+def test_a_worker_with_other_sources_ends_the_sweep(dask: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sim.sweep.trial.code_version", lambda *_: "as it was")
+    with Store.open(tmp_path / "store.db") as store:
+        with pytest.raises(RefusedError, match="other sources or files"):
+            run_trials(coins(2), store, cluster=dask.scheduler_address)
+        assert not store.keys()
+
+
+def test_a_trial_that_costs_its_worker_is_recorded_as_crashed(dask: Any, tmp_path: Path) -> None:
+    marks = tmp_path / "marks"
+    marks.mkdir()
+
+    def kill_workers() -> None:
+        while not list(marks.iterdir()):
+            time.sleep(0.05)
+        for worker in dask.workers.values():
+            os.kill(worker.pid, signal.SIGKILL)
+
+    threading.Thread(target=kill_workers, daemon=True).start()
+    with Store.open(tmp_path / "store.db") as store:
+        (record,) = run_trials(coins(1, marks=str(marks), hang_at=(0,)), store, cluster=dask.scheduler_address)
+    assert record.status == "crashed"
+    assert "workers of the cluster died" in (record.error or "")
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "carrier-pigeon://127.0.0.1:8786"])
+def test_a_cluster_that_does_not_answer_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+    with pytest.raises(ValueError, match=f"cluster = '{address}'.*allowed: the address of a Dask scheduler"):
+        check(address)
+
+
+def test_what_answers_has_to_be_a_scheduler(dask: Any) -> None:
+    address = next(iter(dask.workers.values())).worker_address
+    with pytest.raises(ValueError, match="is a Worker; allowed"):
+        check(address)
+
+
+def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ValueError, match=r"pip install -e '\.\[cluster\]'"):
+        check("tcp://127.0.0.1:8786")

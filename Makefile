@@ -33,7 +33,7 @@ test: .venv/.developed opengl
 lint: .venv/.developed
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	.venv/bin/mypy --strict $(PACKAGES) $(BENCHMARKS)
+	.venv/bin/mypy --strict $(PACKAGES) $(BENCHMARKS) .ci/open_reports.py
 	.venv/bin/lint-imports
 
 bench: .venv/.benchmarked

@@ -102,7 +102,7 @@ def distribution_figure(samples: Mapping[str, Array], xlabel: str, bound: float 
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
         if any(samples):
-            axes.legend(loc="lower right")
+            figure.legend(loc="outside upper left", ncols=CURVES + 1)
     return figure
 
 

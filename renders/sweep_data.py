@@ -21,7 +21,7 @@ from sim.statistics import Band, Rate, median_band, rate
 from sim.store import Record
 
 MOST_LISTED = 12  # values of a numeric field that still make groups
-BINS = 8  # of a continuous field, with equally many trials each
+BINS = 8  # of a continuous field
 CLEARANCE, CLEARANCE_BOUND = "min_clearance_m", "clearance_min"
 # What matters first; the rest of a summary follows in its own order.
 KEY_FIGURES = (
@@ -124,16 +124,18 @@ class Sweep:
         return [_hashable(record.fields.get(name)) for record in self.records]
 
     def bins(self, name: str) -> list[Group]:
-        """The records by a continuous field, in order, with equally many in each bin as far as that goes."""
-        order = sorted(self.records, key=lambda record: record.fields[name])
-        parts = [part for part in np.array_split(np.arange(len(order)), BINS) if len(part)]
+        """The records by a continuous field, in order, with equally many of its values in each bin as far as that goes.
+
+        A bin's ``values`` is the median of the field in it.
+        """
+        at: dict[float, list[Record]] = {}
+        for value, record in sorted(zip(self.values(name), self.records, strict=True), key=lambda pair: pair[0]):
+            at.setdefault(value, []).append(record)
         found = []
-        for part in parts:
-            records = [order[k] for k in part]
-            low, high = records[0].fields[name], records[-1].fields[name]
-            found.append(
-                Group(f"{low:.3g} to {high:.3g}", (float(np.median([r.fields[name] for r in records])),), records)
-            )
+        for part in np.array_split(np.array(list(at)), min(BINS, len(at))):
+            low, high = part[0], part[-1]
+            title = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
+            found.append(Group(title, (float(np.median(part)),), [record for value in part for record in at[value]]))
         return found
 
     def _is_spread(self, values: Sequence[float]) -> bool:

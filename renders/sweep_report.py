@@ -205,7 +205,7 @@ def _over(sweep: Sweep, name: str) -> list[Markup]:
         page.figure_block(
             rates_figure([part.name for part in bins], told),
             f"rates-{name}",
-            f"Rates with their 95 % limits in {len(bins)} bins of {name} with equally many trials.",
+            f"Rates with their 95 % limits in {len(bins)} bins of {name}.",
         )
     ]
     if panels:

@@ -121,7 +121,7 @@ class CostToGo:
                     quick_enough and ours[False] == 0 and ours[True] <= MOST_STUCK * config.starts,
                 ),
             ),
-            tracks=[Track(f"gradient flow {k + 1}", line, "#2166ac") for k, line in enumerate(lines)],
+            tracks=[Track("gradient flow", line, "#2166ac") for line in lines],
             places={"target": target},
             radars=[(radar.x, radar.y, float(terrain.height(radar.x, radar.y)), RADIUS)],
         )  # fmt: skip

@@ -40,7 +40,7 @@ def check(address: str) -> None:
     except ModuleNotFoundError as error:
         raise ValueError(f"cluster = {address!r}: {HOW_TO_INSTALL}") from error
     except Exception as error:
-        raise ValueError(f"cluster = {address!r}: {error or type(error).__name__}; {_ALLOWED}") from error
+        raise ValueError(f"cluster = {address!r}: {str(error) or type(error).__name__}; {_ALLOWED}") from error
     if kind != "Scheduler":
         raise ValueError(f"cluster = {address!r} is a {kind}; {_ALLOWED}")
 

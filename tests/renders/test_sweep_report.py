@@ -73,6 +73,12 @@ def test_bins_share_the_trials_evenly_in_the_order_of_the_field() -> None:
     assert values == sorted(values)
 
 
+def test_trials_of_one_value_are_in_one_bin() -> None:
+    records = [flight(seed, nodes, 0.5 * seed) for seed in range(3) for nodes in (4, 13)]
+    bins = Sweep(records, ["planner.nodes", "faults.gust_rms"]).bins("faults.gust_rms")
+    assert [(part.name, len(part.records)) for part in bins] == [("0", 2), ("0.5", 2), ("1", 2)]
+
+
 def test_a_recorded_failure_is_no_success_and_says_nothing_of_clearances() -> None:
     sweep = Sweep([*LISTED, broken(90, 4)], [])
     (group,) = sweep.groups

@@ -74,23 +74,6 @@ def test_a_worker_with_other_sources_ends_the_sweep(dask: Any, tmp_path: Path, m
         assert not store.keys()
 
 
-def test_a_trial_that_costs_its_worker_is_recorded_as_crashed(dask: Any, tmp_path: Path) -> None:
-    marks = tmp_path / "marks"
-    marks.mkdir()
-
-    def kill_workers() -> None:
-        while not list(marks.iterdir()):
-            time.sleep(0.05)
-        for worker in dask.workers.values():
-            os.kill(worker.pid, signal.SIGKILL)
-
-    threading.Thread(target=kill_workers, daemon=True).start()
-    with Store.open(tmp_path / "store.db") as store:
-        (record,) = run_trials(coins(1, marks=str(marks), hang_at=(0,)), store, cluster=dask.scheduler_address)
-    assert record.status == "crashed"
-    assert "workers of the cluster died" in (record.error or "")
-
-
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "carrier-pigeon://127.0.0.1:8786"])
 def test_a_cluster_that_does_not_answer_is_refused(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "PATIENCE", 0.5)
@@ -108,3 +91,20 @@ def test_without_dask_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ValueError, match=r"pip install -e '\.\[cluster\]'"):
         check("tcp://127.0.0.1:8786")
+
+
+def test_a_trial_that_costs_its_worker_is_recorded_as_crashed(dask: Any, tmp_path: Path) -> None:
+    marks = tmp_path / "marks"
+    marks.mkdir()
+
+    def kill_workers() -> None:
+        while not list(marks.iterdir()):
+            time.sleep(0.05)
+        for worker in dask.workers.values():
+            os.kill(worker.pid, signal.SIGKILL)
+
+    threading.Thread(target=kill_workers, daemon=True).start()
+    with Store.open(tmp_path / "store.db") as store:
+        (record,) = run_trials(coins(1, marks=str(marks), hang_at=(0,)), store, cluster=dask.scheduler_address)
+    assert record.status == "crashed"
+    assert "workers of the cluster died" in (record.error or "")

@@ -1,0 +1,402 @@
+"""``mathnavi sweep`` and ``mathnavi store``."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import random
+import resource
+import shlex
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.cli import main
+from sim.store import Record, Store
+from sim.sweep import cluster
+from sim.sweep.trial import LARGEST_SEED
+
+COIN = "tests.sim.sweep.scenarios:Coin"
+ROOT = Path(__file__).parents[2]  # where tests.sim.sweep.scenarios is found
+PROGRAM = [sys.executable, "-c", "import sys; from sim.cli import main; sys.exit(main())"]
+
+Words = tuple[str, ...]
+
+
+def sweep(*argv: str) -> int:
+    return main(["sweep", *argv])
+
+
+def records(path: Path) -> list[Record]:
+    with Store.existing(path) as store:
+        return sorted(store.records(), key=lambda record: record.seed)
+
+
+def trials_of(path: Path) -> list[tuple[Any, ...]]:
+    with sqlite3.connect(path) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        return connection.execute("SELECT * FROM trials ORDER BY key").fetchall()
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "store.db"
+
+
+def test_a_trial_is_the_flight_of_a_run(mission: Words, path: Path, tmp_path: Path) -> None:
+    fields = ("--noise.position", "0.5", "--faults.solver-failure-rate", "0.3")
+    assert (
+        sweep(*mission, *fields, "--vary", "planner.nodes=7,11", "--trials", "1", "--seed", "4", "--store", str(path))
+        == 0
+    )
+    flown = {record.fields["planner.nodes"]: record for record in records(path)}
+    assert flown.keys() == {7, 11}
+    main(["run", *mission, *fields, "--planner.nodes", "11", "--seed", "4", "--out", str(tmp_path / "run")])
+    summary = json.loads((tmp_path / "run/summary.json").read_text())
+    assert {name: summary[name] for name in flown[11].summary} == flown[11].summary
+    assert {"solve_ms_mean", "real_time_factor", "trial_wall_s"} <= flown[11].timings.keys()
+
+
+def test_the_report_stands_beside_the_store(mission: Words, path: Path) -> None:
+    words = (*mission, "--trials", "2", "--vary", "noise.position=0..0.5", "--store", str(path), "--report")
+    assert sweep(*words) == 0
+    page = path.with_suffix(".html").read_text(encoding="utf-8")
+    assert page.startswith("<!DOCTYPE html>")
+    assert "mathnavi sweep safe-flight" in page
+
+
+def test_every_combination_flies_the_same_seeds_and_the_same_draws(path: Path) -> None:
+    varied = ("--vary", "planner.gain=1,2", "--vary", "part.count=4,5,6", "--vary", "part.share=0.25..0.75")
+    assert sweep(COIN, *varied, "--vary", "bias=0..1", "--trials", "3", "--seed", "10", "--store", str(path)) == 0
+    found = [record.fields for record in records(path)]
+    assert len(found) == 18
+    seeds: dict[int, list[Record]] = {}
+    for record in records(path):
+        seeds.setdefault(record.seed, []).append(record)
+    assert seeds.keys() == {10, 11, 12}
+    for members in seeds.values():
+        assert {(r.fields["planner.gain"], r.fields["part.count"]) for r in members} == {
+            (gain, count) for gain in (1.0, 2.0) for count in (4, 5, 6)
+        }
+        assert len({(r.fields["part.share"], r.fields["bias"]) for r in members}) == 1
+        assert len({r.summary["x_m"] for r in members}) == 1
+    shares = [members[0].fields["part.share"] for members in seeds.values()]
+    assert len(set(shares)) == 3
+    assert all(0.25 <= share <= 0.75 for share in shares)
+
+
+def test_a_draw_depends_on_the_seed_and_the_field_and_on_nothing_else(tmp_path: Path) -> None:
+    words = (COIN, "--trials", "4", "--vary", "part.share=0..1")
+    assert sweep(*words, "--store", str(tmp_path / "one.db"), "--workers", "1") == 0
+    others = ("--vary", "bias=0..1", "--vary", "planner.gain=3,4", "--workers", "2")
+    assert sweep(*words, *others, "--seed", "2", "--trials", "2", "--store", str(tmp_path / "two.db")) == 2
+    assert sweep(COIN, *others, *words[3:], "--seed", "2", "--trials", "2", "--store", str(tmp_path / "two.db")) == 0
+    one = {record.seed: record.fields["part.share"] for record in records(tmp_path / "one.db")}
+    two = {record.seed: record.fields["part.share"] for record in records(tmp_path / "two.db")}
+    assert two == {seed: one[seed] for seed in (2, 3)}
+
+
+def test_whole_numbers_are_drawn_with_both_ends(path: Path) -> None:
+    assert sweep(COIN, "--vary", "part.count=2..4", "--trials", "40", "--store", str(path)) == 0
+    counts = [record.fields["part.count"] for record in records(path)]
+    assert set(counts) == {2, 3, 4}
+    assert all(type(count) is int for count in counts)
+
+
+def test_plugins_lists_truths_and_words_may_be_listed(path: Path) -> None:
+    varied = ("--vary", "controller=tests.sim.sweep.scenarios:Nobody,tests.sim.sweep.scenarios:Somebody")
+    more = ("--vary", "chatter=true,false", "--vary", "raise-at=7,8", "--vary", "marks=,..")
+    assert sweep(COIN, *varied, *more[:4], "--planner.gain", "2", "--trials", "1", "--store", str(path)) == 0
+    found = {
+        (r.fields["controller"].rpartition(":")[2], r.fields["chatter"], tuple(r.fields["raise_at"]))
+        for r in records(path)
+    }
+    assert found == {(c, t, (k,)) for c in ("Nobody", "Somebody") for t in (True, False) for k in (7, 8)}
+    assert {r.fields["planner.gain"] for r in records(path)} == {2.0}
+    assert sweep(COIN, *more[4:], "--trials", "1", "--store", str(path)) == 2
+
+
+def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--trials", "12", "--vary", "bias=0,1", "--raise-at", "3", "--store", str(path))
+    assert sweep(COIN, *words) == 0
+    out, err = capsys.readouterr()
+    assert not err
+    for told in (
+        "24 trials: 11 did what they should, 2 raised",
+        "Clopper-Pearson",
+        "0 (<= 22.1)",
+        "91.7 [61.5, 99.8]",
+        "8.33 [0.211, 38.5]",
+        "x [m]",
+        "RuntimeError: seed 3 is out of order",
+        str(path),
+    ):
+        assert told in out.replace("\n", " ") or told in out
+    assert main(["store", "show", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "24 trials: 11 did what they should, 2 raised" in shown
+    assert "91.7 [61.5, 99.8]" in shown
+    assert records(path)[0].code in shown
+
+
+def test_a_store_is_exported(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert sweep(COIN, "--trials", "3", "--store", str(path)) == 0
+    capsys.readouterr()
+    for name in ("table.csv", "table.jsonl"):
+        assert main(["store", "export", str(path), "--out", str(tmp_path / name)]) == 0
+        assert capsys.readouterr().out == f"{tmp_path / name}\n"
+    with (tmp_path / "table.csv").open(newline="", encoding="utf-8") as file:
+        assert sorted(int(row["seed"]) for row in csv.DictReader(file)) == [0, 1, 2]
+    assert len((tmp_path / "table.jsonl").read_text().splitlines()) == 3
+
+
+def test_one_store_holds_several_sweeps(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert sweep(COIN, "--trials", "4", "--store", str(path)) == 0
+    assert sweep(COIN, "--trials", "6", "--store", str(path), "--bias", "0.25") == 0
+    assert sweep(COIN, "--trials", "6", "--store", str(path)) == 0
+    assert "6 trials" in capsys.readouterr().out
+    assert len(records(path)) == 12
+
+
+def started(*argv: str, **options: Any) -> subprocess.Popen[str]:
+    """A sweep in a process of its own."""
+    given = {"cwd": ROOT, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    return subprocess.Popen([*PROGRAM, "sweep", *argv], **{**given, **options})
+
+
+def wait_for(path: Path, count: int) -> None:
+    """Until a store has so many trials."""
+    until = time.monotonic() + 60.0
+    while time.monotonic() < until:
+        time.sleep(0.02)
+        if path.exists():
+            with sqlite3.connect(path) as connection:
+                try:
+                    if connection.execute("SELECT count(*) FROM trials").fetchone()[0] >= count:
+                        return
+                except sqlite3.OperationalError:
+                    continue  # not made yet
+    raise AssertionError(f"{path} does not get {count} trials")
+
+
+def test_a_sweep_that_is_killed_again_and_again_leaves_the_same_trials(path: Path, tmp_path: Path) -> None:
+    words = (COIN, "--trials", "120", "--vary", "part.share=0..1", "--raise-at", "7", "--wait", "0.01")
+    assert sweep(*words, "--store", str(tmp_path / "undisturbed.db"), "--workers", "2") == 0
+    chance = random.Random(1)
+    for kill in range(3):
+        process = started(*words, "--store", str(path), "--workers", "2")
+        wait_for(path, 25 * kill + chance.randrange(1, 25))
+        time.sleep(0.05 * chance.random())
+        process.kill()
+        process.communicate()
+    assert 0 < len(trials_of(path)) < 120
+    assert sweep(*words, "--store", str(path), "--workers", "1") == 0
+    assert trials_of(path) == trials_of(tmp_path / "undisturbed.db")
+
+
+def test_an_interrupt_keeps_what_has_ended_and_says_how_to_go_on(path: Path) -> None:
+    words = (COIN, "--trials", "30", "--wait", "0.2", "--store", str(path), "--workers", "2")
+    process = started(*words)
+    wait_for(path, 3)
+    process.send_signal(signal.SIGINT)
+    began = time.monotonic()
+    out, err = process.communicate()
+    assert time.monotonic() - began < 5.0
+    assert process.returncode == 130
+    assert not out
+    kept = len(trials_of(path))
+    assert 3 <= kept < 30
+    command = shlex.join(["mathnavi", "sweep", *words])
+    assert err == f"mathnavi: interrupted, {kept} of 30 trials are stored; to go on: {command}\n"
+    assert sweep(*words[:3], "--wait", "0.2", "--store", str(path), "--workers", "2") == 0
+    assert len(trials_of(path)) == 30
+
+
+def test_a_full_disk_ends_in_one_line_and_keeps_what_was_committed(path: Path) -> None:
+    def little_room() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+
+    words = (COIN, "--trials", "400", "--store", str(path), "--workers", "1")
+    process = started(*words, preexec_fn=little_room)
+    out, err = process.communicate()
+    assert process.returncode == 1
+    assert not out
+    assert len(err.splitlines()) == 1, err
+    kept = len(trials_of(path))
+    assert 0 < kept < 400
+    for told in (str(path), "full", f"{kept} of 400 trials are stored", "to go on: mathnavi sweep"):
+        assert told in err
+    assert sweep(*words) == 0
+    assert len(trials_of(path)) == 400
+
+
+Refusal = Callable[..., str]
+
+
+@pytest.fixture
+def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Refusal:
+    """The one line with which a command is refused, when nothing has been touched."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cluster, "PATIENCE", 0.5)
+
+    def refuse(*argv: str) -> str:
+        before = {path: path.read_bytes() if path.is_file() else b"" for path in tmp_path.rglob("*")}
+        capsys.readouterr()
+        assert main(argv) == 2
+        out, err = capsys.readouterr()
+        assert {path: path.read_bytes() if path.is_file() else b"" for path in tmp_path.rglob("*")} == before
+        assert not out
+        assert len(err.splitlines()) == 1, err
+        assert err.startswith("mathnavi: ")
+        return err
+
+    return refuse
+
+
+@pytest.mark.parametrize(
+    ("flags", "told"),
+    [
+        ("--vary colour=1,2", ["--vary colour=1,2", "part.share", "allowed"]),
+        ("--vary part.shar=1,2", ["part.shar", "did you mean --part.share"]),
+        ("--vary count=1,2", ["count", "did you mean --part.count"]),
+        ("--vary seed=1,2", ["seed=1,2", "not one of the fields", "allowed"]),
+        ("--vary trials=1,2", ["trials=1,2", "not one of the fields"]),
+        ("--vary bias", ["--vary = 'bias'", "FIELD=V1,V2,...", "FIELD=LOW..HIGH"]),
+        ("--vary bias=", ["--vary = 'bias='", "FIELD=V1,V2,..."]),
+        ("--vary =3", ["--vary = '=3'", "FIELD=V1,V2,..."]),
+        ("--vary bias=0.5,high", ["bias", "high", "FLOAT"]),
+        ("--vary bias=0.5,", ["bias=0.5,", "'' is no value"]),
+        ("--vary bias=0.5,nan", ["--bias = nan", "finite"]),
+        ("--vary bias=0.5,0.5", ["0.5 is given twice", "once"]),
+        ("--vary part.count=1.5,2", ["part.count", "1.5", "INT"]),
+        ("--vary part.share=0.5,1.5", ["part.share", "1.5", "0 to 1"]),
+        ("--vary part.share=0.5..1.5", ["part.share", "1.5", "0 to 1"]),
+        ("--vary part.share=0.5..", ["part.share=0.5..", "'' is no value"]),
+        ("--vary part.share=0.9..0.1", ["part.share=0.9..0.1", "0.9 > 0.1", "LOW <= HIGH"]),
+        ("--vary part.count=1..2.5", ["part.count", "2.5", "INT"]),
+        ("--vary bias=0..inf", ["--bias = inf", "finite"]),
+        ("--vary chatter=true,maybe", ["chatter=true,maybe", "'maybe'", "true, false"]),
+        ("--vary bias=0.1,0.2 --vary bias=0..1", ["bias=0..1", "varied twice"]),
+        ("--vary bias=0.1,0.2 --bias 0.3", ["bias=0.1,0.2", "--bias is given as well"]),
+        ("--vary raise-at=1,2 --raise_at 3", ["raise_at=1,2", "--raise-at is given as well"]),
+        (
+            "--vary controller=tests.nowhere:A,tests.nowhere:B",
+            ["--controller", "tests.nowhere:A", "cannot be imported"],
+        ),
+        ("--vary controller=flight,flight", ["controller=flight,flight", "twice"]),
+        ("--vary bias=--trials", ["bias=--trials", "no value"]),
+        ("--vary", ["--vary: its value is missing"]),
+        ("--trials 0", ["--trials = 0", ">= 1"]),
+        ("--trials many", ["--trials = many", "INT"]),
+        ("--workers 0", ["--workers = 0", ">= 1"]),
+        ("--timeout 0", ["--timeout = 0.0", "> 0"]),
+        ("--timeout -3", ["--timeout = -3.0", "> 0"]),
+        ("--timeout nan", ["--timeout = nan", "> 0"]),
+        ("--seed -1", ["--seed = -1", ">= 0"]),
+        (f"--seed {LARGEST_SEED}", ["--seed", str(LARGEST_SEED)]),
+        ("--workers 2 --cluster tcp://127.0.0.1:9", ["--cluster", "tcp://127.0.0.1:9", "--workers 2", "one of both"]),
+        ("--cluster tcp://127.0.0.1:9", ["--cluster", "tcp://127.0.0.1:9", "Timed out", "tcp://HOST:8786"]),
+        ("--cluster nowhere", ["--cluster", "nowhere", "tcp://HOST:8786"]),
+        ("--bias high", ["--bias", "high", "FLOAT"]),
+        ("--colour red", ["--colour", "--bias"]),
+        ("--out here", ["--out", "--store"]),
+    ],
+)
+def test_a_sweep_refuses_what_it_cannot_be(refused: Refusal, path: Path, flags: str, told: list[str]) -> None:
+    trials = () if "--trials " in flags and "bias" not in flags else ("--trials", "2")
+    words = (COIN, *trials, "--store", str(path), *flags.split())
+    line = refused("sweep", *words)
+    for word in told:
+        assert word in line
+    with Store.open(path):
+        pass
+    refused("sweep", *words)
+
+
+def not_a_store(path: Path) -> None:
+    path.write_text("no database")
+
+
+def of_another_schema(path: Path) -> None:
+    Store.open(path).close()
+    with sqlite3.connect(path) as connection:
+        connection.execute("PRAGMA user_version = 99")
+
+
+@pytest.mark.parametrize(("make", "told"), [(not_a_store, "not a database"), (of_another_schema, "schema 99")])
+def test_what_is_no_store_is_refused_and_left_alone(
+    refused: Refusal, path: Path, make: Callable[[Path], None], told: str
+) -> None:
+    make(path)
+    for argv in (
+        ("sweep", COIN, "--trials", "1", "--store", str(path)),
+        ("store", "show", str(path)),
+        ("store", "export", str(path), "--out", "table.csv"),
+    ):
+        line = refused(*argv)
+        assert str(path) in line
+        assert told in line
+
+
+@pytest.mark.parametrize(
+    ("argv", "told"),
+    [
+        ("sweep", ["SCENARIO", "safe-flight"]),
+        ("sweep --trials 3", ["--trials", "safe-flight"]),
+        ("sweep hover --trials 3 --store s.db", ["SCENARIO", "hover", "safe-flight"]),
+        ("sweep safe-flight --store s.db", ["--trials", "missing"]),
+        ("sweep safe-flight --trials 3", ["--store", "missing"]),
+        ("sweep safe-flight --trials 3 --store /proc/s.db", ["/proc/s.db", "allowed"]),
+        ("sweep safe-flight --trials 3 --store page.html", ["--store", "page.html", "report"]),
+        ("sweep safe-flight --trials 3 --store s.db --terrain atlantis", ["terrain", "atlantis", "jacksboro"]),
+        (
+            "sweep safe-flight --trials 3 --store s.db --terrain atlantis.npz",
+            ["terrain", "atlantis.npz", "no such file"],
+        ),
+        ("sweep safe-flight --trials 3 --store s.db --vary terrain=jacksboro,atlantis", ["terrain", "atlantis"]),
+        ("sweep safe-flight --trials 3 --store s.db --vary planner.nodes=5..1", ["planner.nodes=5..1", "LOW <= HIGH"]),
+        ("sweep safe-flight --trials 3 --store s.db --vary planner.backend=a..b", ["planner.backend", "a..b", "ipopt"]),
+        ("sweep safe-flight --trials 3 --store s.db --vary noise.position-rate=7..9", ["7.0", "300 Hz over a whole"]),
+        ("store", ["show, export"]),
+        ("store open s.db", ["open", "show, export"]),
+        ("store show", ["FILE.db", "missing"]),
+        ("store show s.db", ["s.db", "no such file"]),
+        ("store export s.db", ["--out", "missing"]),
+        ("store export s.db --out table.csv", ["s.db", "no such file"]),
+    ],
+)
+def test_commands_refuse_what_is_not_there(refused: Refusal, argv: str, told: list[str]) -> None:
+    line = refused(*argv.split())
+    for word in told:
+        assert word in line
+
+
+def test_a_table_is_written_whole_or_not_at_all(refused: Refusal, path: Path, tmp_path: Path) -> None:
+    Store.open(path).close()
+    assert "table.txt" in refused("store", "export", str(path), "--out", "table.txt")
+    assert "nowhere" in refused("store", "export", str(path), "--out", "nowhere/table.csv")
+
+
+def test_what_is_drawn_is_refused_before_anything_is_run(refused: Refusal, path: Path) -> None:
+    line = refused("sweep", "safe-flight", "--trials", "3", "--store", str(path), "--vary", "noise.position-rate=1..30")
+    assert "noise.position_rate" in line or "noise.position-rate" in line
+
+
+def test_help_tells_how_fields_are_varied(capsys: pytest.CaptureFixture[str]) -> None:
+    for argv in (["sweep", "--help"], ["sweep", "safe-flight", "--help"], ["store", "--help"], ["store", "show", "-h"]):
+        assert main(argv) == 0
+        assert capsys.readouterr().out.startswith("usage: mathnavi")
+    assert main(["sweep", "safe-flight", "--help"]) == 0
+    out = capsys.readouterr().out
+    assert "FIELD=LOW..HIGH" in out
+    assert "--planner.nodes" in out
+    assert np.all([len(line) <= int(os.environ.get("COLUMNS", 80)) for line in out.splitlines()[2:]])

@@ -43,6 +43,8 @@ def main(arguments: Arguments) -> None:
     findings = {name: measure(console) for name, measure in parts(arguments.quick).items()}
     described = machine.plain() | {"quick": arguments.quick}
     console.print(table(list(findings.values()), described))
+    if arguments.quick:
+        console.print("A quick run: rough figures.")
     write(arguments.out, findings, described)
     console.print(f"Wrote {arguments.out}")
 

@@ -201,8 +201,8 @@ class LoopFindings:
         of: Ratio = "ours / other"
         loop, bare, peer = (1e6 / looks * cpu for cpu in (self.loop, self.bare, self.dm_control))
         return [
-            Comparison("a command and its 5 steps", "us", loop, bare, BARE, of, at_most=AT_MOST),
-            Comparison("a command and its 5 steps", "us", loop, peer, DM_CONTROL, of),
+            Comparison("a command, 5 steps", "us", loop, bare, BARE, of, at_most=AT_MOST),
+            Comparison("a command, 5 steps", "us", loop, peer, DM_CONTROL, of),
         ]
 
     def show(self, console: Console) -> None:

@@ -146,7 +146,7 @@ class _Cockpit:
         try:
             command = np.asarray(self.agent.tracker.command(t, estimate, plan), dtype=float)
             # The square of a command is finite if the command is, short of a length of 1e154.
-            usable = command.shape == self.command.shape and math.isfinite(command @ command)
+            usable = command.shape == self.command.shape and math.isfinite(command.dot(command))
             complaint = "" if usable else f"{command!r}"
         except (Exception, SystemExit) as error:
             usable, complaint = False, f"{type(error).__name__}: {error}"

@@ -224,7 +224,7 @@ class MujocoPlant:
             raise ValueError(
                 f"vehicle {vehicle.name!r}: the command has shape {command.shape}; allowed is {vehicle.control.shape}"
             )
-        length = math.sqrt(float(command @ command))
+        length = math.sqrt(command.dot(command))
         if not math.isfinite(length):
             raise ValueError(
                 f"vehicle {vehicle.name!r}: the command {command.tolist()} at {self.t:.3f} s is not finite"

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -84,7 +85,7 @@ class Certificate:
                     "which noise and gusts take"
                 )
         return Certificate(
-            mission.terrain.inflated(bound.horizontal, bound.vertical),
+            _raised(mission.terrain, bound.horizontal, bound.vertical),
             mission.clearance_min,
             speed,
             acceleration,
@@ -133,6 +134,12 @@ class Certificate:
             if room < self.border:
                 return Refusal(Status.OFF_MAP, f"{room:.2f} m from the edge of the map; allowed {self.border:.2f}")
         return None
+
+
+@lru_cache(maxsize=8)
+def _raised(terrain: HeightField, horizontal: float, vertical: float) -> HeightField:
+    """The ground that a tracker with this bound needs; every certificate of a mission shares it."""
+    return terrain.inflated(horizontal, vertical)
 
 
 def _extent(p: Array, v: Array, a: Array, duration: Array) -> tuple[float, float]:

@@ -31,7 +31,7 @@ class FullStateSensor:
         _not_negative(self.name, "position_noise", self.position_noise)
 
     def read(self, motion: Motion, rng: np.random.Generator) -> Array:
-        reading = motion.x.copy()
+        reading = motion.x
         if self.position_noise > 0.0:
             half_width = math.sqrt(3.0) * self.position_noise
             reading[:3] += rng.uniform(-half_width, half_width, 3)

@@ -59,6 +59,7 @@ def load_terrain(name_or_path: str | Path) -> HeightField:
     )
 
 
+@cache
 def _installed() -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=GROUP)}
 

@@ -18,7 +18,7 @@ from sim.commands.evidence import print_evidence, verdict
 from sim.commands.order import Order, prepare, usage
 from sim.commands.progress import sweep_progress
 from sim.commands.variations import read_orders, read_variations, trials
-from sim.store import Store, StoreError
+from sim.store import Record, Store, StoreError
 from sim.sweep.child import RefusedError
 from sim.sweep.cluster import LostError, check
 from sim.sweep.execution import Progress, run_trials
@@ -104,14 +104,22 @@ def main(argv: Sequence[str]) -> int:
     print_evidence(console, records, asked.listed)
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
     if options.report:
-        from renders.sweep_report import write_sweep_report  # what draws takes a while to import
-        from sim.commands.tracks import shown_flights
-
-        terrain, tracks = shown_flights(asked.trials, records)
-        path, varied = options.store.with_suffix(REPORT), [*asked.listed, *asked.drawn]
-        page = write_sweep_report(path, records, varied, terrain, tracks, command)
+        try:
+            page = _report(asked, records, command)
+        except OSError as error:
+            print(f"mathnavi: no report: {error}", file=sys.stderr)
+            return 1
         console.print(f"report  {page}", soft_wrap=True, highlight=False)
     return 0
+
+
+def _report(asked: Asked, records: Sequence[Record], command: str) -> Path:
+    from renders.sweep_report import write_sweep_report  # what draws takes a while to import
+    from sim.commands.tracks import shown_flights
+
+    terrain, tracks = shown_flights(asked.trials, records)
+    path: Path = asked.order.options.store.with_suffix(REPORT)
+    return write_sweep_report(path, records, [*asked.listed, *asked.drawn], terrain, tracks, command)
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ class Target:
 
 
 def read_variations(argv: Sequence[str]) -> list[Variation]:
-    """Every ``--vary`` of ``argv``; BadInputError for one of another form, given twice or beside its own flag."""
+    """Every ``--vary`` of ``argv``; BadInputError for one of another form, and for a field that is varied twice."""
     variations: list[Variation] = []
     for text in values_of("--vary", argv):
         field, equals, values = text.partition("=")
@@ -117,32 +117,38 @@ def read_variations(argv: Sequence[str]) -> list[Variation]:
             raise BadInputError(f"--vary = {text!r}; {FORMS}")
         if variation.flag in {other.flag for other in variations}:
             raise variation.wrong("this field is varied twice; allowed: once")
-        if variation.flag in given(argv):
-            raise variation.wrong(f"{variation.flag} is given as well; allowed: one of both")
         variations.append(variation)
     return variations
 
 
 def read_orders(argv: Sequence[str], options: type, variations: Sequence[Variation]) -> list[Order]:
-    """What is asked for with each combination of the controllers and estimators that are listed."""
+    """What is asked for with each combination of the controllers and estimators that are listed.
+
+    BadInputError for a variation of what is no field, or of a field that is given as well.
+    """
     plugins = [variation for variation in variations if variation.flag in PLUGINS]
     for variation in plugins:
         if len(set(variation.listed)) < len(variation.listed):
             raise variation.wrong("a plug-in is given twice; allowed: each once")
     names = [variation.name for variation in plugins]
     combinations = itertools.product(*(variation.listed for variation in plugins))
-    return [read_order("sweep", argv, options, chosen=dict(zip(names, values, strict=True))) for values in combinations]
+    orders = [
+        read_order("sweep", argv, options, chosen=dict(zip(names, values, strict=True))) for values in combinations
+    ]
+    for order, variation in itertools.product(orders, variations):
+        known = (*Target(order).places, *PLUGINS)
+        if variation.flag not in known:
+            hint = suggestion(variation.flag, known, order.prog)
+            raise variation.wrong(f"this is not one of the fields of {order.prog!r} that can be varied; {hint}")
+        if variation.flag in given(argv):
+            raise variation.wrong(f"{variation.flag} is given as well; allowed: one of both")
+    return orders
 
 
 def trials(order: Order, variations: Sequence[Variation], count: int) -> tuple[list[list[Trial]], list[str]]:
     """For each of ``count`` seeds, the trials of all combinations of listed values; and the names of what is drawn."""
     target = Target(order)
     variations = [variation for variation in variations if variation.flag not in PLUGINS]
-    for variation in variations:
-        if variation.flag not in target.places:
-            known = [*target.places, *PLUGINS]
-            where = f"the fields of {order.prog!r} that can be varied"
-            raise variation.wrong(f"this is not one of {where}; {suggestion(variation.flag, known, order.prog)}")
     listed: dict[str, list[Any]] = {}
     drawn: dict[str, Uniform] = {}
     for variation in variations:

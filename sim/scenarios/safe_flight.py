@@ -232,7 +232,8 @@ class SafeFlight:
         target = mission.target
 
         def finished(t: float, truths: Mapping[str, Array]) -> bool:
-            return math.dist(truths[VEHICLE][:3], target) <= mission.arrival_radius or body.contacts(VEHICLE) > 0
+            away = math.dist(truths[VEHICLE][:3].tolist(), target)
+            return away <= mission.arrival_radius or body.contacts(VEHICLE) > 0
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
             # The deadline counts from the plan that was flown first, which started from the estimate.

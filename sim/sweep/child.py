@@ -173,8 +173,11 @@ class _Child:
         self._said.truncate(0)
         try:
             self._connection.send_bytes(request)
-            while clock.left() > 0.0:
-                if not self._connection.poll(min(clock.left(), _INTERVAL)):
+            while True:
+                left = clock.left()
+                if not self._connection.poll(min(left, _INTERVAL)):
+                    if left == 0.0:
+                        raise OverdueError(f"no end within {timeout:g} s")
                     if stopped():
                         raise StoppedError
                     continue
@@ -192,7 +195,6 @@ class _Child:
                     clock.start()
         except (EOFError, OSError) as error:
             raise DiedError(self._cause_of_death()) from error
-        raise OverdueError(f"no end within {timeout:g} s")
 
     def kill(self) -> None:
         with suppress(ProcessLookupError, PermissionError):  # it is gone already

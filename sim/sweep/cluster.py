@@ -17,10 +17,12 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from sim.store import Record
 from sim.sweep.child import RefusedError, Worker, module_path
+from sim.sweep.execution import Told
 from sim.sweep.trial import Trial
 
 PATIENCE = 5.0  # [s] for the scheduler to answer
@@ -53,7 +55,7 @@ async def _kind(address: str, distributed: Any) -> str:
     """What answers at an address. A whole client that finds nobody would take long to give up."""
     arguments = distributed.Security().get_connection_args("client")
     async with distributed.rpc(address, timeout=PATIENCE, connection_args=arguments) as other:
-        return str((await asyncio.wait_for(other.identity(), PATIENCE))["type"])
+        return str((await asyncio.wait_for(other.identity(), 2.0 * PATIENCE))["type"])
 
 
 class DaskCluster:
@@ -67,12 +69,7 @@ class DaskCluster:
         self._futures: list[Any] = []
         self._stopped = False
 
-    def start(
-        self,
-        jobs: Mapping[str, Trial],
-        timeout: float | None,
-        tell: Callable[[Record | BaseException | None], None],
-    ) -> None:
+    def start(self, jobs: Mapping[str, Trial], timeout: float | None, tell: Callable[[Told], None]) -> None:
         run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path())
         self._futures = self._client.map(run, list(jobs.values()), list(jobs), pure=False)
         for (key, trial), future in zip(jobs.items(), self._futures, strict=True):
@@ -85,9 +82,7 @@ class DaskCluster:
         self._futures = []
         self._client.close(timeout=PATIENCE)
 
-    def _ended(
-        self, trial: Trial, key: str, tell: Callable[[Record | BaseException | None], None], future: Any
-    ) -> None:
+    def _ended(self, trial: Trial, key: str, tell: Callable[[Told], None], future: Any) -> None:
         if self._stopped:
             return
         try:
@@ -103,9 +98,9 @@ class DaskCluster:
 
 def own_path() -> list[str]:
     """Where this process finds the user's own modules: of its path what is no part of the Python installation."""
-    installed = tuple({os.path.realpath(folder) for folder in (sys.prefix, sys.base_prefix)})
-    folders = [os.path.realpath(entry) for entry in module_path()]
-    return [folder for folder in folders if not folder.startswith(installed)]
+    folders = [Path(entry).resolve() for entry in module_path()]
+    installed = [Path(folder).resolve() for folder in (sys.prefix, sys.base_prefix)]
+    return [str(folder) for folder in folders if not any(map(folder.is_relative_to, installed))]
 
 
 _here = threading.local()

@@ -109,7 +109,8 @@ def _run(
         raise
     except BaseException:
         backend.stop()
-        progress(_stored(store, [*messages, *_rest(told)], now))
+        _stored(store, [*messages, *_rest(told)], now)
+        progress(replace(now, done=total - len(jobs.keys() - store.keys())))
         raise
     finally:
         backend.stop()

@@ -15,6 +15,7 @@ import faulthandler
 import importlib
 import os
 import pickle
+import random
 import re
 import signal
 import sys
@@ -28,6 +29,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
+
+import numpy as np
 
 from sim.metrics import is_wall_clock
 from sim.store import Record, canonical_json
@@ -83,6 +86,9 @@ def _answer(request: bytes, tell: Tell) -> None:
     if not same:
         tell("refused", f"a worker has other sources or files than the sweep began with: its code is {trial.code}")
         return
+    # A plug-in draws from the generator that it is given; one that does not repeats itself all the same.
+    random.seed(trial.seed)
+    np.random.seed(trial.seed % 2**32)
     if "numba" in sys.modules:
         _tell_compilation(tell)
     tell("began", None)

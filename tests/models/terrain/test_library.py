@@ -76,7 +76,7 @@ def not_a_terrain() -> int:
 
 def test_an_entry_point_must_return_a_height_field(monkeypatch: pytest.MonkeyPatch) -> None:
     point = EntryPoint("three", f"{__name__}:not_a_terrain", GROUP)
-    monkeypatch.setattr(library, "entry_points", lambda group: [point])
+    monkeypatch.setattr(library, "_installed", lambda: {point.name: point})
     assert terrain_names() == ("three",)
     with pytest.raises(ValueError, match=r"terrain 'three': .* returned int, not a HeightField"):
         load_terrain("three")

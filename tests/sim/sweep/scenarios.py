@@ -70,9 +70,10 @@ class Coin:
                 os._exit(7)
             time.sleep(config.wait)
             x = float(np.random.default_rng(seed).random())
-            summary = {"heads": x < config.bias, "x_m": x, "least_m": -np.inf, "mean": np.nan, "seed": seed}
+            stray = float(np.random.random())  # from a generator that is not its own
+            summary = {"heads": x < config.bias, "x_m": x, "stray": stray, "least_m": -np.inf, "mean": np.nan}
             wall = {"real_time_factor": time.perf_counter()}
-            return SimpleNamespace(summary={**summary, **wall}, success=bool(x < config.bias), arrays={})
+            return SimpleNamespace(summary={**summary, **wall, "seed": seed}, success=bool(x < config.bias), arrays={})
 
         return SimpleNamespace(run=run)
 
@@ -108,23 +109,18 @@ import numpy as np
 from tests.sim.sweep.scenarios import Coin
 
 
-def tower(height):
-    @numba.njit
-    def floor(x):
-        return np.sort(np.linalg.inv(x @ x.T + np.eye(3)).ravel()).reshape(3, 3) * height
-
-    return floor
+@numba.njit
+def slow(x):
+    return np.sort(x)
 
 
 class Slow:
     '''Compiles for a while, and then does nothing.'''
 
     Config, controller, estimator = Coin.Config, Coin.controller, Coin.estimator
-    floors = [tower(height) for height in range(1)]
 
     @staticmethod
     def build(config, seed, controller, estimator):
-        for floor in Slow.floors:
-            floor(np.eye(3))
+        slow(np.arange(3.0))
         return SimpleNamespace(run=lambda: SimpleNamespace(summary={}, success=True))
 """

@@ -1,0 +1,159 @@
+"""A sweep that is killed again and again, and one on other workers, leave the same table of trials.
+
+    python benchmarks/sweep_survival.py [--trials 2000] [--kills 10] [--folder renders/out/survival]
+
+The same sweep of short missions with mixed faults runs undisturbed on one process and on two, on a local Dask cluster,
+and on two processes that are killed (SIGKILL) at random moments and started again by the same command. Compared are the
+whole tables ``trials``, row by row; each store is also checked by SQLite itself.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+SWEEP = (
+    "safe-flight", "--terrain", "jacksboro", "--drawn-separation", "0.2", "0.3", "--drawn-heights", "0.5", "60",
+    "--vary", "faults.solver-failure-rate=0..0.9", "--vary", "faults.late-plan-rate=0..0.5",
+    "--vary", "faults.gust-rms=0..1.5", "--vary", "faults.dropout-rate=0..0.2",
+)  # fmt: skip
+UNDISTURBED, KILLED = "2 processes", "2 processes, killed"
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Kill a sweep, and compare what it leaves."""
+
+    trials: int = 2000
+    """missions of each sweep"""
+    kills: int = 10
+    """times that the sweep is killed"""
+    folder: Path = Path("renders/out/survival")
+    """where the stores go; a sweep that is there goes on"""
+    seed: int = 0
+    """of the moments at which it is killed"""
+    cluster: bool = True
+    """whether Dask is among the workers"""
+
+    def __post_init__(self) -> None:
+        for name in ("trials", "kills"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} = {getattr(self, name)}; allowed: >= 1")
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a sweep has left behind."""
+
+    seconds: float
+    kills: int
+    rows: int
+    digest: str  # of the whole table of trials
+    integrity: str
+
+
+def command(trials: int, store: Path, *workers: str) -> list[str]:
+    return [
+        str(Path(sys.executable).with_name("mathnavi")), "sweep", *SWEEP,
+        "--trials", str(trials), "--store", str(store), *workers,
+    ]  # fmt: skip
+
+
+def stored(store: Path) -> int:
+    """How many trials a store has, while somebody writes it."""
+    if not store.exists():
+        return 0
+    connection = sqlite3.connect(f"{store.absolute().as_uri()}?mode=ro", uri=True, timeout=60.0)
+    try:
+        return int(connection.execute("SELECT count(*) FROM trials").fetchone()[0])
+    except sqlite3.OperationalError:  # it has no tables yet
+        return 0
+    finally:
+        connection.close()
+
+
+def left(store: Path, seconds: float, kills: int) -> Left:
+    connection = sqlite3.connect(store)
+    try:
+        rows = connection.execute("SELECT * FROM trials ORDER BY key").fetchall()
+        integrity = str(connection.execute("PRAGMA integrity_check").fetchone()[0])
+    finally:
+        connection.close()
+    return Left(seconds, kills, len(rows), hashlib.sha256(repr(rows).encode()).hexdigest()[:16], integrity)
+
+
+def undisturbed(trials: int, store: Path, *workers: str) -> Left:
+    began = time.perf_counter()
+    subprocess.run(command(trials, store, *workers), check=True, stdout=subprocess.DEVNULL)
+    return left(store, time.perf_counter() - began, 0)
+
+
+def killed(trials: int, store: Path, kills: int, rng: np.random.Generator) -> Left:
+    """Kill the sweep when it comes to each of so many random shares of its trials, and a random moment later."""
+    began, done = time.perf_counter(), 0
+    for share in np.sort(rng.uniform(0.0, 0.95, kills)):
+        process = subprocess.Popen(command(trials, store, "--workers", "2"), stdout=subprocess.DEVNULL)
+        while process.poll() is None and stored(store) < share * trials:
+            time.sleep(0.05)
+        time.sleep(float(rng.uniform(0.0, 2.0)))  # in the middle of whatever it does
+        if process.poll() is None:
+            process.send_signal(signal.SIGKILL)
+            done += 1
+        process.wait()
+    finished = undisturbed(trials, store, "--workers", "2")
+    return Left(time.perf_counter() - began, done, finished.rows, finished.digest, finished.integrity)
+
+
+@contextmanager
+def local_cluster(workers: int) -> Iterator[str]:
+    """The address of a Dask scheduler with so many workers of one thread on this machine."""
+    from distributed import LocalCluster  # an extra
+
+    make: Any = LocalCluster  # distributed has no types
+    with make(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:
+        yield cluster.scheduler_address
+
+
+def main(arguments: Arguments) -> int:
+    os.environ.setdefault("MUJOCO_GL", "disable")
+    arguments.folder.mkdir(parents=True, exist_ok=True)
+    found: dict[str, Left] = {}
+    for workers, name in ((1, "1 process"), (2, UNDISTURBED)):
+        store = arguments.folder / f"processes-{workers}.db"
+        found[name] = undisturbed(arguments.trials, store, "--workers", str(workers))
+    if arguments.cluster:
+        with local_cluster(2) as address:
+            store = arguments.folder / "dask.db"
+            found["Dask, 2 workers"] = undisturbed(arguments.trials, store, "--cluster", address)
+    rng = np.random.default_rng(arguments.seed)
+    found[KILLED] = killed(arguments.trials, arguments.folder / "killed.db", arguments.kills, rng)
+    table = Table("sweep", "seconds", "killed", "trials", "digest of the table", "integrity", title="Sweeps")
+    for name, one in found.items():
+        table.add_row(name, f"{one.seconds:.0f}", str(one.kills), str(one.rows), one.digest, one.integrity)
+    console = Console()
+    console.print(table)
+    first = found[UNDISTURBED]
+    same = all((one.rows, one.digest, one.integrity) == (first.rows, first.digest, "ok") for one in found.values())
+    whole = same and first.rows == arguments.trials
+    console.print(f"every trial exactly once, the same table in all: {'yes' if whole else 'NO'}")
+    console.print(f"two processes are {found['1 process'].seconds / first.seconds:.2f} times as fast as one")
+    return 0 if whole else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(tyro.cli(Arguments, description=__doc__)))

@@ -16,8 +16,8 @@ from sim.sweep.execution import Progress as Done
 def sweep_progress(errors: Console, name: str) -> Iterator[Callable[[Done], None]]:
     """What ``run_trials`` tells how far it is; nothing is drawn where ``errors`` is no terminal."""
     bar = Progress(
-        TextColumn(name), BarColumn(), TextColumn("{task.completed:.0f} of {task.total:.0f}"),
-        TextColumn("{task.fields[told]}"), console=errors, disable=not errors.is_terminal, transient=True,
+        TextColumn(name), BarColumn(bar_width=12), TextColumn("{task.fields[told]}"),
+        console=errors, disable=not errors.is_terminal, transient=True,
     )  # fmt: skip
     began = time.perf_counter()
 
@@ -34,7 +34,9 @@ def sweep_progress(errors: Console, name: str) -> Iterator[Callable[[Done], None
 
 def _told(progress: Done, began: float) -> str:
     run = progress.done - progress.found
-    told = [f"{progress.found} found in the store"] if progress.found else []
+    told = [f"{progress.done} of {progress.total}"]
+    if progress.found:
+        told.append(f"{progress.found} found")
     if run:
         rate = run / (time.perf_counter() - began)  # [1/s]
         left = round((progress.total - progress.done) / rate)  # [s]
@@ -42,5 +44,5 @@ def _told(progress: Done, began: float) -> str:
         told.append(f"{left // 3600}:{left // 60 % 60:02}:{left % 60:02} left")
     elif progress.compiling:
         told.append("compiling the numerical kernels, once on this machine")
-    told.append(f"{progress.failed} failed, {progress.unsuccessful} without success")
+    told.append(f"{progress.failed} failed, {progress.unsuccessful} unsuccessful")
     return ", ".join(told)

@@ -77,7 +77,7 @@ def main(argv: Sequence[str]) -> int:
     command = shlex.join(["mathnavi", "sweep", *argv])
     state = Progress(len(asked.trials), 0, 0, 0, 0, False)
     try:
-        with store, sweep_progress(Console(stderr=True), order.name) as draw:
+        with store, sweep_progress(Console(stderr=True), order.name.rpartition(":")[2]) as draw:
 
             def progress(now: Progress) -> None:
                 nonlocal state

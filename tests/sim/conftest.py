@@ -9,6 +9,7 @@ import pytest
 
 from models.terrain.dem import write_npz
 from models.terrain.height_field import HeightField
+from sim.sweep import code
 
 
 @pytest.fixture(scope="session")
@@ -25,3 +26,10 @@ def mission(hills: Path) -> tuple[str, ...]:
     """A mission of 4 km that is flown in about a second."""
     ends = ["--start", "3000", "3000", "800", "--target", "7000", "3000", "800"]
     return ("safe-flight", "--terrain", str(hills), *ends)
+
+
+@pytest.fixture(autouse=True)
+def sources_as_they_are() -> None:
+    """Tests may run while somebody writes: a sweep that begins now is of the sources as they are now."""
+    code._own.cache_clear()
+    code._stranger.cache_clear()

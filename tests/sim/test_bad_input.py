@@ -159,7 +159,7 @@ def test_a_start_without_a_certificate_is_refused(refused: Refusal, hills: Path)
 @pytest.mark.parametrize(
     ("argv", "told"),
     [
-        ("fly", ["COMMAND", "fly", "list, run, render, terrain"]),
+        ("fly", ["COMMAND", "fly", "list, run, sweep, store, study, render, terrain"]),
         ("run", ["SCENARIO", "safe-flight"]),
         ("run --seed 3", ["--seed", "safe-flight"]),
         ("run hover", ["SCENARIO", "hover", "safe-flight"]),

@@ -183,22 +183,22 @@ def wait_for(path: Path, count: int) -> None:
 
 
 def test_a_sweep_that_is_killed_again_and_again_leaves_the_same_trials(path: Path, tmp_path: Path) -> None:
-    words = (COIN, "--trials", "150", "--vary", "part.share=0..1", "--raise-at", "7", "--wait", "0.03")
+    words = (COIN, "--trials", "100", "--vary", "part.share=0..1", "--raise-at", "7", "--wait", "0.03")
     assert sweep(*words, "--store", str(tmp_path / "undisturbed.db"), "--workers", "2") == 0
     chance = random.Random(1)
     for kill in range(3):
         process = started(*words, "--store", str(path), "--workers", "2")
-        wait_for(path, 25 * kill + chance.randrange(1, 25))
+        wait_for(path, 8 * kill + chance.randrange(1, 8))
         time.sleep(0.05 * chance.random())
         process.kill()
         process.communicate()
-    assert 0 < len(trials_of(path)) < 150
+    assert 0 < len(trials_of(path)) < 100
     assert sweep(*words, "--store", str(path), "--workers", "1") == 0
     assert trials_of(path) == trials_of(tmp_path / "undisturbed.db")
 
 
 def test_an_interrupt_keeps_what_has_ended_and_says_how_to_go_on(path: Path) -> None:
-    words = (COIN, "--trials", "30", "--wait", "0.2", "--store", str(path), "--workers", "2")
+    words = (COIN, "--trials", "20", "--wait", "0.2", "--store", str(path), "--workers", "2")
     process = started(*words)
     wait_for(path, 3)
     process.send_signal(signal.SIGINT)
@@ -208,11 +208,11 @@ def test_an_interrupt_keeps_what_has_ended_and_says_how_to_go_on(path: Path) -> 
     assert process.returncode == 130
     assert not out
     kept = len(trials_of(path))
-    assert 3 <= kept < 30
+    assert 3 <= kept < 20
     command = shlex.join(["mathnavi", "sweep", *words])
-    assert err == f"mathnavi: interrupted, {kept} of 30 trials are stored; to go on: {command}\n"
+    assert err == f"mathnavi: interrupted, {kept} of 20 trials are stored; to go on: {command}\n"
     assert sweep(*words[:3], "--wait", "0.2", "--store", str(path), "--workers", "2") == 0
-    assert len(trials_of(path)) == 30
+    assert len(trials_of(path)) == 20
 
 
 def test_a_full_disk_ends_in_one_line_and_keeps_what_was_committed(path: Path) -> None:

@@ -187,7 +187,7 @@ def test_children_end_with_their_parent(tmp_path: Path) -> None:
     marks.mkdir()
     parent = subprocess.Popen([sys.executable, "-c", PARENT, str(tmp_path / "store.db"), str(marks)])
     until = time.monotonic() + 30.0
-    while len(list(marks.iterdir())) < 2 and time.monotonic() < until:
+    while len(list(marks.iterdir())) < 2 and time.monotonic() < until and parent.poll() is None:
         time.sleep(0.05)
     children = [int(mark.name.rpartition("-")[2]) for mark in marks.iterdir()]
     assert len(children) == 2

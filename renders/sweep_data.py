@@ -23,9 +23,10 @@ from sim.store import Record
 MOST_LISTED = 12  # values of a numeric field that still make groups
 BINS = 8  # of a continuous field
 CLEARANCE, CLEARANCE_BOUND = "min_clearance_m", "clearance_min"
+PATH, STRAIGHT, PATH_RATIO = "path_length_m", "straight_line_m", "path_over_straight_line"
 # What matters first; the rest of a summary follows in its own order.
 KEY_FIGURES = (
-    CLEARANCE, "arrival_time_s", "path_length_m", "control_effort",
+    CLEARANCE, "arrival_time_s", PATH_RATIO, "control_effort",
     "radar_exposure_s", "fallback_steps", "tracking_error_max_m",
 )  # fmt: skip
 
@@ -108,9 +109,9 @@ class Sweep:
         """The keys of the summary's numbers that are not the same everywhere, those that matter most first."""
         order = dict.fromkeys([*KEY_FIGURES, *(key for keys in SUMMARY_GROUPS.values() for key in keys), *self._keys])
         found = []
-        for key in (key for key in order if key in self._keys):
+        for key in order:
             values = {record.summary.get(key) for record in self.records} - {None}
-            if len(values) > 1 and _all(values):
+            if (len(values) > 1 and _all(values)) or (key == PATH_RATIO and {PATH, STRAIGHT} <= set(self._keys)):
                 found.append(key)
         return found
 
@@ -164,7 +165,10 @@ def grouped(records: Iterable[Record], names: Sequence[str]) -> list[Group]:
 
 
 def figures(records: Sequence[Record], key: str) -> Array:
-    """(n,) A figure of each record, from its summary or its timings; NaN where there is none."""
+    """(n,) A figure of each record, from its summary or its timings, or the ratio of two; NaN where there is none."""
+    if key == PATH_RATIO:
+        ratio: Array = figures(records, PATH) / figures(records, STRAIGHT)
+        return ratio
     found = (record.timings.get(key) if key in record.timings else record.summary.get(key) for record in records)
     return np.array([np.nan if value is None else float(value) for value in found])
 

@@ -6,21 +6,18 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from renders.sweep_data import Group, Sweep, Test, figures, is_number, said
+from renders.sweep_data import PATH_RATIO, Sweep, said
 from sim.metrics import label
-from sim.signals import Array
-from sim.statistics import Band, Rate, median_band
+from sim.statistics import Band, Rate
 from sim.store import Record
 
-PATH, STRAIGHT = "path_length_m", "straight_line_m"
-CLEARANCE, CLEARANCE_MIN = "min_clearance_m", "clearance_min"
 # What there is room for in 120 columns: of a flight these, of another scenario what comes first.
-FLIGHT_FIGURES = ("arrival_time_s", CLEARANCE, "control_effort", "solve_ms_mean")
+FLIGHT_EVENTS = ("success", "any ground contacts", "below h_min", "late or not arrived", "recorded failure")
+FLIGHT_FIGURES = (PATH_RATIO, "arrival_time_s", "min_clearance_m", "control_effort", "solve_ms_mean")
 MOST_COLUMNS = 5
 MOST_FAULTS = 5  # kinds of what went wrong
 
@@ -41,41 +38,26 @@ def verdict(records: Sequence[Record]) -> str:
     return f"{len(records)} trials: {', '.join([f'{successes} did what they should', *ends])}"
 
 
-def path_ratio(records: Sequence[Record]) -> Array:
-    """(n,) How much longer each path is than the straight line; NaN where a record does not tell."""
-    return figures(records, PATH) / figures(records, STRAIGHT)
-
-
 def _rates(sweep: Sweep) -> Table:
-    events: dict[str, Test] = {
-        "success": sweep.events["success"],
-        "ground contact": _on_the_ground,
-        "below h_min": _too_low,
-        "late or not arrived": _late,
-        "recorded failure": sweep.events["recorded failure"],
-    }
-    if all(_on_the_ground(record) is None for record in sweep.records):  # no flight
-        events = dict(list(sweep.events.items())[:MOST_COLUMNS])
+    shown = [name for name in FLIGHT_EVENTS if name in sweep.events]
+    if len(shown) < len(FLIGHT_EVENTS):  # no flight
+        shown = list(sweep.events)[:MOST_COLUMNS]
     columns = {"trials": [str(len(group.records)) for group in sweep.groups]}
-    for name, happened in events.items():
-        rates = [group.rate(happened) for group in sweep.groups]
-        if any(rates):
-            columns[f"{name} [%]"] = [_rate(rate) if rate else "-" for rate in rates]
+    for name in shown:
+        rates = [group.rate(sweep.events[name]) for group in sweep.groups]
+        columns[f"{name.removeprefix('any ')} [%]"] = [_rate(rate) if rate else "-" for rate in rates]
     return _table("rates with 95 % limits (Clopper-Pearson)", sweep, columns)
 
 
 def _medians(sweep: Sweep) -> Iterator[Table]:
-    found = [{**record.summary, **record.timings} for record in sweep.records]
-    known = dict.fromkeys(key for values in found for key, value in values.items() if is_number(value))
+    known = [*sweep.figures, *sweep.timings]
     columns = {}
-    if PATH in known and STRAIGHT in known:
-        columns["path / straight line"] = [_median_ratio(group) for group in sweep.groups]
-    for key in [key for key in FLIGHT_FIGURES if key in known] or list(known)[:MOST_COLUMNS]:
+    for key in [key for key in FLIGHT_FIGURES if key in known] or known[:MOST_COLUMNS]:
         name, unit = label(key)
-        columns[f"{name} [{unit}]" if unit else name] = [group.band(key) for group in sweep.groups]
+        bands = [group.band(key) for group in sweep.groups]
+        columns[f"{name} [{unit}]" if unit else name] = [_band(band) if band else "-" for band in bands]
     if columns:
-        cells = {name: [_band(band) if band else "-" for band in bands] for name, bands in columns.items()}
-        yield _table("medians with 95 % bands (bootstrap)", sweep, cells)
+        yield _table("medians with 95 % bands (bootstrap)", sweep, columns)
 
 
 def _faults(records: Sequence[Record]) -> Iterator[Table]:
@@ -112,31 +94,6 @@ def _empty(heading: str, columns: Sequence[str]) -> Table:
     for column in columns:
         table.add_column(column, overflow="fold")
     return table
-
-
-def _on_the_ground(record: Record) -> bool | None:
-    contacts = record.summary.get("ground_contacts")
-    return None if contacts is None else bool(contacts > 0)
-
-
-def _too_low(record: Record) -> bool | None:
-    least = record.fields.get(CLEARANCE_MIN)
-    if least is None or CLEARANCE not in record.summary:
-        return None
-    clearance = record.summary[CLEARANCE]
-    return clearance is None or bool(clearance < least)  # what is no number is no proof of a clearance
-
-
-def _late(record: Record) -> bool | None:
-    if not {"arrived", "arrival_time_s", "deadline_s"} <= record.summary.keys():
-        return None
-    return not record.summary["arrived"] or bool(record.summary["arrival_time_s"] > record.summary["deadline_s"])
-
-
-def _median_ratio(group: Group) -> Band | None:
-    ratio = path_ratio(group.records)
-    known = ratio[np.isfinite(ratio)]
-    return median_band(known, np.random.default_rng(0)) if len(known) else None
 
 
 def _rate(rate: Rate) -> str:

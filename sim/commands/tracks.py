@@ -9,9 +9,8 @@ import numpy as np
 
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain
-from renders.sweep_data import figures
+from renders.sweep_data import PATH_RATIO, figures
 from renders.terrain_view import Track
-from sim.commands.evidence import path_ratio
 from sim.store import Record
 from sim.sweep.trial import Trial
 
@@ -42,7 +41,7 @@ def _chosen(records: Mapping[int, Record]) -> dict[str, int]:
     """Which of the records are shown, by what they are shown for; each once."""
     places, among = list(records), list(records.values())
     clearance = figures(among, "min_clearance_m")
-    ratio = path_ratio(among)
+    ratio = figures(among, PATH_RATIO)
     found: dict[str, int] = {}
     if not np.isnan(clearance).all():
         found["lowest"] = places[int(np.nanargmin(clearance))]

@@ -37,13 +37,12 @@ class Claim:
 def tally(claims: Sequence[Claim]) -> str:
     """How many hold, in words."""
     counts = Counter(claim.verdict for claim in claims)
-    rest = {"do not": counts["no"], "not measured": counts["not measured"]}
-    return "; ".join(
-        [
-            f"{counts['yes']} of {len(claims)} claims hold",
-            *(f"{words}: {count}" for words, count in rest.items() if count),
-        ]
-    )
+    told = [f"{counts['yes']} of {len(claims)} claims hold"]
+    if missed := counts["no"]:
+        told.append(f"{missed} {'does' if missed == 1 else 'do'} not")
+    if unknown := counts["not measured"]:
+        told.append(f"{unknown} {'was' if unknown == 1 else 'were'} not measured")
+    return ", ".join(told)
 
 
 def ledger(claims: Mapping[str, Sequence[Claim]]) -> str:

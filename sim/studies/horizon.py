@@ -142,7 +142,7 @@ def _table(rows: Sequence[dict[str, float]]) -> Table:
                "printed [s]", "max CPU [ms]", "printed [s]")  # fmt: skip
     cells = [
         (
-            f"{r['T_p_s']:.0f} s", int(r["N"]), f"{r['path_m']:,.0f}", f"{r['printed_path_m']:,.0f}",
+            f"{r['T_p_s']:.0f}\u00a0s", int(r["N"]), f"{r['path_m']:,.0f}", f"{r['printed_path_m']:,.0f}",
             f"{r['path_over_straight']:.4f} [{r['path_over_straight_low']:.4f}, {r['path_over_straight_high']:.4f}]",
             f"{r['effort']:.1f}", f"{r['printed_effort']:.2f}", f"{r['solve_ms_mean']:.3f}",
             f"{r['printed_mean_s']:.2f}",

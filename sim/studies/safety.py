@@ -126,12 +126,12 @@ def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    columns = ("group", "below h_min", "on the ground", "late", "least clearance", "latest / deadline", "breaches",
-               "answers lost", "plans refused")  # fmt: skip
+    columns = ("group", "violations", "below h_min", "on the ground", "late", "least clearance", "latest / deadline",
+               "breaches", "answers lost", "plans refused")  # fmt: skip
     cells = [
         (
-            r["group"], *(rate(r[key], r["missions"]).text() for key in ("below", "on_ground", "late")),
-            f"{r['least_m']:.1f} m", f"{r['latest']:.3f}", str(r["breaches"]),
+            r["group"], rate(r["violations"], r["missions"]).text(), r["below"], r["on_ground"], r["late"],
+            f"{r['least_m']:.1f} m", f"{r['latest']:.3f}", r["breaches"],
             f"{r['solver_failures'] / r['replans']:.1%}", f"{r['plans_rejected'] / r['replans']:.2%}",
         )
         for r in rows

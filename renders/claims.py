@@ -45,8 +45,11 @@ def tally(claims: Sequence[Claim]) -> str:
     return ", ".join(told)
 
 
-def ledger(claims: Mapping[str, Sequence[Claim]]) -> str:
-    """The claims by terrain as a Markdown text: one table, a row for each claim, a pair of columns for each terrain."""
+def ledger(claims: Mapping[str, Sequence[Claim]], samples: str) -> str:
+    """The claims by terrain as a Markdown text: one table, a row for each claim, a pair of columns for each terrain.
+
+    ``samples`` says how much was measured.
+    """
     by_id = {terrain: {claim.id: claim for claim in some} for terrain, some in claims.items()}
     first: dict[str, Claim] = {}
     for some in claims.values():
@@ -65,7 +68,7 @@ def ledger(claims: Mapping[str, Sequence[Claim]]) -> str:
     return (
         "# Claims\n\n"
         "What the thesis prints (kind `printed`; it may honestly not hold) and what is asked of this software (kind\n"
-        "`target`), each beside what was measured. Written by `mathnavi study all`.\n\n"
+        "`target`), each beside what was measured. Written by `mathnavi study all`.\n\nSamples: {samples}.\n\n"
         f"{tallies}\n{_markdown_table(head, rows)}"
     )
 

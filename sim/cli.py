@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from sim.commands.errors import BadInputError
+from sim.commands.errors import INTERRUPTED, BadInputError
 
 COMMANDS = {
     "list": ("sim.commands.listing", "what is installed: controllers, estimators, scenarios, terrains"),
@@ -24,7 +24,6 @@ COMMANDS = {
     "terrain": ("sim.commands.terrain", "import an elevation model, show a map"),
 }
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
-INTERRUPTED = 130  # what a shell calls a process that ended by SIGINT
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -87,10 +87,18 @@ def height_above_ground(x: Array, mission: FlightMission) -> Array:
 
 
 def flown_clearance(t: Array, x: Array, mission: FlightMission) -> Array:
-    """Least height above ground [m] of each physics step (n - 1,), exact: the force is constant over a step."""
-    dt = np.diff(t)
-    acceleration = np.diff(x[:, 3:], axis=0) / dt[:, None]
-    return mission.terrain.path_clearance(x[:-1, :3], x[:-1, 3:], acceleration, dt)
+    """Least height above ground [m] from each look of the loop to the next (n - 1,); -inf off the map.
+
+    The force is constant in between, so the path is one arc and its clearance exact. The arc is the one that ends in
+    the next state: a displacement at the beginning of a step is part of it. Where the vehicle touches something the
+    path is no arc, and what counts beside it are the states.
+    """
+    dt, v = np.diff(t)[:, None], x[:, 3:]
+    begin = x[1:, :3] - 0.5 * dt * (v[:-1] + v[1:])
+    arcs = mission.terrain.path_clearance(begin, v[:-1], np.diff(v, axis=0) / dt, dt[:, 0])
+    states = np.nan_to_num(height_above_ground(x, mission), nan=-np.inf)
+    least: Array = np.minimum(arcs, np.minimum(states[:-1], states[1:]))
+    return least
 
 
 def exposure(t: Array, x: Array, mission: FlightMission, radars: Sequence[TimedRadar]) -> float:

@@ -189,7 +189,10 @@ class MujocoPlant:
                 vehicle.control[:] = 0.0
             else:
                 self._actuate(vehicle, command, events)
-        between = self._between(ticks)
+        # Looks of one rate fall on multiples of it, where there is little to read in between.
+        between = self._between(ticks) if self._ticks % ticks == 0 else tuple(self._vehicles.values())
+        for vehicle in between:
+            vehicle.readings.clear()
         model, data = self.model, self.data
         for left in range(ticks - 1, -1, -1):
             mujoco.mj_step(model, data)

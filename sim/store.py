@@ -4,8 +4,9 @@
     timings(key, figure, value)                                                        what depends on the clock
 
 ``key`` is the content hash of scenario, resolved parameters, seed and code version. ``parameters`` and ``summary`` are
-JSON. ``trials`` holds nothing that depends on the time, on the load of the machine or on the number of workers, so two
-sweeps of the same trials leave the same table.
+JSON. No figure in ``trials`` depends on the time, on the load of the machine or on the number of workers, so two sweeps
+of the same trials leave the same table, with one exception: that a trial timed out, or crashed for want of memory, may
+be the machine's doing. Such trials may be run again, and their rows replaced.
 
 SQLite's rollback journal is kept on purpose: between commits the one file is the whole store, which may be copied,
 moved to a network drive or read where nothing may be written. Every commit waits for the disk.
@@ -23,7 +24,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from sim.fields import flattened, plain
 from sim.log import write_text
@@ -31,6 +32,7 @@ from sim.log import write_text
 APPLICATION = 0x6D6E6176  # "mnav", in the header of the file: what kind of database it is
 SCHEMA = 1
 STATUSES = ("ok", "raised", "crashed", "timed-out")
+TRANSIENT = ("crashed", "timed-out")  # statuses that may be another one the next time
 TABLES = {
     "trials": ("key", "scenario", "seed", "code", "status", "success", "parameters", "summary", "error"),
     "timings": ("key", "figure", "value"),
@@ -53,6 +55,12 @@ CREATE TABLE timings (
     value REAL,
     PRIMARY KEY (key, figure)
 ) WITHOUT ROWID;
+"""
+INSERT = f"""
+INSERT INTO trials VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET
+    status = excluded.status, success = excluded.success, summary = excluded.summary, error = excluded.error,
+    parameters = excluded.parameters
+WHERE ? AND trials.status IN {TRANSIENT}
 """
 PATIENCE = 60.0  # [s] to wait for another process that is writing
 
@@ -89,6 +97,13 @@ class Record:
         return named
 
 
+class Ending(NamedTuple):
+    """How a trial ended, as in its record."""
+
+    status: str
+    success: bool | None
+
+
 def canonical_json(value: Any) -> str:
     """``value`` as JSON, always the same text for the same value.
 
@@ -122,11 +137,11 @@ class Store:
         left as they are.
         """
         path = Path(path)
-        with _refused(path):
+        with _opening(path):
             found = path.exists()
             made = [folder for folder in path.parents if not folder.exists()]
         try:
-            with _refused(path):
+            with _opening(path):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 store = Store(path, _connect(path, "rwc"))
             with store._closed_on_error():
@@ -147,7 +162,7 @@ class Store:
     def existing(path: Path | str) -> Store:
         """The store that is at ``path``, to be read; ValueError as for ``open``, and where there is none."""
         path = Path(path)
-        with _refused(path):
+        with _opening(path):
             if not path.is_file():
                 raise ValueError(f"{path}: no such file; allowed: a store that `mathnavi sweep` has written")
             store = Store(path, _connect(path, "rw"))
@@ -164,22 +179,21 @@ class Store:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def add(self, *records: Record) -> None:
-        """Commit records, all or none, before this returns; a key that the store has stays as it is.
+    def add(self, *records: Record, retried: bool = False) -> None:
+        """Commit records, all or none, before this returns.
 
+        A key that the store has stays as it is; one whose trial timed out or crashed is replaced if ``retried``.
         StoreError if they cannot be written. What was committed before stays readable.
         """
-        with self._told(), self._transaction():
+        with self._errors_named(), self._transaction():
             for record in records:
                 success = None if record.success is None else int(record.success)
                 parameters, summary = canonical_json(record.parameters), canonical_json(record.summary)
                 row = (record.key, record.scenario, record.seed, record.code, record.status, success, parameters)
                 before = self._connection.total_changes
-                self._connection.execute(
-                    "INSERT INTO trials VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO NOTHING",
-                    (*row, summary, record.error),
-                )
+                self._connection.execute(INSERT, (*row, summary, record.error, retried))
                 if self._connection.total_changes > before:
+                    self._connection.execute("DELETE FROM timings WHERE key = ?", (record.key,))
                     self._connection.executemany(
                         "INSERT INTO timings VALUES (?, ?, ?)",
                         [(record.key, figure, value) for figure, value in record.timings.items()],
@@ -187,8 +201,13 @@ class Store:
 
     def keys(self) -> set[str]:
         """The keys of all trials."""
-        with self._told():
-            return {key for (key,) in self._connection.execute("SELECT key FROM trials")}
+        return set(self.endings())
+
+    def endings(self) -> dict[str, Ending]:
+        """How every trial ended, by its key."""
+        with self._errors_named():
+            rows = self._connection.execute("SELECT key, status, success FROM trials")
+            return {key: Ending(status, None if success is None else bool(success)) for key, status, success in rows}
 
     def records(self, keys: Iterable[str] | None = None) -> list[Record]:
         """The trials with these keys, in their order; all of them in the order of their keys if none are given.
@@ -197,7 +216,7 @@ class Store:
         """
         if keys is None:
             keys = sorted(self.keys())
-        with self._told():
+        with self._errors_named():
             return [self._record(key) for key in keys]
 
     def export_csv(self, path: Path) -> None:
@@ -230,7 +249,7 @@ class Store:
 
     def _created(self) -> bool:
         """Whether the file was empty; then it is a store now."""
-        with _refused(self.path), self._transaction():
+        with _opening(self.path), self._transaction():
             if self.path.stat().st_size > 0:
                 return False
             for statement in filter(str.strip, CREATE.split(";")):
@@ -241,7 +260,7 @@ class Store:
             return True
 
     def _check(self) -> None:
-        with _refused(self.path):
+        with _opening(self.path):
             if self._pragma("application_id") != APPLICATION:
                 raise ValueError(f"{self.path}: a database of something else; allowed: a store of trials or a new file")
             if (schema := self._pragma("user_version")) != SCHEMA:
@@ -258,7 +277,7 @@ class Store:
 
     def _try_to_write(self) -> None:
         """Begin a change, which needs the file and a journal beside it, and take it back."""
-        with _refused(self.path):
+        with _opening(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
             self._connection.execute(f"PRAGMA user_version = {SCHEMA}")
             self._connection.execute("ROLLBACK")
@@ -286,7 +305,7 @@ class Store:
             raise
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _errors_named(self) -> Iterator[None]:
         try:
             yield
         except sqlite3.Error as error:
@@ -299,7 +318,7 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
 
 
 @contextmanager
-def _refused(path: Path) -> Iterator[None]:
+def _opening(path: Path) -> Iterator[None]:
     """What goes wrong while a store is opened is the fault of what was given."""
     try:
         yield

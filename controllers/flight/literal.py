@@ -92,7 +92,7 @@ class LiteralFlight:
 
     @staticmethod
     def build(config: LiteralConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
-        bound = tracking_bound(config.bandwidth, mission.quality, mission.gust)
+        bound = tracking_bound(config.bandwidth, mission)
         if bound.feedback >= mission.acceleration_max:
             raise ValueError(
                 f"acceleration_max = {mission.acceleration_max:g} leaves nothing to plan with; allowed: > "

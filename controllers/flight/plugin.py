@@ -69,7 +69,7 @@ class SafeFlight:
 
     @staticmethod
     def build(config: FlightConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
-        bound = tracking_bound(config.bandwidth, mission.quality, mission.gust)
+        bound = tracking_bound(config.bandwidth, mission)
         certificate = Certificate.of(mission, bound)
         period = max(1, round(config.h / mission.control_period)) * mission.control_period
         parameters = Parameters(

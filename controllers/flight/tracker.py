@@ -18,22 +18,28 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from controllers.flight.certificate import TrackingBound
 from models.aerial.kernels import state_on
-from models.aerial.mission import EstimateQuality, GustModel
+from models.aerial.mission import FlightMission
 from sim.signals import Array, Estimate, Plan
 
 _DEVIATIONS = 5.0
 _FASTEST = 0.1  # bandwidth times period
 _STILL = np.zeros(3)  # no gust
-_NUMERICAL = TrackingBound(0.05, 0.05, 0.05, 0.1)  # what rounding and arcs that end between ticks need
+_NUMERICAL = TrackingBound(0.05, 0.05, 0.05, 0.1)  # what rounding and feedback on it need
 
 
-def tracking_bound(bandwidth: float, quality: EstimateQuality, gust: GustModel) -> TrackingBound:
+def tracking_bound(bandwidth: float, mission: FlightMission) -> TrackingBound:
     """Five standard deviations of the tracked vehicle about its plan, and of the feedback that keeps it there.
 
     Per axis, with the estimated error (p^ - p_ref, v^ - v_ref, g^): d/dt = A . + noise of covariance W per second, A
     = [[0, 1, 0], [-omega^2, -2 omega, c], [0, 0, -1/tau]], c = 0 if the gust's estimate is fed forward and 1 if not;
     the true error's covariance is that of the estimated one plus P.
+
+    Commands are held for the mission's control period h: where the plan's acceleration changes by up to 2 a_max between
+    two of them, its mean keeps the velocity at both ends but is off by up to a_max h^2 / 4 in position. There is room
+    for four such changes before the feedback answers.
     """
+    quality, gust = mission.quality, mission.gust
+    held = mission.acceleration_max * mission.control_period**2
     omega, forward = bandwidth, 1.0 if quality.estimates_gust else 0.0
     a = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2.0 * omega, 1.0 - forward], [0.0, 0.0, -1.0 / gust.time_constant]])
     estimated = solve_continuous_lyapunov(a, -quality.driving)
@@ -45,7 +51,10 @@ def tracking_bound(bandwidth: float, quality: EstimateQuality, gust: GustModel) 
     feedback = _DEVIATIONS * math.sqrt(max(0.0, float(gain @ estimated @ gain) + omega**4 * quality.error[0, 0]))
     floor = _NUMERICAL
     return TrackingBound(
-        floor.horizontal + position, floor.vertical + position, floor.speed + speed, floor.feedback + feedback
+        floor.horizontal + held + position,
+        floor.vertical + held + position,
+        floor.speed + speed,
+        floor.feedback + omega**2 * held + feedback,
     )
 
 
@@ -55,13 +64,19 @@ class CriticallyDamped:
     def __init__(self, period: float, bandwidth: float, bound: TrackingBound) -> None:
         """ValueError for a bandwidth [rad/s] that is too fast for commands held over a period [s]."""
         if not 0.0 < bandwidth <= _FASTEST / period:
-            raise ValueError(f"bandwidth = {bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s")
+            raise ValueError(
+                f"bandwidth = {bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s "
+                f"at {1.0 / period:g} commands a second"
+            )
         self.period, self.bound = period, bound
         self._bandwidth = bandwidth
         self._limit = bound.feedback
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         gust = estimate.extra.get("gust", _STILL)
+        for name, value, shape in (("state", estimate.x, (6,)), ("gust", gust, (3,))):
+            if value.shape != shape:  # compiled code would read on
+                raise ValueError(f"the estimate's {name} has shape {value.shape}; allowed: {shape}")
         command: Array = tracking_command(
             plan.t, plan.x, plan.u, t, self.period, estimate.x, gust, self._bandwidth, self._limit
         )

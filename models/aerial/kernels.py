@@ -5,6 +5,7 @@ The state after the input u was held for s from x = (p, v) is (p + v s + u s^2 /
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit
 
 from sim.signals import Array
@@ -16,24 +17,19 @@ SIMULTANEOUS = 1e-9
 @njit(cache=True, nogil=True)
 def arc_at(breaks: Array, t: float) -> int:
     """The arc that holds from t on, -1 before the first, K after the last; a breakpoint belongs to the later arc."""
-    low, high = 0, len(breaks)
-    while low < high:
-        middle = (low + high) // 2
-        if breaks[middle] <= t + SIMULTANEOUS:
-            low = middle + 1
-        else:
-            high = middle
-    return low - 1
+    return int(np.searchsorted(breaks, t + SIMULTANEOUS, side="right")) - 1
 
 
 @njit(cache=True, nogil=True)
 def state_on(breaks: Array, x: Array, u: Array, t: float) -> Array:
     """The state (2 m,) at t of arcs: breaks (K + 1,), states (K + 1, 2 m), inputs (K, m); held beyond both ends."""
+    m = u.shape[1]
+    if len(x) != len(breaks) or len(u) != len(breaks) - 1 or x.shape[1] != 2 * m:  # compiled code would read on
+        raise ValueError("the plan's arrays do not fit together")
     arc = arc_at(breaks, t)
-    state: Array = x[max(arc, 0)].copy()
+    state: Array = x[max(arc, 0)].astype(np.float64)
     if 0 <= arc < len(u):
         s = t - breaks[arc]
-        m = u.shape[1]
         for i in range(m):
             state[i] = state[i] + s * state[m + i] + (0.5 * s * s) * u[arc, i]
             state[m + i] = state[m + i] + s * u[arc, i]

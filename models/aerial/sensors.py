@@ -31,11 +31,11 @@ class FullStateSensor:
         _not_negative(self.name, "position_noise", self.position_noise)
 
     def read(self, motion: Motion, rng: np.random.Generator) -> Array:
-        reading = motion.x
-        if self.position_noise > 0.0:
-            half_width = math.sqrt(3.0) * self.position_noise
-            reading[:3] += rng.uniform(-half_width, half_width, 3)
-        return reading
+        if self.position_noise == 0.0:
+            return motion.x
+        half_width = math.sqrt(3.0) * self.position_noise
+        off: Array = np.concatenate([rng.uniform(-half_width, half_width, 3), np.zeros(3)])
+        return motion.x + off
 
 
 @dataclass(frozen=True)

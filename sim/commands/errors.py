@@ -6,6 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
+INTERRUPTED = 130  # exit code: what a shell calls a process that ended by SIGINT
+
+
 class BadInputError(ValueError):
     """The message names the field, its value and what is allowed."""
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -89,7 +90,7 @@ def main(argv: Sequence[str]) -> int:
         console.print(_table(ground.name, claims[ground.name]))
         console.print(f"studies  {folder}", soft_wrap=True, highlight=False)
     if argv[0] == ALL:
-        write_text(out / LEDGER, ledger(claims))
+        write_text(out / LEDGER, ledger(claims, _samples(studies)))
         console.print(f"ledger   {out / LEDGER}", soft_wrap=True, highlight=False)
     missed = [
         claim for of_terrain in claims.values() for claim in of_terrain if claim.kind == "target" and not claim.holds
@@ -137,11 +138,23 @@ def _study(
         store = Store.open(folder / STORE)
     with store, sweep_progress(errors, name) as progress:
         setup = Setup(terrain, store, options.workers, progress)
-        findings = plugin.run(config, setup)
+        try:
+            findings = plugin.run(config, setup)
+        except ValueError as error:  # the terrain does not do for its missions
+            raise StudyError(str(error)) from error
         with bad_input():
             write_findings(folder, name.replace(":", "."), plugin.title, findings, setup, command)
     claims: Sequence[Claim] = findings.claims
     return claims
+
+
+def _samples(studies: Mapping[str, tuple[Any, Any]]) -> str:
+    """How much each study measures."""
+    sizes = {name: dataclasses.asdict(config) for name, (_, config) in studies.items()}
+    return "; ".join(
+        f"{name}: {', '.join(f'{count} {what}' for what, count in of_study.items())}"
+        for name, of_study in sizes.items()
+    )
 
 
 def _table(terrain: str, claims: Sequence[Claim]) -> Table:

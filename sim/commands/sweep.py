@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 import shlex
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
-from sim.commands.errors import BadInputError
+from sim.commands.errors import INTERRUPTED, BadInputError
 from sim.commands.evidence import print_evidence, verdict
 from sim.commands.order import Order, prepare, usage
-from sim.commands.progress import sweep_progress
-from sim.commands.variations import read_orders, read_variations, trials
-from sim.store import Record, Store, StoreError
+from sim.commands.progress import compilation_announced, sweep_progress
+from sim.commands.variations import Variation, read_orders, read_variations, trials
+from sim.store import TRANSIENT, Record, Store, StoreError
 from sim.sweep.child import RefusedError
 from sim.sweep.cluster import LostError, check
-from sim.sweep.execution import Progress, run_trials
+from sim.sweep.execution import Progress, available_cores, run_trials
 from sim.sweep.trial import LARGEST_SEED, Trial, keys
 
-INTERRUPTED = 130  # what a shell calls a process that ended by SIGINT
 REPORT = ".html"
 
 
@@ -44,6 +43,8 @@ class Options:
     """address of a Dask scheduler whose workers run the trials, tcp://HOST:PORT"""
     timeout: float | None = None
     """time after which a trial is cut off and recorded as timed out [s]; none if not given"""
+    retry: bool = False
+    """run those trials again that are stored as timed out or crashed"""
     report: bool = False
     """write a page beside the store, with .html in place of its ending"""
 
@@ -69,28 +70,34 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit:  # the help is printed
         return 0
     order, options = asked.order, asked.order.options
-    with order.blamed():
-        keys(asked.trials)  # a file that a field names, and that is not there, comes to light here
+    errors = Console(stderr=True)
+    with order.bad_input():
+        made = keys(asked.trials)  # a file that a field names, and that is not there, comes to light here
+        _check_combinations(asked, made)
         if options.cluster is not None:
             check(options.cluster)
+        with compilation_announced(errors):
+            _build_combinations(asked)
         store = Store.open(options.store)
     command = shlex.join(["mathnavi", "sweep", *argv])
     state = Progress(len(asked.trials), 0, 0, 0, 0, False)
     try:
-        with store, sweep_progress(Console(stderr=True), order.name.rpartition(":")[2]) as draw:
+        with store, sweep_progress(errors, order.name.rpartition(":")[2]) as draw:
 
             def progress(now: Progress) -> None:
                 nonlocal state
                 state = now
                 draw(now)
 
-            workers = options.workers or _cores()
+            endings = store.endings()
+            transient = sum(key in endings and endings[key].status in TRANSIENT for key in made)
             records = run_trials(
                 asked.trials,
                 store,
-                workers=workers,
+                workers=options.workers or available_cores(),
                 cluster=options.cluster,
                 timeout=options.timeout,
+                retry=options.retry,
                 progress=progress,
             )
     except KeyboardInterrupt:
@@ -103,6 +110,9 @@ def main(argv: Sequence[str]) -> int:
     console.print(f"{order.name}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
     print_evidence(console, records, asked.listed)
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
+    if transient and not options.retry:
+        words = "was in the store as timed out or crashed" if transient == 1 else "were in the store as timed out or crashed"
+        console.print(f"{transient} of the trials {words}; --retry runs them again", soft_wrap=True, highlight=False)
     if options.report:
         try:
             page = _report(asked, records, command)
@@ -128,8 +138,9 @@ class Asked:
 
     order: Order  # the first, where plug-ins are varied
     trials: list[Trial]  # those of one seed together
-    listed: list[str]  # fields
+    listed: list[Variation]
     drawn: list[str]  # fields
+    firsts: list[Trial]  # of the first seed, one for each combination of listed values
 
 
 def read_sweep(argv: Sequence[str]) -> Asked:
@@ -142,14 +153,28 @@ def read_sweep(argv: Sequence[str]) -> Asked:
     by_order = [trials(order, variations, count) for order in orders]
     drawn = by_order[0][1]
     by_seed = zip(*(made for made, _ in by_order), strict=True)
-    together = itertools.chain.from_iterable(itertools.chain.from_iterable(by_seed))
-    listed = [variation.name for variation in variations if variation.name not in drawn]
-    return Asked(orders[0], list(together), listed, drawn)
+    asked = list(itertools.chain.from_iterable(itertools.chain.from_iterable(by_seed)))
+    listed = [variation for variation in variations if variation.name not in drawn]
+    return Asked(orders[0], asked, listed, drawn, asked[: len(asked) // count])
 
 
-def _cores() -> int:
-    """Those that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+def _check_combinations(asked: Asked, made: Sequence[str]) -> None:
+    """BadInputError if two combinations of listed values are the same trials under two names."""
+    seen: dict[str, Trial] = {}
+    for key, first in zip(made, asked.firsts, strict=False):
+        other = seen.setdefault(key, first)
+        if other is not first:
+            one, two = (trial.record(key, "ok").fields for trial in (other, first))
+            variation = next(each for each in asked.listed if one[each.name] != two[each.name])
+            names = f"{one[variation.name]} and {two[variation.name]}"
+            raise variation.wrong(f"{names} have the same content; allowed: each content once")
+
+
+def _build_combinations(asked: Asked) -> None:
+    """Each combination once, so that a ValueError that only building finds is raised before anything is run."""
+    for trial in asked.firsts:
+        with suppress(_DEFECTS):
+            trial.build()
 
 
 def _stored(state: Progress) -> str:

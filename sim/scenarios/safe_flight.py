@@ -40,7 +40,7 @@ from sim.signals import Array, Estimate, Message, Plan, PlanRequest
 
 VEHICLE = "vehicle"
 _LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, and numbers begin to overflow
-_LONGEST = 36_000.0  # [s] of simulated time that is logged at every tick
+_LONGEST = 36_000.0  # [s] of simulated time that is logged
 _DRAWS = 500
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets

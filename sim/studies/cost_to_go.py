@@ -2,7 +2,8 @@
 arrives.
 
 The print's figures, on its grid of 33 x 33 x 5 nodes in MATLAB: 15.8 s to build graph and cost, 1.5 s to change them. A
-start of the gradient flow is stuck if the flow does not come within 200 m of the target. The error of the metric is
+start of the gradient flow is stuck if the flow does not come within 200 m of the target. Targets are drawn; a radar
+stands either in the way, further from the target than it sees, or over the target itself. The error of the metric is
 that of the graph's 26 neighbours on flat, empty ground: the length of its paths over the straight line.
 """
 
@@ -34,13 +35,13 @@ from renders.figures import STYLE
 from renders.study_report import Table
 from renders.terrain_view import Track
 from sim.signals import Array
-from sim.statistics import rate
 from sim.studies.study import Findings, Setup, check_counts
 
 GRIDS = ((33, 5), (65, 9))
 PLANNERS_GRID = GRIDS[1]
 NEAR = 200.0  # [m]
 RADIUS, WEIGHT = 10_000.0, 10.0
+CASES = ("none", "in the way", "over the target")  # where the radar stands
 PRINTED_BUILD, PRINTED_CHANGE = 15.8, 1.5  # [s]
 MOST_SECONDS = {GRIDS[0]: 0.05, GRIDS[1]: 0.2}  # of the target
 MOST_STUCK = 0.005  # of the target, with a radar
@@ -51,8 +52,10 @@ SHOWN = 12  # flow lines in the 3-D view
 class CostToGoConfig:
     """How much is measured."""
 
-    starts: int = 2000
-    """random starts of each gradient flow"""
+    targets: int = 10
+    """targets, each with a radar of its own"""
+    starts: int = 200
+    """random starts of the gradient flow to each target"""
     repetitions: int = 7
     """times that each cost is built"""
 
@@ -64,45 +67,46 @@ class CostToGo:
     """The terminal cost: time to build, error of its metric, starts that get stuck (A.5)."""
 
     Config = CostToGoConfig
-    quick = CostToGoConfig(starts=200, repetitions=3)
+    quick = CostToGoConfig(targets=3, starts=60, repetitions=3)
     title = "Terminal cost by Dijkstra and interpolation"
 
     @staticmethod
     def run(config: CostToGoConfig, setup: Setup) -> Findings:
-        terrain, rng = setup.ground, np.random.default_rng(0)
-        size = np.array([terrain.width, terrain.depth])
-        x, y = rng.uniform(0.1 * size, 0.9 * size)
-        target = np.array([x, y, float(terrain.height(x, y)) + 250.0])
-        radar = Radar(float(0.5 * size[0]), float(0.5 * size[1]), RADIUS, WEIGHT)
-        starts = _starts(terrain, config.starts)
-        times = [_times(terrain, target, radar, grid, config.repetitions) for grid in GRIDS]
+        terrain = setup.ground
+        problems = [_problem(terrain, config.starts, rng) for rng in np.random.default_rng(0).spawn(config.targets)]
+        first = problems[0]
+        times = [_times(terrain, first.target, first.radars["in the way"], grid, config.repetitions) for grid in GRIDS]
         flows: list[dict[str, Any]] = []
         lines: list[Array] = []
         for nodes, layers in GRIDS:
             for name, build in (("factored", factored_cost), ("trilinear", trilinear_cost)):
-                for radars in ((), (radar,)):
-                    cost = build(terrain, target, radars, nodes, layers)
-                    paths = flow(cost, terrain, starts, keep=SHOWN)
-                    stuck = int((np.linalg.norm(paths[-1] - cost.target, axis=1) > NEAR).sum())
-                    flows.append({"grid": nodes, "layers": layers, "interpolation": name, "radar": bool(radars),
-                                  "stuck": stuck, "starts": config.starts})  # fmt: skip
-                    if (nodes, layers) == PLANNERS_GRID and name == "factored" and radars:
-                        lines = list(np.swapaxes(paths[:, :SHOWN], 0, 1))
+                for case in CASES:
+                    stuck = []
+                    for problem in problems:
+                        radars = [problem.radars[case]] if case in problem.radars else []
+                        cost = build(terrain, problem.target, radars, nodes, layers)
+                        paths = flow(cost, terrain, problem.starts, keep=SHOWN)
+                        stuck.append(int((np.linalg.norm(paths[-1] - cost.target, axis=1) > NEAR).sum()))
+                        if problem is first and (nodes, layers, name, case) == (*PLANNERS_GRID, "factored", CASES[1]):
+                            lines = list(np.swapaxes(paths[:, :SHOWN], 0, 1))
+                    flows.append({"grid": nodes, "layers": layers, "interpolation": name, "radar": case,
+                                  "stuck": sum(stuck), "starts": config.starts * config.targets,
+                                  "targets_with_stuck": sum(map(bool, stuck)), "targets": config.targets})  # fmt: skip
         error = metric_error(setup.ground)
         ours = {
             row["radar"]: row["stuck"]
             for row in flows
             if row["grid"] == PLANNERS_GRID[0] and row["interpolation"] == "factored"
         }
+        shown = first.radars["in the way"]
         quick_enough = all(row["build_s"] <= MOST_SECONDS[row["grid"], row["layers"]] for row in times)
         return Findings(
             summary=(
-                f"One target over {terrain.name}, a radar of {RADIUS / 1e3:.0f} km in the middle of the map. The "
-                "flow follows the "
-                f"negative gradient from {config.starts} random starts, 50 to 2000 m above the ground. On flat, "
-                "empty ground "
-                f"the graph's paths are {100.0 * np.median(error):.1f} % long (median; largest "
-                f"{100.0 * error.max():.1f} %).",
+                f"{config.targets} targets over {terrain.name}, each with {config.starts} random starts 50 to 2000 m "
+                "above "
+                "the ground and with a radar, in the way or over the target itself. The flow follows the negative "
+                f"gradient. On flat, empty ground the graph's paths are {100.0 * np.median(error):.1f} % long (median; "
+                f"largest {100.0 * error.max():.1f} %).",
             ),
             rows=[*times, *flows],
             tables=(_times_table(times), _flow_table(flows)),
@@ -113,26 +117,50 @@ class CostToGo:
                     "flight.cost-to-go", "target", "The terminal cost is built fast and has no traps.",
                     f"A.5 (print: {PRINTED_BUILD} s to build, {PRINTED_CHANGE} s to change)",
                     "built within 50 ms (33 x 33 x 5) and 200 ms (65 x 65 x 9); on the latter no start stuck without "
-                    "a radar, "
-                    f"at most {MOST_STUCK:.1%} with",
+                    f"a radar, at most {MOST_STUCK:.1%} with one in the way",
                     ", ".join(f"{1e3 * row['build_s']:.1f}" for row in times) + " ms to build, "
                     + ", ".join(f"{1e3 * row['change_s']:.1f}" for row in times)
-                    + f" ms to change; stuck {ours[False]} without and {ours[True]} with a radar, of {config.starts}",
-                    quick_enough and ours[False] == 0 and ours[True] <= MOST_STUCK * config.starts,
+                    + f" ms to change; stuck {ours['none']} without a radar, {ours['in the way']} with one in the way, "
+                    f"{ours['over the target']} with one over the target, of {config.starts * config.targets}",
+                    quick_enough and ours["none"] == 0
+                    and ours["in the way"] <= MOST_STUCK * config.starts * config.targets,
                 ),
             ),
             tracks=[Track("gradient flow", line, "#2166ac") for line in lines],
-            places={"target": target},
-            radars=[(radar.x, radar.y, float(terrain.height(radar.x, radar.y)), RADIUS)],
+            places={"target": first.target},
+            radars=[(shown.x, shown.y, float(terrain.height(shown.x, shown.y)), shown.radius)],
         )  # fmt: skip
 
 
-def _starts(terrain: HeightField, count: int) -> Array:
-    rng = np.random.default_rng(0)
-    points = rng.uniform((0.0, 0.0), (terrain.width, terrain.depth), (count, 2))
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One target."""
+
+    target: Array  # (3,) [m]
+    starts: Array  # (n, 3) [m]
+    radars: dict[str, Radar]  # by where they stand
+
+
+def _problem(terrain: HeightField, count: int, rng: np.random.Generator) -> Problem:
+    """A target, random starts, and its radars; on a small map the radars see less far."""
+    size = np.array([terrain.width, terrain.depth])
+    radius = min(RADIUS, 0.2 * float(size.min()))
+    x, y = rng.uniform(0.1 * size, 0.9 * size)
+    while True:  # more than half of the map lies so far from any point of it
+        away = rng.uniform(0.0, size)
+        if np.hypot(*(away - (x, y))) > 1.2 * radius:
+            break
+    over = np.clip(np.array([x, y]) + rng.uniform(-0.5, 0.5, 2) * radius, 0.0, size)
+    points = rng.uniform(0.0, size, (count, 2))
     above = rng.uniform(50.0, 2000.0, count)
-    starts: Array = np.column_stack([points, terrain.height(points[:, 0], points[:, 1]) + above])
-    return starts
+    return Problem(
+        np.array([x, y, float(terrain.height(x, y)) + 250.0]),
+        np.column_stack([points, terrain.height(points[:, 0], points[:, 1]) + above]),
+        {
+            CASES[1]: Radar(float(away[0]), float(away[1]), radius, WEIGHT),
+            CASES[2]: Radar(float(over[0]), float(over[1]), radius, WEIGHT),
+        },
+    )
 
 
 def flow(cost: FactoredCost | TrilinearCost, terrain: HeightField, starts: Array, keep: int) -> Array:
@@ -197,6 +225,10 @@ def _name(row: dict[str, Any]) -> str:
     return f"{row['grid']} × {row['grid']} × {row['layers']}"
 
 
+def _beside(row: dict[str, Any]) -> str:
+    return "" if row["radar"] == "none" else f", radar {row['radar']}"
+
+
 def _times_table(times: list[dict[str, Any]]) -> Table:
     printed = (f"{PRINTED_BUILD} s", f"{PRINTED_CHANGE} s")
     cells = [
@@ -211,17 +243,20 @@ def _times_table(times: list[dict[str, Any]]) -> Table:
 
 def _flow_table(flows: list[dict[str, Any]]) -> Table:
     cells = [
-        (_name(r), r["interpolation"], "yes" if r["radar"] else "no", rate(r["stuck"], r["starts"]).text())
+        (
+            _name(r), r["interpolation"], r["radar"], f"{r['stuck']} of {r['starts']}",
+            f"{r['targets_with_stuck']} of {r['targets']}",
+        )
         for r in flows
-    ]
-    return Table("Gradient flow", ("grid", "interpolation", "radar", "stuck"), cells)
+    ]  # fmt: skip
+    return Table("Gradient flow", ("grid", "interpolation", "radar", "starts stuck", "targets with any"), cells)
 
 
 def _figure(flows: list[dict[str, Any]], error: Array) -> Figure:
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.4, 3.2), layout="constrained")
+        figure = Figure(figsize=(9.4, 4.4), layout="constrained")
         stuck, metric = figure.subplots(1, 2, width_ratios=(1.3, 1))
-        names = [f"{_name(r)}\n{r['interpolation']}{', radar' if r['radar'] else ''}" for r in flows]
+        names = [f"{_name(r)}\n{r['interpolation']}{_beside(r)}" for r in flows]
         shares = [100.0 * r["stuck"] / r["starts"] for r in flows]
         colours = ["#1a9850" if r["interpolation"] == "factored" else "#c2183b" for r in flows]
         bars = stuck.barh(names, shares, color=colours)

@@ -19,10 +19,11 @@ from models.terrain.height_field import HeightField
 from renders.claims import Claim
 from renders.figures import STYLE
 from renders.study_report import Table
+from renders.sweep_data import figures
 from sim.scenarios.experiment import Outcome
 from sim.store import Record
 from sim.studies.drawing import paths_on_map
-from sim.studies.study import Findings, Setup, check_counts, effort_norm, ends, falls, median, track, values
+from sim.studies.study import Findings, Setup, check_counts, effort_norm, ends, falls, median, track
 
 H = 5.0 / 3.0  # [s]
 NODES = (4, 7, 10, 13)
@@ -63,7 +64,7 @@ class Horizon:
         mean = {row["N"]: row for row in rows}
         changes = [_change(mean[long], mean[short]) for short, long in pairwise(NODES)]
         last = changes[-1]
-        straight = values(of[NODES[0]], "straight_line_m").mean()
+        straight = figures(of[NODES[0]], "straight_line_m").mean()
         shown = {n: setup.flown(trials[n, 0]) for n in NODES}
         claims = (
             Claim(
@@ -102,17 +103,17 @@ class Horizon:
 
 
 def _row(n: int, records: Sequence[Record]) -> dict[str, float]:
-    ratio = median(values(records, "path_length_m") / values(records, "straight_line_m"))
+    ratio = median(figures(records, "path_length_m") / figures(records, "straight_line_m"))
     return {
         "T_p_s": (n - 1) * H,
         "N": n,
-        "path_m": float(values(records, "path_length_m").mean()),
+        "path_m": float(figures(records, "path_length_m").mean()),
         "path_over_straight": ratio.median,
         "path_over_straight_low": ratio.low,
         "path_over_straight_high": ratio.high,
         "effort": float(effort_norm(records, H).mean()),
-        "solve_ms_mean": float(values(records, "solve_ms_mean").mean()),
-        "solve_ms_max": float(values(records, "solve_ms_max").max()),
+        "solve_ms_mean": float(figures(records, "solve_ms_mean").mean()),
+        "solve_ms_max": float(figures(records, "solve_ms_max").max()),
         "printed_path_m": PRINTED[n][0],
         "printed_effort": PRINTED[n][1],
         "printed_mean_s": PRINTED[n][2],

@@ -20,11 +20,12 @@ from renders.claims import Claim
 from renders.figures import STYLE
 from renders.statistics_figures import rates_figure_on
 from renders.study_report import Table
+from renders.sweep_data import figures
 from sim.scenarios.experiment import Outcome
 from sim.signals import Phase
 from sim.statistics import rate
 from sim.store import Record
-from sim.studies.study import VEHICLE, Findings, Setup, check_counts, ends, heights, track, values
+from sim.studies.study import VEHICLE, Findings, Setup, check_counts, ends, heights, track
 
 LOW = (0.5, 30.0)  # [m] above h_min at both ends of a mission
 PLANNERS = ("literal", "flight")
@@ -82,7 +83,7 @@ class LiteralPlanner:
                     f"collisions {collisions.text()}; {literal['arcs_dipping']} of {literal['arcs']} arcs below "
                     "h_min with both "
                     f"ends above, by up to {literal['deepest_m']:.0f} m",
-                    literal["on_ground"] == 0 and literal["below"] == 0,
+                    literal["on_ground"] == literal["below"] == literal["arcs_dipping"] == 0,
                 ),
             ),
             tracks=[track(planner, shown[planner], COLOURS[planner]) for planner in PLANNERS],
@@ -114,19 +115,19 @@ def arcs(outcome: Outcome) -> dict[str, Any]:
 
 def _row(planner: str, records: Sequence[Record]) -> dict[str, Any]:
     least = np.array([record.parameters["config"]["clearance_min"] for record in records])
-    late = values(records, "flight_time_s") > values(records, "deadline_s")
-    arrived = values(records, "arrived") > 0
+    late = figures(records, "flight_time_s") > figures(records, "deadline_s")
+    arrived = figures(records, "arrived") > 0
     return {
         "planner": planner,
         "missions": len(records),
-        "below": int((values(records, "min_clearance_m") < least).sum()),
-        "on_ground": int((values(records, "ground_contacts") > 0).sum()),
+        "below": int((figures(records, "min_clearance_m") < least).sum()),
+        "on_ground": int((figures(records, "ground_contacts") > 0).sum()),
         "late": int((late | ~arrived).sum()),
-        "least_m": values(records, "min_clearance_m").min(),
-        "arcs": int(values(records, "arcs").sum()),
-        "arcs_dipping": int(values(records, "arcs_dipping").sum()),
-        "arcs_under_ground": int(values(records, "arcs_under_ground").sum()),
-        "deepest_m": values(records, "deepest_m").max(),
+        "least_m": figures(records, "min_clearance_m").min(),
+        "arcs": int(figures(records, "arcs").sum()),
+        "arcs_dipping": int(figures(records, "arcs_dipping").sum()),
+        "arcs_under_ground": int(figures(records, "arcs_under_ground").sum()),
+        "deepest_m": figures(records, "deepest_m").max(),
     }
 
 
@@ -152,7 +153,7 @@ def _arcs(rows: Sequence[dict[str, Any]]) -> Table:
     )
     cells = [
         (
-            r["planner"], str(r["arcs"]), rate(r["arcs_dipping"], r["arcs"]).text(), str(r["arcs_under_ground"]),
+            r["planner"], str(r["arcs"]), f"{r['arcs_dipping']}", str(r["arcs_under_ground"]),
             f"{r['deepest_m']:.1f} m",
         )
         for r in rows

@@ -1,10 +1,10 @@
 """Figure A.4: run-time against the number of nodes, and the strip of useful prediction horizons.
 
-(a) Mean and largest time of one optimisation against N, over a range of horizons, each the median over the missions.
+(a) Mean and largest time of one replan against N, over a range of horizons, each the median over the missions.
 (b) Each pair (N, T_p), h = T_p / (N - 1), falls into one of the print's four areas:
 
     A  infeasible: two sampling instants lie further apart than d_max, d = max |p_k - p_(k-1)| > d_max (A.8);
-    B  feasible, not optimal: a smaller T_p at the same N has a lower cost;
+    B  feasible, not optimal: a smaller T_p in C at the same N has a lower cost;
     C  the strip to choose from;
     D  infeasible: h is less than the mean run-time.
 
@@ -28,8 +28,9 @@ from controllers.flight.plugin import FlightConfig
 from renders.claims import Claim
 from renders.figures import STYLE
 from renders.study_report import Table
+from renders.sweep_data import figures
 from sim.store import Record
-from sim.studies.study import Findings, Setup, check_counts, falls, median, values
+from sim.studies.study import SPACING, Findings, Setup, check_counts, falls, median
 
 NODES = (4, 7, 10, 13, 16, 19)
 HORIZONS = (5.0, 10.0, 15.0, 20.0, 30.0)  # [s]
@@ -62,7 +63,9 @@ class RunTime:
     @staticmethod
     def run(config: RunTimeConfig, setup: Setup) -> Findings:
         trials = {
-            (n, horizon, seed): setup.trial(seed, fields={"planner.nodes": n, "planner.horizon": horizon})
+            (n, horizon, seed): setup.trial(
+                seed, measure=SPACING, fields={"planner.nodes": n, "planner.horizon": horizon}
+            )
             for seed in range(
                 config.seeds
             )  # all pairs of a mission one after the other, at the same load of the machine
@@ -75,8 +78,9 @@ class RunTime:
             for n in NODES
             for horizon in HORIZONS
         }
-        for (n, _), cell in cells.items():
-            cell["area"] = _area(cell, [cells[n, shorter] for shorter in HORIZONS])
+        for (n, horizon), cell in cells.items():  # from the shortest horizon on
+            shorter = [cells[n, other] for other in HORIZONS if other < horizon]
+            cell["area"] = _area(cell, [other for other in shorter if other["area"] == "C"])
         load = {n: _load([cells[n, horizon] for horizon in HORIZONS]) for n in NODES}
         means = [load[n]["mean_ms"] for n in NODES]
         largest = [load[n]["max_ms"] for n in NODES]
@@ -85,18 +89,19 @@ class RunTime:
             summary=(
                 f"{config.seeds} missions over {setup.ground.name} for each of {len(cells)} pairs of N and T_p. "
                 "Times are thread "
-                "CPU times of one optimisation; the print's are seconds of a 2.8 GHz Xeon in 2006, NPOPT under MATLAB.",
+                "CPU times of one replan; the print's are seconds of a 2.8 GHz Xeon in 2006, NPOPT under MATLAB.",
             ),
             rows=[*cells.values()],
             tables=(_loads(load), _strip(cells)),
             figure=_figure(load, cells),
-            caption="(a) Mean and largest time of one optimisation, bars over the horizons. (b) The area of each pair.",
+            caption="(a) Mean and largest time of one replan, bars over the horizons. (b) The area of each pair.",
             claims=(
                 Claim(
                     "A.runtime-grows", "printed", "Mean and largest run-time increase with the number of nodes.",
                     "Figure A.4(a), A.6", "both grow from each N to the next",
                     "mean " + ", ".join(f"{t:.2f}" for t in means) + " ms; largest "
-                    + ", ".join(f"{t:.1f}" for t in largest) + f" ms at N = {', '.join(map(str, NODES))}",
+                    + ", ".join(f"{t:.1f}" for t in largest) + " ms (medians over the missions) at "
+                    f"N = {', '.join(map(str, NODES))}",
                     falls(means[::-1]) and falls(largest[::-1]),
                 ),
                 Claim(
@@ -110,27 +115,27 @@ class RunTime:
 
 def _cell(n: int, horizon: float, records: Sequence[Record]) -> dict[str, Any]:
     h = horizon / (n - 1)
-    cost = values(records, "control_effort") + FlightConfig().beta * values(records, "flight_time_s")
+    cost = figures(records, "control_effort") + FlightConfig().beta * figures(records, "flight_time_s")
     return {
         "N": n,
         "T_p_s": horizon,
         "h_s": h,
-        "mean_ms": median(values(records, "solve_ms_mean")).median,
-        "max_ms": median(values(records, "solve_ms_max")).median,
-        "spacing_m": float(h * values(records, "speed_max_m_s").max()),
+        "mean_ms": median(figures(records, "solve_ms_mean")).median,
+        "max_ms": median(figures(records, "solve_ms_max")).median,
+        "spacing_m": float(figures(records, "node_spacing_m").max()),
         "cost": float(cost.mean()),
-        "arrived": int(values(records, "arrived").sum()),
+        "arrived": int(figures(records, "arrived").sum()),
         "missions": len(records),
     }
 
 
-def _area(cell: Mapping[str, Any], same_nodes: Sequence[Mapping[str, Any]]) -> str:
+def _area(cell: Mapping[str, Any], useful: Sequence[Mapping[str, Any]]) -> str:
+    """The area of a pair, given the shorter horizons in C at the same N."""
     if 1e3 * cell["h_s"] < cell["mean_ms"]:
         return "D"
     if cell["spacing_m"] > FURTHEST:
         return "A"
-    shorter = [other["cost"] for other in same_nodes if other["T_p_s"] < cell["T_p_s"]]
-    return "B" if any(cost < cell["cost"] for cost in shorter) else "C"
+    return "B" if any(other["cost"] < cell["cost"] for other in useful) else "C"
 
 
 def _load(cells: Sequence[Mapping[str, Any]]) -> dict[str, float]:
@@ -148,7 +153,7 @@ def _loads(load: Mapping[int, Mapping[str, float]]) -> Table:
         )
         for n, row in load.items()
     ]  # fmt: skip
-    return Table("Figure A.4(a): one optimisation, mean and deviation over the horizons", columns, cells)
+    return Table("Figure A.4(a): one replan, mean and deviation over the horizons", columns, cells)
 
 
 def _strip(cells: Mapping[tuple[int, float], Mapping[str, Any]]) -> Table:
@@ -173,7 +178,7 @@ def _figure(load: Mapping[int, Mapping[str, float]], cells: Mapping[tuple[int, f
         time.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         time.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         time.yaxis.set_minor_formatter(NullFormatter())
-        time.set(xlabel="N", ylabel="CPU time [ms]", title="(a) run-time of one optimisation")
+        time.set(xlabel="N", ylabel="CPU time [ms]", title="(a) run-time of one replan")
         time.legend()
         for (n, horizon), cell in cells.items():
             k, m = NODES.index(n), HORIZONS.index(horizon)

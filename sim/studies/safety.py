@@ -19,9 +19,10 @@ from renders.claims import Claim
 from renders.figures import STYLE
 from renders.statistics_figures import rates_figure_on
 from renders.study_report import Table
+from renders.sweep_data import figures
 from sim.statistics import rate
 from sim.store import Record
-from sim.studies.study import Findings, Setup, check_counts, track, values
+from sim.studies.study import Findings, Setup, check_counts, track
 
 GROUPS: dict[str, dict[str, Any]] = {
     "no failures": {},
@@ -56,8 +57,8 @@ class Safety:
     @staticmethod
     def run(config: SafetyConfig, setup: Setup) -> Findings:
         trials = {
-            (name, seed): setup.trial(seed, **named)
-            for name, named in GROUPS.items()
+            (name, seed): setup.trial(k * config.missions + seed, **named)
+            for k, (name, named) in enumerate(GROUPS.items())  # each group has missions of its own
             for seed in range(config.missions)
         }
         records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
@@ -65,8 +66,8 @@ class Safety:
         rows = [_row(name, of[name]) for name in GROUPS]
         total = sum(row["missions"] for row in rows)
         below, on_ground, late = (sum(row[key] for row in rows) for key in ("below", "on_ground", "late"))
-        closest = {name: int(np.argmin(values(of[name], "min_clearance_m"))) for name in GROUPS}
-        shown = {name: setup.flown(trials[name, seed]) for name, seed in closest.items()}
+        closest = {name: min(of[name], key=lambda record: record.summary["min_clearance_m"]).seed for name in GROUPS}
+        shown = {name: setup.flown(trials[name, seed % config.missions]) for name, seed in closest.items()}
         return Findings(
             summary=(
                 f"{config.missions} missions over {setup.ground.name} in each of {len(GROUPS)} groups. Failures: a "
@@ -105,10 +106,10 @@ class Safety:
 
 def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
     least = np.array([record.parameters["config"]["clearance_min"] for record in records])
-    share = values(records, "flight_time_s") / values(records, "deadline_s")
-    late = (values(records, "arrived") == 0) | (share > 1.0)
-    below = values(records, "min_clearance_m") < least
-    on_ground = values(records, "ground_contacts") > 0
+    share = figures(records, "flight_time_s") / figures(records, "deadline_s")
+    late = (figures(records, "arrived") == 0) | (share > 1.0)
+    below = figures(records, "min_clearance_m") < least
+    on_ground = figures(records, "ground_contacts") > 0
     return {
         "group": name,
         "missions": len(records),
@@ -116,12 +117,12 @@ def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
         "below": int(below.sum()),
         "on_ground": int(on_ground.sum()),
         "late": int(late.sum()),
-        "least_m": values(records, "min_clearance_m").min(),
+        "least_m": figures(records, "min_clearance_m").min(),
         "latest": share.max(),
-        "breaches": int(values(records, "tracking_breaches").sum()),
-        "solver_failures": int(values(records, "solver_failures").sum()),
-        "plans_rejected": int(values(records, "plans_rejected").sum()),
-        "replans": int(values(records, "replans").sum()),
+        "breaches": int(figures(records, "tracking_breaches").sum()),
+        "solver_failures": int(figures(records, "solver_failures").sum()),
+        "plans_rejected": int(figures(records, "plans_rejected").sum()),
+        "replans": int(figures(records, "replans").sum()),
     }
 
 
@@ -147,8 +148,8 @@ def _figure(rows: Sequence[dict[str, Any]], of: dict[str, list[Record]]) -> Figu
         violations.set_title("Below h_min, on the ground or late")
         for (name, records), colour in zip(of.items(), COLOURS, strict=True):
             for axes, sample in (
-                (clearance, values(records, "min_clearance_m")),
-                (arrival, values(records, "flight_time_s") / values(records, "deadline_s")),
+                (clearance, figures(records, "min_clearance_m")),
+                (arrival, figures(records, "flight_time_s") / figures(records, "deadline_s")),
             ):
                 axes.plot(np.sort(sample), (np.arange(len(sample)) + 1.0) / len(sample), color=colour, label=name)
         clearance.axvline(50.0, ls=":", color="#5a6876")

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import csv
 import io
-import json
-import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
 from itertools import pairwise
@@ -25,6 +23,7 @@ from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain
 from renders.claims import Claim
 from renders.study_report import StudyPage, Table, write_study_report
+from renders.sweep_data import figures
 from renders.terrain_view import Track
 from sim.log import write_bytes, write_json, write_text
 from sim.scenarios.experiment import Outcome
@@ -65,7 +64,7 @@ class Setup:
 
         StudyError if a trial did not run to its end: a table over what is left would not be the one it claims to be.
         """
-        records = run_trials(trials, self.store, workers=self.workers, progress=self.progress)
+        records = run_trials(trials, self.store, workers=self.workers, progress=self.progress, retry=True)
         for record in records:
             if record.status != "ok":
                 last = (record.error or "").strip().rpartition("\n")[2]
@@ -148,12 +147,6 @@ def write_findings(folder: Path, name: str, title: str, findings: Findings, setu
     write_json(folder / f"{name}.json", document)
 
 
-def read_claims(path: Path) -> tuple[str, list[Claim]]:
-    """The terrain's name and the claims that a study has written."""
-    document = json.loads(path.read_text(encoding="utf-8"))
-    return document["terrain"]["name"], [Claim(**claim) for claim in document["claims"]]
-
-
 def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     """Rows as CSV, under the names of all of them."""
     names = list(dict.fromkeys(name for row in rows for name in row))
@@ -164,25 +157,32 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     return out.getvalue()
 
 
-def values(records: Iterable[Record], key: str) -> np.ndarray:
-    """One figure of every record, from its summary or its timings; NaN where there is none."""
-    found = [{**record.summary, **record.timings}.get(key) for record in records]
-    return np.array([math.nan if value is None else float(value) for value in found])
-
-
 def median(sample: np.ndarray) -> Band:
     """The median with its bootstrap band, always from the same resamples; what is NaN is left out."""
     return median_band(sample[np.isfinite(sample)], np.random.default_rng(0))
 
 
-def effort_norm(records: Iterable[Record], h: float) -> np.ndarray:
+def effort_norm(records: Sequence[Record], h: float) -> np.ndarray:
     """||a||_2 [m/s^2] = sqrt(sum_k |a_k|^2) over accelerations held for h [s]: the measure of effort in A.6 and A.7."""
-    return np.sqrt(values(records, "control_effort") / h)
+    return np.sqrt(figures(records, "control_effort") / h)
 
 
 def falls(sequence: Sequence[float]) -> bool:
     """Whether each is less than the one before."""
     return all(later < earlier for earlier, later in pairwise(sequence))
+
+
+def node_spacing(outcome: Outcome) -> dict[str, Any]:
+    """A measure: d of (A.8) [m], the longest way between two subsequent sampling instants of the planner."""
+    fields = outcome.config["controller"]["fields"]
+    h = (fields["horizon"] or (fields["nodes"] - 1) * 5.0 / 3.0) / (fields["nodes"] - 1)  # [s]
+    recording = outcome.recording
+    instants = np.arange(0.0, recording.t[-1], h)
+    p = recording.truths[VEHICLE][np.searchsorted(recording.t, instants - 1e-6), :3]
+    return {"node_spacing_m": float(np.linalg.norm(np.diff(p, axis=0), axis=1).max(initial=0.0))}
+
+
+SPACING = "sim.studies.study:node_spacing"
 
 
 def track(name: str, outcome: Outcome, colour: str, *, dashed: bool = False) -> Track:

@@ -7,6 +7,7 @@ where it says it: within one and a half radii of the radar.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,16 +15,20 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from models.terrain.height_field import HeightField
 from renders.claims import Claim
 from renders.figures import STYLE
 from renders.study_report import Table
+from renders.sweep_data import figures
 from sim.scenarios.experiment import Outcome
 from sim.store import Record
 from sim.studies.drawing import paths_on_map
-from sim.studies.study import VEHICLE, Findings, Setup, check_counts, ends, heights, median, track, values
+from sim.studies.study import VEHICLE, Findings, Setup, check_counts, ends, heights, median, track
 from sim.sweep.trial import Trial
+
+Booleans = NDArray[np.bool_]
 
 RADIUS = 10_000.0  # [m]
 NEAR = 1.5  # radii
@@ -57,7 +62,8 @@ class Threat:
         }
         records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
         of = {name: [records[name, seed] for seed in range(config.seeds)] for name in COLOURS}
-        rows = [_row(name, of[name], of["unaware"]) for name in COLOURS]
+        near = np.all([np.isfinite(figures(some, "near_height_m")) for some in of.values()], axis=0)
+        rows = [_row(name, of[name], of["unaware"], near) for name in COLOURS]
         unaware, aware = rows[0], rows[-1]
         shown = {name: setup.flown(trials[name, 0]) for name in COLOURS}
         (radar,) = trials["unaware", 0].config.radar
@@ -79,7 +85,8 @@ class Threat:
                     "less exposure and a lower mean height above ground near the radar, aware than unaware",
                     f"exposure {unaware['exposure_s']:.1f} to {aware['exposure_s']:.1f} s, mean height above ground "
                     "near the "
-                    f"radar {unaware['near_height_m']:.0f} to {aware['near_height_m']:.0f} m",
+                    f"radar {unaware['near_height_m']:.0f} to {aware['near_height_m']:.0f} m in the {aware['near']} "
+                    "missions that come near it",
                     aware["exposure_s"] < unaware["exposure_s"] and aware["near_height_m"] < unaware["near_height_m"],
                 ),
                 Claim(
@@ -120,17 +127,19 @@ def near_radar(outcome: Outcome) -> dict[str, Any]:
     return {"near_height_m": float(above[near].mean()) if near.any() else None}
 
 
-def _row(name: str, records: Sequence[Record], unaware: Sequence[Record]) -> dict[str, Any]:
-    exposure, path = values(records, "radar_exposure_s"), values(records, "path_length_m")
+def _row(name: str, records: Sequence[Record], unaware: Sequence[Record], near: Booleans) -> dict[str, Any]:
+    """``near`` are the missions that come near the radar whatever is known of it: only they can be compared there."""
+    exposure, path = figures(records, "radar_exposure_s"), figures(records, "path_length_m")
     return {
         "planner": name,
         "exposure_s": float(exposure.mean()),
         "exposure_max_s": float(exposure.max()),
-        "cut": float(1.0 - exposure.sum() / values(unaware, "radar_exposure_s").sum()),
+        "cut": float(1.0 - exposure.sum() / figures(unaware, "radar_exposure_s").sum()),
         "path_m": float(path.mean()),
-        "more_path": float((path / values(unaware, "path_length_m")).mean() - 1.0),
-        "near_height_m": float(np.nanmean(values(records, "near_height_m"))),
-        "height_m": float(values(records, "mean_height_m").mean()),
+        "more_path": float((path / figures(unaware, "path_length_m")).mean() - 1.0),
+        "near_height_m": float(figures(records, "near_height_m")[near].mean()) if near.any() else math.nan,
+        "near": int(near.sum()),
+        "height_m": float(figures(records, "mean_height_m").mean()),
     }
 
 
@@ -168,7 +177,7 @@ def _figure(of: dict[str, list[Record]], shown: dict[str, Outcome], ground: Heig
             height.plot(travelled / 1e3, heights(outcome), color=colour, lw=1.0)
         height.set(xlabel="distance flown [km]", ylabel="height above ground [m]", title="Height", ylim=(0.0, None))
         for k, (name, colour) in enumerate(COLOURS.items()):
-            sample = values(of[name], "radar_exposure_s")
+            sample = figures(of[name], "radar_exposure_s")
             exposure.plot(
                 np.full(len(sample), k) + np.linspace(-0.2, 0.2, len(sample)), np.sort(sample), "o", ms=3, color=colour
             )

@@ -32,9 +32,9 @@ ENVIRONMENT = {
     "PYTHONHASHSEED": "0",
 }
 _INTERVAL = 1.0  # [s] between two looks at whether somebody still waits
-_LAST_LINES = 20  # of what a child said before it died
-_LAST_BYTES = 4000
-_LAST_BREATH = 10.0  # [s] between the end of a connection and that of its process
+_OUTPUT_LINES = 20  # of what a child printed before it died
+_OUTPUT_BYTES = 4000
+_EXIT_GRACE = 10.0  # [s] between the end of a connection and that of its process
 
 
 class RefusedError(RuntimeError):
@@ -70,8 +70,8 @@ class Worker:
     ) -> Record:
         """The record of a trial that may take ``timeout`` [s], not counting what numba compiles.
 
-        A child that dies is believed if it had served nothing else before; otherwise the trial is run once more, in a
-        new one: what an earlier trial has left behind must not be told of this one.
+        A child that dies, or refuses, is believed if it had served nothing else before; otherwise the trial is run once
+        more, in a new one: neither what an earlier trial has left behind nor sources that were loaded long ago count.
 
         Raises RefusedError, and StoppedError when the worker is stopped meanwhile or ``stopped()``, which is asked now
         and then, says that nobody waits for the record.
@@ -89,6 +89,10 @@ class Worker:
                 self._replace()
                 if not served:
                     return trial.record(key, "crashed", error=str(error))
+            except RefusedError:
+                self._replace()
+                if not served:
+                    raise
             except StoppedError:
                 self._replace()
                 raise
@@ -101,7 +105,7 @@ class Worker:
                 self._child.kill()
 
     def close(self) -> None:
-        """End the child, in the thread that runs the trials."""
+        """End the child, while it runs no trial."""
         with self._lock:
             self._closed = True
             if self._child is not None:
@@ -151,13 +155,13 @@ class _Child:
             self._connection, theirs = Pipe()
             opened.callback(self._connection.close)
             # Appended to, so that it can be emptied under the child.
-            self._said = opened.enter_context(tempfile.TemporaryFile("a+b"))
+            self._output = opened.enter_context(tempfile.TemporaryFile("a+b"))
             with theirs:
                 self._process = subprocess.Popen(
                     [sys.executable, "-P", "-c", START, str(theirs.fileno()), *path],
                     stdin=subprocess.DEVNULL,
-                    stdout=self._said,
-                    stderr=self._said,
+                    stdout=self._output,
+                    stderr=self._output,
                     pass_fds=(theirs.fileno(),),
                     cwd=folder,
                     env={**os.environ, **ENVIRONMENT},
@@ -170,7 +174,7 @@ class _Child:
     ) -> Record:
         """The record of one trial; OverdueError, DiedError, RefusedError, StoppedError."""
         clock = _Clock(timeout)
-        self._said.truncate(0)
+        self._output.truncate(0)
         try:
             self._connection.send_bytes(request)
             while True:
@@ -208,18 +212,18 @@ class _Child:
 
     def _cause_of_death(self) -> str:
         try:
-            code = self._process.wait(_LAST_BREATH)
+            code = self._process.wait(_EXIT_GRACE)
         except subprocess.TimeoutExpired:
-            return self._with_last_words("the process has closed its connection")
+            return self._with_output_tail("the process has closed its connection")
         if code >= 0:
-            return self._with_last_words(f"the process ended itself with exit code {code}")
+            return self._with_output_tail(f"the process ended itself with exit code {code}")
         hint = ", as it is where memory runs out" if code == -signal.SIGKILL else ""
-        return self._with_last_words(f"the process was killed by {signal.Signals(-code).name}{hint}")
+        return self._with_output_tail(f"the process was killed by {signal.Signals(-code).name}{hint}")
 
-    def _with_last_words(self, cause: str) -> str:
-        size = self._said.seek(0, os.SEEK_END)
-        self._said.seek(max(0, size - _LAST_BYTES))
-        lines = comparable(self._said.read().decode(errors="replace")).splitlines()[-_LAST_LINES:]
+    def _with_output_tail(self, cause: str) -> str:
+        size = self._output.seek(0, os.SEEK_END)
+        self._output.seek(max(0, size - _OUTPUT_BYTES))
+        lines = comparable(self._output.read().decode(errors="replace")).splitlines()[-_OUTPUT_LINES:]
         return "\n".join([cause, *lines])
 
 

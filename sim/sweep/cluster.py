@@ -2,7 +2,7 @@
 
 The workers need mathnavi as it is here, and the files that the trials name under the same names; a worker that has
 others refuses. A worker that dies costs nothing but time: Dask runs its trials elsewhere, and only a trial that has
-cost several workers is recorded as crashed.
+cost several workers is recorded as crashed. When a sweep ends, the child processes that run no trial end too.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 
 from sim.store import Record
 from sim.sweep.child import RefusedError, Worker, module_path
-from sim.sweep.execution import Told
+from sim.sweep.execution import Message
 from sim.sweep.trial import Trial
 
 PATIENCE = 5.0  # [s] for the scheduler to answer
@@ -69,31 +69,38 @@ class DaskCluster:
         self._futures: list[Any] = []
         self._stopped = False
 
-    def start(self, jobs: Mapping[str, Trial], timeout: float | None, tell: Callable[[Told], None]) -> None:
+    def start(self, jobs: Mapping[str, Trial], timeout: float | None, report: Callable[[Message], None]) -> None:
         run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path())
         self._futures = self._client.map(run, list(jobs.values()), list(jobs), pure=False)
         for (key, trial), future in zip(jobs.items(), self._futures, strict=True):
-            future.add_done_callback(partial(self._ended, trial, key, tell))
+            future.add_done_callback(partial(self._ended, trial, key, report))
 
     def stop(self) -> None:
+        if self._stopped:
+            return
         self._stopped = True
-        with suppress(Exception):  # it may be gone
-            self._client.cancel(self._futures)
-        self._futures = []
+        closing = threading.Thread(target=self._close, daemon=True)  # a cluster that is gone does not answer
+        closing.start()
+        closing.join(PATIENCE)
         self._client.close(timeout=PATIENCE)
 
-    def _ended(self, trial: Trial, key: str, tell: Callable[[Told], None], future: Any) -> None:
+    def _close(self) -> None:
+        with suppress(Exception):  # the cluster may be gone
+            self._client.cancel(self._futures)
+            self._client.run(close_idle_workers, on_error="ignore")
+
+    def _ended(self, trial: Trial, key: str, report: Callable[[Message], None], future: Any) -> None:
         if self._stopped:
             return
         try:
-            tell(future.result())
+            report(future.result())
             future.release()
         except _dask().KilledWorker:
-            tell(trial.record(key, "crashed", error="several workers of the cluster died while they ran this trial"))
+            report(trial.record(key, "crashed", error="several workers of the cluster died while they ran this trial"))
         except RefusedError as error:
-            tell(error)
+            report(RefusedError(f"{error}; after a change of the sources, restart the workers of the cluster"))
         except BaseException as error:
-            tell(LostError(f"the cluster at {self._address}: {type(error).__name__}: {error}"))
+            report(LostError(f"the cluster at {self._address}: {type(error).__name__}: {error}"))
 
 
 def own_path() -> list[str]:
@@ -103,17 +110,16 @@ def own_path() -> list[str]:
     return [str(folder) for folder in folders if not any(map(folder.is_relative_to, installed))]
 
 
-_here = threading.local()
+Place = tuple[str | None, tuple[str, ...]]  # where a child process works, and where it finds its modules
+
+_idle: list[tuple[Place, Worker]] = []  # of this Dask worker: what runs no trial now
+_guard = threading.Lock()
 
 
 def execute(trial: Trial, key: str, *, timeout: float | None, folder: str, path: list[str]) -> Record:
-    """Run a trial in the child process of this thread of a Dask worker, from the client's folder if it is there too."""
+    """Run a trial in a child process of this Dask worker, from the client's folder if it is there too."""
     known = module_path()
     place = (folder if os.path.isdir(folder) else None, (*known, *(entry for entry in path if entry not in known)))
-    if getattr(_here, "place", None) != place:
-        if getattr(_here, "place", None) is not None:
-            _here.worker.close()
-        _here.worker, _here.place = Worker(place[1], folder=place[0]), place
     dask_worker = _dask().get_worker()
     task = dask_worker.get_current_task()
 
@@ -121,5 +127,28 @@ def execute(trial: Trial, key: str, *, timeout: float | None, folder: str, path:
         state = dask_worker.state.tasks.get(task)
         return state is None or state.state == "cancelled"
 
-    record: Record = _here.worker.run(trial, key, timeout, cancelled)
-    return record
+    worker = _taken(place)
+    try:
+        return worker.run(trial, key, timeout, cancelled)
+    finally:
+        with _guard:
+            _idle.append((place, worker))
+
+
+def close_idle_workers() -> None:
+    """End the child processes of this Dask worker that run no trial; those of another sweep go on."""
+    with _guard:
+        idle = [worker for _, worker in _idle]
+        _idle.clear()
+    for worker in idle:
+        worker.close()
+
+
+def _taken(place: Place) -> Worker:
+    """An idle worker of that place, or a new one."""
+    with _guard:
+        for k, (its_place, worker) in enumerate(_idle):
+            if its_place == place:
+                del _idle[k]
+                return worker
+    return Worker(place[1], folder=place[0])

@@ -8,17 +8,18 @@ Order and number of workers change nothing in a record.
 from __future__ import annotations
 
 import math
+import os
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 from typing import Protocol
 
-from sim.store import Record, Store, StoreError
+from sim.store import TRANSIENT, Ending, Record, Store, StoreError
 from sim.sweep.child import StoppedError, Worker, module_path
 from sim.sweep.trial import Trial, keys
 
-Told = Record | BaseException | None  # None: a worker waits until numba has compiled its kernels
+Message = Record | BaseException | None  # None: a worker waits until numba has compiled its kernels
 
 
 @dataclass(frozen=True)
@@ -28,18 +29,18 @@ class Progress:
     total: int  # trials, each counted once
     found: int  # of them, in the store before
     done: int  # and those too
-    failed: int  # of those that were run now: did not run to their end
+    failed: int  # of those that are done: did not run to their end
     unsuccessful: int  # ran to their end, but the mission did not do what it should
     compiling: bool  # a worker has waited for numba, which happens once on a machine
 
 
 class Backend(Protocol):
-    """What runs trials somewhere; it tells of each as it ends, from threads of its own."""
+    """What runs trials somewhere; it reports each as it ends, from threads of its own."""
 
-    def start(self, jobs: Mapping[str, Trial], timeout: float | None, tell: Callable[[Told], None]) -> None: ...
+    def start(self, jobs: Mapping[str, Trial], timeout: float | None, report: Callable[[Message], None]) -> None: ...
 
     def stop(self) -> None:
-        """End at once. Nothing is told afterwards."""
+        """End at once. Nothing is reported afterwards."""
         ...
 
 
@@ -50,14 +51,17 @@ def run_trials(
     workers: int = 1,
     cluster: str | None = None,
     timeout: float | None = None,
+    retry: bool = False,
     progress: Callable[[Progress], None] | None = None,
 ) -> list[Record]:
     """Run the trials whose keys the store lacks, store each as it ends; the records in the order of ``trials``.
 
-    A trial that raises, crashes or takes longer than ``timeout`` [s] is a record too. ``workers`` processes run on this
+    A trial that raises, crashes or takes longer than ``timeout`` [s] is a record too. With ``retry``, trials that the
+    store records as crashed or timed out are run again, and their records replaced. ``workers`` processes run on this
     machine, or, with the address of a Dask scheduler for ``cluster``, one for every thread of the cluster's workers.
     Whatever ends the sweep before its time, Ctrl-C too, leaves everything that has ended in the store; the same call
-    goes on from there. A trial that is asked for twice runs once.
+    goes on from there. A trial that is asked for twice runs once. The records that are returned name files as ``trials``
+    do, though the store may have their content under other names.
 
     Raises ValueError for bad arguments and a cluster that does not answer, StoreError if the store can no longer be
     written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the cluster
@@ -67,12 +71,17 @@ def run_trials(
         raise ValueError(f"workers = {workers!r}; allowed: a whole number >= 1")
     if timeout is not None and not (math.isfinite(timeout) and timeout > 0.0):
         raise ValueError(f"timeout = {timeout!r}; allowed: a finite number of seconds > 0")
-    asked = keys(trials)
-    stored = store.keys()
-    jobs = {key: trial for key, trial in zip(asked, trials, strict=True) if key not in stored}
-    if jobs:
-        _run(jobs, store, _backend(workers, cluster), timeout, len(set(asked)), progress or (lambda _: None))
-    return store.records(asked)
+    by_key = dict(zip(asked := keys(trials), trials, strict=True))
+    stored = store.endings()
+    found = {key: stored[key] for key in by_key if key in stored and not (retry and stored[key].status in TRANSIENT)}
+    if jobs := {key: trial for key, trial in by_key.items() if key not in found}:
+        _Sweep(jobs, found, store, retry, progress or (lambda _: None)).run(_backend(workers, cluster), timeout)
+    return [trial.renamed(record) for trial, record in zip(trials, store.records(asked), strict=True)]
+
+
+def available_cores() -> int:
+    """The processor's cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _backend(workers: int, cluster: str | None) -> Backend:
@@ -83,57 +92,69 @@ def _backend(workers: int, cluster: str | None) -> Backend:
     return DaskCluster(cluster)
 
 
-def _run(
-    jobs: Mapping[str, Trial],
-    store: Store,
-    backend: Backend,
-    timeout: float | None,
-    total: int,
-    progress: Callable[[Progress], None],
-) -> None:
-    told: SimpleQueue[Told] = SimpleQueue()
-    now = Progress(total, total - len(jobs), total - len(jobs), 0, 0, False)
-    progress(now)
-    messages: list[Told] = []  # and not yet stored
-    try:
-        backend.start(jobs, timeout, told.put)
-        while now.done < total:
-            messages = [told.get(), *_rest(told)]  # commits wait for the disk, so all there is goes into one
-            now = _stored(store, messages, now)
-            progress(now)
-            fault = next((message for message in messages if isinstance(message, BaseException)), None)
-            messages = []
-            if fault is not None:
-                raise fault
-    except StoreError:
-        raise
-    except BaseException:
-        backend.stop()
-        _stored(store, [*messages, *_rest(told)], now)
-        progress(replace(now, done=total - len(jobs.keys() - store.keys())))
-        raise
-    finally:
-        backend.stop()
+class _Sweep:
+    """Takes what a backend reports, and stores it."""
+
+    def __init__(
+        self,
+        jobs: Mapping[str, Trial],
+        found: Mapping[str, Ending],
+        store: Store,
+        retry: bool,
+        progress: Callable[[Progress], None],
+    ) -> None:
+        self._jobs, self._store, self._retry, self._progress = jobs, store, retry, progress
+        self._pending = set(jobs)
+        total = len(jobs) + len(found)
+        self._now = _counted(Progress(total, len(found), len(found), 0, 0, False), found.values())
+
+    def run(self, backend: Backend, timeout: float | None) -> None:
+        messages: list[Message] = []  # and not yet stored
+        queue: SimpleQueue[Message] = SimpleQueue()
+        self._progress(self._now)
+        try:
+            backend.start(self._jobs, timeout, queue.put)
+            while self._pending:
+                messages = [queue.get(), *_rest(queue)]  # commits wait for the disk, so all there is goes into one
+                self._take(messages)
+                fault = next((message for message in messages if isinstance(message, BaseException)), None)
+                messages = []
+                if fault is not None:
+                    raise fault
+        except StoreError:
+            raise
+        except BaseException:
+            backend.stop()
+            self._take([*messages, *_rest(queue)])
+            raise
+        finally:
+            backend.stop()
+
+    def _take(self, messages: Sequence[Message]) -> None:
+        """Commit what has ended, and count it, once though it may be taken twice."""
+        ended = [message for message in messages if isinstance(message, Record)]
+        self._store.add(*ended, retried=self._retry)
+        new = [record for record in ended if record.key in self._pending]
+        self._pending.difference_update(record.key for record in new)
+        now = _counted(self._now, [Ending(record.status, record.success) for record in new])
+        self._now = replace(now, done=now.total - len(self._pending), compiling=now.compiling or None in messages)
+        self._progress(self._now)
 
 
-def _stored(store: Store, messages: Sequence[Told], before: Progress) -> Progress:
-    """Commit what has ended, and count it."""
-    ended = [message for message in messages if isinstance(message, Record)]
-    store.add(*ended)
+def _counted(before: Progress, endings: Collection[Ending]) -> Progress:
+    """With the endings among what has gone wrong."""
     return replace(
         before,
-        done=before.done + len(ended),
-        failed=before.failed + sum(record.status != "ok" for record in ended),
-        unsuccessful=before.unsuccessful + sum(record.success is False for record in ended),
-        compiling=before.compiling or None in messages,
+        failed=before.failed + sum(ending.status != "ok" for ending in endings),
+        unsuccessful=before.unsuccessful + sum(ending.success is False for ending in endings),
     )
 
 
-def _rest(told: SimpleQueue[Told]) -> list[Told]:
-    rest: list[Told] = []
+def _rest(queue: SimpleQueue[Message]) -> list[Message]:
+    rest: list[Message] = []
     try:
         while True:
-            rest.append(told.get_nowait())
+            rest.append(queue.get_nowait())
     except Empty:
         return rest
 
@@ -146,7 +167,7 @@ class LocalWorkers:
         self._workers: list[Worker] = []
         self._threads: list[threading.Thread] = []
 
-    def start(self, jobs: Mapping[str, Trial], timeout: float | None, tell: Callable[[Told], None]) -> None:
+    def start(self, jobs: Mapping[str, Trial], timeout: float | None, report: Callable[[Message], None]) -> None:
         waiting: SimpleQueue[tuple[str, Trial]] = SimpleQueue()
         for job in jobs.items():
             waiting.put(job)
@@ -155,16 +176,16 @@ class LocalWorkers:
             try:
                 while True:
                     key, trial = waiting.get_nowait()
-                    tell(worker.run(trial, key, timeout))
+                    report(worker.run(trial, key, timeout))
             except (Empty, StoppedError):
                 pass
             except BaseException as error:
-                tell(error)
+                report(error)
             finally:
                 worker.close()
 
         for _ in range(min(self._count, len(jobs))):
-            worker = Worker(module_path(), compiling=lambda: tell(None))
+            worker = Worker(module_path(), compiling=lambda: report(None))
             thread = threading.Thread(target=work, args=(worker,), daemon=True)
             self._workers.append(worker)
             self._threads.append(thread)

@@ -12,7 +12,6 @@ It hears on a connection of its own, so nothing that a plug-in prints can be tak
 from __future__ import annotations
 
 import faulthandler
-import importlib
 import os
 import pickle
 import random
@@ -23,8 +22,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
-from contextlib import suppress
-from functools import cache
+from contextlib import nullcontext, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import SimpleQueue
@@ -34,12 +32,13 @@ import numpy as np
 
 from sim.metrics import is_wall_clock
 from sim.store import Record, canonical_json
+from sim.sweep.compilation import compilation_reported
 from sim.sweep.trial import Trial
 
-Tell = Callable[[str, Any], None]
+Send = Callable[[str, Any], None]
 
-LONGEST = 10_000  # characters of what is kept of an error
-_EXPENDABLE = "1000"  # the most that Linux takes: where memory runs out, this process goes and not the sweep
+MOST_CHARACTERS = 10_000  # of an error
+_OOM_SCORE = "1000"  # the most that Linux takes: where memory runs out, this process goes and not the sweep
 _ADDRESS = re.compile(r"\b0x[0-9a-fA-F]+")
 _LOADED = re.compile(r"^Extension modules:.*\n?", re.MULTILINE)
 
@@ -50,22 +49,22 @@ def main(descriptor: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to answer
     faulthandler.enable(all_threads=False)
     with suppress(OSError):
-        Path("/proc/self/oom_score_adj").write_text(_EXPENDABLE)
+        Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
     connection: Connection[Any, Any] = Connection(descriptor)
     requests: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_hear, args=(connection, requests), daemon=True).start()
 
-    def tell(what: str, value: Any) -> None:
+    def send(what: str, value: Any) -> None:
         connection.send((what, value))
 
     while True:
-        _answer(requests.get(), tell)
+        _answer(requests.get(), send)
 
 
 def comparable(text: str) -> str:
-    """What was said of an error, without what differs from process to process."""
-    said = _LOADED.sub("", _ADDRESS.sub("0x...", text)).strip()
-    return said[-LONGEST:].encode("utf-8", "backslashreplace").decode()
+    """The message of an error, without what differs from process to process."""
+    message = _LOADED.sub("", _ADDRESS.sub("0x...", text)).strip()
+    return message[-MOST_CHARACTERS:].encode("utf-8", "backslashreplace").decode()
 
 
 def _hear(connection: Connection[Any, Any], requests: SimpleQueue[bytes]) -> None:
@@ -76,27 +75,27 @@ def _hear(connection: Connection[Any, Any], requests: SimpleQueue[bytes]) -> Non
     os.killpg(os.getpgrp(), signal.SIGKILL)
 
 
-def _answer(request: bytes, tell: Tell) -> None:
+def _answer(request: bytes, send: Send) -> None:
     try:
         trial, key = pickle.loads(request)
         same = trial.key == key
     except Exception as error:
-        tell("refused", f"a worker cannot read the trial: {type(error).__name__}: {error}")
+        send("refused", f"a worker cannot read the trial: {type(error).__name__}: {error}")
         return
     if not same:
-        tell("refused", f"a worker has other sources or files than the sweep began with: its code is {trial.code}")
+        send("refused", f"a worker has other sources or files than the sweep began with: its code is {trial.code}")
         return
     # A plug-in draws from the generator that it is given; one that does not repeats itself all the same.
     random.seed(trial.seed)
     np.random.seed(trial.seed % 2**32)
-    if "numba" in sys.modules:
-        _tell_compilation(tell)
-    tell("began", None)
-    record = _run(trial, key)
+    loaded = "numba" in sys.modules
+    with compilation_reported(lambda compiling: send("compiling", compiling)) if loaded else nullcontext():
+        send("began", None)
+        record = _run(trial, key)
     for stream in (sys.stdout, sys.stderr):  # so that what this trial printed is not taken for the next one's
         with suppress(Exception):
             stream.flush()
-    tell("ended", record)
+    send("ended", record)
 
 
 def _run(trial: Trial, key: str) -> Record:
@@ -113,24 +112,3 @@ def _run(trial: Trial, key: str) -> Record:
         timings = {}
         ended = {"status": "raised", "error": comparable(traceback.format_exc())}
     return trial.record(key, timings={**timings, "trial_wall_s": time.perf_counter() - began}, **ended)
-
-
-@cache
-def _tell_compilation(tell: Tell) -> None:
-    """From now on say when numba compiles, which it does only where its cache holds nothing."""
-    event: Any = importlib.import_module("numba.core.event")
-
-    class Announcement(event.Listener):
-        depth = 0  # one function's compilation is part of another's
-
-        def on_start(self, event: Any) -> None:
-            self.depth += 1
-            if self.depth == 1:
-                tell("compiling", True)
-
-        def on_end(self, event: Any) -> None:
-            self.depth -= 1
-            if self.depth == 0:
-                tell("compiling", False)
-
-    event.register("numba:compile", Announcement())

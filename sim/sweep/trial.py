@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -90,6 +90,10 @@ class Trial:
         """How it ended, as a store has it."""
         named = (key, self.scenario, self.parameters, self.seed, self.code)
         return Record(*named, status, success, dict(summary or {}), dict(timings or {}), error)
+
+    def renamed(self, record: Record) -> Record:
+        """The record of a trial of the same key, with files named as they are here."""
+        return replace(record, parameters=self._parameters(record.parameters["inputs"]))
 
     def _parameters(self, inputs: Mapping[str, str]) -> dict[str, Any]:
         return {

@@ -171,3 +171,20 @@ def test_in_gusts_it_keeps_its_stated_bound(tracker: BoundedTracker, bench: Benc
         plant.step({"vehicle": command})
     assert (largest <= [bound.horizontal, bound.vertical, bound.speed]).all()
     assert largest[0] > 0.1 * bound.horizontal  # the bound is not an empty one
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(3), np.zeros(7)])
+def test_an_estimate_of_another_shape_is_refused_and_not_read_beyond_its_end(
+    tracker: BoundedTracker, bench: Bench, wrong: Array
+) -> None:
+    with pytest.raises(ValueError, match="shape"):
+        tracker.command(1.0, Estimate(1.0, wrong), bench.plan)
+
+
+def test_a_plan_of_whole_numbers_is_flown_as_any_other(tracker: BoundedTracker, bench: Bench) -> None:
+    x = np.array([[0, 0, 500, 0, 0, 0], [0, 0, 500, 3, 0, 0]])
+    whole = Plan(np.array([0.0, 1.0]), x, np.array([[3, 0, 0]]), np.zeros(1, np.int64))
+    exact = dataclasses.replace(whole, x=x.astype(float), u=whole.u.astype(float))
+    for t in (0.3, 0.7):
+        estimate = Estimate(t, bench.reference(exact, t))
+        np.testing.assert_allclose(tracker.command(t, estimate, whole), tracker.command(t, estimate, exact))

@@ -268,3 +268,14 @@ def test_a_contact_within_a_step_of_many_ticks_is_told(terrain: HeightField) -> 
     events = list(plant.step({"uav": np.zeros(3)}, 60))
     assert [event.kind for event in events][:1] == ["ground-contact"]
     assert 0.0 < events[0].t < 60 * TICK
+
+
+def test_a_step_that_begins_between_two_looks_loses_no_reading(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH, (PositionSensor(rate=60.0),)))
+    plant.sense("uav")
+    plant.step({}, 2)
+    times = []
+    for _ in range(20):
+        times += [reading.t for reading in plant.sense("uav")]
+        plant.step({}, 5)
+    assert times == pytest.approx([5 * k * TICK for k in range(1, 20)])

@@ -289,3 +289,20 @@ def test_ends_that_are_not_given_are_drawn_far_apart_and_certified(terrain: str)
 def test_a_field_out_of_range_is_refused_by_name(group: type[Any], field: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"{field} = .*allowed"):
         group(**{field: value})
+
+
+def test_a_vehicle_thrown_into_the_ground_is_not_reported_above_it(terrain: str) -> None:
+    outcome = flown(terrain, faults=Faults(position_jump=1500.0))
+    x = outcome.recording.truths["vehicle"]
+    lowest = float(np.nanmin(x[:, 2] - flight.mountains().height(x[:, 0], x[:, 1])))
+    assert lowest < 0.0
+    assert outcome.summary["min_clearance_m"] <= lowest
+    assert not outcome.success
+
+
+@pytest.mark.parametrize("rate", [60.0, 20.0, 10.0])
+def test_the_bound_is_kept_at_every_control_rate(terrain: str, rate: float) -> None:
+    outcome = flown(terrain, control_rate=rate, faults=Faults(solver_failure_rate=0.9))
+    assert_safe(outcome)
+    assert outcome.summary["tracking_breaches"] == 0
+    assert 0.0 < outcome.summary["tracking_error_max_m"] <= outcome.summary["tracking_bound_m"]

@@ -30,8 +30,8 @@ from sim.signals import Array, Phase, Plan, PlanRequest, Status
 from tests import flight
 
 DT = 1.0 / 30.0  # [s] tick of the vehicle without MuJoCo
-MISSION = flight.mission()
-BOUND = tracking_bound(0.8, MISSION.quality, MISSION.gust)
+MISSION = flight.mission(control_period=DT)
+BOUND = tracking_bound(0.8, MISSION)
 CERTIFICATE = Certificate.of(MISSION, BOUND)
 
 
@@ -210,7 +210,7 @@ def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
     planner, _ = SafeFlight.build(FlightConfig(nodes=nodes), mission)
     wrapped = Certified(Scripted(planner, script), Retreat(CERTIFICATE, planner.period), CERTIFICATE, BOUND, factor)
     watched = Watched(wrapped, factor)
-    estimator = FullState(FullStateConfig(), dataclasses.replace(mission, control_period=DT))
+    estimator = FullState(FullStateConfig(), mission)
     agent = Agent(estimator, watched, CriticallyDamped(DT, 0.8, BOUND))
     target = np.array(mission.target)
     recording = simulate(

@@ -10,7 +10,7 @@ import pytest
 
 from models.terrain.height_field import HeightField
 from sim.signals import Phase, Plan
-from sim.studies import cost_to_go, literal_planner, noise, run_time, study, threat
+from sim.studies import cost_to_go, literal_planner, run_time, study, threat
 
 SPIKE = HeightField(np.pad([[400.0]], 10), 100.0, "spike")  # in the middle of 2 km of plain
 
@@ -50,7 +50,9 @@ def test_the_spacing_of_nodes_counts_the_jumps() -> None:
     x = np.zeros((len(t), 6))
     x[:, 0] = 100.0 * t
     x[t >= 6.0, 1] = 500.0
-    assert noise.spacing(outcome(x, t))["node_spacing_m"] == pytest.approx(np.hypot(200.0, 500.0))
+    flight = outcome(x, t)
+    flight.config["controller"] = {"fields": {"nodes": 6, "horizon": 10.0}}
+    assert study.node_spacing(flight)["node_spacing_m"] == pytest.approx(np.hypot(200.0, 500.0))
 
 
 def test_the_height_near_a_radar_is_that_within_its_surroundings() -> None:
@@ -72,8 +74,7 @@ def test_the_height_near_a_radar_is_that_within_its_surroundings() -> None:
     ],
 )
 def test_each_pair_of_nodes_and_horizon_falls_into_its_area(cell: dict[str, float], area: str) -> None:
-    shorter = {"T_p_s": 5.0, "cost": 8.0}
-    assert run_time._area({"mean_ms": 1.0, "T_p_s": 10.0, **cell}, [shorter, {"T_p_s": 20.0, "cost": 0.0}]) == area
+    assert run_time._area({"mean_ms": 1.0, **cell}, [{"cost": 8.0}]) == area
 
 
 def test_the_graphs_metric_is_never_short_and_ten_percent_long_at_most_across_the_map() -> None:

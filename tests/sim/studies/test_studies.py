@@ -23,7 +23,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "threat": {"seeds": 1},
     "noise": {"seeds": 1},
     "beta": {"seeds": 1},
-    "cost-to-go": {"starts": 40, "repetitions": 1},
+    "cost-to-go": {"targets": 1, "starts": 40, "repetitions": 1},
     "literal-planner": {"seeds": 1},
     "safety": {"missions": 1},
 }
@@ -76,7 +76,8 @@ def assert_claims(name: str, findings: Findings) -> None:
     assert {claim.id for claim in findings.claims} == CLAIMS[name]
     for claim in findings.claims:
         assert claim.kind == ("printed" if claim.id.startswith("A.") else "target")
-        assert isinstance(claim.holds, bool)
+        # Over these hills no mission may arrive under every size of jumps: then there is nothing to compare.
+        assert isinstance(claim.holds, bool) or (name == "noise" and claim.holds is None)
         assert all((claim.statement, claim.source, claim.expected, claim.measured))
 
 

@@ -43,13 +43,13 @@ class Group:
 
     def rate(self, happened: Test) -> Rate | None:
         """Of an event among the trials that can say; None without any."""
-        told = [event for record in self.records if (event := happened(record)) is not None]
-        return rate(sum(told), len(told)) if told else None
+        known = [event for record in self.records if (event := happened(record)) is not None]
+        return rate(sum(known), len(known)) if known else None
 
     def band(self, key: str) -> Band | None:
-        """Of a figure among the trials that have it, always from the same resamples; None without any."""
+        """Of a figure among the trials that have it, an infinite one too, always from the same resamples; None without."""
         known = figures(self.records, key)
-        known = known[np.isfinite(known)]
+        known = known[~np.isnan(known)]
         return median_band(known, np.random.default_rng(0)) if len(known) else None
 
 
@@ -87,7 +87,7 @@ class Sweep:
 
     @cached_property
     def events(self) -> dict[str, Test]:
-        """The kinds of events whose rates are told, by name."""
+        """The kinds of events that have rates, by name."""
         tests: dict[str, Test] = {
             "success": lambda record: record.success is True,
             "recorded failure": lambda record: record.status != "ok",
@@ -99,9 +99,9 @@ class Sweep:
             if not values:
                 continue
             if all(isinstance(value, bool) for value in values):
-                tests[label(key)[0]] = partial(_told, key)
+                tests[label(key)[0]] = partial(_positive, key)
             elif key in SUMMARY_GROUPS["safety"] and all(isinstance(value, int) for value in values):
-                tests[f"any {label(key)[0]}"] = partial(_told, key)
+                tests[f"any {label(key)[0]}"] = partial(_positive, key)
         return tests
 
     @cached_property
@@ -159,7 +159,9 @@ def grouped(records: Iterable[Record], names: Sequence[str]) -> list[Group]:
     ordered = sorted(found.items(), key=lambda item: [_order(value) for value in item[0]])
     short = [name.rpartition(".")[2].replace("_", " ") for name in names]
     return [
-        Group(", ".join(f"{name} {said(value)}" for name, value in zip(short, values, strict=True)), values, some)
+        Group(
+            ", ".join(f"{name} {format_value(value)}" for name, value in zip(short, values, strict=True)), values, some
+        )
         for values, some in ordered
     ]
 
@@ -173,12 +175,12 @@ def figures(records: Sequence[Record], key: str) -> Array:
     return np.array([np.nan if value is None else float(value) for value in found])
 
 
-def said(value: object) -> str:
+def format_value(value: object) -> str:
     """The value of a field, to be read."""
     if isinstance(value, float):
         return f"{value:g}"
     if isinstance(value, (tuple, list)):
-        return f"({', '.join(map(said, value))})"
+        return f"({', '.join(map(format_value, value))})"
     return str(value)
 
 
@@ -197,7 +199,7 @@ def _all(values: Iterable[object]) -> bool:
     return all(is_number(value) for value in values)
 
 
-def _told(key: str, record: Record) -> bool | None:
+def _positive(key: str, record: Record) -> bool | None:
     value = record.summary.get(key)
     return None if value is None else value > 0
 

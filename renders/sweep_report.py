@@ -20,7 +20,17 @@ from renders.statistics_figures import (
     rates_figure,
     scatter_figure,
 )
-from renders.sweep_data import CLEARANCE, CLEARANCE_BOUND, Group, Sweep, figures, grouped, is_number, said, shared
+from renders.sweep_data import (
+    CLEARANCE,
+    CLEARANCE_BOUND,
+    Group,
+    Sweep,
+    figures,
+    grouped,
+    is_number,
+    format_value,
+    shared,
+)
 from renders.terrain_view import Track, script, terrain_view
 from sim.log import write_text
 from sim.metrics import label
@@ -171,7 +181,7 @@ def _clearance(sweep: Sweep) -> list[Markup]:
     few = len(sweep.groups) <= len(SERIES)
     groups = sweep.groups if few else [Group("", (), sweep.records)]
     samples = {group.name if len(groups) > 1 else "": figures(group.records, CLEARANCE) for group in groups}
-    samples = {name: sample[np.isfinite(sample)] for name, sample in samples.items()}
+    samples = {name: sample[~np.isnan(sample)] for name, sample in samples.items()}
     bounds = {record.fields[CLEARANCE_BOUND] for record in sweep.records if CLEARANCE_BOUND in record.fields}
     bound = bounds.pop() if len(bounds) == 1 else None
     figure = distribution_figure(
@@ -180,8 +190,11 @@ def _clearance(sweep: Sweep) -> list[Markup]:
         bound,
         f"allowed {bound:g} m" if bound is not None else "",
     )
-    least = min(float(sample.min()) for sample in samples.values() if len(sample))
-    words = f"How many trials came how near to the ground; the least clearance of all is {number(least)} m."
+    everything = np.concatenate(list(samples.values()))
+    words = f"How many trials came how near to the ground; the least clearance of all is {number(everything.min())} m."
+    if lost := int(np.isneginf(everything).sum()):
+        words += f" It is {number(-np.inf)} where a vehicle left the map, as in {lost} of {len(everything)} trials; "
+        words += "the curve begins with their share, at the left edge."
     return [page.section("Clearance", page.figure_block(figure, "clearance", words))]
 
 
@@ -229,7 +242,11 @@ def _failures(sweep: Sweep) -> list[Markup]:
     if missed:
         keys = sweep.figures[:MOST_PANELS]
         rows = [
-            (str(record.seed), *_varied(sweep, record), *(page.quantity(key, record.summary.get(key)) for key in keys))
+            (
+                str(record.seed),
+                *_varied(sweep, record),
+                *(page.quantity(key, float(figures([record], key)[0])) for key in keys),
+            )
             for record in missed[:MOST_FAILURES]
         ]
         table = page.table(("seed", *sweep.varied, *(label(key)[0] for key in keys)), rows)
@@ -238,7 +255,7 @@ def _failures(sweep: Sweep) -> list[Markup]:
 
 
 def _varied(sweep: Sweep, record: Record) -> list[str]:
-    return [said(record.fields[name]) if name in record.fields else UNKNOWN for name in sweep.varied]
+    return [format_value(record.fields[name]) if name in record.fields else UNKNOWN for name in sweep.varied]
 
 
 def _error(record: Record) -> Markup:

@@ -15,7 +15,7 @@ from importlib.metadata import version
 from sim.commands.errors import INTERRUPTED, BadInputError
 
 COMMANDS = {
-    "list": ("sim.commands.listing", "what is installed: controllers, estimators, scenarios, terrains"),
+    "list": ("sim.commands.listing", "what is installed: controllers, estimators, scenarios, studies, terrains"),
     "run": ("sim.commands.run", "fly a scenario and write its log, summary, video and report"),
     "sweep": ("sim.commands.sweep", "fly a scenario over many seeds and variations, into a store that resumes"),
     "store": ("sim.commands.store", "show or export what a sweep has stored"),

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from sim.cli import main
+from sim.store import Store
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
@@ -33,7 +34,17 @@ def test_a_planner_of_ones_own_flies_certified(tmp_path: Path, monkeypatch: pyte
     assert outcome.summary["min_clearance_m"] >= 50.0
 
 
-@pytest.mark.parametrize("command", ["run", "render", "terrain", "list"])
+def test_a_sweep_in_python_tells_its_rate_and_flies_nothing_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(BLOCKS[2], {})
+    assert capsys.readouterr().out.startswith("0 of 6 (at most ")
+    with Store.open("sweep.db") as store:
+        assert len(store.keys()) == 6
+
+
+@pytest.mark.parametrize("command", ["run", "sweep", "store", "study", "render", "terrain", "list"])
 def test_every_command_that_the_readme_names_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert f"mathnavi {command}" in README
     assert main([command, "--help"]) == 0

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-
 INTERRUPTED = 130  # exit code: what a shell calls a process that ended by SIGINT
 
 

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from renders.sweep_data import PATH_RATIO, Sweep, said
+from renders.sweep_data import PATH_RATIO, Sweep, format_value
 from sim.metrics import label
 from sim.statistics import Band, Rate
 from sim.store import Record
@@ -66,14 +66,14 @@ def _faults(records: Sequence[Record]) -> Iterator[Table]:
     for record in records:
         if record.error is not None:
             lines = record.error.strip().splitlines()
-            told = lines[-1 if record.status == "raised" else 0] if lines else ""
-            seen.setdefault((record.status, told), []).append(record.seed)
+            message = lines[-1 if record.status == "raised" else 0] if lines else ""
+            seen.setdefault((record.status, message), []).append(record.seed)
     if not seen:
         return
-    table = _empty("recorded failures", ("status", "trials", "seed", "what was told"))
+    table = _empty("recorded failures", ("status", "trials", "seed", "message"))
     most = sorted(seen.items(), key=lambda item: -len(item[1]))
-    for (status, told), seeds in most[:MOST_FAULTS]:
-        table.add_row(status.replace("-", " "), str(len(seeds)), str(min(seeds)), Text(told))
+    for (status, message), seeds in most[:MOST_FAULTS]:
+        table.add_row(status.replace("-", " "), str(len(seeds)), str(min(seeds)), Text(message))
     if len(most) > MOST_FAULTS:
         table.add_row(f"{len(most) - MOST_FAULTS} more", "", "", "")
     yield table
@@ -85,7 +85,7 @@ def _table(heading: str, sweep: Sweep, columns: Mapping[str, Sequence[str]]) -> 
     for name in columns:
         table.add_column(Text(name), justify="right")
     for group, *cells in zip(sweep.groups, *columns.values(), strict=True):
-        table.add_row(*map(said, group.values), *cells)
+        table.add_row(*map(format_value, group.values), *cells)
     return table
 
 
@@ -109,5 +109,7 @@ def _band(band: Band) -> str:
 
 
 def _number(value: float) -> str:
+    if not math.isfinite(value):
+        return f"{value:g}"
     digits = 3 - math.floor(math.log10(abs(value))) if value else 0
     return f"{value:.{max(digits, 0)}f}"

@@ -56,8 +56,8 @@ class Order:
         return _fields(self.config, self.controller, self.estimator, self.choice)
 
     @contextmanager
-    def blamed(self) -> Iterator[None]:
-        """A ValueError or an OSError in here means that the input was bad; it is told with the flag to blame."""
+    def bad_input(self) -> Iterator[None]:
+        """A ValueError or an OSError in here means that the input was bad; the error names the flag."""
         try:
             with bad_input():
                 yield

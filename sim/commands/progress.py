@@ -9,14 +9,17 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from sim.sweep.compilation import compilation_reported
 from sim.sweep.execution import Progress as Done
+
+COMPILING = "compiling the numerical kernels, once on this machine"
 
 
 @contextmanager
 def sweep_progress(errors: Console, name: str) -> Iterator[Callable[[Done], None]]:
-    """What ``run_trials`` tells how far it is; nothing is drawn where ``errors`` is no terminal."""
+    """What ``run_trials`` reports its progress to; nothing is drawn where ``errors`` is no terminal."""
     bar = Progress(
-        TextColumn(name), BarColumn(bar_width=12), TextColumn("{task.fields[told]}"),
+        TextColumn(name), BarColumn(bar_width=12), TextColumn("{task.fields[status]}"),
         console=errors, disable=not errors.is_terminal, transient=True,
     )  # fmt: skip
     began = time.perf_counter()
@@ -25,24 +28,39 @@ def sweep_progress(errors: Console, name: str) -> Iterator[Callable[[Done], None
         nonlocal began
         if progress.done == progress.found:  # a study runs several lists of trials
             began = time.perf_counter()
-        bar.update(task, total=progress.total, completed=progress.done, told=_told(progress, began))
+        bar.update(task, total=progress.total, completed=progress.done, status=_status(progress, began))
 
     with bar:
-        task = bar.add_task(name, total=None, told="")
+        task = bar.add_task(name, total=None, status="")
         yield update
 
 
-def _told(progress: Done, began: float) -> str:
+@contextmanager
+def compilation_announced(errors: Console) -> Iterator[None]:
+    """Say so, once, when numba begins to compile in here."""
+    announced = False
+
+    def announce(compiling: bool) -> None:
+        nonlocal announced
+        if compiling and not announced:
+            errors.print(f"{COMPILING} (about 15 s)", highlight=False)
+        announced = True
+
+    with compilation_reported(announce):
+        yield
+
+
+def _status(progress: Done, began: float) -> str:
     run = progress.done - progress.found
-    told = [f"{progress.done} of {progress.total}"]
+    parts = [f"{progress.done} of {progress.total}"]
     if progress.found:
-        told.append(f"{progress.found} found")
+        parts.append(f"{progress.found} found")
     if run:
         rate = run / (time.perf_counter() - began)  # [1/s]
         left = round((progress.total - progress.done) / rate)  # [s]
-        told.append(f"{rate:.3g} /s")
-        told.append(f"{left // 3600}:{left // 60 % 60:02}:{left % 60:02} left")
+        parts.append(f"{rate:.3g} /s")
+        parts.append(f"{left // 3600}:{left // 60 % 60:02}:{left % 60:02} left")
     elif progress.compiling:
-        told.append("compiling the numerical kernels, once on this machine")
-    told.append(f"{progress.failed} failed, {progress.unsuccessful} unsuccessful")
-    return ", ".join(told)
+        parts.append(COMPILING)
+    parts.append(f"{progress.failed} failed, {progress.unsuccessful} unsuccessful")
+    return ", ".join(parts)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import tyro
 from rich.console import Console
@@ -20,6 +19,7 @@ from sim.commands.arguments import value_of
 from sim.commands.errors import BadInputError, bad_input
 from sim.commands.order import Order, prepare, read_order, usage
 from sim.commands.output import output_folder
+from sim.commands.progress import compilation_announced
 from sim.commands.saved import Saved
 from sim.commands.summary import summary_table
 from sim.scenarios.experiment import Experiment, Outcome
@@ -57,7 +57,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     folder = order.options.out or Path("renders/out") / f"{order.name.replace(':', '.')}-seed{order.choice.seed}"
     errors = Console(stderr=True)
-    with output_folder(folder), compilation_told(errors):
+    with output_folder(folder), compilation_announced(errors):
         experiment = build(order, saved)
         outcome = fly(experiment, errors)
         replaced = order.options.out is None and (folder / "summary.json").exists()
@@ -83,7 +83,7 @@ def main(argv: Sequence[str]) -> int:
 
 def build(order: Order, saved: Saved | None) -> Experiment:
     """The closed loop; what is wrong with its fields comes to light here."""
-    with order.blamed():
+    with order.bad_input():
         experiment: Experiment = order.scenario.build(
             order.config, order.choice.seed, order.controller, order.estimator
         )
@@ -119,26 +119,6 @@ def fly(experiment: Experiment, errors: Console) -> Outcome:
             if flying:
                 raise  # the loop checks its rates before it starts; whatever comes later is a defect
             raise BadInputError(str(error)) from error
-
-
-@contextmanager
-def compilation_told(errors: Console) -> Iterator[None]:
-    """Say so when numba starts to compile, which it does only where its cache holds nothing."""
-    from numba.core import event  # takes a while to import
-
-    class Announcement(event.Listener):
-        told = False
-
-        def on_start(self, event: Any) -> None:
-            if not self.told:
-                errors.print("compiling the numerical kernels, once on this machine (about 15 s)", highlight=False)
-            self.told = True
-
-        def on_end(self, event: Any) -> None:
-            pass
-
-    with event.install_listener("numba:compile", Announcement()):
-        yield
 
 
 def _draw(options: Options, folder: Path, errors: Console) -> None:

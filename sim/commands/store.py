@@ -77,7 +77,13 @@ def _export(argv: Sequence[str]) -> None:
         writers = {".csv": store.export_csv, ".jsonl": store.export_jsonl}
         if options.out.suffix not in writers:
             raise BadInputError(f"--out = {options.out}; allowed: a name that ends in {' or '.join(writers)}")
-        writers[options.out.suffix](options.out)
+        try:
+            writers[options.out.suffix](options.out)
+        except OSError as error:
+            raise BadInputError(
+                f"--out = {options.out}: {error.strerror}; "
+                "allowed: a file in a folder that is there and can be written to, with room for it"
+            ) from error
     print(options.out)
 
 

@@ -7,7 +7,6 @@ import math
 import shlex
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,7 @@ from sim.commands.errors import INTERRUPTED, BadInputError
 from sim.commands.evidence import print_evidence, verdict
 from sim.commands.order import Order, prepare, usage
 from sim.commands.progress import compilation_announced, sweep_progress
-from sim.commands.variations import Variation, read_orders, read_variations, trials
+from sim.commands.variations import read_orders, read_variations, trials
 from sim.store import TRANSIENT, Record, Store, StoreError
 from sim.sweep.child import RefusedError
 from sim.sweep.cluster import LostError, check
@@ -111,8 +110,11 @@ def main(argv: Sequence[str]) -> int:
     print_evidence(console, records, asked.listed)
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
     if transient and not options.retry:
-        words = "was in the store as timed out or crashed" if transient == 1 else "were in the store as timed out or crashed"
-        console.print(f"{transient} of the trials {words}; --retry runs them again", soft_wrap=True, highlight=False)
+        console.print(
+            f"found in the store as timed out or crashed: {transient}; --retry runs such trials again",
+            soft_wrap=True,
+            highlight=False,
+        )
     if options.report:
         try:
             page = _report(asked, records, command)
@@ -138,7 +140,7 @@ class Asked:
 
     order: Order  # the first, where plug-ins are varied
     trials: list[Trial]  # those of one seed together
-    listed: list[Variation]
+    listed: list[str]  # fields
     drawn: list[str]  # fields
     firsts: list[Trial]  # of the first seed, one for each combination of listed values
 
@@ -154,7 +156,7 @@ def read_sweep(argv: Sequence[str]) -> Asked:
     drawn = by_order[0][1]
     by_seed = zip(*(made for made, _ in by_order), strict=True)
     asked = list(itertools.chain.from_iterable(itertools.chain.from_iterable(by_seed)))
-    listed = [variation for variation in variations if variation.name not in drawn]
+    listed = [variation.name for variation in variations if variation.name not in drawn]
     return Asked(orders[0], asked, listed, drawn, asked[: len(asked) // count])
 
 
@@ -165,16 +167,21 @@ def _check_combinations(asked: Asked, made: Sequence[str]) -> None:
         other = seen.setdefault(key, first)
         if other is not first:
             one, two = (trial.record(key, "ok").fields for trial in (other, first))
-            variation = next(each for each in asked.listed if one[each.name] != two[each.name])
-            names = f"{one[variation.name]} and {two[variation.name]}"
-            raise variation.wrong(f"{names} have the same content; allowed: each content once")
+            name = next(name for name in asked.listed if one[name] != two[name])
+            raise BadInputError(
+                f"--vary {name}: {one[name]} and {two[name]} have the same content; allowed: each content once"
+            )
 
 
 def _build_combinations(asked: Asked) -> None:
     """Each combination once, so that a ValueError that only building finds is raised before anything is run."""
     for trial in asked.firsts:
-        with suppress(_DEFECTS):
+        try:
             trial.build()
+        except (ValueError, OSError):
+            raise
+        except Exception:  # a defect, which is recorded when the trial runs
+            continue
 
 
 def _stored(state: Progress) -> str:

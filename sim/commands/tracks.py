@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -14,7 +13,6 @@ from renders.terrain_view import Track
 from sim.store import Record
 from sim.sweep.trial import Trial
 
-MOST_POINTS = 400  # of a track
 COLOURS = {"lowest": "#c2183b", "of median length": "#2166ac", "unsuccessful": "#e08214"}
 
 
@@ -23,17 +21,18 @@ def shown_flights(trials: Sequence[Trial], records: Sequence[Record]) -> tuple[H
 
     No terrain and no tracks where the scenario knows no terrain.
     """
-    ended = {k: record for k, record in enumerate(records) if record.status == "ok" and "terrain" in record.fields}
+    ended = {
+        k: record for k, record in enumerate(records) if record.status == "ok" and hasattr(trials[k].config, "terrain")
+    }
     if not ended:
         return None, []
     chosen = _chosen(ended)
-    place = records[next(iter(chosen.values()), next(iter(ended)))].fields["terrain"]
+    place = trials[next(iter(chosen.values()), next(iter(ended)))].config.terrain
     tracks = []
     for name, k in chosen.items():
-        x = trials[k].build().run().arrays.get("truth.x") if records[k].fields["terrain"] == place else None
+        x = trials[k].build().run().arrays.get("truth.x") if trials[k].config.terrain == place else None
         if x is not None:
-            points = np.vstack([x[: -1 : math.ceil(len(x) / MOST_POINTS), :3], x[-1:, :3]])
-            tracks.append(Track(f"{name}, seed {records[k].seed}", points, COLOURS[name]))
+            tracks.append(Track(f"{name}, seed {records[k].seed}", x[:, :3], COLOURS[name]))
     return load_terrain(place), tracks
 
 

@@ -158,7 +158,7 @@ def trials(order: Order, variations: Sequence[Variation], count: int) -> tuple[l
         else:
             listed[variation.flag] = values
     combinations = [dict(zip(listed, values, strict=True)) for values in itertools.product(*listed.values())]
-    with order.blamed():
+    with order.bad_input():
         bases = [_set(order, target, combination) for combination in combinations]
         made: list[list[Trial]] = []
         for seed in range(order.choice.seed, order.choice.seed + count):

@@ -60,8 +60,8 @@ def run_trials(
     store records as crashed or timed out are run again, and their records replaced. ``workers`` processes run on this
     machine, or, with the address of a Dask scheduler for ``cluster``, one for every thread of the cluster's workers.
     Whatever ends the sweep before its time, Ctrl-C too, leaves everything that has ended in the store; the same call
-    goes on from there. A trial that is asked for twice runs once. The records that are returned name files as ``trials``
-    do, though the store may have their content under other names.
+    goes on from there. A trial that is asked for twice runs once. What is returned names files as ``trials`` do, though
+    the store may have their content under other names.
 
     Raises ValueError for bad arguments and a cluster that does not answer, StoreError if the store can no longer be
     written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the cluster

@@ -23,6 +23,7 @@ from rich.table import Table
 
 from sim.log import write_json
 from sim.signals import Array
+from sim.sweep.execution import available_cores
 
 Ratio = Literal["other / ours", "ours / other"]
 
@@ -120,8 +121,7 @@ class Machine:
 
     @staticmethod
     def here() -> Machine:
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        return Machine(_processor(), cores)
+        return Machine(_processor(), available_cores())
 
     def plain(self) -> dict[str, Any]:
         packages = ["mathnavi", "mujoco", "dm-control", "casadi", "numpy", "numba"]

@@ -4,7 +4,8 @@
 
 The same sweep of short missions with mixed faults runs undisturbed on one process and on two, on a local Dask cluster,
 and on two processes that are killed (SIGKILL) at random moments and started again by the same command. Compared are the
-whole tables ``trials``, row by row; each store is also checked by SQLite itself.
+whole tables ``trials``, row by row; each store is also checked by SQLite itself. The stores are new ones, so that the
+times are those of all the trials.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,7 +33,9 @@ SWEEP = (
     "--vary", "faults.solver-failure-rate=0..0.9", "--vary", "faults.late-plan-rate=0..0.5",
     "--vary", "faults.gust-rms=0..1.5", "--vary", "faults.dropout-rate=0..0.2",
 )  # fmt: skip
-UNDISTURBED, KILLED = "2 processes", "2 processes, killed"
+ALONE, UNDISTURBED, KILLED = "1 process", "2 processes", "2 processes, killed"
+CLUSTER = "Dask, 2 workers"
+STORES = {ALONE: "processes-1.db", UNDISTURBED: "processes-2.db", CLUSTER: "dask.db", KILLED: "killed.db"}
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Arguments:
     kills: int = 10
     """times that the sweep is killed"""
     folder: Path = Path("renders/out/survival")
-    """where the stores go; a sweep that is there goes on"""
+    """where the stores go; none may be there"""
     seed: int = 0
     """of the moments at which it is killed"""
     cluster: bool = True
@@ -54,6 +57,9 @@ class Arguments:
         for name in ("trials", "kills"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} = {getattr(self, name)}; allowed: >= 1")
+        for store in STORES.values():
+            if (self.folder / store).exists():
+                raise ValueError(f"folder = {self.folder}: {store} is there already; allowed: a folder without it")
 
 
 @dataclass(frozen=True)
@@ -129,30 +135,38 @@ def local_cluster(workers: int) -> Iterator[str]:
         yield cluster.scheduler_address
 
 
+def verdict(found: Mapping[str, Left], arguments: Arguments) -> dict[str, bool]:
+    """Whether everything is as it has to be, by what was asked."""
+    first = found[UNDISTURBED]
+    same = all((one.rows, one.digest, one.integrity) == (first.rows, first.digest, "ok") for one in found.values())
+    return {
+        "every trial exactly once, the same table in all": same and first.rows == arguments.trials,
+        f"killed {arguments.kills} times": found[KILLED].kills == arguments.kills,
+    }
+
+
 def main(arguments: Arguments) -> int:
     os.environ.setdefault("MUJOCO_GL", "disable")
     arguments.folder.mkdir(parents=True, exist_ok=True)
     found: dict[str, Left] = {}
-    for workers, name in ((1, "1 process"), (2, UNDISTURBED)):
-        store = arguments.folder / f"processes-{workers}.db"
-        found[name] = undisturbed(arguments.trials, store, "--workers", str(workers))
+    stores = {name: arguments.folder / store for name, store in STORES.items()}
+    for workers, name in ((1, ALONE), (2, UNDISTURBED)):
+        found[name] = undisturbed(arguments.trials, stores[name], "--workers", str(workers))
     if arguments.cluster:
         with local_cluster(2) as address:
-            store = arguments.folder / "dask.db"
-            found["Dask, 2 workers"] = undisturbed(arguments.trials, store, "--cluster", address)
+            found[CLUSTER] = undisturbed(arguments.trials, stores[CLUSTER], "--cluster", address)
     rng = np.random.default_rng(arguments.seed)
-    found[KILLED] = killed(arguments.trials, arguments.folder / "killed.db", arguments.kills, rng)
+    found[KILLED] = killed(arguments.trials, stores[KILLED], arguments.kills, rng)
     table = Table("sweep", "seconds", "killed", "trials", "digest of the table", "integrity", title="Sweeps")
     for name, one in found.items():
         table.add_row(name, f"{one.seconds:.0f}", str(one.kills), str(one.rows), one.digest, one.integrity)
     console = Console()
     console.print(table)
-    first = found[UNDISTURBED]
-    same = all((one.rows, one.digest, one.integrity) == (first.rows, first.digest, "ok") for one in found.values())
-    whole = same and first.rows == arguments.trials
-    console.print(f"every trial exactly once, the same table in all: {'yes' if whole else 'NO'}")
-    console.print(f"two processes are {found['1 process'].seconds / first.seconds:.2f} times as fast as one")
-    return 0 if whole else 1
+    answers = verdict(found, arguments)
+    for question, answer in answers.items():
+        console.print(f"{question}: {'yes' if answer else 'NO'}")
+    console.print(f"two processes are {found[ALONE].seconds / found[UNDISTURBED].seconds:.2f} times as fast as one")
+    return 0 if all(answers.values()) else 1
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Samples as figures: rates with their exact limits, medians with their bootstrap bands, distributions.
 
-In the style of ``renders.figures``, so a report puts the reader's theme in place of its ink and grid.
+In the style of ``renders.figures``, so a report puts the reader's theme in place of its ink and grid. What is infinite
+stands at the edge, just beyond all that is finite.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ WIDTH = 9.4  # [inches] of a figure
 ROW, PANEL = 0.24, 2.6  # [inches] of a row of a forest plot, of a panel of curves
 FORESTS, CURVES = 3, 2  # panels side by side
 MOST_STEPS = 400  # of a distribution
+BEYOND = 0.05  # of the range of what is finite: how far beyond it stands what is infinite
 WHOLE = 0.35  # an axis of rates that would show more than this share of 0 to 100 % shows all of it
 
 
@@ -55,8 +57,8 @@ def medians_figure(names: Sequence[str], panels: Mapping[str, Sequence[Band | No
     with matplotlib.rc_context(STYLE):
         figure, cells = _forest_grid(len(names), len(panels))
         for axes, (xlabel, bands) in zip(cells, panels.items(), strict=True):
-            known = [band or Band(math.nan, math.nan, math.nan, 0) for band in bands]
-            _forest(axes, names, [band.median for band in known], np.array([(band.low, band.high) for band in known]))
+            low, median, high = _within_reach(_ends(bands))
+            _forest(axes, names, median, np.column_stack([low, high]))
             axes.set_xlabel(xlabel)
     return figure
 
@@ -68,11 +70,8 @@ def bands_figure(
     with matplotlib.rc_context(STYLE):
         figure = canvas(WIDTH, PANEL * math.ceil(len(panels) / CURVES))
         for axes, (ylabel, curves) in zip(_grid(figure, len(panels), CURVES), panels.items(), strict=True):
-            for colour, (name, bands) in zip(SERIES, curves.items(), strict=False):
-                low, median, high = (
-                    np.array([math.nan if band is None else getattr(band, end) for band in bands])
-                    for end in ("low", "median", "high")
-                )
+            ends = _within_reach(np.array([_ends(bands) for bands in curves.values()]))
+            for colour, name, (low, median, high) in zip(SERIES, curves, ends, strict=False):
                 axes.fill_between(x, low, high, color=colour, alpha=0.22, lw=0.0)
                 axes.plot(x, median, "o-", ms=4.0, color=colour, label=name)
             axes.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if log else "linear")
@@ -86,8 +85,9 @@ def distribution_figure(samples: Mapping[str, Array], xlabel: str, bound: float 
     with matplotlib.rc_context(STYLE):
         figure = canvas(WIDTH, 3.2)
         axes = figure.add_subplot()
+        everything = np.concatenate([*samples.values(), [] if bound is None else [bound]])
         for colour, (name, sample) in zip(SERIES, samples.items(), strict=False):
-            values = np.sort(sample)
+            values = np.sort(_within_reach(sample, everything))
             n = len(values)
             chosen = np.unique(np.geomspace(1, n, min(n, MOST_STEPS)).round().astype(int))
             axes.step(values[chosen - 1], 100.0 * chosen / n, where="post", color=colour, label=name)
@@ -98,6 +98,8 @@ def distribution_figure(samples: Mapping[str, Array], xlabel: str, bound: float 
                 va="top", color=BOUND,
             )  # fmt: skip
         axes.set(xlabel=xlabel, ylabel="trials at or below [%]", yscale="log", ylim=(None, 100.0))
+        if np.isneginf(everything).any():
+            axes.set_xlim(left=float(_within_reach(everything).min()))
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
@@ -119,20 +121,40 @@ def scatter_figure(
         for axes, (ylabel, (values, middles, bands)) in zip(
             _grid(figure, len(panels), CURVES), panels.items(), strict=True
         ):
+            ends = _ends(bands)
+            everything = np.append(values, ends)
             axes.plot(
                 x,
-                values,
+                _within_reach(values, everything),
                 ".",
                 ms=float(np.clip(60.0 / math.sqrt(len(x)), 1.2, 3.2)),
                 alpha=0.5,
                 color=SERIES[5],
                 rasterized=True,
             )
-            low, high = (np.array([getattr(band, end) for band in bands]) for end in ("low", "high"))
+            low, median, high = _within_reach(ends, everything)
             axes.fill_between(middles, low, high, color=SERIES[0], alpha=0.25, lw=0.0)
-            axes.plot(middles, [band.median for band in bands], "o-", ms=4.0, color=SERIES[0])
+            axes.plot(middles, median, "o-", ms=4.0, color=SERIES[0])
             axes.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if log else "linear")
     return figure
+
+
+def _ends(bands: Sequence[Band | None]) -> Array:
+    """(3, n) Low limits, medians and high limits; NaN where there is no band."""
+    known = [band or Band(math.nan, math.nan, math.nan, 0) for band in bands]
+    return np.array([(band.low, band.median, band.high) for band in known]).reshape(-1, 3).T
+
+
+def _within_reach(values: Array, everything: Array | None = None) -> Array:
+    """``values`` with what is infinite just beyond the finite ones of ``everything``, or of themselves."""
+    everything = values if everything is None else everything
+    if not np.isinf(everything).any():
+        return values
+    finite = everything[np.isfinite(everything)]
+    low, high = (finite.min(), finite.max()) if finite.size else (0.0, 0.0)
+    beyond = BEYOND * (high - low) or 1.0
+    reached: Array = np.clip(values, low - beyond, high + beyond)
+    return reached
 
 
 def _grid(figure: Figure, count: int, across: int, sharey: bool = False) -> list[Axes]:

@@ -47,7 +47,10 @@ class Group:
         return rate(sum(known), len(known)) if known else None
 
     def band(self, key: str) -> Band | None:
-        """Of a figure among the trials that have it, an infinite one too, always from the same resamples; None without."""
+        """Of a figure among the trials that have it, always from the same resamples; None without any.
+
+        An infinite value, such as the clearance of who has left the map, is a value.
+        """
         known = figures(self.records, key)
         known = known[~np.isnan(known)]
         return median_band(known, np.random.default_rng(0)) if len(known) else None

@@ -26,9 +26,9 @@ from renders.sweep_data import (
     Group,
     Sweep,
     figures,
+    format_value,
     grouped,
     is_number,
-    format_value,
     shared,
 )
 from renders.terrain_view import Track, script, terrain_view
@@ -90,14 +90,14 @@ def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:
         "of the missions did not do what they should": missed,
         "of the trials did not run to their end": failed,
     }
-    told = [f"{count:,} {words}" for words, count in counts.items() if count]
-    verdict = f"{', '.join(told)}." if told else "Every mission did what it should."
+    faults = [f"{count:,} {words}" for words, count in counts.items() if count]
+    verdict = f"{', '.join(faults)}." if faults else "Every mission did what it should."
     tiles: dict[str, object] = {"trials": f"{len(sweep.records):,}"}
     for kind, happened in sweep.events.items():
         found = everything.rate(happened)
         if found is not None and len(tiles) < MOST_TILES:
             tiles[f"{kind}: {_limits(found)}"] = f"{found.events:,} of {found.trials:,}"
-    return page.heading(title, verdict, not told), page.tiles(tiles)
+    return page.heading(title, verdict, not faults), page.tiles(tiles)
 
 
 def _limits(found: Rate) -> str:
@@ -136,8 +136,14 @@ def _medians(sweep: Sweep) -> list[Markup]:
     }
     table = _by_group(sweep, rows, "Medians with 95 % bootstrap bands; n where not every trial has the figure.")
     figure = _medians_drawn(sweep)
-    caption = _drawn("Medians with their 95 % bootstrap bands", sweep)
+    caption = _drawn("Medians with their 95 % bootstrap bands", sweep) + _at_the_edge(sweep)
     return [table, page.figure_block(figure, "medians", caption)] if len(sweep.groups) > 1 else [table]
+
+
+def _at_the_edge(sweep: Sweep) -> str:
+    """What there is to add to a caption of ``figures`` where some are infinite."""
+    infinite = any(np.isinf(figures(sweep.records, key)).any() for key in sweep.figures[:MOST_PANELS])
+    return " What is infinite stands at the edge." if infinite else ""
 
 
 def _medians_drawn(sweep: Sweep) -> Figure:
@@ -165,7 +171,7 @@ def _medians_drawn(sweep: Sweep) -> Figure:
 
 
 def _by_group(sweep: Sweep, rows: dict[str, list[str]], caption: str) -> Markup:
-    """A table with the shorter side across: the groups, or what is told of them."""
+    """A table with the shorter side across: the groups, or their figures."""
     sizes = [f"n = {len(group.records)}" for group in sweep.groups]
     if len(sweep.groups) < len(rows):
         heads = [f"{group.name} ({size})" for group, size in zip(sweep.groups, sizes, strict=True)]
@@ -202,7 +208,7 @@ def _over(sweep: Sweep, name: str) -> list[Markup]:
     """What changes with a continuous field."""
     bins = sweep.bins(name)
     rates = {kind: [part.rate(happened) for part in bins] for kind, happened in sweep.events.items()}
-    told = {
+    drawn = {
         kind: [found for found in row if found]
         for kind, row in rates.items()
         if None not in row and (kind in ALWAYS_OVER or len({found.value for found in row if found}) > 1)
@@ -216,13 +222,14 @@ def _over(sweep: Sweep, name: str) -> list[Markup]:
         panels[_named(key)] = (figures(ordered, key), middles, bands)
     blocks = [
         page.figure_block(
-            rates_figure([part.name for part in bins], told),
+            rates_figure([part.name for part in bins], drawn),
             f"rates-{name}",
             f"Rates with their 95 % limits in {len(bins)} bins of {name}.",
         )
     ]
     if panels:
         words = f"Each trial over {name}, and medians of the bins with their 95 % bootstrap bands."
+        words += _at_the_edge(sweep)
         blocks.append(page.figure_block(scatter_figure(x, panels, name, log=_spans_decades(x)), f"over-{name}", words))
     return blocks
 
@@ -245,7 +252,7 @@ def _failures(sweep: Sweep) -> list[Markup]:
             (
                 str(record.seed),
                 *_varied(sweep, record),
-                *(page.quantity(key, float(figures([record], key)[0])) for key in keys),
+                *(page.quantity(key, _whole(figures([record], key)[0])) for key in keys),
             )
             for record in missed[:MOST_FAILURES]
         ]
@@ -302,8 +309,12 @@ def _band_text(band: Band | None, size: int) -> str:
 
 
 def _counted(value: float) -> str:
+    return number(_whole(value))
+
+
+def _whole(value: float) -> float:
     """A number without decimals where it has none: most medians of counts are counts."""
-    return number(int(value) if value.is_integer() else value)
+    return int(value) if float(value).is_integer() else float(value)
 
 
 def _spans_decades(values: Iterable[float]) -> bool:

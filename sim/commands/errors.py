@@ -1,4 +1,4 @@
-"""Bad input: what the user can put right, told in one line."""
+"""Bad input: what the user can put right, in one line."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ USAGE = "usage: mathnavi {0} SCENARIO [OPTIONS]      SCENARIO: {1}\nmathnavi {0}
 
 
 @dataclass(frozen=True)
-class Choice:
+class CommonOptions:
     """Flags of every scenario."""
 
     seed: int = 0
@@ -43,7 +43,7 @@ class Order:
     prog: str
     name: str  # of the scenario
     scenario: Any
-    choice: Choice
+    common: CommonOptions
     options: Any  # of the command
     config: Any
     controller: Part
@@ -52,8 +52,8 @@ class Order:
 
     @property
     def fields(self) -> tuple[Group, ...]:
-        """What the scenario and its plug-ins can be told, as it stands."""
-        return _fields(self.config, self.controller, self.estimator, self.choice)
+        """The fields of the scenario and its plug-ins, at their present values."""
+        return _fields(self.config, self.controller, self.estimator, self.common)
 
     @contextmanager
     def bad_input(self) -> Iterator[None]:
@@ -105,25 +105,25 @@ def read_order(
     planner = _part("controllers", controller, saved, (saved.controller, saved.controller_fields) if saved else None)
     estimator = _part("estimators", observer, saved, (saved.estimator, saved.estimator_fields) if saved else None)
     config = _restored(scenario.Config, saved, words) if saved else scenario.Config()
-    choice = Choice(saved.seed if saved else 0, controller, observer)
+    common = CommonOptions(saved.seed if saved else 0, controller, observer)
     groups = (
-        Group(Choice, default=choice, heading="Of every scenario."),
+        Group(CommonOptions, default=common, heading="Of every scenario."),
         Group(options),
-        *_fields(config, planner, estimator, choice),
+        *_fields(config, planner, estimator, common),
     )
     known = tuple(flag for group in groups for flag, _ in flags(group.of, group.prefix))
     purpose = (scenario.__doc__ or "").strip().partition("\n")[0]
     prog = f"mathnavi {command} {name}"
-    choice, own, config, planner_config, observer_config = parse(words, prog, purpose, *groups)
+    common, own, config, planner_config, observer_config = parse(words, prog, purpose, *groups)
     parts = Part(planner.plugin, planner_config), Part(estimator.plugin, observer_config)
-    return Order(prog, name, scenario, choice, own, config, *parts, known)
+    return Order(prog, name, scenario, common, own, config, *parts, known)
 
 
-def _fields(config: Any, controller: Part, estimator: Part, choice: Choice) -> tuple[Group, ...]:
+def _fields(config: Any, controller: Part, estimator: Part, common: CommonOptions) -> tuple[Group, ...]:
     return (
         Group(type(config), default=config),
-        Group(type(controller.config), "planner", controller.config, f"Of the controller {choice.controller}."),
-        Group(type(estimator.config), "estimator", estimator.config, f"Of the estimator {choice.estimator}."),
+        Group(type(controller.config), "planner", controller.config, f"Of the controller {common.controller}."),
+        Group(type(estimator.config), "estimator", estimator.config, f"Of the estimator {common.estimator}."),
     )
 
 

@@ -55,7 +55,7 @@ def main(argv: Sequence[str]) -> int:
         order = read_order("run", argv, Options, saved)
     except SystemExit:  # the help is printed
         return 0
-    folder = order.options.out or Path("renders/out") / f"{order.name.replace(':', '.')}-seed{order.choice.seed}"
+    folder = order.options.out or Path("renders/out") / f"{order.name.replace(':', '.')}-seed{order.common.seed}"
     errors = Console(stderr=True)
     with output_folder(folder), compilation_announced(errors):
         experiment = build(order, saved)
@@ -71,7 +71,7 @@ def main(argv: Sequence[str]) -> int:
     console = Console()
     verdict = "the mission did what it should" if outcome.success else "the mission did NOT do what it should"
     kinds = Counter(event.kind for event in outcome.recording.events)
-    console.print(f"{order.name}, seed {order.choice.seed}: {verdict}", style="bold", highlight=False)
+    console.print(f"{order.name}, seed {order.common.seed}: {verdict}", style="bold", highlight=False)
     console.print(summary_table(outcome.summary, kinds))
     _draw(order.options, folder, errors)
     console.print(f"run     {folder}", soft_wrap=True, highlight=False)
@@ -85,7 +85,7 @@ def build(order: Order, saved: Saved | None) -> Experiment:
     """The closed loop; what is wrong with its fields comes to light here."""
     with order.bad_input():
         experiment: Experiment = order.scenario.build(
-            order.config, order.choice.seed, order.controller, order.estimator
+            order.config, order.common.seed, order.controller, order.estimator
         )
     terrain = experiment.config.get("terrain", {})
     same_map = saved is not None and terrain.get("path") == saved.terrain_path

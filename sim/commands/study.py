@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +16,16 @@ from rich.table import Table
 from models.terrain.library import load_terrain
 from renders.claims import Claim, ledger
 from sim.commands.arguments import Group, parse
-from sim.commands.errors import BadInputError, bad_input
+from sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from sim.commands.order import prepare
 from sim.commands.output import output_folder
 from sim.commands.progress import sweep_progress
-from sim.commands.sweep import INTERRUPTED
 from sim.log import write_text
 from sim.plugins import load, names
 from sim.store import Store, StoreError
 from sim.studies.study import Setup, StudyError, write_findings
 from sim.sweep.child import RefusedError
+from sim.sweep.execution import available_cores
 
 ALL = "all"
 STORE = "trials.db"
@@ -44,7 +43,7 @@ class Options:
     """folder to write to, with a folder for each terrain if there are several; renders/out/study if not given"""
     quick: bool = False
     """a small sample, for a first look"""
-    workers: int = os.cpu_count() or 1
+    workers: int = field(default_factory=available_cores)
     """processes that fly"""
 
     def __post_init__(self) -> None:

@@ -149,7 +149,7 @@ def read_sweep(argv: Sequence[str]) -> Asked:
     """What ``argv`` asks for; BadInputError if it cannot be."""
     variations = read_variations(argv)
     orders = read_orders(argv, Options, variations)
-    seed, count = orders[0].choice.seed, orders[0].options.trials
+    seed, count = orders[0].common.seed, orders[0].options.trials
     if seed > LARGEST_SEED - count + 1:
         raise BadInputError(f"--seed = {seed}; allowed: 0 to {LARGEST_SEED} less the trials that follow")
     by_order = [trials(order, variations, count) for order in orders]

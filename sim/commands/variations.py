@@ -161,7 +161,7 @@ def trials(order: Order, variations: Sequence[Variation], count: int) -> tuple[l
     with order.bad_input():
         bases = [_set(order, target, combination) for combination in combinations]
         made: list[list[Trial]] = []
-        for seed in range(order.choice.seed, order.choice.seed + count):
+        for seed in range(order.common.seed, order.common.seed + count):
             drawn_now = {flag: uniform.draw(seed) for flag, uniform in drawn.items()}
             made.append([_trial(_set(base, target, drawn_now), seed) for base in bases])
         return made, [uniform.name for uniform in drawn.values()]
@@ -188,8 +188,8 @@ def _trial(order: Order, seed: int) -> Trial:
         order.name,
         order.config,
         seed,
-        order.choice.controller,
+        order.common.controller,
         order.controller.config,
-        order.choice.estimator,
+        order.common.estimator,
         order.estimator.config,
     )

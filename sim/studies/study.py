@@ -32,7 +32,6 @@ from sim.store import Record, Store
 from sim.sweep.execution import Progress, run_trials
 from sim.sweep.trial import Trial, trial
 
-TRACK_POINTS = 400
 VEHICLE = "vehicle"
 
 
@@ -186,10 +185,8 @@ SPACING = "sim.studies.study:node_spacing"
 
 
 def track(name: str, outcome: Outcome, colour: str, *, dashed: bool = False) -> Track:
-    """The path flown, thinned, for the 3-D view."""
-    p = outcome.recording.truths[VEHICLE][:, :3]
-    chosen = np.unique(np.linspace(0, len(p) - 1, min(TRACK_POINTS, len(p))).astype(int))
-    return Track(name, p[chosen], colour, dashed)
+    """The path flown, for the 3-D view."""
+    return Track(name, outcome.recording.truths[VEHICLE][:, :3], colour, dashed)
 
 
 def heights(outcome: Outcome) -> np.ndarray:

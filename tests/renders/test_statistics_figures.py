@@ -93,3 +93,24 @@ def test_a_scatter_shows_every_trial_and_the_bins_bands() -> None:
     points, medians = figure.axes[0].lines
     assert len(points.get_xdata()) == 300
     np.testing.assert_array_equal(medians.get_ydata(), [1.0, 9.0])
+
+
+@pytest.mark.filterwarnings("error")
+def test_what_is_infinite_stands_at_the_edge() -> None:
+    sample = np.array([-math.inf, -math.inf, 10.0, 60.0])
+    axes = distribution_figure({"": sample}, "least clearance [m]", 50.0, "allowed 50 m").axes[0]
+    edge = axes.get_xlim()[0]
+    x, share = axes.lines[0].get_data()
+    assert edge < 10.0
+    np.testing.assert_allclose([x[1], share[1]], [edge, 50.0])
+    half = Band(20.0, -math.inf, 30.0, 4)
+    ends = bars(medians_figure(["some", "none"], {"clearance [m]": [half, Band(10.0, 10.0, 10.0, 4)]}), 0)
+    assert math.isfinite(ends[0, 0])
+    assert ends[0, 0] < 10.0
+    for figure in (
+        bands_figure([1.0, 2.0], {"clearance [m]": {"": [half, half]}}, "gust [m/s^2]"),
+        scatter_figure(np.arange(4.0), {"clearance [m]": (sample, [1.0, 2.0], [half, half])}, "gust [m/s^2]"),
+    ):
+        (area,) = figure.axes[0].collections
+        assert np.isfinite(area.get_paths()[0].vertices).all()
+        assert area.get_paths()[0].vertices[:, 1].min() < 20.0

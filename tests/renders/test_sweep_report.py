@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renders.sweep_data import Sweep
-from renders.sweep_report import report, write_sweep_report
+from renders.sweep_data import Group, Sweep
+from renders.sweep_report import MOST_PANELS, report, write_sweep_report
 from renders.terrain_view import Track
 from sim.statistics import median_band, rate
 from sim.store import Record
@@ -134,6 +134,29 @@ def test_medians_have_their_bands_and_count_the_trials_that_have_none() -> None:
     band = median_band(times, np.random.default_rng(0))
     shown = f"{band.median:.1f} [{band.low:.1f}, {band.high:.1f}] (n = 32)"
     assert shown in Page(report(Sweep(records, []), None, [], COMMAND)).words
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("records", "varied"), [(LISTED, "planner.nodes"), (DRAWN, "faults.gust_rms")])
+def test_a_vehicle_that_left_the_map_counts_among_the_clearances(records: list[Record], varied: str) -> None:
+    lost = [flight(k, 13, 1.0, summary={**LISTED[0].summary, "min_clearance_m": -math.inf}) for k in range(50, 95)]
+    sweep = Sweep([*records, *lost], [varied])
+    band = Group("all", (), sweep.records).band("min_clearance_m")
+    assert band is not None
+    assert (band.n, band.median) == (len(sweep.records), -math.inf)
+    page = Page(report(sweep, None, [], COMMAND))
+    assert "the least clearance of all is -inf m" in page.text
+    assert f"left the map, as in 45 of {len(sweep.records)} trials" in page.text
+    assert "What is infinite stands at the edge." in page.text
+    assert any("-inf" in word and "[" in word for word in page.words)
+
+
+def test_a_mission_without_success_has_its_ratio_of_lengths() -> None:
+    summary = {**LISTED[0].summary, "path_length_m": 1300.0, "straight_line_m": 1000.0}
+    missed = flight(77, 4, 0.0, success=False, summary=summary)
+    page = Page(report(Sweep([LISTED[0], missed], []), None, [], COMMAND))
+    row = page.words[page.words.index("77") :]
+    assert "1.30" in row[:MOST_PANELS]
 
 
 def test_figures_are_drawn_over_a_continuous_field() -> None:

@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.store import APPLICATION, SCHEMA, Record, Store, StoreError, canonical_json
+from sim.store import APPLICATION, SCHEMA, STATUSES, Record, Store, StoreError, canonical_json
 
 
 def record(key: str = "a", **changes: Any) -> Record:
@@ -81,6 +81,27 @@ def test_a_key_is_stored_once_and_stays_as_it_was(path: Path) -> None:
         store.add(record(summary={"path_m": 0.0}, timings={"other_ms": 1.0}), record("b"))
         assert store.records(["a"]) == [record()]
         assert store.keys() == {"a", "b"}
+
+
+@pytest.mark.parametrize("status", STATUSES)
+def test_only_what_timed_out_or_crashed_is_replaced_and_only_when_retried(path: Path, status: str) -> None:
+    failed = record(status=status, success=None, summary={}, timings={"trial_wall_s": 9.0, "gone_ms": 1.0}, error="no")
+    with Store.open(path) as store:
+        store.add(failed)
+        store.add(record())
+        assert store.records() == [failed]
+        store.add(record(), record("b"), retried=True)
+        assert store.records(["a"]) == [record() if status in ("timed-out", "crashed") else failed]
+        assert store.endings() == {key: (found.status, found.success) for key in "ab" for found in store.records([key])}
+
+
+def test_a_replacement_is_whole_or_not_at_all(path: Path) -> None:
+    failed = record(status="timed-out", success=None, summary={}, error="no end within 1 s")
+    with Store.open(path) as store:
+        store.add(failed)
+        with pytest.raises(StoreError, match="CHECK constraint failed"):
+            store.add(record(), record("b", status="lost"), retried=True)
+        assert store.records() == [failed]
 
 
 def test_records_are_added_all_or_none(path: Path) -> None:

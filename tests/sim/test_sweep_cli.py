@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import os
 import random
 import resource
 import shlex
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -20,6 +22,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from models.terrain.dem import write_npz
+from models.terrain.height_field import HeightField
 from sim.cli import main
 from sim.store import Record, Store
 from sim.sweep import cluster
@@ -30,6 +34,15 @@ ROOT = Path(__file__).parents[2]  # where tests.sim.sweep.scenarios is found
 PROGRAM = [sys.executable, "-c", "import sys; from sim.cli import main; sys.exit(main())"]
 
 Words = tuple[str, ...]
+
+DEFECT = """
+from tests.sim.sweep.scenarios import Coin
+
+class Broken(Coin):
+    @staticmethod
+    def build(*_):
+        raise ZeroDivisionError
+"""
 
 
 def sweep(*argv: str) -> int:
@@ -151,6 +164,35 @@ def test_a_store_is_exported(path: Path, tmp_path: Path, capsys: pytest.CaptureF
     with (tmp_path / "table.csv").open(newline="", encoding="utf-8") as file:
         assert sorted(int(row["seed"]) for row in csv.DictReader(file)) == [0, 1, 2]
     assert len((tmp_path / "table.jsonl").read_text().splitlines()) == 3
+
+
+def test_what_timed_out_is_named_and_run_again(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = (COIN, "--trials", "2", "--hang-at", "1", "--well-once", str(tmp_path / "ready"), "--store", str(path))
+    assert sweep(*words, "--timeout", "1") == 0
+    (tmp_path / "ready").touch()
+    assert "--retry" not in capsys.readouterr().out
+    assert sweep(*words) == 0
+    assert "found in the store as timed out or crashed: 1; --retry runs such trials again" in capsys.readouterr().out
+    assert sweep(*words, "--retry") == 0
+    assert "--retry" not in capsys.readouterr().out
+    assert [record.status for record in records(path)] == ["ok", "ok"]
+
+
+def test_a_map_under_another_name_is_the_same_map(
+    mission: Words, hills: Path, path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = tmp_path / "copy.npz"
+    shutil.copy(hills, copy)
+    words = [str(copy) if word == str(hills) else word for word in mission]
+    assert sweep(*words, "--trials", "1", "--store", str(path)) == 0
+    write_npz(HeightField(np.full((20, 20), 99.0), 500.0, "another"), copy)
+    assert sweep(*mission, "--trials", "1", "--store", str(path), "--report") == 0
+    assert len(records(path)) == 1
+    page = path.with_suffix(".html").read_text(encoding="utf-8")
+    assert "The terrain hills" in page
+    assert str(copy) not in page
+    copy.unlink()
+    assert sweep(*mission, "--trials", "1", "--store", str(path), "--report") == 0
 
 
 def test_one_store_holds_several_sweeps(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -374,10 +416,65 @@ def test_commands_refuse_what_is_not_there(refused: Refusal, argv: str, told: li
         assert word in line
 
 
+def test_what_only_building_finds_is_refused_before_anything_is_run(
+    refused: Refusal, path: Path, mission: Words
+) -> None:
+    words = ("sweep", *mission[:3], "--trials", "3", "--store", str(path))
+    for flags, told in (
+        ("--planner.bandwidth 100", "leaves nothing to plan with; allowed"),
+        ("--vary planner.bandwidth=2,100", "leaves nothing to plan with; allowed"),
+        ("--start 0 0 0", "--start = "),
+    ):
+        assert told in refused(*words, *flags.split())
+    line = refused(
+        "sweep", COIN, "--trials", "3", "--store", str(path), "--refuse-gain", "2", "--vary", "planner.gain=1,2"
+    )
+    assert "--planner.gain = 2.0; allowed: less than 2.0" in line
+
+
+def test_a_defect_of_a_plugin_is_recorded_and_not_blamed_on_the_input(
+    path: Path, tmp_path: Path, monkeypatch: Any
+) -> None:
+    name = f"defect_{tmp_path.name}"
+    (tmp_path / f"{name}.py").write_text(DEFECT)
+    monkeypatch.syspath_prepend(tmp_path)
+    assert sweep(f"{name}:Broken", "--trials", "1", "--store", str(path)) == 0
+    assert [record.status for record in records(path)] == ["raised"]
+
+
+def test_two_names_of_one_content_are_not_two_combinations(refused: Refusal, hills: Path, tmp_path: Path) -> None:
+    for name in ("a.npz", "b.npz"):
+        shutil.copy(hills, tmp_path / name)
+    words = ("sweep", "safe-flight", "--trials", "2", "--store", "s.db", "--vary", "terrain=a.npz,b.npz")
+    for more in ((), ("--vary", "planner.nodes=7,11"), ("--vary", "noise.position=0..1")):
+        line = refused(*words, *more)
+        for told in ("--vary terrain", "a.npz", "b.npz", "the same content", "allowed"):
+            assert told in line
+
+
 def test_a_table_is_written_whole_or_not_at_all(refused: Refusal, path: Path, tmp_path: Path) -> None:
     Store.open(path).close()
     assert "table.txt" in refused("store", "export", str(path), "--out", "table.txt")
     assert "nowhere" in refused("store", "export", str(path), "--out", "nowhere/table.csv")
+    (tmp_path / "folder.csv").mkdir()
+    assert "--out = folder.csv: Is a directory; allowed" in refused("store", "export", str(path), "--out", "folder.csv")
+    line = refused("store", "export", str(path), "--out", "/proc/y.csv")
+    assert line.startswith("mathnavi: --out = /proc/y.csv: No such file or directory; allowed: a file in a folder")
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES])
+def test_a_table_for_which_there_is_no_room_is_refused(
+    refused: Refusal, path: Path, monkeypatch: pytest.MonkeyPatch, code: int
+) -> None:
+    Store.open(path).close()
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(code, os.strerror(code), "/somewhere/.table.csv.x1y2")
+
+    monkeypatch.setattr("sim.log.os.replace", fail)
+    line = refused("store", "export", str(path), "--out", "table.csv")
+    assert line.startswith(f"mathnavi: --out = table.csv: {os.strerror(code)}; allowed: ")
+    assert "x1y2" not in line
 
 
 def test_without_dask_a_cluster_is_refused(refused: Refusal, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,6 +37,8 @@ class CoinConfig:
     segfault_at: tuple[int, ...] = ()
     die_at: tuple[int, ...] = ()
     hang_at: tuple[int, ...] = ()
+    well_once: str = ""  # a file; as soon as it is there, seeds neither crash nor hang
+    refuse_gain: float = 1e9  # of the controller, from which the coin cannot be built
     chatter: bool = False
     marks: str = ""  # a folder in which every trial that begins leaves a file
     part: Part = field(default_factory=Part)
@@ -51,22 +53,26 @@ class Coin:
 
     @staticmethod
     def build(config: CoinConfig, seed: int, controller: Any, estimator: Any) -> Any:
+        if controller.config.gain >= config.refuse_gain:
+            raise ValueError(f"planner.gain = {controller.config.gain!r}; allowed: less than {config.refuse_gain!r}")
+
         def run() -> Any:
             if config.marks:
                 Path(config.marks, f"{seed}-{time.time_ns()}-{os.getpid()}").touch()
             if config.chatter:
                 print("nonsense\n" * 1000, flush=True)
                 os.write(1, b"\x80\x04more nonsense")
-            if seed in config.hang_at:
+            ill = not (config.well_once and Path(config.well_once).exists())
+            if ill and seed in config.hang_at:
                 time.sleep(60.0)
             if seed in config.raise_at:
                 raise RuntimeError(f"seed {seed} is out of order")
             if seed in config.exit_at:
                 sys.exit("enough")
-            if seed in config.segfault_at:
+            if ill and seed in config.segfault_at:
                 print("last words", file=sys.stderr)
                 os.kill(os.getpid(), signal.SIGSEGV)
-            if seed in config.die_at:
+            if ill and seed in config.die_at:
                 os._exit(7)
             time.sleep(config.wait)
             x = float(np.random.default_rng(seed).random())

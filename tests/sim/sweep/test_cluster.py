@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -69,9 +70,50 @@ def test_what_ends_before_an_interrupt_is_stored_and_the_rest_is_called_off(dask
 def test_a_worker_with_other_sources_ends_the_sweep(dask: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sim.sweep.trial.code_version", lambda *_: "as it was")
     with Store.open(tmp_path / "store.db") as store:
-        with pytest.raises(RefusedError, match="other sources or files"):
+        with pytest.raises(RefusedError, match=r"other sources or files.*restart the workers of the cluster"):
             run_trials(coins(2), store, cluster=dask.scheduler_address)
         assert not store.keys()
+
+
+def children(dask: Any) -> set[int]:
+    """The processes that the workers have started and that are still there."""
+    workers = {worker.pid for worker in dask.workers.values()}
+    found = set()
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state, parent = stat.read_text().rpartition(")")[2].split()[:2]
+            command = stat.with_name("cmdline").read_bytes()
+            if int(parent) in workers and state != "Z" and b"sim.sweep.serve" in command:
+                found.add(int(stat.parent.name))
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks processes up in /proc")
+def test_no_child_outlives_its_sweep_but_those_of_another_go_on(dask: Any, tmp_path: Path) -> None:
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    with Store.open(tmp_path / "one.db") as store:
+        during: list[set[int]] = []
+        run_trials(coins(3), store, cluster=dask.scheduler_address, progress=lambda _: during.append(children(dask)))
+    assert any(during)
+    assert not children(dask)
+
+    def other() -> None:
+        with Store.open(tmp_path / "other.db") as store:
+            statuses.extend(r.status for r in run_trials(coins(1, wait=3.0, marks=str(marks)), store, cluster=address))
+
+    statuses: list[str] = []
+    address = dask.scheduler_address
+    sweep = threading.Thread(target=other)
+    sweep.start()
+    while not list(marks.iterdir()):
+        time.sleep(0.02)
+    with Store.open(tmp_path / "two.db") as store:
+        run_trials(coins(1), store, cluster=address)
+    assert len(children(dask)) == 1
+    sweep.join()
+    assert statuses == ["ok"]
+    assert not children(dask)
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "carrier-pigeon://127.0.0.1:8786"])

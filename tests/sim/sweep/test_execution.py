@@ -16,10 +16,11 @@ import numpy as np
 import pytest
 
 from sim.store import Record, Store, StoreError
-from sim.sweep.child import RefusedError
+from sim.sweep import code
+from sim.sweep.child import RefusedError, Worker, module_path
 from sim.sweep.execution import Progress, run_trials
 from sim.sweep.trial import Trial, keys, trial
-from tests.sim.sweep.scenarios import SLOW
+from tests.sim.sweep.scenarios import SLOW, Coin
 
 COIN = "tests.sim.sweep.scenarios:Coin"
 MISHAPS: dict[str, Any] = {
@@ -112,13 +113,55 @@ def test_what_the_store_has_is_not_run_again(store: Store, tmp_path: Path) -> No
     assert seeds == list(range(8))
 
 
+def test_what_timed_out_or_crashed_is_run_again_when_it_is_asked_for(store: Store, tmp_path: Path) -> None:
+    ready = tmp_path / "ready"
+    trials = coins(4, raise_at=(1,), **{"segfault_at": (2,), "hang_at": (3,), "well_once": str(ready)})
+    first = run_trials(trials, store, workers=2, timeout=TIMEOUT)
+    assert [record.status for record in first] == ["ok", "raised", "crashed", "timed-out"]
+    ready.touch()  # what was in the way is gone
+    assert run_trials(trials, store) == first
+    seen: list[Progress] = []
+    again = run_trials(trials, store, retry=True, progress=seen.append)
+    assert [record.status for record in again] == ["ok", "raised", "ok", "ok"]
+    assert again[:2] == first[:2]
+    assert again[3].error is None
+    assert again[3].summary["x_m"] == np.random.default_rng(3).random()
+    assert {"real_time_factor", "trial_wall_s"} <= again[3].timings.keys()
+    assert (seen[0].found, seen[-1].done, seen[-1].failed) == (2, 4, 1)
+
+
+def test_records_name_files_as_they_were_asked_for(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = [tmp_path / "one", tmp_path / "other"]
+    for file in files:
+        file.mkdir()
+    monkeypatch.setattr(Coin, "inputs", staticmethod(lambda config: {"marks": "the same"}), raising=False)
+    monkeypatch.setattr("sim.sweep.trial.code_version", lambda *_: "any")
+    one, other = (coins(1, marks=str(file))[0] for file in files)
+    assert one.key == other.key
+    store.add(one.record(one.key, "ok", True))
+    for asked in (one, other):
+        (record,) = run_trials([asked], store)
+        assert record.fields["marks"] == asked.config.marks
+
+
+def test_progress_counts_what_failed_before_too(store: Store) -> None:
+    trials = coins(6, raise_at=(1, 4), bias=0.0)
+    run_trials(trials[:2], store)
+    seen: list[Progress] = []
+    run_trials(trials, store, progress=seen.append)
+    assert (seen[0].failed, seen[0].unsuccessful) == (1, 1)
+    assert (seen[-1].failed, seen[-1].unsuccessful) == (2, 4)
+
+
 def test_progress_tells_what_was_found_and_what_failed(store: Store) -> None:
     trials = coins(6, raise_at=(4,), bias=0.0)
     run_trials(trials[:2], store)
     seen: list[Progress] = []
     run_trials(trials, store, workers=2, progress=seen.append)
-    assert seen[0] == Progress(total=6, found=2, done=2, failed=0, unsuccessful=0, compiling=False)
-    assert seen[-1] == Progress(total=6, found=2, done=6, failed=1, unsuccessful=3, compiling=False)
+    assert seen[0] == Progress(total=6, found=2, done=2, failed=0, unsuccessful=2, compiling=False)
+    assert seen[-1] == Progress(total=6, found=2, done=6, failed=1, unsuccessful=5, compiling=False)
     assert [now.done for now in seen] == sorted(now.done for now in seen)
 
 
@@ -141,6 +184,26 @@ def test_sources_that_changed_meanwhile_end_the_sweep(store: Store, monkeypatch:
     with pytest.raises(RefusedError, match="other sources or files"):
         run_trials(coins(3), store)
     assert not store.keys()
+
+
+def test_a_child_from_before_a_change_of_the_sources_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"penny_{tmp_path.name}"
+    file = tmp_path / f"{name}.py"
+    file.write_text("from tests.sim.sweep.scenarios import Coin\n\nclass Penny(Coin):\n    pass\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    penny = trial(f"{name}:Penny")
+    before = penny.key
+    worker = Worker(module_path())
+    try:
+        assert worker.run(penny, before).status == "ok"
+        file.write_text(f"{file.read_text()}# changed\n")
+        code._stranger.cache_clear()
+        assert penny.key != before
+        assert worker.run(penny, penny.key).status == "ok"
+    finally:
+        worker.close()
 
 
 def test_a_store_that_is_full_ends_the_sweep_and_keeps_what_it_has(store: Store) -> None:

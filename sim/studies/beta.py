@@ -70,8 +70,7 @@ class Beta:
         return Findings(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}, N = 13, gamma = 2. Time of flight and effort of "
-                "the print "
-                "are those of one mission on its own terrain.",
+                "the print are those of one mission on its own terrain.",
             ),
             rows=rows,
             tables=(_table(rows),),
@@ -85,8 +84,8 @@ class Beta:
                 ),
                 Claim(
                     "flight.beta", "target", "beta trades time against effort over a useful range.", "A.7",
-                    f"mean time of flight at beta = 1 over that at 10⁴ at least {LEAST_TIME_RATIO:g}, "
-                    f"mean effort at 10⁴ over that at 1 at least {LEAST_EFFORT_RATIO:g}",
+                    f"mean time of flight at beta = 1 over that at 10⁴ at least {LEAST_TIME_RATIO:g}, mean effort at "
+                    f"10⁴ over that at 1 at least {LEAST_EFFORT_RATIO:g}",
                     f"{time_ratio:.2f} and {effort_ratio:.2f}",
                     all_arrived and time_ratio >= LEAST_TIME_RATIO and effort_ratio >= LEAST_EFFORT_RATIO,
                 ),

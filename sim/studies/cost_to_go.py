@@ -103,10 +103,9 @@ class CostToGo:
         return Findings(
             summary=(
                 f"{config.targets} targets over {terrain.name}, each with {config.starts} random starts 50 to 2000 m "
-                "above "
-                "the ground and with a radar, in the way or over the target itself. The flow follows the negative "
-                f"gradient. On flat, empty ground the graph's paths are {100.0 * np.median(error):.1f} % long (median; "
-                f"largest {100.0 * error.max():.1f} %).",
+                "above the ground and with a radar, in the way or over the target itself. The flow follows the "
+                f"negative gradient. On flat, empty ground the graph's paths are {100.0 * np.median(error):.1f} % "
+                f"long (median; largest {100.0 * error.max():.1f} %).",
             ),
             rows=[*times, *flows],
             tables=(_times_table(times), _flow_table(flows)),
@@ -116,8 +115,8 @@ class CostToGo:
                 Claim(
                     "flight.cost-to-go", "target", "The terminal cost is built fast and has no traps.",
                     f"A.5 (print: {PRINTED_BUILD} s to build, {PRINTED_CHANGE} s to change)",
-                    "built within 50 ms (33 x 33 x 5) and 200 ms (65 x 65 x 9); on the latter no start stuck without "
-                    f"a radar, at most {MOST_STUCK:.1%} with one in the way",
+                    "built within 50 ms (33 x 33 x 5) and 200 ms (65 x 65 x 9); on the latter no start stuck "
+                    f"without a radar, at most {MOST_STUCK:.1%} with one in the way",
                     ", ".join(f"{1e3 * row['build_s']:.1f}" for row in times) + " ms to build, "
                     + ", ".join(f"{1e3 * row['change_s']:.1f}" for row in times)
                     + f" ms to change; stuck {ours['none']} without a radar, {ours['in the way']} with one in the way, "

@@ -88,8 +88,8 @@ class Horizon:
         return Findings(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name} (mean straight line {straight:,.0f} m), each "
-                "flown with "
-                "four horizons. The print's unit of effort is unknown; what can be compared is how it changes.",
+                "flown with four horizons. The print's unit of effort is unknown; what can be compared is how it "
+                "changes.",
             ),
             rows=rows,
             tables=(_table(rows), _changes(changes)),

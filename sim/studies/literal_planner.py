@@ -69,8 +69,7 @@ class LiteralPlanner:
         return Findings(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name} that begin and end {LOW[0]:g} to {LOW[1]:g} m "
-                "above h_min, no "
-                "noise, no failures. The certified planner of this project flies the same missions.",
+                "above h_min, no noise, no failures. The certified planner of this project flies the same missions.",
             ),
             rows=rows,
             tables=(_missions(rows), _arcs(rows)),
@@ -81,8 +80,7 @@ class LiteralPlanner:
                     "A.safety-as-printed", "printed", "Feasible plans never lead to a collision.",
                     "Propositions A.1 to A.3", "no collision, no arc below h_min",
                     f"collisions {collisions.text()}; {literal['arcs_dipping']} of {literal['arcs']} arcs below "
-                    "h_min with both "
-                    f"ends above, by up to {literal['deepest_m']:.0f} m",
+                    f"h_min with both ends above, by up to {literal['deepest_m']:.0f} m",
                     literal["on_ground"] == literal["below"] == literal["arcs_dipping"] == 0,
                 ),
             ),

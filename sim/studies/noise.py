@@ -78,8 +78,8 @@ class Noise:
             summary=(
                 f"{config.seeds} missions over {setup.ground.name} for each of seven half-widths, N = 6, T_p = 10 s. "
                 "In the tables ‖a‖₂ is the mean of those that arrived. The relative disturbance is the largest "
-                "offset over the largest "
-                "distance between two planning instants (A.8), jump included. The wide margin is 25 m + 2.5 w̄.",
+                "offset over the largest distance between two planning instants (A.8), jump included. The wide "
+                "margin is 25 m + 2.5 w̄.",
             ),
             rows=rows,
             tables=[_table(planner, [row for row in rows if row["planner"] == planner]) for planner in PLANNERS],

@@ -71,11 +71,9 @@ class Safety:
         return Findings(
             summary=(
                 f"{config.missions} missions over {setup.ground.name} in each of {len(GROUPS)} groups. Failures: a "
-                "share of the "
-                "solver's answers is lost. kalman, gusts: position fixes of 5 m at 10 Hz through a Kalman filter, "
-                "gusts of "
-                f"1.5 m/s² rms clipped at 4. Tracking bounds were breached {sum(row['breaches'] for row in rows)} "
-                "times.",
+                "share of the solver's answers is lost. kalman, gusts: position fixes of 5 m at 10 Hz through a "
+                "Kalman filter, gusts of 1.5 m/s² rms clipped at 4. Tracking bounds were breached "
+                f"{sum(row['breaches'] for row in rows)} times.",
             ),
             rows=rows,
             tables=(_table(rows),),
@@ -85,8 +83,8 @@ class Safety:
                 Claim(
                     "flight.safe", "target", "No mission comes below h_min or touches the ground.",
                     "Proposition A.2, in continuous time", f"none of {total}",
-                    f"below h_min {rate(below, total).text()}; ground {rate(on_ground, total).text()}; least clearance "
-                    f"{min(row['least_m'] for row in rows):.1f} m",
+                    f"below h_min {rate(below, total).text()}; ground {rate(on_ground, total).text()}; least "
+                    f"clearance {min(row['least_m'] for row in rows):.1f} m",
                     below == 0 and on_ground == 0,
                 ),
                 Claim(

@@ -70,8 +70,7 @@ class Threat:
         return Findings(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}, a radar of {RADIUS / 1e3:.0f} km in the middle "
-                "of each; "
-                "the end points are those drawn without a radar.",
+                "of each; the end points are those drawn without a radar.",
             ),
             rows=rows,
             tables=(_table(rows),),
@@ -84,9 +83,8 @@ class Threat:
                     "Exposure is minimised by flying much lower, protected by the terrain.", "Figure A.6, A.7",
                     "less exposure and a lower mean height above ground near the radar, aware than unaware",
                     f"exposure {unaware['exposure_s']:.1f} to {aware['exposure_s']:.1f} s, mean height above ground "
-                    "near the "
-                    f"radar {unaware['near_height_m']:.0f} to {aware['near_height_m']:.0f} m in the {aware['near']} "
-                    "missions that come near it",
+                    f"near the radar {unaware['near_height_m']:.0f} to {aware['near_height_m']:.0f} m in the "
+                    f"{aware['near']} missions that come near it",
                     aware["exposure_s"] < unaware["exposure_s"] and aware["near_height_m"] < unaware["near_height_m"],
                 ),
                 Claim(

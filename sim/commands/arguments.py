@@ -21,7 +21,7 @@ import tyro
 
 from sim.commands.errors import BadInputError
 
-_CONFIG = (tyro.conf.UseAppendAction, tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
+_CONFIG = (tyro.conf.UseAppendAction, tyro.conf.DisallowNone)
 _CLOSE = 0.6  # similarity from which a flag that is not known counts as misspelt
 
 
@@ -69,9 +69,17 @@ def _field(name: str, group: Group) -> tuple[str, Any, Any]:
 
 
 def flags(of: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
-    """The flags of a dataclass, each with whether it may be given several times."""
-    for flag, _, repeats in _leaves(of, prefix, ""):
-        yield flag, repeats
+    """The flags of a dataclass, each with whether it may be given several times; --no-FIELD for a truth value too."""
+    for flag, _, hint in _leaves(of, prefix, ""):
+        yield flag, get_origin(hint) is list or Ellipsis in get_args(hint)
+        if hint is bool:
+            yield negation(flag), False
+
+
+def negation(flag: str) -> str:
+    """The flag that sets a truth value to false: --planner.no-warm for --planner.warm."""
+    above, dot, name = flag.removeprefix("--").rpartition(".")
+    return f"--{above}{dot}no-{name}"
 
 
 def fields_by_flag(of: type, prefix: str = "") -> dict[str, str]:
@@ -79,8 +87,8 @@ def fields_by_flag(of: type, prefix: str = "") -> dict[str, str]:
     return {flag: name for flag, name, _ in _leaves(of, prefix, "")}
 
 
-def _leaves(of: type, prefix: str, above: str) -> Iterator[tuple[str, str, bool]]:
-    """Of each flag: itself, the dotted name of its field, and whether it may be given several times."""
+def _leaves(of: type, prefix: str, above: str) -> Iterator[tuple[str, str, Any]]:
+    """Of each flag: itself, the dotted name of its field, and the type of that."""
     hints = get_type_hints(of, include_extras=True)
     for entry in dataclasses.fields(of):
         hint, marks = hints[entry.name], ()
@@ -92,8 +100,7 @@ def _leaves(of: type, prefix: str, above: str) -> Iterator[tuple[str, str, bool]
         if isinstance(hint, type) and dataclasses.is_dataclass(hint):
             yield from _leaves(hint, name, field_name)
         else:
-            repeats = get_origin(hint) is list or Ellipsis in get_args(hint)
-            yield f"--{name.replace('_', '-')}", field_name, repeats
+            yield f"--{name.replace('_', '-')}", field_name, hint
 
 
 def given(argv: Sequence[str]) -> list[str]:
@@ -138,6 +145,8 @@ def _check_flags(argv: Sequence[str], prog: str, known: Mapping[str, bool]) -> N
             raise BadInputError(f"{name} is not a field of {prog!r}; {suggestion(name, list(known), prog)}")
         if count > 1 and not known[name]:
             raise BadInputError(f"{name} is given {count} times; allowed: once")
+        if negation(name) in counts:
+            raise BadInputError(f"{name} is given beside {negation(name)}; allowed: one of both")
 
 
 def suggestion(name: str, known: Sequence[str], prog: str) -> str:

@@ -304,3 +304,11 @@ def test_a_process_of_its_own_prints_nothing_else(mission: Words, tmp_path: Path
     assert not flown.stderr
     assert flown.stdout.rstrip().endswith(str(tmp_path / "run"))
     assert "\x1b" not in flown.stdout
+
+
+def test_a_truth_value_can_be_given_either_way(mission: tuple[str, ...], tmp_path: Path) -> None:
+    radar = ("--radar", "5000", "3000", "800", "10")
+    for flag, known in (("--radar-known", True), ("--no-radar-known", False)):
+        out = tmp_path / flag
+        assert main(["run", *mission, *radar, flag, "--out", str(out)]) == 0
+        assert json.loads((out / "config.json").read_text(encoding="utf-8"))["fields"]["radar_known"] is known

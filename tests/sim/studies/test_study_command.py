@@ -112,6 +112,7 @@ def test_all_of_them_write_the_ledger_over_every_terrain(tmp_path: Path, monkeyp
         (("horizon", "--seeds", "nan"), ("--seeds = nan", "allowed")),
         (("horizon", "--seeds", "0"), ("--seeds = 0", "allowed")),
         (("horizon", "--sead", "2"), ("--sead", "--seeds")),
+        (("horizon", "--quick", "--no-quick"), ("--quick", "--no-quick", "one of both")),
         (("all", "--seeds", "2"), ("--seeds", "not a field")),
         (("horizon", "--out", "/dev/null/x"), ("/dev/null", "allowed")),
     ],

@@ -151,6 +151,8 @@ def _check_flags(argv: Sequence[str], prog: str, known: Mapping[str, bool]) -> N
 
 def suggestion(name: str, known: Sequence[str], prog: str) -> str:
     """What may have been meant by a flag that is not known."""
+    if not name.startswith("--no-"):
+        known = [flag for flag in known if flag not in {negation(other) for other in known}]
     close = difflib.get_close_matches(name, known, 3, _CLOSE)
     # A field may be asked for without its group: --nodes means --planner.nodes.
     close += [flag for flag in known if flag.rpartition(".")[2] == name.lstrip("-") and flag not in close]

@@ -1,0 +1,40 @@
+"""CasADi functions as machine code: compiled once per source text, kept in the user's cache folder."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import casadi as ca
+
+
+def compiler() -> str | None:
+    """The C compiler, if there is one."""
+    return shutil.which("cc")
+
+
+def compiled(solver: ca.Function) -> Path:
+    """The functions that an NLP solver evaluates, as a shared library.
+
+    Raises FileNotFoundError where there is no C compiler named cc.
+    """
+    cc = compiler()
+    if cc is None:
+        raise FileNotFoundError("no C compiler named cc was found; install one, or use the virtual machine")
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mathnavi"
+    cache.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=cache) as folder:
+        source, built = Path(folder) / "nlp.c", Path(folder) / "nlp.so"
+        with contextlib.chdir(folder):  # CasADi takes no folder here
+            solver.generate_dependencies(source.name)
+        library = cache / f"{hashlib.sha256(source.read_bytes()).hexdigest()}.so"
+        if not library.exists():
+            command = [cc, "-O2", "-fPIC", "-shared", str(source), "-o", str(built), "-lm"]
+            subprocess.run(command, check=True, capture_output=True)
+            built.replace(library)  # at once, so that a process beside this one never loads half a file
+    return library

@@ -1,0 +1,244 @@
+"""Where the nodes go, as part of the optimisation.
+
+(B.1): minimise I(p) subject to m(p) <= 0, augmented to the programme. Equidistribution and functional minimisation are
+special cases. Everything is stated interval by interval, in relative node distances D_i = d_i (N - 1) / T, whose mean
+is 1, and scaled states.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from controllers.ocp.monitors import ARCLENGTH, Monitor
+from sim.signals import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """One interval i of the grid as the node distribution sees it; S are the states' scales."""
+
+    count: int  # N - 1
+    index: ca.SX  # i - 1, from 0
+    relative_width: ca.SX  # D_i
+    duration: ca.SX  # T [s]
+    chord: ca.SX  # (nx,) S^-1 (x_{i+1} - x_i)
+    turn: ca.SX  # (nx,) S^-1 T^2 (f_{i+1} - f_i) / d_i, the second derivative with respect to τ = t / T
+
+
+class NodeDistribution(Hashable, Protocol):
+    """I and m of (B.1)."""
+
+    @property
+    def moving(self) -> bool:
+        """Whether the nodes are unknowns."""
+        ...
+
+    @property
+    def constants(self) -> int:
+        """How many unknown constants s the constraints speak of."""
+        ...
+
+    def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        """What vanishes on every interval."""
+        ...
+
+    def functional(self, mesh: Mesh) -> ca.SX:
+        """The interval's share of I, added to J."""
+        ...
+
+    def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        """Limits of τ at each node (N,)."""
+        ...
+
+
+def _anywhere(nodes: int) -> tuple[Array, Array]:
+    lower, upper = np.zeros(nodes), np.ones(nodes)
+    upper[0], lower[-1] = 0.0, 1.0
+    return lower, upper
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """The nodes are given when the programme is solved."""
+
+    moving: bool = False
+    constants: int = 0
+
+    def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
+    def functional(self, mesh: Mesh) -> ca.SX:
+        return ca.SX(0)
+
+    def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        return _anywhere(nodes)
+
+
+@dataclass(frozen=True)
+class Free:
+    """The nodes are unknowns and nothing holds them: the optimiser places them where they hide the error."""
+
+    moving: bool = True
+    constants: int = 0
+
+    def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
+    def functional(self, mesh: Mesh) -> ca.SX:
+        return ca.SX(0)
+
+    def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        return _anywhere(nodes)
+
+
+@dataclass(frozen=True)
+class Equidistributed:
+    """EP of B.3: every interval holds the same share s of the monitor function.
+
+    N - 1 equations with the unknown s are the second printed form's N - 2; the first, with the mean written out, is
+    rank-deficient. ``epsilon`` is the monitor's own.
+    """
+
+    monitor: Monitor = ARCLENGTH
+    epsilon: float = 0.01
+    moving: bool = True
+    constants: int = 1
+
+    def __post_init__(self) -> None:
+        _check_positive("epsilon", self.epsilon)
+        self.monitor.check_measure()
+
+    def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        return self.monitor.measured(mesh, self.epsilon) - s
+
+    def functional(self, mesh: Mesh) -> ca.SX:
+        return ca.SX(0)
+
+    def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        return _anywhere(nodes)
+
+
+@dataclass(frozen=True)
+class FunctionalMinimised:
+    """FM of B.3: ``weight`` / (N - 1) Σ m_i^2 is added to J, m_i the interval's share of the monitor function.
+
+    With a constant sum the least sum of squares is the equidistribution; J pulls away from it, and is itself biased.
+    """
+
+    monitor: Monitor = ARCLENGTH
+    weight: float = 3e-3
+    epsilon: float = 0.01
+    moving: bool = True
+    constants: int = 0
+
+    def __post_init__(self) -> None:
+        _check_positive("weight", self.weight)
+        _check_positive("epsilon", self.epsilon)
+        self.monitor.check_measure()
+
+    def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
+    def functional(self, mesh: Mesh) -> ca.SX:
+        return self.weight / mesh.count * self.monitor.measured(mesh, self.epsilon) ** 2
+
+    def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        return _anywhere(nodes)
+
+
+@dataclass(frozen=True)
+class EquidistantHorizon:
+    """Example B.1: I = Σ d_i - ε ln d_i with Σ d_i at most the longest final time.
+
+    The minimum is the equidistant receding horizon with steps d_i = ε, or T / (N - 1) where (N - 1) ε > T. It is a
+    distribution of time only where J leaves the final time free.
+    """
+
+    epsilon: float  # [s]
+    moving: bool = True
+    constants: int = 0
+
+    def __post_init__(self) -> None:
+        _check_positive("epsilon", self.epsilon)
+
+    def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        return ca.SX(0, 1)
+
+    def functional(self, mesh: Mesh) -> ca.SX:
+        d = mesh.relative_width * mesh.duration / mesh.count
+        return d - self.epsilon * ca.log(d)
+
+    def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        return _anywhere(nodes)
+
+
+@dataclass(frozen=True)
+class FrontLoaded:
+    """Example B.2: a share ε_1 of the intervals in the first share ε_2 of the time.
+
+    The printed inequality alone leaves the nodes free within both parts, where the optimiser abuses them; with
+    ``equal_steps`` the steps within each part are equal, s = (D of the first part, D of the second).
+    """
+
+    share_of_nodes: float = 0.5  # ε_1
+    share_of_time: float = 0.3  # ε_2
+    equal_steps: bool = True
+    moving: bool = True
+
+    def __post_init__(self) -> None:
+        for name in ("share_of_nodes", "share_of_time"):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: between 0 and 1")
+
+    @property
+    def constants(self) -> int:
+        return 2 if self.equal_steps else 0
+
+    def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        if not self.equal_steps:
+            return ca.SX(0, 1)
+        return mesh.relative_width - ca.if_else(mesh.index < self._first(mesh.count), s[0], s[1])
+
+    def functional(self, mesh: Mesh) -> ca.SX:
+        return ca.SX(0)
+
+    def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        lower, upper = _anywhere(nodes)
+        upper[self._first(nodes - 1)] = self.share_of_time
+        return lower, upper
+
+    def _first(self, count: int) -> int:
+        """Intervals of the first part, at least one and not all."""
+        return min(max(1, round(self.share_of_nodes * count)), count - 1) if count > 1 else 1
+
+
+def _check_positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+
+
+def constants_guess(
+    distribution: NodeDistribution, relative_widths: Array, duration: float, chords: Array, turns: Array
+) -> Array:
+    """(constants,) values of s that meet the constraints best on a guess.
+
+    ``relative_widths`` (N - 1,), ``chords`` and ``turns`` (N - 1, nx): the meshes of the guess. The constraints are
+    linear in s, so this is a linear least-squares problem.
+    """
+    count, nx = chords.shape
+    if not distribution.constants:
+        return np.empty(0)
+    D, index, chord, turn = ca.SX.sym("D"), ca.SX.sym("i"), ca.SX.sym("chord", nx), ca.SX.sym("turn", nx)
+    s = ca.SX.sym("s", distribution.constants)
+    residual = distribution.constraints(Mesh(count, index, D, ca.SX(duration), chord, turn), s)
+    at_zero = ca.substitute(residual, s, ca.SX.zeros(distribution.constants))
+    function = ca.Function("c", [D, index, chord, turn], [at_zero, ca.jacobian(residual, s)])
+    pairs = [function(D_i, i, c, k) for i, (D_i, c, k) in enumerate(zip(relative_widths, chords, turns, strict=True))]
+    c_0, slopes = np.vstack([c.full() for c, _ in pairs])[:, 0], np.vstack([slope.full() for _, slope in pairs])
+    return np.array(np.linalg.lstsq(slopes, -c_0, rcond=None)[0])

@@ -1,0 +1,103 @@
+"""Grids: partitions 0 = τ_1 < ... < τ_N = 1 of the interval [0, T], as fractions τ = t / T (thesis, p of B.3)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.signals import Array
+
+_DENSE = 2001  # samples of a monitor function in an equidistributed grid
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """N >= 2 nodes, increasing from 0 to 1; ValueError for anything else."""
+
+    nodes: Array  # (N,) fractions of T
+
+    def __post_init__(self) -> None:
+        nodes = np.asarray(self.nodes, float)
+        if nodes.ndim != 1 or len(nodes) < 2:
+            raise ValueError(f"grid: {nodes.size} nodes; allowed: N >= 2")
+        if not np.isfinite(nodes).all() or nodes[0] != 0.0 or nodes[-1] != 1.0 or (np.diff(nodes) <= 0.0).any():
+            raise ValueError(f"grid: nodes = {nodes.tolist()}; allowed: numbers that increase from 0 to 1")
+        object.__setattr__(self, "nodes", nodes)
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    @property
+    def widths(self) -> Array:
+        """(N - 1,) fractions of T, d_i / T."""
+        return np.diff(self.nodes)
+
+
+def uniform(n: int) -> Grid:
+    """N equidistant nodes: w = 1."""
+    return Grid(np.linspace(0.0, 1.0, check_nodes(n)))
+
+
+def stretched(n: int, ratio: float) -> Grid:
+    """N nodes, each interval ``ratio`` times the one before: dense now, sparse later (Example B.2's intent)."""
+    if not (math.isfinite(ratio) and ratio > 0.0):
+        raise ValueError(f"grid: ratio = {ratio!r}; allowed: a finite value > 0")
+    widths = ratio ** np.arange(check_nodes(n) - 1, dtype=float)
+    return from_widths(widths)
+
+
+def given(nodes: Sequence[float] | Array) -> Grid:
+    """Any nodes in [0, T'], T' > 0, scaled to fractions."""
+    values = np.asarray(nodes, float)
+    if values.ndim != 1 or len(values) < 2 or not values[-1] > values[0]:
+        raise ValueError(f"grid: nodes = {values.tolist()}; allowed: at least two numbers that increase")
+    fractions = (values - values[0]) / (values[-1] - values[0])
+    return Grid(fractions)
+
+
+def from_widths(widths: Array) -> Grid:
+    """Nodes from interval widths in any unit."""
+    ends = np.cumsum(widths)
+    nodes = np.concatenate([[0.0], ends / ends[-1]])
+    nodes[-1] = 1.0
+    return Grid(nodes)
+
+
+def equidistributed(n: int, monitor: Callable[[Array], Array], breaks: Array | None = None) -> Grid:
+    """N nodes between which the integral of a monitor function w(τ) > 0 is the same (equidistribution, B.3).
+
+    ``monitor`` maps fractions (k,) to values (k,). It is sampled densely, and more densely between ``breaks`` (the
+    nodes of the grid that it was computed on), so that a narrow peak is seen. Raises ValueError if w is not finite and
+    positive.
+    """
+    count = check_nodes(n)
+    if count == 2:
+        return uniform(2)
+    samples = np.linspace(0.0, 1.0, _DENSE)
+    if breaks is not None:
+        parts = np.linspace(0.0, 1.0, 21)[:-1]
+        samples = np.unique(np.concatenate([samples, (breaks[:-1, None] + parts * np.diff(breaks)[:, None]).ravel()]))
+    middles = 0.5 * (samples[:-1] + samples[1:])
+    w = np.asarray(monitor(middles), float)
+    if w.shape != middles.shape or not np.isfinite(w).all() or (w <= 0.0).any():
+        raise ValueError(f"monitor: values between {np.min(w)!r} and {np.max(w)!r}; allowed: finite numbers > 0")
+    mass = np.concatenate([[0.0], np.cumsum(w * np.diff(samples))])
+    nodes = np.interp(np.linspace(0.0, mass[-1], count), mass, samples)
+    nodes[0], nodes[-1] = 0.0, 1.0
+    return Grid(nodes)
+
+
+def split(grid: Grid, parts: Sequence[int]) -> Grid:
+    """Each interval i divided into ``parts[i]`` equal ones (h-refinement)."""
+    pieces = [np.linspace(a, b, k + 1)[:-1] for a, b, k in zip(grid.nodes[:-1], grid.nodes[1:], parts, strict=True)]
+    return Grid(np.concatenate([*pieces, [1.0]]))
+
+
+def check_nodes(n: int) -> int:
+    """N, if it is at least 2."""
+    if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 2:
+        raise ValueError(f"nodes = {n!r}; allowed: a whole number N >= 2")
+    return int(n)

@@ -1,0 +1,32 @@
+"""The plain method: one grid, one solve, one replay."""
+
+from __future__ import annotations
+
+from controllers.ocp.grid import Grid, uniform
+from controllers.ocp.replay import replayed
+from controllers.ocp.solution import Solution
+from controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
+from controllers.ocp.statement import OptimalControlProblem
+from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from controllers.ocp.transcriptions.scheme import Scheme
+from sim.signals import Array
+
+HERMITE_SIMPSON = HermiteSimpson()
+
+
+def solve(
+    problem: OptimalControlProblem,
+    nodes: int | Grid,
+    *,
+    scheme: Scheme = HERMITE_SIMPSON,
+    guess: Solution | None = None,
+    parameters: Array | None = None,
+    options: Options = DEFAULT,
+) -> Solution:
+    """The problem on ``nodes`` uniform nodes, or on a grid of its own, with its replay.
+
+    Whether there is a solution is in its status. Raises ValueError for a number of nodes below two.
+    """
+    grid = nodes if isinstance(nodes, Grid) else uniform(nodes)
+    made = transcription(problem, scheme, len(grid), FIXED, options)
+    return replayed(made.solve(guess, grid, parameters))

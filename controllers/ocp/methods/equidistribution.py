@@ -1,0 +1,56 @@
+"""Node distribution inside the programme, (B.1) augmented to the problem: the method of Paper B.
+
+The programme with free nodes is hard from a cold start. It starts from the uniform solution, interpolated on the grid
+that equidistributes that solution's own monitor function.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from controllers.ocp.distribution import Equidistributed, NodeDistribution
+from controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
+from controllers.ocp.methods.gate import gated
+from controllers.ocp.methods.redistribution import redistributed
+from controllers.ocp.monitors import Monitor
+from controllers.ocp.replay import replayed
+from controllers.ocp.solution import Solution
+from controllers.ocp.solver import DEFAULT, Options, transcription
+from controllers.ocp.statement import OptimalControlProblem
+from controllers.ocp.transcriptions.scheme import Scheme
+from sim.signals import Array
+
+EQUIDISTRIBUTED = Equidistributed()
+
+
+def distribute(
+    problem: OptimalControlProblem,
+    nodes: int,
+    distribution: NodeDistribution = EQUIDISTRIBUTED,
+    *,
+    scheme: Scheme = HERMITE_SIMPSON,
+    guess: Solution | None = None,
+    parameters: Array | None = None,
+    options: Options = DEFAULT,
+) -> Solution:
+    """The solution whose nodes are unknowns held by ``distribution``; gated.
+
+    Raises ValueError for fewer than two nodes, or a distribution whose nodes are not unknowns.
+    """
+    if not distribution.moving:
+        raise ValueError(f"distribution = {distribution!r} fixes the nodes; allowed: one that moves them")
+    first = solve(problem, nodes, scheme=scheme, guess=guess, parameters=parameters, options=options)
+    if not first.ok:
+        return first
+    made = transcription(problem, scheme, nodes, distribution, options)
+    monitor = getattr(distribution, "monitor", None)
+    grid = redistributed(first, nodes, monitor) if isinstance(monitor, Monitor) else first.grid
+    second = replayed(made.solve(first, grid, parameters))
+    second = dataclasses.replace(second, timing=second.timing + first.timing)
+    return gated(second, first, f"in the programme: {described(distribution)}")
+
+
+def described(distribution: NodeDistribution) -> str:
+    """The name of a distribution, with its monitor function if it has one."""
+    monitor = getattr(distribution, "monitor", None)
+    return type(distribution).__name__ + (f", {monitor.name}" if isinstance(monitor, Monitor) else "")

@@ -1,0 +1,104 @@
+"""h-refinement: nodes are added where the local error is, until it is small everywhere.
+
+The local error of interval i is how far its collocation polynomial is from solving the differential equation,
+
+    η_i = max over states of ∫ |x'(t) - f(x(t), u(t), t)| / x_scale dt    over the interval,
+
+which falls with the (k + 1)-th power of the interval's width where the rates are interpolated at k points (after
+Betts, Practical Methods for Optimal Control, 4.7). Each pass hands out new nodes one by one to the interval with the
+largest predicted error, at most as many as there are intervals, because the prediction is no better than that.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+
+from controllers.ocp.grid import split, uniform
+from controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
+from controllers.ocp.methods.gate import LEAST, gated
+from controllers.ocp.replay import replayed
+from controllers.ocp.solution import Solution, Timing, along
+from controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
+from controllers.ocp.statement import OptimalControlProblem
+from controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
+from sim.signals import Array
+
+_POINTS = 6  # Gauss points of the integral over an interval
+
+
+def refine(
+    problem: OptimalControlProblem,
+    nodes: int = 6,
+    *,
+    most_nodes: int = 60,
+    tolerance: float = 1e-6,
+    scheme: Scheme = HERMITE_SIMPSON,
+    guess: Solution | None = None,
+    parameters: Array | None = None,
+    options: Options = DEFAULT,
+) -> Solution:
+    """The solution on a grid refined from ``nodes`` uniform ones; gated against as many uniform nodes.
+
+    Whether ``tolerance`` was reached within ``most_nodes`` nodes is in the message. Raises ValueError for a scheme
+    whose state has no polynomial to look at, for limits that contradict each other and for a tolerance that is not
+    positive.
+    """
+    if len(scheme.points) < 2:
+        raise ValueError(f"scheme = {scheme.name} cannot be refined; allowed: a collocation scheme")
+    if not nodes <= most_nodes:
+        raise ValueError(f"most_nodes = {most_nodes!r}; allowed: at least nodes = {nodes}")
+    if not (math.isfinite(tolerance) and tolerance > 0.0):
+        raise ValueError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
+    grid, current, timing, errors = uniform(nodes), guess, Timing(), np.array([math.inf])
+    while True:
+        current = transcription(problem, scheme, len(grid), FIXED, options).solve(current, grid, parameters)
+        timing += current.timing
+        if not current.ok:
+            return dataclasses.replace(current, method="refinement", timing=timing)
+        errors = local_errors(current)
+        if errors.max() <= tolerance or current.nodes >= most_nodes:
+            break
+        grid = split(grid, _parts(errors, tolerance, len(scheme.points) + 1, most_nodes - len(grid)))
+    reached = "at most" if errors.max() <= tolerance else "still"
+    message = f"local error {reached} {errors.max():.2g} on {current.nodes} nodes"
+    told = replayed(dataclasses.replace(current, method="refinement", message=message, timing=timing))
+    if told.replay is not None and told.replay.value <= LEAST:
+        return told
+    even = solve(problem, told.nodes, scheme=scheme, guess=told, parameters=parameters, options=options)
+    spent = even.timing.build_ms + even.timing.solve_ms + even.timing.replay_ms
+    told = dataclasses.replace(told, timing=told.timing + Timing(gate_ms=spent))
+    return gated(told, even, "refinement") if even.ok else told
+
+
+def local_errors(solution: Solution) -> Array:
+    """(N - 1,) η of each interval of a collocation solution."""
+    nodes, share = np.polynomial.legendre.leggauss(_POINTS)
+    fractions = 0.5 * (nodes + 1.0)
+    d = np.diff(solution.t)
+    t = solution.t[:-1, None] + fractions * d[:, None]
+    points = solution.scheme.points
+    u = np.einsum("gk,nkm->ngm", weights(points, fractions), solution.u)
+    slopes = np.einsum("gk,nkm->ngm", weights(points, fractions), solution.rates)
+    x = solution.x[:-1, None, :] + d[:, None, None] * np.einsum(
+        "gk,nkm->ngm", integral_weights(points, fractions), solution.rates
+    )
+    problem, shape = solution.problem, x.shape
+    f = along(problem, x.reshape(-1, shape[2]), u.reshape(-1, problem.nu), t.ravel(), solution.parameters)
+    residual = np.abs(slopes - f.reshape(shape)) / problem.state_scale
+    errors: Array = (0.5 * d[:, None] * np.einsum("g,ngm->nm", share, residual)).max(axis=1)
+    return errors
+
+
+def _parts(errors: Array, tolerance: float, power: int, spare: int) -> list[int]:
+    """Into how many parts to divide each interval."""
+    parts = np.ones(len(errors))
+    for _ in range(min(spare, len(errors))):
+        predicted = errors / parts**power
+        worst = int(np.argmax(predicted))
+        if predicted[worst] <= 0.5 * tolerance:
+            break
+        parts[worst] += 1
+    return [int(k) for k in parts]

@@ -1,0 +1,89 @@
+"""Monitor functions w: what a grid holds in equal shares between its nodes (thesis B.3).
+
+Derivatives are with respect to τ = t / T and states are over their scales S, x~ = S^-1 x, so that a metre weighs no
+more than it should. With raw SI units in the monitor the claims of the thesis do not hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from sim.signals import Array
+
+if TYPE_CHECKING:
+    from controllers.ocp.distribution import Mesh
+    from controllers.ocp.solution import Solution
+
+
+@dataclass(frozen=True, eq=False)
+class Monitor:
+    """A monitor function, in both forms: of a solution, and of an interval whose ends are unknowns.
+
+    ``density(solution, τ, ε)`` is w (k,) at fractions τ (k,). ``measure(mesh, ε)`` is (N - 1) ∫ w dτ over one interval,
+    written with differences of its ends, so that no derivative of an unknown is needed.
+    """
+
+    name: str
+    density: Callable[[Solution, Array, float], Array]
+    measure: Callable[[Mesh, float], ca.SX] | None  # None: only for redistribution
+    epsilon: float  # ε of ``density`` in a redistribution
+
+    def measured(self, mesh: Mesh, epsilon: float) -> ca.SX:
+        """``measure``, of a monitor that has one."""
+        self.check_measure()
+        assert self.measure is not None
+        return self.measure(mesh, epsilon)
+
+    def check_measure(self) -> None:
+        """ValueError for a monitor that cannot be part of a programme."""
+        if self.measure is None:
+            raise ValueError(f"monitor = {self.name!r} has no measure; allowed: one that has, or a redistribution")
+
+
+def _arclength_density(solution: Solution, tau: Array, epsilon: float) -> Array:
+    """w = sqrt(ε + |x~'|^2)."""
+    w: Array = np.sqrt(epsilon + (solution.scaled_derivative(tau, 1) ** 2).sum(axis=1))
+    return w
+
+
+def _arclength_measure(mesh: Mesh, epsilon: float) -> ca.SX:
+    """sqrt((N - 1)^2 |Δx~|^2 + ε D^2): the chord."""
+    return ca.sqrt(mesh.count**2 * ca.sumsqr(mesh.chord) + epsilon * mesh.relative_width**2)
+
+
+def _curvature_density(solution: Solution, tau: Array, epsilon: float) -> Array:
+    """w = (ε + |x~''|^2)^(1/4)."""
+    w: Array = (epsilon + (solution.scaled_derivative(tau, 2) ** 2).sum(axis=1)) ** 0.25
+    return w
+
+
+def _curvature_measure(mesh: Mesh, epsilon: float) -> ca.SX:
+    """D (ε + |Δx~' / Δτ|^2)^(1/4)."""
+    return mesh.relative_width * (epsilon + ca.sumsqr(mesh.turn)) ** 0.25
+
+
+def _local_error_density(solution: Solution, tau: Array, epsilon: float) -> Array:
+    """w = (ε + |x~'''|^2)^(1/6): equal shares of it are equal |x~'''| d^3, what a parabola cannot follow."""
+    w: Array = (epsilon + (solution.scaled_derivative(tau, 3) ** 2).sum(axis=1)) ** (1.0 / 6.0)
+    return w
+
+
+ARCLENGTH = Monitor("arclength", _arclength_density, _arclength_measure, epsilon=0.01)
+CURVATURE = Monitor("curvature", _curvature_density, _curvature_measure, epsilon=1.0)
+LOCAL_ERROR = Monitor("local error", _local_error_density, None, epsilon=1.0)
+UNIFORM = Monitor(
+    "uniform", lambda solution, tau, epsilon: np.ones(len(tau)), lambda mesh, epsilon: mesh.relative_width, epsilon=1.0
+)
+MONITORS = {monitor.name: monitor for monitor in (ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM)}
+
+
+def monitor(name: str) -> Monitor:
+    """The monitor function called ``name``; ValueError for one that is not known."""
+    if name not in MONITORS:
+        raise ValueError(f"monitor = {name!r} is not known; allowed: {', '.join(MONITORS)}, or a Monitor")
+    return MONITORS[name]

@@ -1,0 +1,328 @@
+"""The nonlinear programme of a problem, a transcription and a distribution of nodes (B.2, B.3).
+
+Unknowns, stage by stage, each over its scale:
+
+    z_1, w_1, z_2, w_2, ..., z_N, w_N,      z_i = (x_i, T, s, τ_i),  w_i = (U_i, X_i, D_i).
+
+The final time T and the constant s of an equidistribution are states that stay constant, so the programme has the band
+structure that a Riccati solver wants. D_i = d_i (N - 1) / T are the relative node distances and τ_i the running sum of
+D_i / (N - 1); on a fixed grid both are parameters. The constraints of a stage are its gap, z_{i+1} - flow(z_i, w_i) =
+0, then what holds along its interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from controllers.ocp.distribution import Mesh, NodeDistribution
+from controllers.ocp.stagewise import Assembly, Block
+from controllers.ocp.statement import OptimalControlProblem
+from controllers.ocp.transcriptions.scheme import Scheme
+from sim.signals import Array, Integers
+
+RELATIVE_WIDTHS = (0.02, 20.0)
+"""bounds of D_i where the nodes are unknowns"""
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where in the vector of unknowns what lies."""
+
+    problem: OptimalControlProblem
+    scheme: Scheme
+    nodes: int  # N
+    moving: bool  # whether the nodes are unknowns
+    constants: int  # number of constants s that the distribution wants
+
+    @property
+    def free_duration(self) -> bool:
+        return self.problem.free_duration
+
+    @property
+    def state_size(self) -> int:
+        """Of z."""
+        return self.problem.nx + int(self.free_duration) + self.constants + int(self.moving)
+
+    @property
+    def own_points(self) -> int:
+        """Control points of an interval that are not those of the next."""
+        return len(self.scheme.points) - int(self.scheme.shared)
+
+    @property
+    def input_size(self) -> int:
+        """Of w, but for the last stage."""
+        p = self.problem
+        return self.own_points * p.nu + self.scheme.interior * p.nx + int(self.moving)
+
+    @property
+    def last_input_size(self) -> int:
+        return self.problem.nu if self.scheme.shared else 0
+
+    @property
+    def size(self) -> int:
+        return (self.nodes - 1) * (self.state_size + self.input_size) + self.state_size + self.last_input_size
+
+    @cached_property
+    def state_scale(self) -> Array:
+        """(state_size,)"""
+        duration = [self.problem.guess_duration] if self.free_duration else []
+        return np.concatenate([self.problem.state_scale, duration, np.ones(self.constants + int(self.moving))])
+
+    @cached_property
+    def input_scale(self) -> Array:
+        """(input_size,)"""
+        p = self.problem
+        return np.concatenate(
+            [
+                np.tile(p.control_scale, self.own_points),
+                np.tile(p.state_scale, self.scheme.interior),
+                np.ones(int(self.moving)),
+            ]
+        )
+
+    @cached_property
+    def scale(self) -> Array:
+        """(size,)"""
+        stage = np.concatenate([self.state_scale, self.input_scale])
+        last = [self.state_scale, self.problem.control_scale if self.scheme.shared else np.empty(0)]
+        return np.concatenate([np.tile(stage, self.nodes - 1), *last])
+
+    def split(self, unknowns: Array) -> tuple[Array, Array, Array]:
+        """States z (N, state_size), inputs w (N - 1, input_size) and the last stage's control, in units."""
+        values = unknowns * self.scale
+        stage = self.state_size + self.input_size
+        body = values[: (self.nodes - 1) * stage].reshape(self.nodes - 1, stage)
+        tail = values[(self.nodes - 1) * stage :]
+        z = np.vstack([body[:, : self.state_size], tail[: self.state_size]])
+        return z, body[:, self.state_size :], tail[self.state_size :]
+
+    def join(self, z: Array, w: Array, last: Array) -> Array:
+        """The inverse of ``split``."""
+        body = np.hstack([z[:-1], w]).ravel()
+        joined: Array = np.concatenate([body, z[-1], last]) / self.scale
+        return joined
+
+
+@dataclass(frozen=True, eq=False)
+class Programme:
+    """min f(x, p) subject to lower <= g(x, p) <= upper and bounds on x."""
+
+    layout: Layout
+    x: ca.MX  # (layout.size,)
+    p: ca.MX  # (np + N - 1,) parameters of the problem, then D on a fixed grid
+    assembly: Assembly  # f, g and their derivatives
+    lower: Array
+    upper: Array
+    x_lower: Array
+    x_upper: Array
+    path_rows: tuple[int, ...]  # (N,) constraints of each stage beside its gap
+    gap_start: Integers  # (N - 1,) row of each stage's gap
+    inner_rows: Integers  # (N - 1, interior * nx) rows of the scheme's inner equations
+
+    @property
+    def equality(self) -> list[bool]:
+        return [bool(equal) for equal in self.lower == self.upper]
+
+
+def programme(problem: OptimalControlProblem, scheme: Scheme, distribution: NodeDistribution, nodes: int) -> Programme:
+    """The programme."""
+    layout = Layout(problem, scheme, nodes, distribution.moving, distribution.constants)
+    count, nz, stride = nodes - 1, layout.state_size, layout.state_size + layout.input_size
+    x = ca.MX.sym("x", layout.size)
+    parameters = ca.MX.sym("p", len(problem.parameters))
+    widths = ca.MX.sym("D", 0 if layout.moving else count)
+    start, interval, end = _start(layout), _interval(layout, distribution), _end(layout)
+
+    # Rows of g: the first interval's gap, what holds at the start, the rest of the first interval, the other intervals
+    # and what holds at the end.
+    shift = len(start.lower)
+    places = np.arange(count * len(interval.lower)).reshape(count, -1) + shift
+    places[0, :nz] -= shift
+    at_start, at_end = nz + np.arange(shift)[None, :], places[-1, -1] + 1 + np.arange(len(end.lower))[None, :]
+    lower, upper = (
+        np.concatenate([each[:nz], first, each[nz:], np.tile(each, count - 1), last])
+        for first, each, last in zip(start.limits, interval.limits, end.limits, strict=True)
+    )
+    columns = np.arange(interval.v.numel()) + stride * np.arange(count)[:, None]
+    known: list[ca.MX] = [ca.repmat(parameters, 1, count), ca.MX(ca.DM(range(count)).T)]
+    if not layout.moving:
+        known += [_starts(widths), widths.T]
+    blocks = (
+        start.block(columns[:1, :nz], at_start, parameters),
+        interval.block(columns, places, ca.vertcat(*known)),
+        end.block(count * stride + np.arange(end.v.numel())[None, :], at_end, parameters),
+    )
+    p = ca.vertcat(parameters, widths)
+    x_lower, x_upper = _variable_bounds(layout, distribution)
+    path_rows = [len(interval.lower) - nz] * count + [len(end.lower)]
+    path_rows[0] += shift
+    return Programme(
+        layout=layout,
+        x=x,
+        p=p,
+        assembly=Assembly(x, p, len(lower), blocks),
+        lower=lower,
+        upper=upper,
+        x_lower=x_lower,
+        x_upper=x_upper,
+        path_rows=tuple(path_rows),
+        gap_start=places[:, 0],
+        inner_rows=places[:, nz : nz + scheme.interior * problem.nx],
+    )
+
+
+def _starts(widths: ca.MX) -> ca.MX:
+    """(1, N - 1) τ at the start of each interval, the sum of the D before it over N - 1."""
+    count = widths.numel()
+    return (ca.DM(np.tril(np.ones((count, count)), -1) / count) @ widths).T
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Expressions of the start, of an interval or of the end, with the limits of their rows."""
+
+    v: ca.SX  # unknowns
+    data: ca.SX
+    rows: ca.SX
+    cost: ca.SX
+    lower: Array
+    upper: Array
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        return self.lower, self.upper
+
+    def block(self, columns: Integers, places: Integers, known: ca.MX) -> Block:
+        return Block(self.v, self.data, self.rows, self.cost, columns, places, known)
+
+
+def _interval(layout: Layout, distribution: NodeDistribution) -> _Part:
+    """Rows of an interval, scaled: its gap, the scheme's inner equations, what holds along it."""
+    problem, scheme, count = layout.problem, layout.scheme, layout.nodes - 1
+    nx, nu = problem.nx, problem.nu
+    z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.input_size)
+    z_next, u_next = ca.SX.sym("z_next", layout.state_size), ca.SX.sym("u_next", nu if scheme.shared else 0)
+    p = ca.SX.sym("p", len(problem.parameters))
+    index, offset, width = ca.SX.sym("i"), ca.SX.sym("tau"), ca.SX.sym("D", 0 if layout.moving else 1)
+    state, inputs = z * layout.state_scale, w * layout.input_scale
+    x_0, x_1 = state[:nx], (z_next * layout.state_scale)[:nx]
+    duration = state[nx] if layout.free_duration else ca.SX(problem.guess_duration)
+    # Row slices carry their colon for columns: of one row, an empty slice without it is no column but a row.
+    constants = state[nx + int(layout.free_duration) :, :][: layout.constants, :]
+    relative = inputs[-1] if layout.moving else width
+    fraction = state[-1] if layout.moving else offset
+    t, d = fraction * duration, relative * duration / count
+    U = [inputs[k * nu : (k + 1) * nu, :] for k in range(layout.own_points)]
+    if scheme.shared:
+        U.append(u_next * problem.control_scale)
+    inner_start = layout.own_points * nu
+    X = [inputs[inner_start + k * nx : inner_start + (k + 1) * nx] for k in range(scheme.interior)]
+
+    def rates(x: ca.SX, u: ca.SX, now: ca.SX) -> tuple[ca.SX, ca.SX]:
+        return problem.dynamics(x, u, now, p), problem.running_cost(x, u, now, p)
+
+    interval = scheme.interval(rates, x_0, X, x_1, U, t, d)
+    reached = interval.flow if scheme.explicit else x_1
+    mesh = Mesh(
+        count=count,
+        index=index,
+        relative_width=relative,
+        duration=duration,
+        chord=(reached - x_0) / problem.state_scale,
+        turn=duration**2 / d * (rates(reached, U[-1], t + d)[0] - rates(x_0, U[0], t)[0]) / problem.state_scale,
+    )
+    owned = list(zip(interval.states, U, scheme.points, strict=True))[: layout.own_points]
+    along = [problem.path(x, u, t + c * d, p) for x, u, c in owned]
+    along += [x[bounded_states(problem), :] for x in interval.states[1:-1] if scheme.interior == 0]
+    along.append(distribution.constraints(mesh, constants))
+    kept = z[nx : nx + int(layout.free_duration) + layout.constants, :]
+    flow = [interval.flow / problem.state_scale, kept]
+    if layout.moving:
+        flow.append(z[-1] + relative / count)
+    inner = interval.inner / np.tile(problem.state_scale, scheme.interior) if scheme.interior else ca.SX(0, 1)
+    gap, held = z_next - ca.vertcat(*flow), ca.vertcat(*along)
+    lower, upper = _along_bounds(layout, distribution)
+    equations = np.zeros(gap.numel() + inner.numel())
+    return _Part(
+        v=ca.vertcat(z, w, z_next, u_next),
+        data=ca.vertcat(p, index, *([] if layout.moving else [offset, width])),
+        rows=ca.vertcat(gap, inner, held),
+        cost=interval.cost + distribution.functional(mesh),
+        lower=np.concatenate([equations, lower]),
+        upper=np.concatenate([equations, upper]),
+    )
+
+
+def bounded_states(problem: OptimalControlProblem) -> list[int]:
+    """The states with a bound along the path."""
+    lower, upper = problem.state_bounds
+    return np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist()
+
+
+def _along_bounds(layout: Layout, distribution: NodeDistribution) -> tuple[Array, Array]:
+    """Limits of the path constraints of an interval, in the order of the stage function.
+
+    States at nodes and interior states are unknowns and bounded as such; a midpoint that is an expression is not.
+    """
+    problem, scheme = layout.problem, layout.scheme
+    bounded = bounded_states(problem)
+    hidden = max(0, len(scheme.points) - 2) if scheme.interior == 0 else 0
+    vanishing = np.zeros(distribution.constraints(_sample_mesh(problem), ca.SX.zeros(distribution.constants)).numel())
+    lower, upper = (
+        np.concatenate([np.tile(path, layout.own_points), np.tile(states[bounded], hidden), vanishing])
+        for path, states in zip(problem.path_bounds, problem.state_bounds, strict=True)
+    )
+    return lower, upper
+
+
+def _sample_mesh(problem: OptimalControlProblem) -> Mesh:
+    """Any mesh, to count with."""
+    one, column = ca.SX(1), ca.SX.ones(problem.nx)
+    return Mesh(1, ca.SX(0), one, one, column, column)
+
+
+def _start(layout: Layout) -> _Part:
+    """i(x(0); p)."""
+    problem = layout.problem
+    z, p = ca.SX.sym("z", layout.state_size), ca.SX.sym("p", len(problem.parameters))
+    rows = problem.initial(z[: problem.nx] * ca.DM(problem.state_scale), p)
+    return _Part(z, p, rows, ca.SX(0), *problem.initial_bounds)
+
+
+def _end(layout: Layout) -> _Part:
+    """What holds at the last node, and the terminal cost."""
+    problem = layout.problem
+    z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.last_input_size)
+    p = ca.SX.sym("p", len(problem.parameters))
+    state = z * ca.DM(layout.state_scale)
+    x = state[: problem.nx]
+    duration = state[problem.nx] if layout.free_duration else ca.SX(problem.guess_duration)
+    rows, limits = [problem.final(x, duration, p)], [problem.final_bounds]
+    if layout.scheme.shared:  # with a zero-order hold there is no control at the last node
+        rows.append(problem.path(x, w * ca.DM(problem.control_scale), duration, p))
+        limits.append(problem.path_bounds)
+    lower, upper = (np.concatenate(side) for side in zip(*limits, strict=True))
+    return _Part(ca.vertcat(z, w), p, ca.vertcat(*rows), problem.terminal_cost(x, duration, p), lower, upper)
+
+
+def _variable_bounds(layout: Layout, distribution: NodeDistribution) -> tuple[Array, Array]:
+    """Bounds on the scaled unknowns."""
+    problem, n = layout.problem, layout.nodes
+    duration = np.array(problem.duration_bounds)[:, None] if layout.free_duration else np.empty((2, 0))
+    positions = distribution.node_bounds(n)
+    bounds = []
+    for k, side in enumerate((-np.inf, np.inf)):
+        constants = np.full(layout.constants, side)
+        z = np.tile(np.concatenate([problem.state_bounds[k], duration[k], constants]), (n, 1))
+        if layout.moving:
+            z = np.hstack([z, positions[k][:, None]])
+        controls = problem.control_bounds[k]
+        inputs = [np.tile(controls, layout.own_points), np.tile(problem.state_bounds[k], layout.scheme.interior)]
+        inputs.append(np.full(int(layout.moving), RELATIVE_WIDTHS[k]))
+        w = np.tile(np.concatenate(inputs), (n - 1, 1))
+        bounds.append(layout.join(z, w, controls if layout.scheme.shared else np.empty(0)))
+    return bounds[0], bounds[1]

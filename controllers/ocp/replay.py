@@ -1,0 +1,175 @@
+"""The honest look at a solution: its control flown through the true dynamics, integrated to tight tolerance.
+
+A transcription knows its own error only at its nodes, and an optimiser that may move the nodes hides it there. So every
+solution is replayed from x(0) with the control as the scheme states it, and what counts is where it ends and what it
+violates on the way. Where that is ill-posed, because the linearised flow of the open loop grows beyond 1e4, each
+interval is integrated from its own node instead, and the scaled defects are added up.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from controllers.ocp.solution import Replay, Solution
+from controllers.ocp.statement import OptimalControlProblem
+from controllers.ocp.transcriptions.scheme import weights
+from sim.signals import Array
+
+ILL_POSED = 1e4
+"""norm of the scaled transition matrix beyond which an open loop cannot be replayed"""
+DENSE = 20
+"""points of every interval at which constraints are looked at"""
+
+_TOLERANCE = 1e-10  # of the integration, relative and in scaled states
+_SUBINTERVALS = 4  # of an interval, for the transition matrix
+
+
+def replayed(solution: Solution) -> Solution:
+    """The solution with its replay; a solve that failed is returned as it is."""
+    if not solution.ok:
+        return solution
+    began = time.perf_counter()
+    growth = _growth(solution)
+    found = _replay(solution, by_intervals=not growth <= ILL_POSED)
+    return solution.with_replay(found, 1e3 * (time.perf_counter() - began))
+
+
+def _replay(solution: Solution, *, by_intervals: bool) -> Replay:
+    problem, scale = solution.problem, solution.problem.state_scale
+    starts, y, cost, violation, defects = solution.x / scale, solution.x[0] / scale, 0.0, 0.0, 0.0
+    for i in range(solution.nodes - 1):
+        if by_intervals:
+            y = starts[i]
+        path = _integrated(solution, i, y)
+        if path is None:
+            return Replay(math.inf, math.inf, math.inf, math.nan, np.full(problem.nx, np.nan), by_intervals)
+        states, gained = path
+        violation = max(violation, _violation(solution, i, states * scale))
+        cost += gained
+        y = states[-1]
+        defects += float(np.abs(y - starts[i + 1]).max())
+    miss = defects if by_intervals else float(np.abs(y - starts[-1]).max())
+    end = y * scale
+    cost += float(problem.terminal_cost(end, solution.duration, solution.parameters))
+    return Replay(max(miss, violation), miss, violation, cost, end, by_intervals)
+
+
+def _integrated(solution: Solution, i: int, y: Array) -> tuple[Array, float] | None:
+    """Scaled states (DENSE + 1, nx) over interval i from y, and the running cost gathered; None if it diverges."""
+    problem = solution.problem
+    t_0, t_1 = solution.t[i], solution.t[i + 1]
+    rates = _Rates(problem, solution.u[i], solution.scheme.points, t_0, t_1 - t_0, solution.parameters)
+    found = solve_ivp(
+        rates,
+        (0.0, 1.0),
+        np.append(y, 0.0),
+        method="DOP853",
+        t_eval=np.linspace(0.0, 1.0, DENSE + 1),
+        rtol=_TOLERANCE,
+        atol=_TOLERANCE,
+    )
+    if not found.success or not np.isfinite(found.y).all():
+        return None
+    return found.y[:-1].T, float(found.y[-1, -1])
+
+
+class _Rates:
+    """d/dc of (x / scale, ∫ L dt) at a fraction c of an interval, for an integrator; evaluated in place."""
+
+    def __init__(
+        self, problem: OptimalControlProblem, u: Array, points: tuple[float, ...], t: float, d: float, p: Array
+    ) -> None:
+        function = _rates_function(problem, points)
+        self._c, self._y, self._out = np.zeros(1), np.zeros(problem.nx + 1), np.zeros(problem.nx + 1)
+        self._known = np.concatenate([u.ravel(), [t, d], p])
+        buffer: Any  # its stubs know only one of the overloads
+        evaluate: Callable[[], None]
+        buffer, evaluate = function.buffer()
+        for k, array in enumerate((self._c, self._y, self._known)):
+            buffer.set_arg(k, array.data)
+        buffer.set_res(0, self._out.data)
+        self._buffer, self._evaluate = buffer, evaluate  # the buffer owns the memory
+
+    def __call__(self, c: float, y: Array) -> Array:
+        self._c[0], self._y[:] = c, y
+        self._evaluate()
+        return self._out.copy()
+
+
+@lru_cache(maxsize=64)
+def _rates_function(problem: OptimalControlProblem, points: tuple[float, ...]) -> ca.Function:
+    c, y = ca.SX.sym("c"), ca.SX.sym("y", problem.nx + 1)
+    k, nu = len(points), problem.nu
+    known = ca.SX.sym("known", k * nu + 2 + len(problem.parameters))
+    t_0, d, p = known[k * nu], known[k * nu + 1], known[k * nu + 2 :]
+    u = ca.SX.zeros(nu)
+    for j, own in enumerate(points):
+        basis = ca.SX(1)
+        for other in points[:j] + points[j + 1 :]:
+            basis *= (c - other) / (own - other)
+        u += basis * known[j * nu : (j + 1) * nu]
+    x, t = y[:-1] * problem.state_scale, t_0 + c * d
+    rates = d * problem.dynamics(x, u, t, p) / problem.state_scale
+    return ca.Function("rates", [c, y, known], [ca.vertcat(rates, d * problem.running_cost(x, u, t, p))])
+
+
+def _violation(solution: Solution, i: int, states: Array) -> float:
+    """Largest violation of bounds and path constraints at states (n, nx) spread evenly over interval i."""
+    problem = solution.problem
+    fractions = np.linspace(0.0, 1.0, len(states))
+    u = weights(solution.scheme.points, fractions) @ solution.u[i]
+    worst = [
+        _excess(states, *problem.state_bounds, problem.state_scale),
+        _excess(u, *problem.control_bounds, problem.control_scale),
+    ]
+    if len(problem.path_bounds.lower):
+        t = solution.t[i] + fractions * (solution.t[i + 1] - solution.t[i])
+        p = np.tile(solution.parameters[:, None], (1, len(t)))
+        d = problem.path.map(len(t))(states.T, u.T, t[None, :], p).full().T
+        lower, upper = problem.path_bounds
+        sizes = np.maximum(
+            np.abs(np.where(np.isfinite(lower), lower, 0.0)), np.abs(np.where(np.isfinite(upper), upper, 0.0))
+        )
+        worst.append(_excess(d, lower, upper, np.maximum(1.0, sizes)))
+    return max(worst)
+
+
+def _excess(values: Array, lower: Array, upper: Array, scale: Array) -> float:
+    over = np.maximum(np.maximum(lower - values, values - upper), 0.0) / scale
+    return float(over.max(initial=0.0))
+
+
+def _growth(solution: Solution) -> float:
+    """||Φ(T, 0)|| of the scaled dynamics linearised along the solution."""
+    problem, scale = solution.problem, solution.problem.state_scale
+    fractions = (np.arange(_SUBINTERVALS) + 0.5) / _SUBINTERVALS
+    starts, d = solution.t[:-1], np.diff(solution.t)
+    times = (starts[:, None] + fractions * d[:, None]).ravel()
+    jacobian = _jacobian(problem).map(len(times))
+    p = np.tile(solution.parameters[:, None], (1, len(times)))
+    slopes = jacobian(solution.state(times).T, solution.control(times).T, times[None, :], p).full()
+    slopes = slopes.reshape(problem.nx, len(times), problem.nx).transpose(1, 0, 2) * scale / scale[:, None]
+    transition = np.eye(problem.nx)
+    for a, step in zip(slopes, np.repeat(d / _SUBINTERVALS, _SUBINTERVALS), strict=True):
+        if not np.isfinite(a).all():
+            return math.inf
+        transition = expm(a * step) @ transition
+        if not np.abs(transition).max() < 1e100:
+            return math.inf
+    return float(np.linalg.norm(transition, 2))
+
+
+@lru_cache(maxsize=64)
+def _jacobian(problem: OptimalControlProblem) -> ca.Function:
+    arguments = problem.dynamics.sx_in()
+    slope = ca.jacobian(problem.dynamics(*arguments), arguments[0])
+    return ca.Function("A", arguments, [ca.densify(slope)])

@@ -1,0 +1,169 @@
+"""What a solver found: states and controls as functions of time, costates, status, and how well it replays."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import astuple, dataclass
+from enum import Enum
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from controllers.ocp.grid import Grid
+from controllers.ocp.statement import OptimalControlProblem
+from controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
+from sim.signals import Array, Integers
+
+
+class Outcome(Enum):
+    """How a solve ended; the value is the message for the user."""
+
+    OPTIMAL = "a local optimum of the transcribed problem"
+    INFEASIBLE = "the solver found no feasible point"
+    LIMIT = "the solver stopped at its limit of iterations"
+    NOT_FINITE = "the problem or its guess holds NaN or infinity"
+    FAILED = "the solver gave up"
+    REFUSED = "the adaptive solution replays worse than the uniform one, which is returned in its place"
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Wall-clock figures [ms] of one solution.
+
+    ``gate_ms`` is what the uniform solution took that an adaptive one was only compared with.
+    """
+
+    build_ms: float = 0.0  # of programmes, some of which may have been at hand
+    solve_ms: float = 0.0
+    replay_ms: float = 0.0
+    gate_ms: float = 0.0
+
+    def __add__(self, other: Timing) -> Timing:
+        return Timing(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+
+@dataclass(frozen=True)
+class Replay:
+    """The control flown through the true dynamics, from the solution's own start (see ``replay``)."""
+
+    value: float  # what the gate looks at: the largest of the two below
+    miss: float  # scaled: largest |x_replayed(T) - x(T)| / x_scale, or the sum of the intervals' defects
+    violation: float  # largest violation of bounds and path constraints on a dense grid, scaled
+    cost: float  # J along the replay
+    end: Array  # (nx,) x_replayed(T); where the replay is by intervals, x(T) + the last interval's defect
+    by_intervals: bool  # open loop is ill-posed, so each interval was re-integrated from its own node
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """States x_i at N nodes, controls at the scheme's points of each interval, the final time.
+
+    ``status`` says whether there is one at all: of a failed solve the arrays hold the solver's last iterate.
+    """
+
+    problem: OptimalControlProblem
+    scheme: Scheme
+    status: Outcome
+    message: str
+    grid: Grid
+    duration: float  # [s] T
+    parameters: Array  # (np,)
+    x: Array  # (N, nx)
+    inner: Array  # (N - 1, k, nx) states at the scheme's k points
+    u: Array  # (N - 1, k, nu) controls there
+    costates: Array  # (N - 1, nx) λ at ``costate_times``, H = L + λ'f
+    cost: float  # J as the transcription sees it
+    iterations: int
+    timing: Timing
+    method: str = "direct"
+    replay: Replay | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether this is a solution of the transcribed problem."""
+        return self.status in (Outcome.OPTIMAL, Outcome.REFUSED)
+
+    @property
+    def nodes(self) -> int:
+        return len(self.grid)
+
+    @property
+    def t(self) -> Array:
+        """(N,) [s] times of the nodes."""
+        return self.grid.nodes * self.duration
+
+    @property
+    def costate_times(self) -> Array:
+        """(N - 1,) [s]"""
+        times: Array = self.t[:-1] + self.scheme.costate_at * np.diff(self.t)
+        return times
+
+    @cached_property
+    def rates(self) -> Array:
+        """(N - 1, k, nx) f at the scheme's points."""
+        count, k, nx = self.inner.shape
+        points = np.array(self.scheme.points)
+        times = (self.t[:-1, None] + points * np.diff(self.t)[:, None]).ravel()
+        rates = along(self.problem, self.inner.reshape(-1, nx), self.u.reshape(count * k, -1), times, self.parameters)
+        return rates.reshape(count, k, nx)
+
+    def control(self, t: Array | float) -> Array:
+        """u (..., nu) at times t [s]; at a node that of the interval which begins there."""
+        times = np.atleast_1d(np.asarray(t, float))
+        interval, fraction = self._locate(times)
+        basis = weights(self.scheme.points, fraction)
+        values: Array = np.einsum("nk,nkm->nm", basis, self.u[interval])
+        return values[0] if np.ndim(t) == 0 else values
+
+    def state(self, t: Array | float) -> Array:
+        """x (..., nx) at times t [s]: the collocation polynomial or, of a scheme of one point, through its nodes."""
+        times = np.atleast_1d(np.asarray(t, float))
+        interval, fraction = self._locate(times)
+        d = np.diff(self.t)[interval]
+        if len(self.scheme.points) > 1:
+            basis = integral_weights(self.scheme.points, fraction)
+            values: Array = self.x[interval] + d[:, None] * np.einsum("nk,nkm->nm", basis, self.rates[interval])
+        else:
+            values = np.array(PchipInterpolator(self.t, self.x, axis=0)(np.clip(times, 0.0, self.duration)))
+        return values[0] if np.ndim(t) == 0 else values
+
+    def scaled_derivative(self, tau: Array, order: int) -> Array:
+        """(k, nx) derivative of x~ = S^-1 x with respect to τ = t / T, of order 1, 2 or 3.
+
+        From a spline through the rates at all of the scheme's points, so that the third derivative exists whatever the
+        scheme.
+        """
+        values: Array = self._rate_spline(tau, order - 1)
+        return values
+
+    @cached_property
+    def _rate_spline(self) -> CubicSpline:
+        points, widths = np.array(self.scheme.points), self.grid.widths
+        count = len(points) - int(self.scheme.shared)
+        tau = (self.grid.nodes[:-1, None] + points[:count] * widths[:, None]).ravel()
+        rates = self.rates[:, :count].reshape(len(tau), -1)
+        if self.scheme.shared:
+            tau, rates = np.append(tau, 1.0), np.vstack([rates, self.rates[-1, -1]])
+        else:  # a control that is held: the rate at the middle stands for the interval
+            tau = self.grid.nodes[:-1] + 0.5 * widths
+            rates = np.diff(self.x, axis=0) / (widths[:, None] * self.duration)
+        return CubicSpline(tau, rates * self.duration / self.problem.state_scale, axis=0)
+
+    def with_replay(self, replay: Replay, replay_ms: float) -> Solution:
+        """The same with its replay."""
+        return dataclasses.replace(self, replay=replay, timing=self.timing + Timing(replay_ms=replay_ms))
+
+    def _locate(self, times: Array) -> tuple[Integers, Array]:
+        """Interval and fraction in it of each time, held to [0, T]."""
+        t = self.t
+        interval: Integers = np.clip(np.searchsorted(t, times, side="right") - 1, 0, self.nodes - 2).astype(np.int64)
+        fraction = np.clip((times - t[interval]) / np.diff(t)[interval], 0.0, 1.0)
+        return interval, fraction
+
+
+def along(problem: OptimalControlProblem, x: Array, u: Array, t: Array, p: Array) -> Array:
+    """f (n, nx) at states (n, nx), controls (n, nu) and times (n,)."""
+    mapped = problem.dynamics.map(len(t))
+    rates = mapped(x.T, u.T, t[None, :], np.tile(p[:, None], (1, len(t))))
+    return np.array(rates.full().T)

@@ -1,0 +1,163 @@
+"""A transcribed problem and the solver behind it: IPOPT, or FATROP with its structure and compiled stages.
+
+A transcription is built once for a problem, a scheme, a distribution of nodes and N, and solved for any guess, grid and
+parameters. Whatever happens in the solver ends as a status.
+"""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+
+import numpy as np
+
+from controllers.ocp.backend import Answer, NumericalSolver
+from controllers.ocp.backend import Options as Options
+from controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
+from controllers.ocp.grid import Grid, from_widths
+from controllers.ocp.nlp import programme
+from controllers.ocp.solution import Solution, Timing, along
+from controllers.ocp.statement import OptimalControlProblem
+from controllers.ocp.transcriptions.scheme import Scheme
+from sim.signals import Array
+
+FIXED = Fixed()
+DEFAULT = Options()
+
+
+class Transcription:
+    """One programme with its solver; ``build_ms`` is what making it took."""
+
+    def __init__(
+        self,
+        problem: OptimalControlProblem,
+        scheme: Scheme,
+        distribution: NodeDistribution,
+        nodes: int,
+        options: Options,
+    ) -> None:
+        began = time.perf_counter()
+        if options.backend.startswith("fatrop") and not scheme.explicit:
+            raise ValueError(
+                f"backend = {options.backend!r} cannot solve {scheme.name}: x_(i+1) is not given explicitly; "
+                "allowed: forward Euler, multiple shooting, or backend = 'ipopt'"
+            )
+        self.problem, self.scheme, self.distribution, self.nodes = problem, scheme, distribution, nodes
+        self.programme = programme(problem, scheme, distribution, nodes)
+        self.layout = self.programme.layout
+        self.solver = NumericalSolver(self.programme, options)
+        self.build_ms = 1e3 * (time.perf_counter() - began)
+
+    def solve(
+        self,
+        guess: Solution | None = None,
+        grid: Grid | None = None,
+        parameters: Array | None = None,
+    ) -> Solution:
+        """A solution from a guess: another solution, or the problem's own.
+
+        ``grid`` is where the nodes are or, if they are unknowns, where they start; ``parameters`` (np,) the nominal
+        ones unless given.
+        """
+        p = self.problem.nominal if parameters is None else parameters
+        where = grid or (guess.grid if guess is not None else Grid(np.linspace(0.0, 1.0, self.nodes)))
+        if len(where) != self.nodes:
+            raise ValueError(f"grid: {len(where)} nodes; allowed: the {self.nodes} of this transcription")
+        known = p if self.layout.moving else np.concatenate([p, where.widths * (self.nodes - 1)])
+        x_0 = self._unknowns(guess, where, p)
+        return self._read(self.solver.solve(x_0, known), where, p)
+
+    def _read(self, answer: Answer, grid: Grid, p: Array) -> Solution:
+        """The solution in an answer."""
+        layout, problem, scheme = self.layout, self.problem, self.scheme
+        nx, nu, count = problem.nx, problem.nu, self.nodes - 1
+        z, w, last = layout.split(answer.x)
+        x = z[:, :nx]
+        duration = float(z[0, nx]) if layout.free_duration else problem.guess_duration
+        if layout.moving and (w[:, -1] > 0.0).all():
+            grid = from_widths(w[:, -1])
+        u = w[:, : layout.own_points * nu].reshape(count, layout.own_points, nu)
+        if scheme.shared:
+            u = np.concatenate([u, np.vstack([u[1:, 0], last])[:, None, :]], axis=1)
+        hidden = w[:, layout.own_points * nu :][:, : scheme.interior * nx].reshape(count, scheme.interior, nx)
+        inner = _inner_states(problem, scheme, grid, duration, x, hidden, u, p)
+        rows = self.programme.gap_start[:, None] + np.arange(nx)
+        # The gap is written z_(i+1) - flow = 0 over the scale: its multiplier is -λ times the scale. Where a scheme has
+        # inner equations, flow - X = 0, x_i enters each of them, and λ is their sum.
+        lam = answer.multipliers[1]
+        shares = lam[self.programme.inner_rows].reshape(count, scheme.interior, nx).sum(axis=1)
+        costates = (shares - lam[rows]) / problem.state_scale
+        return Solution(
+            problem, scheme, answer.status, answer.message, grid, duration, p, x, inner, u, costates, answer.cost,
+            answer.iterations, Timing(self.build_ms, answer.solve_ms),
+        )  # fmt: skip
+
+    def _unknowns(self, guess: Solution | None, grid: Grid, p: Array) -> Array:
+        """The vector of unknowns that a guess amounts to on a grid."""
+        problem, layout, scheme = self.problem, self.layout, self.scheme
+        points = np.array(scheme.points[: layout.own_points])
+        at_points = (grid.nodes[:-1, None] + points * grid.widths[:, None]).ravel()
+        inside = np.array(scheme.points[1 : 1 + scheme.interior])
+        at_inner = (grid.nodes[:-1, None] + inside * grid.widths[:, None]).ravel()
+        if guess is not None:
+            T = guess.duration
+            x, u, hidden = guess.state(grid.nodes * T), guess.control(at_points * T), guess.state(at_inner * T)
+            last = guess.control(T)
+        else:
+            T = problem.guess_duration
+
+            def interpolated(values: Array, at: Array) -> Array:
+                columns = [np.interp(at, problem.guess_times, column) for column in values.T]
+                return np.array(columns).T.reshape(len(at), values.shape[1])
+
+            x, hidden = interpolated(problem.guess_states, grid.nodes), interpolated(problem.guess_states, at_inner)
+            u, last = interpolated(problem.guess_controls, at_points), problem.guess_controls[-1]
+        n, D = self.nodes, grid.widths * (self.nodes - 1)
+        z = [x]
+        if layout.free_duration:
+            z.append(np.full((n, 1), T))
+        if layout.constants:
+            rates = along(problem, x, np.vstack([u.reshape(n - 1, -1)[:, : problem.nu], last]), grid.nodes * T, p)
+            turns = np.diff(rates, axis=0) * T / grid.widths[:, None] / problem.state_scale
+            chords = np.diff(x, axis=0) / problem.state_scale
+            z.append(np.tile(constants_guess(self.distribution, D, T, chords, turns), (n, 1)))
+        w = [u.reshape(n - 1, -1), hidden.reshape(n - 1, -1)]
+        if layout.moving:
+            z.append(grid.nodes[:, None])
+            w.append(D[:, None])
+        return layout.join(np.hstack(z), np.hstack(w), last if scheme.shared else np.empty(0))
+
+
+@lru_cache(maxsize=64)
+def transcription(
+    problem: OptimalControlProblem,
+    scheme: Scheme,
+    nodes: int,
+    distribution: NodeDistribution = FIXED,
+    options: Options = DEFAULT,
+) -> Transcription:
+    """The transcription, built once."""
+    return Transcription(problem, scheme, distribution, nodes, options)
+
+
+def _inner_states(
+    problem: OptimalControlProblem,
+    scheme: Scheme,
+    grid: Grid,
+    duration: float,
+    x: Array,
+    hidden: Array,
+    u: Array,
+    p: Array,
+) -> Array:
+    """(N - 1, k, nx) the states at the scheme's points."""
+    k = len(scheme.points)
+    if k == 1:
+        return x[:-1, None, :]
+    if scheme.interior or k == 2:
+        return np.concatenate([x[:-1, None, :], hidden, x[1:, None, :]], axis=1)
+    # Hermite-Simpson's midpoint
+    t, d = grid.nodes * duration, np.diff(grid.nodes)[:, None] * duration
+    f_0, f_1 = along(problem, x[:-1], u[:, 0], t[:-1], p), along(problem, x[1:], u[:, -1], t[1:], p)
+    middle = 0.5 * (x[:-1] + x[1:]) + d * (f_0 - f_1) / 8.0
+    return np.stack([x[:-1], middle, x[1:]], axis=1)

@@ -1,0 +1,346 @@
+"""A continuous-time optimal control problem, stated as the thesis does ((OCP) of 1.1, B.2).
+
+    minimise    J = ∫_0^T L(x, u, t; p) dt + Psi(x(T), T; p)
+    subject to  x' = f(x, u, t; p)
+                d_lower <= d(x, u, t; p) <= d_upper                  path constraints, bounds among them
+                i_lower <= i(x(0); p) <= i_upper                     x(0) in X_i
+                s_lower <= s(x(T), T; p) <= s_upper                  x(T) in S_f
+
+with states x, controls u, known parameters p and a final time T, fixed or free. An integral constraint is a state of
+its own, and so is a constant that is to be found. ``Statement`` is the sheet of paper on which a problem is written:
+
+    ocp = Statement("Bryson-Denham")
+    x, v = ocp.state("x", upper=1 / 9), ocp.state("v")
+    u = ocp.control("u", scale=5.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2 / 2)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, u)
+    ocp.start(x, 0.0), ocp.start(v, 1.0), ocp.end(x, 0.0), ocp.end(v, -1.0)
+    problem = ocp.problem()
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from sim.signals import Array
+
+_MOST_DURATION = 1e9  # [s] beyond which a final time is no number to search among
+
+
+class StatementError(ValueError):
+    """A problem that contradicts itself: dimensions that do not fit, bounds that leave nothing between them."""
+
+
+class Interval(NamedTuple):
+    """Lower and upper limits, arrays of one shape; equal where a value is fixed."""
+
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True, eq=False)
+class OptimalControlProblem:
+    """The problem of the module docstring; every function is CasADi's, over SX columns.
+
+    ``nx`` states, ``nu`` controls, ``np`` parameters. The scales are typical magnitudes: a solver sees x / x_scale.
+    """
+
+    name: str
+    states: tuple[str, ...]  # nx names
+    controls: tuple[str, ...]  # nu names
+    parameters: tuple[str, ...]  # np names
+    dynamics: ca.Function  # f(x, u, t, p) -> (nx,)
+    running_cost: ca.Function  # L(x, u, t, p) -> ()
+    terminal_cost: ca.Function  # Psi(x, T, p) -> ()
+    path: ca.Function  # d(x, u, t, p) -> (nd,)
+    initial: ca.Function  # i(x, p) -> (ni,)
+    final: ca.Function  # s(x, T, p) -> (ns,)
+    state_bounds: Interval  # (nx,) each
+    control_bounds: Interval  # (nu,)
+    path_bounds: Interval  # (nd,)
+    initial_bounds: Interval  # (ni,)
+    final_bounds: Interval  # (ns,)
+    duration_bounds: tuple[float, float]  # [s] equal for a fixed T
+    state_scale: Array  # (nx,)
+    control_scale: Array  # (nu,)
+    nominal: Array  # (np,) values of the parameters unless a solve says else
+    guess_times: Array  # (k,) in [0, 1], fractions of T
+    guess_states: Array  # (k, nx)
+    guess_controls: Array  # (k, nu)
+    guess_duration: float  # [s]
+
+    @property
+    def nx(self) -> int:
+        return len(self.states)
+
+    @property
+    def nu(self) -> int:
+        return len(self.controls)
+
+    @property
+    def free_duration(self) -> bool:
+        return self.duration_bounds[0] < self.duration_bounds[1]
+
+    def values(self, **parameters: float) -> Array:
+        """The parameters (np,), the nominal ones but for those given by name; ValueError for an unknown name."""
+        values = self.nominal.copy()
+        for name, value in parameters.items():
+            if name not in self.parameters:
+                known = ", ".join(self.parameters) or "none"
+                raise ValueError(f"{self.name}: parameter {name!r} is not known; allowed: {known}")
+            if not math.isfinite(value):
+                raise ValueError(f"{self.name}: parameter {name} = {value!r}; allowed: a finite number")
+            values[self.parameters.index(name)] = value
+        return values
+
+
+@dataclass
+class _Variable:
+    """A state or a control as it is declared."""
+
+    name: str
+    symbol: ca.SX
+    lower: float
+    upper: float
+    scale: float
+    guess: Sequence[float] = (0.0,)
+
+
+@dataclass
+class _Constraints:
+    """Expressions with their limits."""
+
+    expressions: list[ca.SX] = field(default_factory=list)
+    lower: list[float] = field(default_factory=list)
+    upper: list[float] = field(default_factory=list)
+
+    def add(self, where: str, expression: ca.SX | float, lower: float, upper: float) -> None:
+        _check_limits(where, lower, upper)
+        for element in ca.vertsplit(ca.vec(ca.SX(expression))):
+            self.expressions.append(element)
+            self.lower.append(lower)
+            self.upper.append(upper)
+
+    @property
+    def interval(self) -> Interval:
+        return Interval(np.array(self.lower, float), np.array(self.upper, float))
+
+    @property
+    def column(self) -> ca.SX:
+        return ca.vertcat(*self.expressions) if self.expressions else ca.SX(0, 1)
+
+
+class Statement:
+    """Collects variables, objective, dynamics, constraints and guess; ``problem()`` checks and freezes them.
+
+    Times in a guess are fractions of T, spread evenly over the values given: ``guess=(0, 5, 2)`` is 0 at the start, 5
+    in the middle and 2 at the end, straight in between. In terminal cost and end constraints a state's symbol means
+    x(T).
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.t = ca.SX.sym("t")
+        """time [s] since the start"""
+        self._states: list[_Variable] = []
+        self._controls: list[_Variable] = []
+        self._parameters: list[tuple[str, ca.SX, float]] = []
+        self._rates: dict[str, ca.SX] = {}
+        self._running, self._terminal = ca.SX(0), ca.SX(0)
+        self._path, self._initial, self._final = _Constraints(), _Constraints(), _Constraints()
+        self._final_time = ca.SX.sym("T")
+        self._duration: tuple[float, float, float] | None = None  # guess, lower, upper
+
+    def state(
+        self,
+        name: str,
+        *,
+        lower: float = -math.inf,
+        upper: float = math.inf,
+        scale: float = 1.0,
+        guess: Sequence[float] = (0.0,),
+    ) -> ca.SX:
+        """A state with its bounds along the path, its typical magnitude and its guess."""
+        return self._declare(self._states, name, lower, upper, scale, guess)
+
+    def control(
+        self,
+        name: str,
+        *,
+        lower: float = -math.inf,
+        upper: float = math.inf,
+        scale: float = 1.0,
+        guess: Sequence[float] = (0.0,),
+    ) -> ca.SX:
+        """A control, likewise."""
+        return self._declare(self._controls, name, lower, upper, scale, guess)
+
+    def parameter(self, name: str, nominal: float) -> ca.SX:
+        """A number that is known when the problem is solved and may differ from solve to solve."""
+        self._check_name(name)
+        if not math.isfinite(nominal):
+            raise StatementError(f"{self.name}: parameter {name} = {nominal!r}; allowed: a finite number")
+        symbol = ca.SX.sym(name)
+        self._parameters.append((name, symbol, nominal))
+        return symbol
+
+    def duration(self, value: float) -> None:
+        """A fixed final time T [s]."""
+        self.free_duration(guess=value, lower=value, upper=value)
+
+    def free_duration(self, *, guess: float, lower: float = 1e-3, upper: float = _MOST_DURATION) -> ca.SX:
+        """A free final time T [s]; returns its symbol, for terminal cost and end constraints."""
+        if not (0.0 < lower <= guess <= upper <= _MOST_DURATION):
+            raise StatementError(
+                f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
+                f"allowed: 0 < lower <= guess <= upper <= {_MOST_DURATION:g} s"
+            )
+        self._duration = guess, lower, upper
+        return self._final_time
+
+    def minimise(self, running: ca.SX | float = 0.0, terminal: ca.SX | float = 0.0) -> None:
+        """J = ∫ running dt + terminal."""
+        for what, expression in (("running", running), ("terminal", terminal)):
+            if ca.SX(expression).numel() != 1:
+                raise StatementError(f"{self.name}: the {what} cost has shape {ca.SX(expression).shape}; allowed: one")
+        self._running, self._terminal = ca.SX(running), ca.SX(terminal)
+
+    def dynamics(self, state: ca.SX, rate: ca.SX | float) -> None:
+        """x' = rate for one state."""
+        variable = self._find(state, self._states, "dynamics")
+        if ca.SX(rate).numel() != 1:
+            raise StatementError(
+                f"{self.name}: dynamics of {variable.name} have shape {ca.SX(rate).shape}; allowed: one expression"
+            )
+        if variable.name in self._rates:
+            raise StatementError(f"{self.name}: dynamics of {variable.name} are given twice; allowed: once")
+        self._rates[variable.name] = ca.SX(rate)
+
+    def constrain(self, expression: ca.SX, *, lower: float = -math.inf, upper: float = math.inf) -> None:
+        """lower <= d(x, u, t; p) <= upper along the whole path."""
+        self._path.add(f"{self.name}: path constraint", expression, lower, upper)
+
+    def start(self, state: ca.SX, value: float | ca.SX) -> None:
+        """x(0) = value for one state; the value is a number or an expression of parameters."""
+        self._find(state, self._states, "start")
+        self._initial.add(f"{self.name}: start", state - value, 0.0, 0.0)
+
+    def start_constraint(self, expression: ca.SX, *, lower: float = 0.0, upper: float = 0.0) -> None:
+        """lower <= i(x(0); p) <= upper."""
+        self._initial.add(f"{self.name}: start constraint", expression, lower, upper)
+
+    def end(self, state: ca.SX, value: float | ca.SX) -> None:
+        """x(T) = value for one state; the value is a number or an expression of T and of parameters."""
+        self._find(state, self._states, "end")
+        self._final.add(f"{self.name}: end", state - value, 0.0, 0.0)
+
+    def end_constraint(self, expression: ca.SX, *, lower: float = 0.0, upper: float = 0.0) -> None:
+        """lower <= s(x(T), T; p) <= upper."""
+        self._final.add(f"{self.name}: end constraint", expression, lower, upper)
+
+    def problem(self) -> OptimalControlProblem:
+        """The finished problem.
+
+        Raises StatementError where something is missing or contradicts itself, naming it.
+        """
+        if not self._states:
+            raise StatementError(f"{self.name}: no state is declared; allowed: at least one")
+        if missing := [v.name for v in self._states if v.name not in self._rates]:
+            raise StatementError(f"{self.name}: no dynamics for {', '.join(missing)}; allowed: one for each state")
+        if self._duration is None:
+            raise StatementError(f"{self.name}: no duration is given; allowed: duration() or free_duration()")
+        x, u = _column(v.symbol for v in self._states), _column(v.symbol for v in self._controls)
+        t, p, final_time = self.t, _column(symbol for _, symbol, _ in self._parameters), self._final_time
+        rates = ca.vertcat(*(self._rates[v.name] for v in self._states))
+        along, at_end = [x, u, t, p], [x, final_time, p]
+        times, states, controls = self._guesses()
+        guess, shortest, longest = self._duration
+        return OptimalControlProblem(
+            name=self.name,
+            states=tuple(v.name for v in self._states),
+            controls=tuple(v.name for v in self._controls),
+            parameters=tuple(name for name, _, _ in self._parameters),
+            dynamics=self._function("f", along, rates, "dynamics"),
+            running_cost=self._function("L", along, self._running, "running cost"),
+            terminal_cost=self._function("Psi", at_end, self._terminal, "terminal cost"),
+            path=self._function("d", along, self._path.column, "path constraints"),
+            initial=self._function("i", [x, p], self._initial.column, "start"),
+            final=self._function("s", at_end, self._final.column, "end"),
+            state_bounds=_bounds(self._states),
+            control_bounds=_bounds(self._controls),
+            path_bounds=self._path.interval,
+            initial_bounds=self._initial.interval,
+            final_bounds=self._final.interval,
+            duration_bounds=(shortest, longest),
+            state_scale=np.array([v.scale for v in self._states]),
+            control_scale=np.array([v.scale for v in self._controls]),
+            nominal=np.array([nominal for _, _, nominal in self._parameters], float),
+            guess_times=times,
+            guess_states=states,
+            guess_controls=controls,
+            guess_duration=guess,
+        )
+
+    def _declare(
+        self, among: list[_Variable], name: str, lower: float, upper: float, scale: float, guess: Sequence[float]
+    ) -> ca.SX:
+        self._check_name(name)
+        _check_limits(f"{self.name}: {name}", lower, upper)
+        if not (math.isfinite(scale) and scale > 0.0):
+            raise StatementError(f"{self.name}: {name}: scale = {scale!r}; allowed: a finite value > 0")
+        if not len(guess) or not np.isfinite(guess).all():
+            raise StatementError(f"{self.name}: {name}: guess = {list(guess)!r}; allowed: finite numbers, at least one")
+        symbol = ca.SX.sym(name)
+        among.append(_Variable(name, symbol, lower, upper, scale, guess))
+        return symbol
+
+    def _check_name(self, name: str) -> None:
+        taken = [v.name for v in (*self._states, *self._controls)] + [name for name, _, _ in self._parameters]
+        if not name or name in taken:
+            raise StatementError(f"{self.name}: variable {name!r} is empty or taken; allowed: other than {taken}")
+
+    def _find(self, symbol: ca.SX, among: list[_Variable], where: str) -> _Variable:
+        for variable in among:
+            if ca.is_equal(variable.symbol, symbol):
+                return variable
+        raise StatementError(f"{self.name}: {where}: {symbol} is not a state; allowed: {[v.name for v in among]}")
+
+    def _function(self, name: str, arguments: list[ca.SX], result: ca.SX, what: str) -> ca.Function:
+        known = ca.vertcat(*arguments)
+        free = [s for s in ca.symvar(result) if not ca.depends_on(s, known)]
+        if free:
+            raise StatementError(f"{self.name}: the {what} depend on {free}, which is not among {ca.symvar(known)}")
+        return ca.Function(name, arguments, [result])
+
+    def _guesses(self) -> tuple[Array, Array, Array]:
+        """All guesses at the union of their break times."""
+        variables = [*self._states, *self._controls]
+        times = np.unique(np.concatenate([np.linspace(0.0, 1.0, max(2, len(v.guess))) for v in variables]))
+
+        def spread(over: list[_Variable]) -> Array:
+            columns = [np.interp(times, np.linspace(0.0, 1.0, len(v.guess)), v.guess) for v in over]
+            return np.array(columns).T.reshape(len(times), len(over))
+
+        return times, spread(self._states), spread(self._controls)
+
+
+def _column(symbols: object) -> ca.SX:
+    parts = list(symbols)  # type: ignore[call-overload]
+    return ca.vertcat(*parts) if parts else ca.SX(0, 1)
+
+
+def _bounds(variables: list[_Variable]) -> Interval:
+    return Interval(np.array([v.lower for v in variables], float), np.array([v.upper for v in variables], float))
+
+
+def _check_limits(where: str, lower: float, upper: float) -> None:
+    if not lower <= upper or lower == math.inf or upper == -math.inf:  # NaN too
+        raise StatementError(f"{where}: lower = {lower!r}, upper = {upper!r}; allowed: lower <= upper")

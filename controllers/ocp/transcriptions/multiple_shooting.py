@@ -1,0 +1,45 @@
+"""Multiple shooting: x_{i+1} is where the classical Runge-Kutta method takes x_i with the control held.
+
+The only scheme here whose plan a zero-order hold flies as it was computed, and explicit, as FATROP wants it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from controllers.ocp.transcriptions.scheme import Interval, Rates
+
+
+@dataclass(frozen=True)
+class MultipleShooting:
+    """``steps`` Runge-Kutta steps of fourth order over each interval."""
+
+    steps: int = 2
+    name: str = "multiple shooting"
+    order: int = 4
+    points: tuple[float, ...] = (0.0,)
+    shared: bool = False
+    interior: int = 0
+    explicit: bool = True
+    costate_at: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.steps < 1:
+            raise ValueError(f"steps = {self.steps}; allowed: a whole number >= 1")
+
+    def interval(
+        self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
+    ) -> Interval:
+        h, x, cost = d / self.steps, x_0, ca.SX(0)
+        for k in range(self.steps):
+            now = t + k * h
+            f_1, l_1 = rates(x, U[0], now)
+            f_2, l_2 = rates(x + h / 2 * f_1, U[0], now + h / 2)
+            f_3, l_3 = rates(x + h / 2 * f_2, U[0], now + h / 2)
+            f_4, l_4 = rates(x + h * f_3, U[0], now + h)
+            x = x + h / 6 * (f_1 + 2 * f_2 + 2 * f_3 + f_4)
+            cost = cost + h / 6 * (l_1 + 2 * l_2 + 2 * l_3 + l_4)
+        return Interval(x, ca.SX(0, 1), cost, (x_0,))

@@ -1,0 +1,80 @@
+"""Legendre-Gauss-Lobatto pseudospectral collocation.
+
+In each interval the dynamics hold at the K + 1 Legendre-Gauss-Lobatto points 0 = c_0 < ... < c_K = 1, in integral form
+
+    X_j = x_0 + d Σ_k A_jk f(X_k, u_k),     A_jk = ∫_0^{c_j} l_k,     j = 1 ... K        (Lobatto IIIA),
+
+the quadrature is Gauss-Lobatto's. A grid of one interval is the global method; several intervals with few points each
+are the composite one. K = 1 is the trapezoid and K = 2 is Hermite-Simpson.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.polynomial import Legendre
+
+from controllers.ocp.transcriptions.scheme import Interval, Rates, integral_weights
+
+
+@dataclass(frozen=True)
+class LegendreGaussLobatto:
+    """Polynomials for the rates of ``degree`` K on every interval; order 2 K."""
+
+    degree: int = 4
+    shared: bool = True
+    explicit: bool = False
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.degree <= 60:
+            raise ValueError(f"degree = {self.degree}; allowed: a whole number from 1 to 60")
+
+    @property
+    def name(self) -> str:
+        return f"Legendre-Gauss-Lobatto of degree {self.degree}"
+
+    @property
+    def order(self) -> int:
+        return 2 * self.degree
+
+    @property
+    def interior(self) -> int:
+        return self.degree - 1
+
+    @property
+    def costate_at(self) -> float:
+        return 1.0 / (self.degree * (self.degree + 1))  # the first weight of the quadrature
+
+    @cached_property
+    def points(self) -> tuple[float, ...]:
+        return legendre_gauss_lobatto(self.degree)
+
+    def interval(
+        self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
+    ) -> Interval:
+        states = (x_0, *X, x_1)
+        pairs = [rates(x, u, t + c * d) for x, u, c in zip(states, U, self.points, strict=True)]
+
+        A = integral_weights(self.points, np.array(self.points)).tolist()  # the last row is the quadrature
+
+        def reached(row: Sequence[float]) -> ca.SX:
+            return x_0 + d * sum((a * f for a, (f, _) in zip(row, pairs, strict=True)), ca.SX(0))
+
+        inner = [reached(row) - x for row, x in zip(A[1:-1], X, strict=True)]
+        return Interval(
+            flow=reached(A[-1]),
+            inner=ca.vertcat(*inner) if inner else ca.SX(0, 1),
+            cost=d * sum((a * cost for a, (_, cost) in zip(A[-1], pairs, strict=True)), ca.SX(0)),
+            states=states,
+        )
+
+
+@lru_cache(maxsize=64)
+def legendre_gauss_lobatto(degree: int) -> tuple[float, ...]:
+    """The ends of [0, 1] and the zeros of P_K' in between, K = ``degree``."""
+    inner = Legendre.basis(degree).deriv().roots() if degree > 1 else np.empty(0)
+    return (0.0, *(0.5 * (1.0 + np.sort(np.real(inner)))).tolist(), 1.0)

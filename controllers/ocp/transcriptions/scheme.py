@@ -1,0 +1,105 @@
+"""What a transcription is: how states, controls and dynamics of one interval hang together (thesis 1.1.2, B.2).
+
+Over [t, t + d] the unknowns are the states at both ends, x_0 and x_1, the controls U at ``points`` (fractions of the
+interval), and the states X at ``interior`` further points. The scheme turns them into equations that vanish and into
+its quadrature of the running cost. The control in between is Lagrange's polynomial through its points; the state is
+
+    x(t + c d) = x_0 + d Σ_j f_j ∫_0^c l_j,          f_j = f(x_j, u_j) at the points, l_j Lagrange's basis,
+
+whose derivative is the polynomial through the f_j: the collocation polynomial. A scheme may bring a better one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from sim.signals import Array
+
+# (x, u, t) -> (x', L)
+Rates = Callable[[ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """The equations of one interval."""
+
+    flow: ca.SX  # (nx,) what x_1 must be; of an explicit scheme it does not depend on x_1
+    inner: ca.SX  # (interior * nx,) vanishes
+    cost: ca.SX  # () its share of ∫ L dt
+    states: tuple[ca.SX, ...]  # the state at each of the points
+
+
+class Scheme(Hashable, Protocol):
+    """A transcription."""
+
+    @property
+    def name(self) -> str:
+        """As one says it."""
+        ...
+
+    @property
+    def order(self) -> int:
+        """The error of a state after one interval of width d is O(d^(order + 1))."""
+        ...
+
+    @property
+    def points(self) -> tuple[float, ...]:
+        """Fractions of the interval at which the control is an unknown."""
+        ...
+
+    @property
+    def shared(self) -> bool:
+        """Whether the control at the end of an interval is the one at the start of the next."""
+        ...
+
+    @property
+    def interior(self) -> int:
+        """Number of unknown states inside an interval."""
+        ...
+
+    @property
+    def explicit(self) -> bool:
+        """Whether x_1 follows from x_0 and U without solving for it."""
+        ...
+
+    @property
+    def costate_at(self) -> float:
+        """Fraction of the interval at which the multipliers of its equations are the costate."""
+        ...
+
+    def interval(
+        self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
+    ) -> Interval:
+        """The equations over [t, t + d]."""
+        ...
+
+
+def weights(points: tuple[float, ...], at: Array) -> Array:
+    """(n, k) l_j(at): what the values at the points weigh in the polynomial's value at fractions (n,)."""
+    return _basis(points, at)
+
+
+def integral_weights(points: tuple[float, ...], to: Array) -> Array:
+    """(n, k) ∫_0^to l_j: what the rates at the points weigh in the integral up to fractions (n,); exact quadrature."""
+    nodes, share = np.polynomial.legendre.leggauss(len(points) // 2 + 1)
+    basis = _basis(points, (0.5 * to[:, None] * (nodes + 1.0)).ravel()).reshape(len(to), len(nodes), len(points))
+    integrals: Array = 0.5 * to[:, None] * np.einsum("g,ngk->nk", share, basis)
+    return integrals
+
+
+def _basis(points: tuple[float, ...], at: Array) -> Array:
+    """(n, k) Lagrange's basis at n places, by the barycentric formula: stable for sixty points."""
+    c = np.array(points)
+    # Products of many differences in [0, 1] underflow; only their ratios matter, so each counts four times.
+    barycentric = 1.0 / np.prod(4.0 * (c[:, None] - c[None, :]) + np.eye(len(c)), axis=1)
+    away = at[:, None] - c
+    hit = np.abs(away) < 1e-15
+    exact = hit.any(axis=1)[:, None]
+    terms = barycentric / np.where(exact, 1.0, away)
+    values: Array = np.where(exact, hit, terms / np.where(exact, 1.0, terms.sum(axis=1, keepdims=True)))
+    return values

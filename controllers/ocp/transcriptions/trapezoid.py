@@ -1,0 +1,29 @@
+"""Trapezoidal collocation, x_{i+1} = x_i + d (f_i + f_{i+1}) / 2, the control linear in between."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from controllers.ocp.transcriptions.scheme import Interval, Rates
+
+
+@dataclass(frozen=True)
+class Trapezoid:
+    """Second order: Lobatto IIIA with two points."""
+
+    name: str = "trapezoid"
+    order: int = 2
+    points: tuple[float, ...] = (0.0, 1.0)
+    shared: bool = True
+    interior: int = 0
+    explicit: bool = False
+    costate_at: float = 0.5
+
+    def interval(
+        self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
+    ) -> Interval:
+        (f_0, cost_0), (f_1, cost_1) = rates(x_0, U[0], t), rates(x_1, U[1], t + d)
+        return Interval(x_0 + d * (f_0 + f_1) / 2, ca.SX(0, 1), d * (cost_0 + cost_1) / 2, (x_0, x_1))

@@ -1,0 +1,167 @@
+"""(B.1) and its examples: what holds of the nodes when they are unknowns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controllers.ocp.distribution import (
+    EquidistantHorizon,
+    Equidistributed,
+    Fixed,
+    Free,
+    FrontLoaded,
+    FunctionalMinimised,
+)
+from controllers.ocp.methods.direct import solve
+from controllers.ocp.methods.equidistribution import distribute
+from controllers.ocp.methods.gate import gated
+from controllers.ocp.methods.redistribution import redistribute
+from controllers.ocp.methods.refinement import local_errors, refine
+from controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor, monitor
+from controllers.ocp.problems.missile import missile
+from controllers.ocp.solution import Outcome, Solution
+from controllers.ocp.solver import transcription
+from controllers.ocp.statement import OptimalControlProblem, Statement
+from controllers.ocp.transcriptions.euler import Euler
+from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+
+
+def coasting(longest: float) -> OptimalControlProblem:
+    """J asks nothing of the final time, at most ``longest`` [s]."""
+    ocp = Statement("coasting")
+    x, u = ocp.state("x"), ocp.control("u")
+    ocp.free_duration(guess=0.5 * longest, lower=1e-3, upper=longest)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u)
+    ocp.start(x, 0.0)
+    return ocp.problem()
+
+
+@pytest.mark.parametrize(("epsilon", "step"), [(0.1, 0.1), (0.3, 0.3), (0.6, 0.6), (0.9, 0.6), (5.0, 0.6)])
+def test_example_b1_is_the_equidistant_receding_horizon(epsilon: float, step: float) -> None:
+    solution = transcription(coasting(6.0), Euler(), 11, EquidistantHorizon(epsilon)).solve()
+    assert solution.ok
+    assert np.allclose(np.diff(solution.t), step, rtol=1e-4)
+
+
+@pytest.mark.parametrize("measure", [ARCLENGTH, CURVATURE])
+def test_equidistribution_in_the_programme_gives_every_interval_the_same_share(measure: Monitor) -> None:
+    epsilon = 0.01 if measure is ARCLENGTH else 1e3
+    solution = distribute(missile("FAST"), 15, Equidistributed(measure, epsilon))
+    assert solution.status is Outcome.OPTIMAL
+    scale = solution.problem.state_scale
+    D, chords = solution.grid.widths * 14.0, np.diff(solution.x, axis=0) / scale
+    if measure is ARCLENGTH:
+        shares = np.sqrt(14.0**2 * (chords**2).sum(axis=1) + epsilon * D**2)
+    else:
+        turns = (
+            (solution.rates[:, -1] - solution.rates[:, 0]) / scale * solution.duration / solution.grid.widths[:, None]
+        )
+        shares = D * (epsilon + (turns**2).sum(axis=1)) ** 0.25
+    assert np.ptp(shares) < 1e-6 * shares.mean()
+    assert np.ptp(D) > 0.1
+
+
+def test_the_uniform_monitor_in_the_programme_is_the_uniform_grid() -> None:
+    solution = distribute(missile("SM2"), 11, Equidistributed(UNIFORM))
+    assert np.allclose(solution.grid.widths, 0.1, atol=1e-7)
+
+
+def test_example_b2_puts_its_share_of_nodes_in_front_with_equal_steps() -> None:
+    solution = distribute(missile("FAST"), 15, FrontLoaded(share_of_nodes=0.5, share_of_time=0.4))
+    assert solution.status is Outcome.OPTIMAL
+    widths = solution.grid.widths
+    assert widths[:7].sum() <= 0.4 + 1e-7
+    assert np.ptp(widths[:7]) < 1e-7
+    assert np.ptp(widths[7:]) < 1e-7
+
+
+@pytest.mark.parametrize("distribution", [Free(), FrontLoaded(0.5, 0.4, equal_steps=False)])
+@pytest.mark.parametrize("scheme", [Euler(), HermiteSimpson()])
+def test_free_nodes_are_exploited_and_refused(distribution: Free | FrontLoaded, scheme: Euler | HermiteSimpson) -> None:
+    problem = missile("SM2")
+    even = solve(problem, 20, scheme=scheme)
+    solution = distribute(problem, 20, distribution, scheme=scheme)
+    assert solution.status is Outcome.REFUSED
+    assert solution.ok
+    assert solution.cost == pytest.approx(even.cost, abs=1e-9)
+    assert np.allclose(solution.grid.nodes, even.grid.nodes)
+    assert "replays with" in solution.message
+
+
+def test_functional_minimisation_evens_the_shares_out() -> None:
+    def spread(solution: Solution) -> float:
+        chords = np.diff(solution.x, axis=0) / solution.problem.state_scale
+        shares = np.sqrt((chords**2).sum(axis=1))
+        return float(shares.std() / shares.mean())
+
+    problem = missile("FAST")
+    assert spread(distribute(problem, 15, FunctionalMinimised())) < 0.7 * spread(solve(problem, 15))
+
+
+@pytest.mark.parametrize("measure", [CURVATURE, LOCAL_ERROR], ids=lambda measure: measure.name)
+def test_one_redistribution_of_the_fast_missile_is_far_more_accurate(measure: Monitor) -> None:
+    problem = missile("FAST")
+    even, moved = solve(problem, 15), redistribute(problem, 15, measure)
+    assert moved.status is Outcome.OPTIMAL
+    assert even.replay is not None
+    assert moved.replay is not None
+    assert moved.replay.miss < 0.1 * even.replay.miss
+
+
+def test_a_monitor_of_ones_own_takes_the_nodes_where_it_wants_them() -> None:
+    early = Monitor("early", lambda solution, tau, epsilon: np.exp(-3.0 * tau), None, epsilon=1.0)
+    solution = redistribute(missile("SM2"), 20, early)
+    grid = solution.grid.widths if solution.status is Outcome.OPTIMAL else None
+    assert grid is None or (np.diff(grid) > 0.0).all()
+    with pytest.raises(ValueError, match="'early' has no measure"):
+        Equidistributed(early)
+
+
+def test_refinement_stops_at_its_tolerance_and_says_so() -> None:
+    solution = refine(missile("SM2"), tolerance=1e-4)
+    assert solution.status is Outcome.OPTIMAL
+    assert local_errors(solution).max() <= 1e-4
+    assert solution.message.startswith("local error at most")
+    assert solution.cost == pytest.approx(11.541173, abs=1e-4)
+
+
+def test_refinement_that_runs_out_of_nodes_says_so() -> None:
+    solution = refine(missile("SM2"), 6, most_nodes=11, tolerance=1e-9)
+    assert solution.nodes <= 11
+    assert "local error still" in solution.message or solution.status is Outcome.REFUSED
+
+
+def test_the_gate_prefers_the_uniform_solution_to_a_failed_one() -> None:
+    even = solve(missile("SM2"), 20)
+    failed = transcription(missile("SM2"), HermiteSimpson(), 20).solve(parameters=np.empty(0))
+    from dataclasses import replace
+
+    answer = gated(replace(failed, status=Outcome.LIMIT, message="stopped"), even, "any")
+    assert answer.status is Outcome.REFUSED
+    assert "stopped" in answer.message
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda: Equidistributed(epsilon=0.0),
+        lambda: FunctionalMinimised(weight=-1.0),
+        lambda: EquidistantHorizon(np.nan),
+        lambda: FrontLoaded(share_of_nodes=1.0),
+        lambda: FrontLoaded(share_of_time=0.0),
+        lambda: monitor("jerk"),
+        lambda: distribute(missile("SM2"), 10, Fixed()),
+        lambda: distribute(missile("SM2"), 1),
+        lambda: redistribute(missile("SM2"), 10, rounds=0),
+        lambda: refine(missile("SM2"), 10, most_nodes=5),
+        lambda: refine(missile("SM2"), tolerance=0.0),
+        lambda: refine(missile("SM2"), scheme=MultipleShooting()),
+        lambda: missile("SLOW"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_with_what_is_allowed(wrong: object) -> None:
+    with pytest.raises(ValueError, match=r"allowed"):
+        wrong()  # type: ignore[operator]

@@ -1,0 +1,100 @@
+"""Pontryagin's conditions, solved next to a direct solution."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from controllers.ocp.indirect import solve_indirect
+from controllers.ocp.methods.direct import solve
+from controllers.ocp.problems.missile import missile
+from controllers.ocp.statement import Statement
+
+
+def test_the_minimum_energy_transfer_is_found_exactly() -> None:
+    ocp = Statement("minimum energy")
+    x, v, u = ocp.state("x"), ocp.state("v"), ocp.control("u", scale=6.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2 / 2)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, u)
+    for state, begin, end in ((x, 0.0, 1.0), (v, 0.0, 0.0)):
+        ocp.start(state, begin)
+        ocp.end(state, end)
+    found = solve_indirect(solve(ocp.problem(), 11))
+    assert found.converged
+    assert np.allclose(found.u[:, 0], 6.0 - 12.0 * found.t, atol=1e-6)
+    assert np.allclose(found.costates[:, 1], -found.u[:, 0], atol=1e-6)
+
+
+def test_a_bounded_control_is_held_at_its_bound() -> None:
+    ocp = Statement("bounded")
+    x, u = ocp.state("x"), ocp.control("u", lower=-0.5, upper=0.5)
+    ocp.duration(1.0)
+    ocp.minimise(running=(x**2 + u**2) / 2)
+    ocp.dynamics(x, u)
+    ocp.start(x, 1.0)
+    found = solve_indirect(solve(ocp.problem(), 41))
+    assert found.converged
+    assert found.u.min() == pytest.approx(-0.5, abs=1e-9)
+    assert (found.u >= -0.5 - 1e-12).all()
+    assert np.abs(found.u[-1]) < 1e-6  # λ(T) = 0
+
+
+def test_an_implicit_control_is_found_and_the_hamiltonian_of_a_free_time_vanishes() -> None:
+    ocp = Statement("brachistochrone")
+    x, y, v = ocp.state("x", guess=(0.0, 2.0)), ocp.state("y", guess=(0.0, 2.0)), ocp.state("v", guess=(0.1, 5.0))
+    theta = ocp.control("theta", lower=-1.0, upper=3.0, guess=(0.2, 1.5))
+    T = ocp.free_duration(guess=1.0, lower=0.1, upper=10.0)
+    ocp.minimise(terminal=T)
+    ocp.dynamics(x, v * ca.sin(theta))
+    ocp.dynamics(y, v * ca.cos(theta))
+    ocp.dynamics(v, 9.8 * ca.cos(theta))
+    for state in (x, y, v):
+        ocp.start(state, 0.0)
+    ocp.end(x, 2.0)
+    ocp.end(y, 2.0)
+    found = solve_indirect(solve(ocp.problem(), 31))
+    assert found.converged
+    assert found.duration == pytest.approx(0.8247591, abs=2e-7)
+    assert np.abs(found.hamiltonian + 1.0).max() < 1e-5  # H = -1 with a terminal cost of T
+
+
+def test_the_missile_of_both_methods_is_the_same() -> None:
+    direct = solve(missile("SM2"), 61)
+    found = solve_indirect(direct, tolerance=1e-6)
+    assert found.converged
+    assert found.duration == pytest.approx(8.271096, abs=2e-6)
+    scale = direct.problem.control_scale
+    off = (direct.control(found.t) - found.u) / scale
+    assert np.sqrt((off**2).sum() / ((found.u / scale) ** 2).sum()) < 2e-3
+    assert np.ptp(found.hamiltonian) < 1e-5
+
+
+def test_what_the_conditions_do_not_cover_is_refused() -> None:
+    ocp = Statement("bang-bang")
+    x, v, u = ocp.state("x"), ocp.state("v"), ocp.control("u", lower=-1.0, upper=1.0)
+    T = ocp.free_duration(guess=3.0)
+    ocp.minimise(terminal=T)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, u)
+    for state, begin, end in ((x, 0.0, 3.0), (v, 0.0, 0.0)):
+        ocp.start(state, begin)
+        ocp.end(state, end)
+    with pytest.raises(ValueError, match="linear in the controls"):
+        solve_indirect(solve(ocp.problem(), 20))
+
+
+def test_an_active_bound_of_a_state_is_refused() -> None:
+    ocp = Statement("bounded state")
+    x, v, u = ocp.state("x", upper=1.0 / 9.0), ocp.state("v"), ocp.control("u")
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2 / 2)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, u)
+    for state, begin, end in ((x, 0.0, 0.0), (v, 1.0, -1.0)):
+        ocp.start(state, begin)
+        ocp.end(state, end)
+    with pytest.raises(ValueError, match="the bound of a state is active"):
+        solve_indirect(solve(ocp.problem(), 20))

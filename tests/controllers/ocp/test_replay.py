@@ -1,0 +1,91 @@
+"""The replay is honest: exact where the transcription is, and as wrong as the transcription where it is not."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from controllers.ocp.methods.direct import solve
+from controllers.ocp.replay import replayed
+from controllers.ocp.solution import Outcome, Solution
+from controllers.ocp.statement import OptimalControlProblem, Statement
+from controllers.ocp.transcriptions.euler import Euler
+from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+
+
+def problem_with(rate: float, upper: float = 10.0) -> OptimalControlProblem:
+    """x' = rate x + u from 1 to 0 over [0, 2], ∫ u^2."""
+    ocp = Statement(f"rate {rate}")
+    x, u = ocp.state("x", upper=upper, scale=2.0), ocp.control("u", guess=(-1.0,))
+    ocp.duration(2.0)
+    ocp.minimise(running=u**2, terminal=3.0)
+    ocp.dynamics(x, rate * x + u)
+    ocp.start(x, 1.0)
+    ocp.end(x, 0.0)
+    return ocp.problem()
+
+
+def replay_of(solution: Solution) -> float:
+    assert solution.replay is not None
+    return solution.replay.value
+
+
+def test_forward_euler_misses_by_what_its_step_leaves_out() -> None:
+    solution = solve(problem_with(0.5), 21, scheme=Euler())
+    assert solution.replay is not None
+    x = 1.0
+    for u, d in zip(solution.u[:, 0, 0], np.diff(solution.t), strict=True):
+        x = np.exp(0.5 * d) * x + (np.exp(0.5 * d) - 1.0) / 0.5 * u
+    assert solution.replay.end[0] == pytest.approx(x, abs=1e-9)
+    assert solution.replay.miss == pytest.approx(abs(x - solution.x[-1, 0]) / 2.0, abs=1e-9)
+    assert solution.replay.cost == pytest.approx(solution.cost, abs=1e-8)
+
+
+def test_hermite_simpson_misses_by_less_the_more_nodes_it_has() -> None:
+    misses = [replay_of(solve(problem_with(1.0), n)) for n in (5, 9, 17)]
+    assert misses[0] > 8.0 * misses[1] > 64.0 * misses[2]
+
+
+def test_an_ill_posed_open_loop_is_replayed_interval_by_interval() -> None:
+    tame, wild = solve(problem_with(1.0), 41), solve(problem_with(12.0), 41)
+    assert tame.replay is not None
+    assert not tame.replay.by_intervals
+    assert wild.replay is not None
+    assert wild.replay.by_intervals
+    assert wild.replay.miss < 1e-2  # flown in one piece a rounding error would grow by e^24
+
+
+def test_a_control_that_is_changed_is_found_out() -> None:
+    solution = solve(problem_with(0.5), 11)
+    bent = replayed(dataclasses.replace(solution, u=solution.u + 0.1))
+    assert replay_of(bent) > 0.05 > 1e3 * replay_of(solution)
+
+
+def test_a_path_constraint_is_looked_at_on_the_replayed_path() -> None:
+    ocp = Statement("path constraint")
+    x, u = ocp.state("x"), ocp.control("u")
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u)
+    ocp.constrain(x - ca.sin(3.0 * ocp.t), lower=0.0)
+    ocp.start(x, 0.0)
+    solution = solve(ocp.problem(), 5, scheme=HermiteSimpson())
+    assert solution.replay is not None
+    t = np.linspace(0.0, 1.0, 2001)
+    assert solution.replay.violation == pytest.approx((np.sin(3.0 * t) - solution.state(t)[:, 0]).max(), rel=0.1)
+
+
+def test_a_failed_solve_has_no_replay() -> None:
+    ocp = Statement("out of reach")
+    x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u)
+    ocp.start(x, 0.0)
+    ocp.end(x, 5.0)
+    solution = solve(ocp.problem(), 11)
+    assert solution.status is Outcome.INFEASIBLE
+    assert solution.replay is None

@@ -1,0 +1,136 @@
+"""Every scheme through one suite: order, consistency, what its unknowns are, what its solutions say in between."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from controllers.ocp.grid import stretched, uniform
+from controllers.ocp.methods.direct import solve
+from controllers.ocp.statement import OptimalControlProblem, Statement
+from controllers.ocp.transcriptions.euler import Euler
+from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto, legendre_gauss_lobatto
+from controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
+from controllers.ocp.transcriptions.trapezoid import Trapezoid
+
+SCHEMES = [
+    Euler(),
+    Trapezoid(),
+    HermiteSimpson(),
+    MultipleShooting(1),
+    LegendreGaussLobatto(3),
+    LegendreGaussLobatto(5),
+]
+schemes = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
+
+
+def pendulum() -> OptimalControlProblem:
+    """Nothing to choose: a pendulum with a drive that depends on time; J = ∫ x^2 dt."""
+    ocp = Statement("pendulum")
+    x, v = ocp.state("x"), ocp.state("v")
+    ocp.duration(2.0)
+    ocp.minimise(running=x**2, terminal=v)
+    ocp.dynamics(x, v)
+    ocp.dynamics(v, -ca.sin(x) + ca.cos(3.0 * ocp.t))
+    ocp.start(x, 1.0)
+    ocp.start(v, 0.0)
+    return ocp.problem()
+
+
+def linear_quadratic() -> OptimalControlProblem:
+    """x' = u, ∫ (x^2 + u^2) / 2 over [0, 1] from 1: J* = tanh(1) / 2, u = -sinh(1 - t) / cosh(1)."""
+    ocp = Statement("linear-quadratic")
+    x, u = ocp.state("x"), ocp.control("u")
+    ocp.duration(1.0)
+    ocp.minimise(running=(x**2 + u**2) / 2)
+    ocp.dynamics(x, u)
+    ocp.start(x, 1.0)
+    return ocp.problem()
+
+
+@schemes
+def test_the_error_of_the_end_falls_with_the_order_of_the_scheme(scheme: Scheme) -> None:
+    problem = pendulum()
+
+    def rates(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], -np.sin(y[0]) + np.cos(3.0 * t), y[0] ** 2]
+
+    truth = solve_ivp(rates, (0.0, 2.0), [1.0, 0.0, 0.0], method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    coarse, fine = (8, 16) if scheme.order < 6 else (2, 4)
+    errors, costs = [], []
+    for intervals in (coarse, fine):
+        solution = solve(problem, intervals + 1, scheme=scheme)
+        assert solution.ok
+        errors.append(np.abs(solution.x[-1] - truth[:2]).max())
+        costs.append(abs(solution.cost - truth[2] - truth[1]))
+    assert 2 ** (scheme.order - 0.75) < errors[0] / errors[1] < 2 ** (scheme.order + 1.5)
+    if scheme.order > 1:  # Euler's errors of opposite sign may cancel
+        assert 2 ** (scheme.order - 1.0) < costs[0] / costs[1]
+
+
+@schemes
+def test_the_optimum_is_found_on_an_uneven_grid(scheme: Scheme) -> None:
+    solution = solve(linear_quadratic(), stretched(31 if scheme.order > 1 else 301, 1.01), scheme=scheme)
+    tolerance = {1: 4e-3, 2: 5e-4}.get(scheme.order, 2e-4 if not scheme.shared else 1e-6)
+    assert solution.cost == pytest.approx(np.tanh(1.0) / 2.0, abs=tolerance)
+    t = np.linspace(0.0, 1.0, 50)
+    off = np.abs(solution.control(t)[:, 0] + np.sinh(1.0 - t) / np.cosh(1.0)).max()
+    assert off < {0: 0.05, 1: 0.03, 2: 1e-4}[int(scheme.shared) + int(scheme.shared and scheme.order > 2)]
+
+
+@schemes
+def test_costates_are_those_of_pontryagin(scheme: Scheme) -> None:
+    n = 31 if scheme.order > 1 else 301
+    solution = solve(linear_quadratic(), n, scheme=scheme)
+    truth = np.sinh(1.0 - solution.costate_times) / np.cosh(1.0)  # λ = -u, with H = L + λ'f
+    assert np.abs(solution.costates[:, 0] - truth).max() < (6e-3 if scheme.order == 1 else 5e-4)
+
+
+@schemes
+def test_states_and_controls_between_nodes_pass_through_the_unknowns(scheme: Scheme) -> None:
+    solution = solve(linear_quadratic(), 9, scheme=scheme)
+    assert np.allclose(solution.state(solution.t), solution.x, atol=1e-10)
+    times = solution.t[:-1, None] + np.array(scheme.points) * np.diff(solution.t)[:, None]
+    inside = np.array(scheme.points) < 1.0
+    assert np.allclose(solution.control(times[:, inside].ravel()), solution.u[:, inside].reshape(-1, 1), atol=1e-10)
+
+
+@pytest.mark.parametrize(("degree", "scheme"), [(1, Trapezoid()), (2, HermiteSimpson())])
+def test_low_degrees_of_lobatto_are_the_classical_schemes(degree: int, scheme: Scheme) -> None:
+    one, other = (solve(pendulum(), 9, scheme=s) for s in (LegendreGaussLobatto(degree), scheme))
+    assert np.allclose(one.x, other.x, atol=1e-9)
+
+
+def test_one_interval_of_high_degree_is_spectrally_accurate() -> None:
+    solution = solve(linear_quadratic(), 2, scheme=LegendreGaussLobatto(10))
+    assert solution.cost == pytest.approx(np.tanh(1.0) / 2.0, abs=1e-11)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 5, 20, 40])
+def test_lagrange_weights_reproduce_polynomials(degree: int) -> None:
+    points = legendre_gauss_lobatto(degree)
+    at = np.linspace(0.0, 1.0, 23)
+    values = np.polynomial.chebyshev.chebval(2.0 * np.array(points) - 1.0, np.eye(degree + 1)[degree])
+    exact = np.polynomial.chebyshev.chebval(2.0 * at - 1.0, np.eye(degree + 1)[degree])
+    assert np.allclose(weights(points, at) @ values, exact, atol=1e-9)
+    integral = np.polynomial.chebyshev.chebint(np.eye(degree + 1)[degree], lbnd=-1.0)
+    assert np.allclose(
+        integral_weights(points, at) @ values,
+        0.5 * np.polynomial.chebyshev.chebval(2.0 * at - 1.0, integral),
+        atol=1e-9,
+    )
+
+
+@schemes
+def test_two_nodes_are_enough(scheme: Scheme) -> None:
+    assert solve(linear_quadratic(), uniform(2), scheme=scheme).ok
+
+
+@pytest.mark.parametrize("wrong", [lambda: LegendreGaussLobatto(0), lambda: MultipleShooting(0)])
+def test_a_scheme_of_nothing_is_refused(wrong: object) -> None:
+    with pytest.raises(ValueError, match="allowed"):
+        wrong()  # type: ignore[operator]

@@ -1,7 +1,8 @@
 """The state as a sensor reads it: the estimator of a simulation that is not about estimating.
 
-The newest reading of the sensor "full_state" is the estimate. Between readings the vehicle's exact motion under the
-held input carries it on (thesis A.2); what the gusts do meanwhile stays unknown and widens the covariance.
+The newest reading of the sensor "full_state" is the estimate. Between readings the vehicle's declared motion under the
+held input carries it on (thesis A.2, B.4); what the gusts do meanwhile stays unknown and widens the covariance. What
+kind of vehicle it is, its mission knows.
 """
 
 from __future__ import annotations
@@ -9,15 +10,43 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
 
-import numpy as np
-
-from models.aerial.dynamics import flow
-from models.aerial.mission import EstimateQuality, FlightMission
-from models.aerial.sensors import FullStateSensor
+from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement, Status
 
 _SIMULTANEOUS = 1e-9  # [s]
+
+
+@runtime_checkable
+class Mission(Protocol):
+    """What a mission has to tell of its vehicle, of nx states and nu inputs."""
+
+    @property
+    def control_period(self) -> float:
+        """[s] of the estimates."""
+        ...
+
+    @property
+    def start_state(self) -> Array:
+        """(nx,) the state at t = 0."""
+        ...
+
+    def flow(self, x: Array, u: Array, dt: float) -> Array:
+        """The state (nx,) after the input u (nu,) was held for dt [s] from x (nx,)."""
+        ...
+
+    def full_state_sensor(self, rate: float | None) -> Sensor:
+        """The sensor "full_state", read ``rate`` times a second, or whenever the loop looks."""
+        ...
+
+    def full_state_covariance(self, age: float) -> Array:
+        """(nx, nx) of a reading that was carried on for ``age`` [s]."""
+        ...
+
+    def full_state_quality(self) -> Any:
+        """How good the readings are, in the terms of the scenario."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -39,31 +68,28 @@ class FullState:
 
     Config = FullStateConfig
 
-    def __init__(self, config: FullStateConfig, mission: FlightMission) -> None:
+    def __init__(self, config: FullStateConfig, mission: Mission) -> None:
         self.period = mission.control_period
         self._timeout = config.timeout
-        self._position_variance = mission.position_noise**2  # [m^2]
-        self._gust_rms = mission.gust.rms  # [m/s^2]
-        self._fresh = self._covariance(0.0)  # of a reading that is not old
-        self._x = np.array([*mission.start, 0.0, 0.0, 0.0])
+        self._mission = mission
+        self._fresh = mission.full_state_covariance(0.0)  # of a reading that is not old
+        self._x = mission.start_state
         self._t = -math.inf  # [s] of _x
         self._t_read = -math.inf  # [s] of the last reading
 
     @staticmethod
-    def build(config: FullStateConfig, mission: FlightMission) -> FullState:
+    def build(config: FullStateConfig, mission: Mission) -> FullState:
         return FullState(config, mission)
 
     @staticmethod
-    def sensors(config: FullStateConfig, mission: FlightMission) -> tuple[FullStateSensor, ...]:
+    def sensors(config: FullStateConfig, mission: Mission) -> tuple[Sensor, ...]:
         """What the vehicle has to carry for this estimator."""
-        return (FullStateSensor(mission.position_noise, config.rate),)
+        return (mission.full_state_sensor(config.rate),)
 
     @staticmethod
-    def quality(config: FullStateConfig, mission: FlightMission) -> EstimateQuality:
-        """Positions are off by the mission's noise, independently of each other; only the gusts drive the loop."""
-        return EstimateQuality(
-            np.diag([mission.position_noise**2, 0.0, 0.0]), EstimateQuality.exact(mission.gust).driving
-        )
+    def quality(config: FullStateConfig, mission: Mission) -> Any:
+        """How good the readings are, as the mission has it."""
+        return mission.full_state_quality()
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         for reading in measurements:
@@ -72,22 +98,10 @@ class FullState:
         if self._t == -math.inf:
             self._t = t  # the start, as the mission states it, is all that is known
         if t > self._t:
-            self._x, self._t = flow(self._x, command, t - self._t), t
+            self._x, self._t = self._mission.flow(self._x, command, t - self._t), t
         if self._t_read == -math.inf:
             return Estimate(t, self._x.copy(), status=Status.INITIALISING)
         age = t - self._t_read
         status = Status.OK if age <= self._timeout + _SIMULTANEOUS else Status.LOST
-        return Estimate(t, self._x.copy(), self._covariance(age) if age > 0.0 else self._fresh, status)
-
-    def _covariance(self, age: float) -> Array:
-        """(6, 6) when the last reading is ``age`` [s] old; a gust that stays as it is bounds every other one."""
-        effect = self._gust_rms * np.array([0.5 * age * age, age])  # on position [m] and velocity [m/s]
-        axis = np.outer(effect, effect)
-        axis[0, 0] += self._position_variance
-        return _three_axes(axis)
-
-
-def _three_axes(axis: Array) -> Array:
-    """(6, 6) covariance of (p, v) from the (2, 2) covariance that each of the three axes has by itself."""
-    covariance: Array = np.einsum("ij,kl->ikjl", axis, np.eye(3)).reshape(6, 6)
-    return covariance
+        covariance = self._mission.full_state_covariance(age) if age > 0.0 else self._fresh
+        return Estimate(t, self._x.copy(), covariance, status)

@@ -45,11 +45,31 @@ def tally(claims: Sequence[Claim]) -> str:
     return ", ".join(told)
 
 
-def ledger(claims: Mapping[str, Sequence[Claim]], samples: str) -> str:
-    """The claims by terrain as a Markdown text: one table, a row for each claim, a pair of columns for each terrain.
+def ledger(over_terrain: Mapping[str, Sequence[Claim]], without: Sequence[Claim], samples: str) -> str:
+    """The claims as a Markdown text: a table of those that are measured over terrain, a table of those that are not.
 
-    ``samples`` says how much was measured.
+    The first has a pair of columns for each terrain. ``samples`` says how much was measured.
     """
+    tables, tallies = [], [f"- {terrain}: {tally(some)}.\n" for terrain, some in over_terrain.items()]
+    if any(over_terrain.values()):
+        tables.append(f"## Over terrain\n\n{_over_terrain(over_terrain)}")
+    if without:
+        head = ["id", "kind", "claim", "where in the thesis", "expected", "measured", "holds"]
+        tables.append(f"## Without terrain\n\n{_table(head, [[*_told(c), c.measured, c.verdict] for c in without])}")
+        tallies.append(f"- without terrain: {tally(without)}.\n")
+    return (
+        "# Claims\n\n"
+        "What the thesis prints (kind `printed`; it may honestly not hold) and what is asked of this software (kind\n"
+        "`target`), each beside what was measured. Written by `mathnavi study all`.\n\n"
+        f"Samples: {samples}.\n\n" + "".join(tallies) + "\n" + "\n".join(tables)
+    )
+
+
+def _told(claim: Claim) -> list[str]:
+    return [claim.id, claim.kind, claim.statement, claim.source, claim.expected]
+
+
+def _over_terrain(claims: Mapping[str, Sequence[Claim]]) -> str:
     by_id = {terrain: {claim.id: claim for claim in some} for terrain, some in claims.items()}
     first: dict[str, Claim] = {}
     for some in claims.values():
@@ -59,21 +79,16 @@ def ledger(claims: Mapping[str, Sequence[Claim]], samples: str) -> str:
     head += [f"{what} {terrain}" for terrain in claims for what in ("measured on", "holds on")]
     rows = []
     for name, claim in first.items():
-        row = [claim.id, claim.kind, claim.statement, claim.source, claim.expected]
+        row = _told(claim)
         for terrain in claims:
             found = by_id[terrain].get(name)
             row += [found.measured if found else "", found.verdict if found else VERDICTS[None]]
-        rows.append([" ".join(cell.split()).replace("|", "\\|") for cell in row])
-    tallies = "".join(f"- {terrain}: {tally(some)}.\n" for terrain, some in claims.items())
-    return (
-        "# Claims\n\n"
-        "What the thesis prints (kind `printed`; it may honestly not hold) and what is asked of this software (kind\n"
-        "`target`), each beside what was measured. Written by `mathnavi study all`.\n\nSamples: {samples}.\n\n"
-        f"{tallies}\n{_markdown_table(head, rows)}"
-    )
+        rows.append(row)
+    return _table(head, rows)
 
 
-def _markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def _table(head: Sequence[str], cells: Sequence[Sequence[str]]) -> str:
+    rows = [[" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in cells]
     widths = [max(len(cell) for cell in column) for column in zip(head, *rows, strict=True)]
     widths = [width if width <= WIDEST else 3 for width in widths]
     lines = [head, ["-" * width for width in widths], *rows]

@@ -6,7 +6,7 @@ reference in ``GRID``: a report puts the reader's light or dark theme in their p
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import matplotlib
@@ -20,8 +20,9 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from models.terrain.height_field import HeightField
 from renders.palette import COLOURS, Part, hexadecimal
 from renders.relief import relief
-from renders.run_data import RunData, described
-from sim.signals import Integers
+from renders.run_data import RunData
+from renders.run_log import described
+from sim.signals import Array, Event, Integers, Plan
 
 INK, GRID = "#1b2733", "#b9c2cc"
 GROUND, BOUND = "#9a8468", "#c2183b"
@@ -187,16 +188,14 @@ def motion_figure(run: RunData) -> Figure:
     return figure
 
 
-def cost_figure(run: RunData) -> Figure:
+def cost_figure(plans: Sequence[Plan], adopted: Array, duration: float) -> Figure:
     """The composite cost of each adopted plan, from its adoption on."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 2.6)
         axes = figure.add_subplot()
-        cost = np.array([plan.cost for plan in run.plans])
-        axes.step(run.adopted, cost, where="post", color=_colour(Part.OPTIMISED))
-        axes.set(
-            xlabel="time [s]", ylabel="cost", xlim=(0.0, run.duration), title="Composite cost of the plan being flown"
-        )
+        cost = np.array([plan.cost for plan in plans])
+        axes.step(adopted, cost, where="post", color=_colour(Part.OPTIMISED))
+        axes.set(xlabel="time [s]", ylabel="cost", xlim=(0.0, duration), title="Composite cost of the plan being flown")
     return figure
 
 
@@ -219,20 +218,20 @@ def solve_figure(summary: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def events_figure(run: RunData) -> Figure:
+def events_figure(events: Sequence[Event], duration: float) -> Figure:
     """When each kind of event happened."""
     with matplotlib.rc_context(STYLE):
-        names = [described(event)[0] for event in run.events]
+        names = [described(event)[0] for event in events]
         kinds = list(dict.fromkeys(names))
         figure = canvas(9.4, 0.9 + 0.28 * max(len(kinds), 1))
         axes = figure.add_subplot()
         for row, kind in enumerate(kinds):
-            times = [event.t for event, name in zip(run.events, names, strict=True) if name == kind]
+            times = [event.t for event, name in zip(events, names, strict=True) if name == kind]
             axes.plot(times, [row] * len(times), "|", ms=11, mew=1.8, color=_colour(Part.OPTIMISED))
         labels = [f"{kind} ({names.count(kind)})" for kind in kinds]
         axes.set_yticks(range(len(kinds)), labels)
         axes.set(xlabel="time [s]", title="Events", ylim=(len(kinds) - 0.4, -0.6))
-        axes.set_xlim(-0.01 * run.duration, 1.01 * run.duration)
+        axes.set_xlim(-0.01 * duration, 1.01 * duration)
     return figure
 
 

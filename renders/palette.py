@@ -23,6 +23,9 @@ class Part(Enum):
     RADAR = "radar"
     START = "start"
     TARGET = "target"
+    PLAN = "plan ahead"
+    FORCE = "force of the thrusters"
+    VELOCITY = "velocity of the target"
 
 
 COLOURS: dict[Part, Colour] = {
@@ -33,6 +36,9 @@ COLOURS: dict[Part, Colour] = {
     Part.RADAR: (0.85, 0.05, 0.15),
     Part.START: (0.98, 0.98, 0.98),
     Part.TARGET: (1.00, 0.85, 0.05),
+    Part.PLAN: (0.05, 0.42, 0.95),
+    Part.FORCE: (0.10, 0.78, 0.48),
+    Part.VELOCITY: (0.86, 0.10, 0.72),
 }
 
 

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import groupby
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -26,42 +25,28 @@ from models.aerial.entity import airframe_pose
 from renders.palette import COLOURS, Part, Picture, part_of
 from renders.relief import relief, resampled, roughened
 from renders.run_data import RunData, plan_arcs
-from renders.storyboard import EXAGGERATION, Camera
+from renders.stage import HORIZON, NADIR, Optics, Stage, View
+from renders.storyboard import EXAGGERATION
 from sim.signals import Array
 
 GROUND_NODES, TEXTURE_PIXELS = 257, 1025  # along the longer side
 DETAIL = 4  # texture pixels painted for each pixel of the relief, unless the picture is small
 SMALL = 360  # [pixels] height of a small picture
-# Per camera: vertical field of view [degrees], near and far plane in units of half the side of the map. The top view is
-# taken from far away, so that it looks like a map.
-OPTICS: dict[Camera, tuple[float, float, float]] = {
-    "chase": (45.0, 2e-4, 5.0),
-    "overview": (30.0, 0.05, 12.0),
-    "top": (8.0, 1.0, 30.0),
+# The extent is half the side of the map. The top view is taken from far away, so that it looks like a map.
+OPTICS = {
+    "chase": Optics(45.0, 2e-4, 5.0),
+    "overview": Optics(30.0, 0.05, 12.0),
+    "top": Optics(8.0, 1.0, 30.0),
 }
-MAX_GEOMS = 4000
 TRUE_WORLD, TALL_WORLD, AIRFRAME = 0, 1, 2  # geom groups
 TRUE_SPAN = 12.0  # [m] of the airframe as drawn
 CHASE_DISTANCE = 1300.0  # [m] behind the vehicle
-DASH = 11.0  # [pixels] at a picture 720 pixels high: length of a dash and of the gap after it
-MOST_PIXELS = 300.0  # that a piece of a line counts for: behind the camera it would count for any number
 PIN = 34.0  # [pixels] at a picture 720 pixels high: height of the pins at start and target
 BASE = 0.02  # share of the width: thickness of the slab under the lowest ground
 _ANGLE, _RISE = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), np.radians([15.0, 30.0, 50.0, 75.0]))
 # (192, 3) points on the upper half of the unit sphere
 DOME = np.stack([np.cos(_ANGLE) * np.cos(_RISE), np.sin(_ANGLE) * np.cos(_RISE), np.sin(_RISE)], -1).reshape(-1, 3)
 FILL = {"overview": 0.97, "top": 0.95}  # share of the picture that the map takes
-HORIZON, ZENITH, NADIR = (0.82, 0.88, 0.93), (0.20, 0.42, 0.74), (0.46, 0.55, 0.66)  # sky; fog is as the horizon
-
-
-@dataclass(frozen=True)
-class View:
-    """Where the camera looks: MuJoCo's free camera."""
-
-    lookat: Array  # (3,) [m] in the world that is drawn
-    distance: float  # [m]
-    azimuth: float  # [degrees] of the line of sight, from east, counter-clockwise
-    elevation: float  # [degrees] of the line of sight, negative downwards
 
 
 class Scene:
@@ -71,16 +56,13 @@ class Scene:
         self.run = run
         self._low = float(run.terrain.z.min())
         self.model = _model(run, width, height, samples)
-        self.data = mujoco.MjData(self.model)
         airframe = self.model.body("airframe").id
         self._airframe_geoms = np.flatnonzero(self.model.geom_bodyid == airframe)
         self._airframe_size = self.model.geom_size[self._airframe_geoms].copy()
         self._airframe_pos = self.model.geom_pos[self._airframe_geoms].copy()
         self._airframe_alpha = self.model.geom_rgba[self._airframe_geoms, 3].copy()
-        self._camera = mujoco.MjvCamera()
-        self._options = mujoco.MjvOption()
         self._chase = ChaseCamera(run)
-        self._renderer: Any = mujoco.Renderer(self.model, height, width, max_geom=MAX_GEOMS)
+        self.stage = Stage(self.model, width, height, glow=0.75)
 
     def __enter__(self) -> Scene:
         return self
@@ -88,87 +70,53 @@ class Scene:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._renderer.close()
+        self.stage.close()
 
-    def draw(self, t: float, camera: Camera, turn: float = 0.0) -> Picture:
+    def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""
         view = self._chase.view(t) if camera == "chase" else self._map_view(camera, turn)
-        self._look(view, camera)
-        self._place_airframe(t, camera)
-        mujoco.mj_forward(self.model, self.data)
-        self._renderer.update_scene(self.data, self._camera, self._options)
-        flags = self._renderer.scene.flags
-        flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
-        flags[mujoco.mjtRndFlag.mjRND_FOG] = camera == "chase"
+        self.stage.look(view, OPTICS[camera], (TRUE_WORLD if camera == "chase" else TALL_WORLD, AIRFRAME))
+        self._place_airframe(t, camera, view.distance)
+        self.stage.begin(fog=camera == "chase")
         self._add_lines(t, camera)
         self._add_beacons(camera)
-        picture: Picture = self._renderer.render()
-        if camera == "chase":
-            self._clear_sky(picture)
-        return picture
+        return self.stage.end(sky=camera == "chase")
 
-    def _clear_sky(self, picture: Picture) -> None:
-        """Blue above the horizon: MuJoCo's fog covers its own sky wholly, so the sky is what has exactly its colour."""
-        _, forward, up = self._eye()
-        rows = (1.0 - (2.0 * np.arange(picture.shape[0]) + 1.0) / picture.shape[0]) * self._tangent()
-        sight = forward + rows[:, None] * up
-        sine = sight[:, 2] / np.linalg.norm(sight, axis=1)
-        above = picture[: np.count_nonzero(sine > 0.0)]
-        clear = (np.clip(sine[: len(above)] / 0.5, 0.0, 1.0) ** 0.8)[:, None]
-        colours = (255.0 * (np.array(HORIZON) * (1.0 - clear) + np.array(ZENITH) * clear)).astype(np.uint8)
-        haze = np.round(255.0 * np.array(HORIZON)).astype(np.uint8)
-        sky = ((above >= haze - 1) & (above <= haze + 1)).all(axis=-1)
-        above[sky] = np.broadcast_to(colours[:, None], above.shape)[sky]
-
-    def world(self, points: Array, camera: Camera) -> Array:
+    def world(self, points: Array, camera: str) -> Array:
         """(..., 3) map points [m] where the camera's world shows them."""
         factor = 1.0 if camera == "chase" else EXAGGERATION
         return np.concatenate(
             [points[..., :2], self._low + factor * (points[..., 2:] - self._low)], axis=-1, dtype=np.float64
         )
 
-    def pixels(self, points: Array, camera: Camera) -> Array:
+    def pixels(self, points: Array, camera: str) -> Array:
         """(n, 3) column, row and depth [m] of map points (n, 3) in the picture drawn last; depth <= 0 is behind."""
-        eye, forward, up = self._eye()
-        ahead = self.world(points, camera) - eye
-        depth = ahead @ forward
-        scale = self._renderer.height / (2.0 * self._tangent()) / np.maximum(depth, 1e-6)
-        column = self._renderer.width / 2.0 + ahead @ np.cross(forward, up) * scale
-        row = self._renderer.height / 2.0 - ahead @ up * scale
-        return np.column_stack([column, row, depth])
+        return self.stage.pixels(self.world(points, camera))
 
-    def labels(self, t: float, camera: Camera) -> list[tuple[str, float, float]]:
+    def labels(self, t: float, camera: str) -> list[tuple[str, float, float]]:
         """(text, column, row) of what is in sight of the picture drawn last: start, target, radars that are on."""
         run = self.run
-        lift = PIN * self._renderer.height / 720.0
+        lift = PIN * self.stage.unit
         found = []
-        eye, _, _ = self._eye()
+        eye, _, _ = self.stage.eye()
         for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target)):
             if camera == "chase" and not run.terrain.line_of_sight(eye, place):
                 continue
-            pin = np.array([0.0, 0.0, lift * float(self._metres_per_pixel(self.world(place[None], camera))[0])])
+            pin = np.array([0.0, 0.0, lift * float(self.stage.metres_per_pixel(self.world(place[None], camera))[0])])
             top = place + pin / (1.0 if camera == "chase" else EXAGGERATION)
-            found.append((part.value, self._in_picture(top[None], camera)))
+            found.append((part.value, self.stage.inside(self.world(top[None], camera))))
         for number, radar in enumerate(run.mission.radars, start=1):
             if t >= radar.time:
                 centre = np.array([radar.x, radar.y, float(run.terrain.height(radar.x, radar.y))])
                 # Beside the vehicle only a part of the dome is in the picture.
                 points = centre + (radar.radius * DOME if camera == "chase" else np.zeros((1, 3)))
                 name = Part.RADAR.value if len(run.mission.radars) == 1 else f"{Part.RADAR.value} {number}"
-                found.append((name, self._in_picture(points, camera)))
+                found.append((name, self.stage.inside(self.world(points, camera))))
         return [(name, *pixels.mean(axis=0).tolist()) for name, pixels in found if len(pixels)]
-
-    def _in_picture(self, points: Array, camera: Camera) -> Array:
-        """(m, 2) column and row of those of the map points (n, 3) that are in the picture."""
-        column, row, depth = self.pixels(points, camera).T
-        size = self._renderer.width, self._renderer.height
-        inside = (depth > 0.0) & (column >= 0) & (column < size[0]) & (row >= 0) & (row < size[1])
-        found: Array = np.column_stack([column, row])[inside]
-        return found
 
     # ---- cameras
 
-    def _map_view(self, camera: Camera, turn: float) -> View:
+    def _map_view(self, camera: str, turn: float) -> View:
         """The view from which the whole map fills the picture."""
         if camera == "top":
             return self._framed(90.0, -89.9, camera)
@@ -177,7 +125,7 @@ class Scene:
         northward = 1.0 if course[0] * course[1] >= 0.0 else -1.0
         return self._framed(90.0 + 24.0 * northward + turn, -36.0, camera)
 
-    def _framed(self, azimuth: float, elevation: float, camera: Camera) -> View:
+    def _framed(self, azimuth: float, elevation: float, camera: str) -> View:
         terrain = self.run.terrain
         a, e = math.radians(azimuth), math.radians(elevation)
         forward = np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
@@ -186,8 +134,8 @@ class Scene:
         heights = (self._low - BASE * terrain.width / EXAGGERATION, 0.6 * float(terrain.z.max()) + 0.4 * self._low)
         corners = np.array([[x, y, z] for x in (0.0, terrain.width) for y in (0.0, terrain.depth) for z in heights])
         corners = self.world(corners, camera)
-        tangent = math.tan(math.radians(OPTICS[camera][0]) / 2.0)
-        aspect = self._renderer.width / self._renderer.height
+        tangent = math.tan(math.radians(OPTICS[camera].field_of_view) / 2.0)
+        aspect = self.stage.width / self.stage.height
         lookat, distance = corners.mean(axis=0), max(terrain.width, terrain.depth)
         for _ in range(12):  # centre, then fill; perspective couples the two only weakly
             ahead = corners - (lookat - distance * forward)
@@ -199,35 +147,9 @@ class Scene:
             distance *= half / (FILL[camera] * tangent)
         return View(lookat, distance, azimuth, elevation)
 
-    def _look(self, view: View, camera: Camera) -> None:
-        self._camera.lookat[:] = view.lookat
-        self._camera.distance = view.distance
-        self._camera.azimuth, self._camera.elevation = view.azimuth, view.elevation
-        optics = self.model.vis
-        optics.global_.fovy, optics.map.znear, optics.map.zfar = OPTICS[camera]
-        self._options.geomgroup[:] = 0
-        self._options.geomgroup[TRUE_WORLD if camera == "chase" else TALL_WORLD] = 1
-        self._options.geomgroup[AIRFRAME] = 1
-
-    def _eye(self) -> tuple[Array, Array, Array]:
-        """Position [m], line of sight and upward direction of the camera of the picture drawn last."""
-        left, right = self._renderer.scene.camera
-        return 0.5 * (left.pos + right.pos).astype(float), left.forward.astype(float), left.up.astype(float)
-
-    def _tangent(self) -> float:
-        """Half the picture's height over the distance, for the picture drawn last."""
-        return math.tan(math.radians(float(self.model.vis.global_.fovy)) / 2.0)
-
-    def _metres_per_pixel(self, points: Array) -> Array:
-        """(n,) [m] that a pixel spans at world points (n, 3)."""
-        eye, forward, _ = self._eye()
-        depth = np.maximum((points - eye) @ forward, 1.0)
-        span: Array = 2.0 * depth * self._tangent() / self._renderer.height
-        return span
-
     # ---- what is drawn
 
-    def _place_airframe(self, t: float, camera: Camera) -> None:
+    def _place_airframe(self, t: float, camera: str, distance: float) -> None:
         near = camera == "chase"
         x = self.run.state(t)
         # From afar it is drawn level: tilted, it could turn its edge to the camera and be lost to sight.
@@ -235,13 +157,12 @@ class Scene:
         position, quaternion = airframe_pose(x[:3], x[3:], u)
         position = self.world(position, camera)
         span = 0.16 if near else 0.055  # of the picture's height
-        distance = CHASE_DISTANCE if near else self._camera.distance
-        scale = span * 2.0 * distance * self._tangent() / TRUE_SPAN
+        scale = span * 2.0 * (CHASE_DISTANCE if near else distance) * self.stage.tangent() / TRUE_SPAN
         if not near:
             position[2] += 0.35 * scale * TRUE_SPAN  # so that the enlarged airframe hovers over its place on the map
         # The discs of the rotors, nearly clear beside the vehicle, are what is seen of it from afar.
         self.model.geom_rgba[self._airframe_geoms, 3] = self._airframe_alpha if near else 1.0
-        self.data.mocap_pos[0], self.data.mocap_quat[0] = position, quaternion
+        self.stage.data.mocap_pos[0], self.stage.data.mocap_quat[0] = position, quaternion
         self.model.geom_size[self._airframe_geoms] = scale * self._airframe_size
         self.model.geom_pos[self._airframe_geoms] = scale * self._airframe_pos
         opacity = 0.16 if near else 0.24  # the chase camera often looks from inside
@@ -249,17 +170,17 @@ class Scene:
             for world in ("true", "tall"):
                 self.model.geom(f"radar {k} {world}").rgba[3] = opacity if t >= radar.time else 0.0
 
-    def _add_lines(self, t: float, camera: Camera) -> None:
+    def _add_lines(self, t: float, camera: str) -> None:
         width = 4.0 if camera == "chase" else 3.4  # [pixels] at a picture 720 pixels high
         for part, points in self._lines(t, camera):
-            self._add_capsules(self.world(points, camera), part, width, dashed=part is Part.COMPLETION)
+            self.stage.line(self.world(points, camera), COLOURS[part], width, dashed=part is Part.COMPLETION)
         x = self.run.state(t)
         # A plumb line tells where over the ground the vehicle is.
         if camera != "chase" and self.run.terrain.contains(x[0], x[1]):
             foot = np.array([x[0], x[1], float(self.run.terrain.height(x[0], x[1]))])
-            self._add_capsules(self.world(np.array([foot, x[:3]]), camera), Part.FLOWN, 2.0, dashed=False)
+            self.stage.line(self.world(np.array([foot, x[:3]]), camera), COLOURS[Part.FLOWN], 2.0)
 
-    def _lines(self, t: float, camera: Camera) -> Iterator[tuple[Part, Array]]:
+    def _lines(self, t: float, camera: str) -> Iterator[tuple[Part, Array]]:
         run = self.run
         now = run.index(t)
         if now > 0:
@@ -274,35 +195,14 @@ class Scene:
             for part, arcs in groupby(plan_arcs(plan, t, step=0.6), lambda arc: part_of(arc[0])):
                 yield part, np.vstack([points for _, points in arcs])
 
-    def _add_capsules(self, points: Array, part: Part, width: float, dashed: bool) -> None:
-        """A line through world points (n, 3), ``width`` pixels wide wherever it runs."""
-        if dashed:
-            points = _resample(points, self._metres_per_pixel(points), DASH * self._renderer.height / 720.0)
-        radii = 0.5 * width * self._metres_per_pixel(0.5 * (points[:-1] + points[1:])) * self._renderer.height / 720.0
-        for k, (a, b) in enumerate(pairwise(points)):
-            if dashed and k % 2:
-                continue
-            self._add_capsule(a, b, float(radii[k]), COLOURS[part])
-
-    def _add_capsule(self, a: Array, b: Array, radius: float, colour: tuple[float, float, float]) -> None:
-        scene = self._renderer.scene
-        if scene.ngeom >= scene.maxgeom or float(np.linalg.norm(b - a)) < 1e-3:
-            return
-        geom = scene.geoms[scene.ngeom]
-        rgba = np.array([*colour, 1.0], np.float32)
-        mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
-        mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)
-        geom.emission = 0.75
-        scene.ngeom += 1
-
-    def _add_beacons(self, camera: Camera) -> None:
+    def _add_beacons(self, camera: str) -> None:
         for part, place in ((Part.START, self.run.mission.start), (Part.TARGET, self.run.mission.target)):
             ground = np.array([place[0], place[1], float(self.run.terrain.height(place[0], place[1]))])
             foot, top = self.world(np.array([ground, place]), camera)
-            pixel = float(self._metres_per_pixel(top[None])[0]) * self._renderer.height / 720.0
+            pixel = float(self.stage.metres_per_pixel(top[None])[0]) * self.stage.unit
             high = top + np.array([0.0, 0.0, PIN * pixel])
-            self._add_capsule(foot, high, 1.6 * pixel, COLOURS[part])
-            self._add_capsule(high, high + np.array([0.0, 0.0, 0.1 * pixel]), 6.0 * pixel, COLOURS[part])
+            self.stage.capsule(foot, high, 1.6 * pixel, COLOURS[part])
+            self.stage.capsule(high, high + np.array([0.0, 0.0, 0.1 * pixel]), 6.0 * pixel, COLOURS[part])
 
 
 class ChaseCamera:
@@ -336,22 +236,7 @@ class ChaseCamera:
         eye, lookat = (
             np.array([np.interp(t, self.t, path[:, k]) for k in range(3)]) for path in (self.eye, self.lookat)
         )
-        sight = lookat - eye
-        distance = float(np.linalg.norm(sight))
-        return View(
-            lookat,
-            distance,
-            math.degrees(math.atan2(sight[1], sight[0])),
-            math.degrees(math.asin(sight[2] / distance)),
-        )
-
-
-def _resample(points: Array, span: Array, step: float) -> Array:
-    """The line through points (n, 3), where a pixel spans ``span`` (n,) [m], ``step`` pixels from point to point."""
-    pixels = np.linalg.norm(np.diff(points, axis=0), axis=1) / (0.5 * (span[:-1] + span[1:]))
-    along = np.concatenate([[0.0], np.cumsum(np.minimum(pixels, MOST_PIXELS))])
-    stops = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / step) + 1))
-    return np.column_stack([np.interp(stops, along, points[:, k]) for k in range(3)])
+        return View.between(eye, lookat)
 
 
 # ---- the model

@@ -7,22 +7,19 @@ the start, in the middle of its highlight and at the arrival; the overview and t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, get_args
-
 import numpy as np
 
+from renders.drawing import TOUR, checked_camera
+from renders.film import Frame, Shot, frames_of
 from renders.run_data import RunData
 
-Camera = Literal["chase", "overview", "top"]
-Direction = Literal["tour", "chase", "overview", "top"]
+CAMERAS = ("chase", "overview", "top")
 
 EXAGGERATION = 1.7  # of heights in the overview and the top view
 TURN = 0.8  # [degrees/s] at which the overview turns around the map
-NOTICE_LENGTH = 1.8  # [s] of video for which an event stays in sight, unless a cut comes first
 LAST_LOOK = 1.6  # [s] of video for which the last moment stays
 # Cameras and lengths [s of video] of the tour's shots before the last look; the third to the fifth are the highlight.
-TOUR: tuple[tuple[Camera, float], ...] = (
+TOUR_SHOTS: tuple[tuple[str, float], ...] = (
     ("overview", 1.5),
     ("chase", 2.4),
     ("top", 4.4),
@@ -39,32 +36,6 @@ TOLD = {  # kinds of events that a video tells of; the rest is for the report
     "guarantee-lost": "guarantee lost",
     "ground-contact": "ground contact",
 }
-
-
-@dataclass(frozen=True)
-class Shot:
-    """A stretch of the flight filmed by one camera."""
-
-    camera: Camera
-    begin: float  # [s] of flight
-    end: float  # [s] of flight
-    length: float  # [s] of video
-
-    @property
-    def rate(self) -> float:
-        """Seconds of flight for each second of video."""
-        return (self.end - self.begin) / self.length
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One picture of the video."""
-
-    t: float  # [s] of flight
-    camera: Camera
-    turn: float  # [degrees] of the overview
-    rate: float  # seconds of flight for each second of video; 0 where time stands still
-    notice: str = ""  # what just happened
 
 
 def highlight(run: RunData) -> tuple[float, float]:
@@ -97,37 +68,20 @@ def notices(run: RunData) -> list[tuple[float, str]]:
     return sorted(radars + [(t, text) for text, t in found.items()])
 
 
-def shots(run: RunData, direction: Direction = "tour") -> list[Shot]:
+def shots(run: RunData, direction: str = TOUR) -> list[Shot]:
     """The shots of the video of a run, in order; they cover the whole flight."""
-    if direction not in get_args(Direction):
-        raise ValueError(f"camera {direction!r} is not known; allowed are {', '.join(get_args(Direction))}")
     end = run.duration
-    if direction != "tour":
-        return [Shot(direction, 0.0, end, FORCED_LENGTH), Shot(direction, end, end, LAST_LOOK)]
+    if direction != TOUR:
+        return [Shot(checked_camera(direction, CAMERAS), 0.0, end, FORCED_LENGTH), Shot(direction, end, end, LAST_LOOK)]
     a, b = highlight(run)
     cuts = (0.0, 0.03 * end, a, a + 0.4 * (b - a), a + 0.65 * (b - a), b, 0.94 * end, end)
     filmed = [
         Shot(camera, begin, finish, length)
-        for (camera, length), begin, finish in zip(TOUR, cuts[:-1], cuts[1:], strict=True)
+        for (camera, length), begin, finish in zip(TOUR_SHOTS, cuts[:-1], cuts[1:], strict=True)
     ]
     return [*filmed, Shot("overview", end, end, LAST_LOOK)]
 
 
-def storyboard(run: RunData, direction: Direction = "tour", fps: int = 24) -> list[Frame]:
+def storyboard(run: RunData, direction: str = TOUR, fps: int = 24) -> list[Frame]:
     """The frames of the video of a run, 1/fps seconds apart."""
-    if fps < 1:
-        raise ValueError(f"fps is {fps}; allowed is a whole number of at least 1")
-    frames: list[Frame] = []
-    total = sum(shot.length for shot in shots(run, direction))
-    coming = notices(run)
-    for shot in shots(run, direction):
-        told: list[tuple[float, str]] = []  # (time [s] of video, text) since the cut
-        count = round(shot.length * fps)
-        for k in range(count):
-            now = len(frames) / fps
-            t = shot.begin + (shot.end - shot.begin) * k / count
-            while coming and coming[0][0] <= t + 1e-6:
-                told.append((now, coming.pop(0)[1]))
-            lately = " · ".join(text for shown, text in told if now - shown < NOTICE_LENGTH)
-            frames.append(Frame(t, shot.camera, TURN * (now - 0.5 * total), shot.rate, lately))
-    return frames
+    return frames_of(shots(run, direction), notices(run), fps, TURN)

@@ -36,9 +36,9 @@ class StudyPage:
     tables: Sequence[Table]
     figures: Sequence[tuple[str, Figure, str]]  # name, drawing, caption
     claims: Sequence[Claim]
-    terrain: HeightField
-    tracks: Sequence[Track]
     command: str  # that does it again
+    terrain: HeightField | None = None  # what it was done on, if anything
+    tracks: Sequence[Track] = ()
     places: Mapping[str, Array] = field(default_factory=dict)  # (3,) [m] map frame
     radars: Sequence[tuple[float, float, float, float]] = ()  # x, y, z, radius [m]
 
@@ -51,6 +51,7 @@ def write_study_report(path: Path, study: StudyPage) -> Path:
 
 def report(study: StudyPage) -> Markup:
     """The page's HTML."""
+    view = () if study.terrain is None else (_over(study.terrain, study),)
     met = all(claim.holds is not False for claim in study.claims if claim.kind == "target")
     return page.document(
         study.title,
@@ -59,10 +60,14 @@ def report(study: StudyPage) -> Markup:
         page.section("Claims", page.card(_claims(study.claims))),
         page.section("Numbers", *(page.card(page.table(t.columns, t.rows, t.title)) for t in study.tables)),
         page.section("Figures", *(page.figure_block(drawing, name, words) for name, drawing, words in study.figures)),
-        page.section("Over the terrain", terrain_view(study.terrain, study.tracks, study.places, study.radars)),
+        *view,
         page.section("Do it again", page.card(page.preformatted(study.command))),
-        script=script(),
+        script=script() if view else "",
     )
+
+
+def _over(terrain: HeightField, study: StudyPage) -> Markup:
+    return page.section("Over the terrain", terrain_view(terrain, study.tracks, study.places, study.radars))
 
 
 def _claims(claims: Sequence[Claim]) -> Markup:

@@ -27,6 +27,7 @@ PATH, STRAIGHT, PATH_RATIO = "path_length_m", "straight_line_m", "path_over_stra
 # What matters first; the rest of a summary follows in its own order.
 KEY_FIGURES = (
     CLEARANCE, "arrival_time_s", PATH_RATIO, "control_effort",
+    "miss_m", "aspect_error_deg", "impact_speed_m_s", "cost",
     "radar_exposure_s", "fallback_steps", "tracking_error_max_m",
 )  # fmt: skip
 

@@ -23,9 +23,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from renders import opengl
+from renders.drawing import TOUR, checked_camera, drawing_of
+from renders.film import Frame
 from renders.palette import Picture
-from renders.run_data import load_run
-from renders.storyboard import Camera, Direction, Frame, highlight, storyboard
 
 WIDTH, HEIGHT, FPS = 1280, 720, 24
 VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by moving
@@ -34,7 +34,7 @@ MOST_WORKERS = 4
 
 def write_video(
     run_dir: str | Path,
-    camera: Direction = "tour",
+    camera: str = TOUR,
     *,
     path: str | Path | None = None,
     width: int = WIDTH,
@@ -44,21 +44,22 @@ def write_video(
 ) -> Path:
     """Write the video of a run, ``video.mp4`` in its folder unless ``path`` says else, whole or not at all.
 
-    H.264, 15 to 25 s for a whole flight; "tour" cuts between the cameras, the others stay. Raises FileNotFoundError or
-    ValueError for a run that is not there or broken, ``opengl.NoOpenGLError`` where there is nothing to draw with.
+    H.264, 12 to 25 s for a whole run; "tour" cuts between the cameras, the others stay. Raises FileNotFoundError or
+    ValueError for a run that is not there or broken and for a camera that it is not drawn by, ``opengl.NoOpenGLError``
+    where there is nothing to draw with.
     """
     if width % 2 or height % 2 or min(width, height) < 16:
         raise ValueError(f"the video's size is {width} x {height}; allowed are even numbers of at least 16")
-    run = load_run(run_dir)
-    frames = storyboard(run, camera, fps)
-    target = Path(path) if path is not None else run.directory / "video.mp4"
+    directory, drawing = Path(run_dir), drawing_of(run_dir)
+    frames = drawing.storyboard(drawing.load_run(directory), camera, fps)
+    target = Path(path) if path is not None else directory / "video.mp4"
     partial = target.with_name(f".{target.name}.partial")
     bar = Progress(
         TextColumn("video"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(),
         console=Console(stderr=True), disable=not progress,
     )  # fmt: skip
     try:
-        with bar, closing(draw(run.directory, frames, width, height, VIDEO_SAMPLES)) as pictures:
+        with bar, closing(draw(directory, frames, width, height, VIDEO_SAMPLES)) as pictures:
             _encode(partial, bar.track(pictures, total=len(frames)), width, height, fps)
         os.replace(partial, target)
     finally:
@@ -68,7 +69,7 @@ def write_video(
 
 def write_still(
     run_dir: str | Path,
-    camera: Camera = "overview",
+    camera: str | None = None,
     path: str | Path | None = None,
     *,
     t: float | None = None,
@@ -77,15 +78,17 @@ def write_still(
 ) -> Path:
     """Write a PNG of a run, ``CAMERA.png`` in its folder unless ``path`` says else.
 
-    It shows the moment ``t`` [s], by default the middle of the flight's highlight.
+    It shows the moment ``t`` [s], by default the middle of the run's highlight; errors as of ``write_video``.
     """
-    run = load_run(run_dir)
+    directory, drawing = Path(run_dir), drawing_of(run_dir)
+    run = drawing.load_run(directory)
     if t is not None and not 0.0 <= t <= run.duration:
         raise ValueError(f"time = {t:g} s; allowed: 0 to {run.duration:g} s, the length of the run")
-    moment = sum(highlight(run)) / 2.0 if t is None else t
-    target = Path(path) if path is not None else run.directory / f"{camera}.png"
+    moment = sum(drawing.highlight(run)) / 2.0 if t is None else t
+    shown = drawing.still_camera if camera is None else checked_camera(camera, drawing.cameras)
+    target = Path(path) if path is not None else directory / f"{shown}.png"
     partial = target.with_name(f".{target.name}.partial")
-    with closing(draw(run.directory, [Frame(moment, camera, 0.0, 0.0)], width, height, STILL_SAMPLES)) as pictures:
+    with closing(draw(directory, [Frame(moment, shown, 0.0, 0.0)], width, height, STILL_SAMPLES)) as pictures:
         picture = next(pictures)
     try:
         Image.fromarray(picture).save(partial, format="PNG", optimize=True)

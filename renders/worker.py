@@ -9,26 +9,23 @@ from __future__ import annotations
 import json
 import os
 import sys
+from pathlib import Path
 from typing import BinaryIO
 
-from renders.caption import Caption
-from renders.run_data import load_run
-from renders.scene import Scene
-from renders.storyboard import Frame
+from renders.drawing import drawing_of
+from renders.film import Frame
 
 
 def draw(job: dict[str, object], output: BinaryIO) -> None:
     """Write the pictures of a job's frames to ``output``, in order."""
-    run = load_run(str(job["directory"]))
+    directory = Path(str(job["directory"]))
+    drawing = drawing_of(directory)
     width, height, samples = (int(str(job[name])) for name in ("width", "height", "samples"))
-    caption = Caption(run, width, height)
     frames = job["frames"]
     assert isinstance(frames, list)
-    with Scene(run, width, height, samples) as scene:
+    with drawing.painter(drawing.load_run(directory), width, height, samples) as painter:
         for fields in frames:
-            frame = Frame(*fields)
-            picture = scene.draw(frame.t, frame.camera, frame.turn)
-            output.write(caption.write(picture, frame, scene.labels(frame.t, frame.camera)).tobytes())
+            output.write(painter.paint(Frame(*fields)).tobytes())
             output.flush()
 
 

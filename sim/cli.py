@@ -8,6 +8,7 @@ when it is called, so that help is quick.
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
@@ -28,6 +29,8 @@ USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnav
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; the result is the exit code."""
+    # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in ("-h", "--help"):
         usage = USAGE.format("\n".join(f"  {name:9}{purpose}" for name, (_, purpose) in COMMANDS.items()))

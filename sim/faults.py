@@ -81,31 +81,76 @@ class Disturbance(Protocol):
         ...
 
 
-class Gusts:
-    """First-order Gauss-Markov forces on every vehicle: g' = -g / tau + white noise, clipped to a length.
+class _GaussMarkov:
+    """First-order Gauss-Markov vectors (3,), one for each vehicle: g' = -g / tau + white noise, clipped to a length.
 
     Held over a step, and exact from step to step.
     """
 
-    def __init__(self, rms: float, time_constant: float, limit: float, rng: np.random.Generator) -> None:
+    def __init__(self, what: str, unit: str, rms: float, time_constant: float, limit: float) -> None:
         if not (math.isfinite(rms) and rms >= 0.0):
-            raise ValueError(f"gust rms = {rms!r} m/s^2; allowed: a finite value >= 0")
+            raise ValueError(f"{what} rms = {rms!r} {unit}; allowed: a finite value >= 0")
         if not (math.isfinite(time_constant) and time_constant > 0.0):
-            raise ValueError(f"gust time constant = {time_constant!r} s; allowed: a finite value > 0")
+            raise ValueError(f"{what} time constant = {time_constant!r} s; allowed: a finite value > 0")
         if not limit > 0.0:
-            raise ValueError(f"gust limit = {limit!r} m/s^2; allowed: > 0")
-        self._rms, self._time_constant, self._limit, self._rng = rms, time_constant, limit, rng
-        self._gust: dict[str, Array] = {}
+            raise ValueError(f"{what} limit = {limit!r} {unit}; allowed: > 0")
+        self._rms, self._time_constant, self._limit = rms, time_constant, limit
+        self._now: dict[str, Array] = {}
+
+    def next(self, name: str, dt: float, rng: np.random.Generator) -> Array:
+        """The vector of one vehicle over the coming step of dt [s]."""
+        keep = math.exp(-dt / self._time_constant)
+        stir = self._rms * math.sqrt(1.0 - keep * keep)
+        fresh = rng.standard_normal(3)
+        now = keep * self._now[name] + stir * fresh if name in self._now else self._rms * fresh
+        self._now[name] = now
+        length = math.sqrt(float(now @ now))
+        clipped: Array = now * min(1.0, self._limit / length) if length > 0.0 else now
+        return clipped
+
+
+class Gusts:
+    """First-order Gauss-Markov forces on every vehicle, and moments where they have a strength.
+
+    On a vehicle of unit mass a force [N] is a force per mass [m/s^2].
+    """
+
+    def __init__(
+        self,
+        rms: float,
+        time_constant: float,
+        limit: float,
+        rng: np.random.Generator,
+        *,
+        moment_rms: float = 0.0,
+        moment_limit: float = math.inf,
+    ) -> None:
+        """Strengths are rms values on each axis and limits of the vectors' lengths, [N] and [N m], world frame."""
+        self._force = _GaussMarkov("gust", "N", rms, time_constant, limit)
+        self._moment = _GaussMarkov("gust moment", "N m", moment_rms, time_constant, moment_limit)
+        self._turns = moment_rms > 0.0
+        self._rng = rng
 
     def act(self, plant: Plant, ticks: int) -> Sequence[Event]:
-        keep = math.exp(-ticks * plant.dt / self._time_constant)
-        stir = self._rms * math.sqrt(1.0 - keep * keep)
         for name in plant.names:
-            fresh = self._rng.standard_normal(3)
-            gust = keep * self._gust[name] + stir * fresh if name in self._gust else self._rms * fresh
-            self._gust[name] = gust
-            length = math.sqrt(float(gust @ gust))
-            plant.apply_force(name, gust * min(1.0, self._limit / length) if length > 0.0 else gust)
+            force = self._force.next(name, ticks * plant.dt, self._rng)
+            torque = self._moment.next(name, ticks * plant.dt, self._rng) if self._turns else None
+            plant.apply_wrench(name, force, torque)
+        return ()
+
+
+class ConstantWrench:
+    """A force [N] and a torque [N m], both (3,) in the world frame, that never change."""
+
+    def __init__(self, force: Sequence[float], torque: Sequence[float]) -> None:
+        self._force, self._torque = np.array(force, dtype=np.float64), np.array(torque, dtype=np.float64)
+        for value, what, unit in ((self._force, "force", "N"), (self._torque, "torque", "N m")):
+            if value.shape != (3,) or not np.isfinite(value).all():
+                raise ValueError(f"constant {what} = {value.tolist()} {unit}; allowed: three finite numbers")
+
+    def act(self, plant: Plant, ticks: int) -> Sequence[Event]:
+        for name in plant.names:
+            plant.apply_wrench(name, self._force, self._torque)
         return ()
 
 
@@ -162,8 +207,8 @@ class Disturbed:
     def sense(self, name: str) -> Sequence[Measurement]:
         return self.plant.sense(name)
 
-    def apply_force(self, name: str, force: Array) -> None:
-        self.plant.apply_force(name, force)
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
+        self.plant.apply_wrench(name, force, torque)
 
     def displace(self, name: str, offset: Array) -> None:
         self.plant.displace(name, offset)

@@ -19,14 +19,21 @@ from sim.signals import Array
 
 # The summary's figures as they are read, for every table that shows them.
 SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
-    "mission": ("arrived", "arrival_time_s", "deadline_s", "flight_time_s"),
-    "path": ("path_length_m", "straight_line_m", "mean_height_m", "control_effort", "radar_exposure_s"),
+    "impact": ("hit", "miss_m", "aspect_error_deg", "path_angle_error_deg", "impact_speed_m_s", "impact_time_s"),
+    "mission": ("arrived", "arrival_time_s", "deadline_s", "planned_time_s", "flight_time_s"),
+    "path": (
+        "path_length_m", "straight_line_m", "mean_height_m", "apex_m", "attack_angle_max_deg",
+        "cost", "planned_cost", "control_effort", "radar_exposure_s",
+    ),
     "safety": ("min_clearance_m", "ground_contacts", "speed_max_m_s", "missed_passes", "guarantee_lost"),
-    "tracking": ("tracking_breaches", "tracking_error_max_m", "tracking_bound_m", "rebased_plans"),
+    "tracking": (
+        "tracking_breaches", "tracking_error_max_m", "tracking_bound_m", "rebased_plans",
+        "saturated_s", "inputs_clipped",
+    ),
     "planning": ("replans", "plans_adopted", "plans_rejected", "manoeuvres_rejected", "late_plans", "fallback_steps"),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
-}
-UNITS = {"_m_s": "m/s", "_ms": "ms", "_s": "s", "_m": "m"}  # by the end of a name; the longer first
+}  # fmt: skip
+UNITS = {"_m_s": "m/s", "_deg": "deg", "_ms": "ms", "_s": "s", "_m": "m"}  # by the end of a name; the longer first
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
 REJECTIONS = ("low-clearance", "off-map", "bounds", "deadline", "no-arrival", "wrong-start")
 
@@ -59,6 +66,17 @@ def label(key: str) -> tuple[str, str]:
 def is_wall_clock(key: str) -> bool:
     """Whether a key of a summary tells how long something took: such figures differ from run to run."""
     return key.startswith("solve_ms") or key.endswith("_wall_s") or key == "real_time_factor"
+
+
+def solve_times(solve_ms: Sequence[float]) -> dict[str, float]:
+    """The summary's figures of how long the optimisations took [ms]; NaN without any."""
+    times = np.array(solve_ms) if solve_ms else np.array([np.nan])
+    return {
+        "solve_ms_mean": float(times.mean()),
+        "solve_ms_p50": float(np.percentile(times, 50)),
+        "solve_ms_p99": float(np.percentile(times, 99)),
+        "solve_ms_max": float(times.max()),
+    }
 
 
 def references(t: Array, agent: AgentRecorder) -> Array:
@@ -129,7 +147,6 @@ def flight_summary(
     broken = (np.hypot(error[:, 0], error[:, 1]) > bound.horizontal) | (np.abs(error[:, 2]) > bound.vertical)
     clearance = flown_clearance(t, x, mission)
     command = agent.commands[: recording.length - 1]
-    solve = np.array(agent.solve_ms) if agent.solve_ms else np.array([np.nan])
     return {
         "arrived": arrived,
         "arrival_time_s": float(t[-1]) if arrived else None,
@@ -157,10 +174,7 @@ def flight_summary(
         "missed_passes": kinds["missed-pass"],
         "guarantee_lost": kinds["guarantee-lost"] + kinds["deadline-lost"],
         "radar_exposure_s": exposure(t, x, mission, radars),
-        "solve_ms_mean": float(solve.mean()),
-        "solve_ms_p50": float(np.percentile(solve, 50)),
-        "solve_ms_p99": float(np.percentile(solve, 99)),
-        "solve_ms_max": float(solve.max()),
+        **solve_times(agent.solve_ms),
         "real_time_factor": float(t[-1]) / wall_seconds,
         "seed": seed,
     }

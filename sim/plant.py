@@ -8,7 +8,8 @@ itself and counts ticks in whole numbers, so that time does not drift.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -29,7 +30,8 @@ class Equipment:
 
     start: Array  # (nx,) the state at t = 0
     sensors: tuple[Sensor, ...] = ()
-    input_max: float = math.inf  # on the Euclidean norm of the input; the model bounds each actuator by itself
+    input_max: float | Array = math.inf  # on the Euclidean norm of the input, or (nu,) on the magnitude of each one
+    delay: float = 0.0  # [s] from a command to what the actuators do
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ class _Vehicle:
         q, v = _slice(model.jnt_qposadr[joints]), _slice(model.jnt_dofadr[joints])
         self.motion = JointMotion(data.qpos[q], data.qvel[v], data.qacc[v])
         self.control = data.ctrl[_slice(np.array(actuators))] if actuators else data.ctrl[:0]
-        self.force = data.xfrc_applied[int(model.jnt_bodyid[joints[0]]), :3]
+        self.wrench = data.xfrc_applied[int(model.jnt_bodyid[joints[-1]])]  # force and torque, world frame
         self.slides = [(i, model.jnt_axis[j].copy()) for i, j in enumerate(joints) if kinds[i] == _SLIDE]
         self.geoms = frozenset(
             g for g in range(model.ngeom) if model.body(int(model.geom_bodyid[g])).name.startswith(f"{name}/")
@@ -88,9 +90,9 @@ class _Vehicle:
         if start.shape != (2 * len(joints),) or not np.isfinite(start).all():
             raise ValueError(f"vehicle {name!r}: start = {start.tolist()}; allowed: {2 * len(joints)} finite numbers")
         self.motion.q[:], self.motion.v[:] = start[: len(joints)], start[len(joints) :]
-        if not equipment.input_max > 0.0:
-            raise ValueError(f"vehicle {name!r}: input_max = {equipment.input_max!r}; allowed: > 0")
-        self.input_max = equipment.input_max
+        self.bounded = _bound(name, equipment.input_max, len(actuators))
+        self.delay = whole_ticks(equipment.delay, float(model.opt.timestep), "delay") if equipment.delay != 0.0 else 0
+        self.underway: deque[tuple[int, Array]] = deque()  # (tick from which it acts, input), where there is a delay
         sensors = equipment.sensors
         if len({sensor.name for sensor in sensors}) != len(sensors):
             raise ValueError(f"vehicle {name!r} carries two sensors of one name: {[s.name for s in sensors]}")
@@ -166,9 +168,11 @@ class MujocoPlant:
                 if value is not None:
                     vehicle.readings.append(Measurement(mounted.sensor.name, self._ticks * self.dt, value))
 
-    def apply_force(self, name: str, force: Array) -> None:
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
         vehicle = self._vehicle(name)
-        vehicle.force += force
+        vehicle.wrench[:3] += force
+        if torque is not None:
+            vehicle.wrench[3:] += torque
         vehicle.disturbed = True
 
     def displace(self, name: str, offset: Array) -> None:
@@ -179,22 +183,28 @@ class MujocoPlant:
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
         """Advance by so many ticks with inputs and forces held; a vehicle without a command gets none.
 
-        An input longer than its bound is shortened to it. That, and every contact, is an event when it begins:
-        "input-clipped", "ground-contact", "vehicle-contact", "contact".
+        An input beyond its bound is brought back to it. That, and every contact, is an event when it begins:
+        "input-clipped", "ground-contact", "vehicle-contact", "contact". Where actuators are late, an input acts from so
+        many ticks later on; until the first one arrives there is none.
         """
         events: list[Event] = []
         for vehicle in self._vehicles.values():
             command = commands.get(vehicle.name)
-            if command is None:
-                vehicle.control[:] = 0.0
+            control = np.zeros_like(vehicle.control) if command is None else self._bounded(vehicle, command, events)
+            if vehicle.delay:
+                vehicle.underway.append((self._ticks + vehicle.delay, control.copy()))
             else:
-                self._actuate(vehicle, command, events)
+                vehicle.control[:] = control
+        late = tuple(vehicle for vehicle in self._vehicles.values() if vehicle.delay)
         # Looks of one rate fall on multiples of it, where there is little to read in between.
         between = self._between(ticks) if self._ticks % ticks == 0 else tuple(self._vehicles.values())
         for vehicle in between:
             vehicle.readings.clear()
         model, data = self.model, self.data
         for left in range(ticks - 1, -1, -1):
+            for vehicle in late:
+                while vehicle.underway and vehicle.underway[0][0] <= self._ticks:
+                    vehicle.control[:] = vehicle.underway.popleft()[1]
             mujoco.mj_step(model, data)
             self._ticks += 1
             if data.ncon or self._touching:
@@ -205,7 +215,7 @@ class MujocoPlant:
         data.time = self._ticks * self.dt
         for vehicle in self._vehicles.values():
             if vehicle.disturbed:
-                vehicle.force[:] = 0.0
+                vehicle.wrench[:] = 0.0
                 vehicle.disturbed = False
         return events
 
@@ -222,26 +232,21 @@ class MujocoPlant:
         except KeyError:
             raise ValueError(f"the plant has no vehicle {name!r}; it has {list(self._names)}") from None
 
-    def _actuate(self, vehicle: _Vehicle, command: Array, events: list[Event]) -> None:
+    def _bounded(self, vehicle: _Vehicle, command: Array, events: list[Event]) -> Array:
+        """The command within its bound."""
         if command.shape != vehicle.control.shape:
             raise ValueError(
                 f"vehicle {vehicle.name!r}: the command has shape {command.shape}; allowed is {vehicle.control.shape}"
             )
-        length = math.sqrt(command.dot(command))
-        if not math.isfinite(length):
+        if not math.isfinite(command.dot(command)):
             raise ValueError(
                 f"vehicle {vehicle.name!r}: the command {command.tolist()} at {self.t:.3f} s is not finite"
             )
-        if length <= vehicle.input_max:
-            vehicle.control[:] = command
-            vehicle.clipped = False
-            return
-        vehicle.control[:] = command * (vehicle.input_max / length)
-        clipped = length > vehicle.input_max * (1.0 + _ROUND_OFF)
+        control, clipped = vehicle.bounded(command)
         if clipped and not vehicle.clipped:
-            message = f"an input of length {length:.6g} was shortened to {vehicle.input_max:.6g}"
-            events.append(Event(self.t, vehicle.name, "input-clipped", message))
-        vehicle.clipped = clipped
+            events.append(Event(self.t, vehicle.name, "input-clipped", clipped))
+        vehicle.clipped = bool(clipped)
+        return control
 
     def _touch(self, events: list[Event]) -> None:
         """Contacts that began with this tick."""
@@ -267,6 +272,28 @@ class MujocoPlant:
                 vehicle.contacts += 1
             vehicle.touched = frozenset(now)
         self._touching = any(touching.values())
+
+
+def _bound(name: str, input_max: float | Array, size: int) -> Callable[[Array], tuple[Array, str]]:
+    """What brings an input back to its bound, and says so; "" where there is nothing to say."""
+    limits = np.asarray(input_max, dtype=np.float64)
+    if limits.shape not in ((), (size,)) or not (limits > 0.0).all():
+        raise ValueError(f"vehicle {name!r}: input_max = {input_max!r}; allowed: one number > 0, or {size} of them")
+
+    def length_bounded(command: Array) -> tuple[Array, str]:
+        length, longest = math.sqrt(command.dot(command)), float(limits)
+        if length <= longest:
+            return command, ""
+        clipped = length > longest * (1.0 + _ROUND_OFF)
+        message = f"an input of length {length:.6g} was shortened to {longest:.6g}" if clipped else ""
+        return command * (longest / length), message
+
+    def each_bounded(command: Array) -> tuple[Array, str]:
+        excess = np.abs(command) > limits * (1.0 + _ROUND_OFF)
+        message = f"the input {np.round(command, 6).tolist()} is beyond {limits.tolist()}" if excess.any() else ""
+        return np.clip(command, -limits, limits), message
+
+    return each_bounded if limits.shape else length_bounded
 
 
 def _slice(indices: Array) -> slice:

@@ -71,8 +71,8 @@ def load(kind: str, name: str) -> Any:
     return plugin
 
 
-def checked_controller(part: Part, mission: Any, bound: type) -> tuple[Planner, Any]:
-    """The planner and the tracker that a controller builds; the tracker's ``bound`` is of the type given.
+def checked_controller(part: Part, mission: Any, bound: type | None = None) -> tuple[Planner, Any]:
+    """The planner and the tracker that a controller builds; the tracker's ``bound`` is of the type given, if one is.
 
     ValueError if the build fails or anything that the loop needs is missing.
     """
@@ -84,7 +84,7 @@ def checked_controller(part: Part, mission: Any, bound: type) -> tuple[Planner, 
     planner, tracker = pair
     _check_made(f"{said} the planner", planner, "plan")
     _check_made(f"{said} the tracker", tracker, "command")
-    if not isinstance(getattr(tracker, "bound", None), bound):
+    if bound is not None and not isinstance(getattr(tracker, "bound", None), bound):
         given = _kind(tracker.bound) if hasattr(tracker, "bound") else "no bound"
         raise ValueError(f"{said} the tracker {_kind(tracker)} with {given}; allowed: bound is a {bound.__name__}")
     return planner, tracker

@@ -83,8 +83,8 @@ class Plant(Protocol):
         """The readings that fell due since the last step began. Called once before each step."""
         ...
 
-    def apply_force(self, name: str, force: Array) -> None:
-        """Add a disturbance force (3,) [N], world frame, over the next step."""
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
+        """Add a disturbance force (3,) [N] and torque (3,) [N m], world frame, on the body over the next step."""
         ...
 
     def displace(self, name: str, offset: Array) -> None:

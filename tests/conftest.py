@@ -16,6 +16,9 @@ if sys.platform == "linux" and not os.environ.get("MUJOCO_GL"):
     loadable = [backend for backend, library in backends.items() if ctypes.util.find_library(library)]
     os.environ["MUJOCO_GL"] = loadable[0] if loadable else "disable"
 
+# Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # No deadline: the first example of a compiled kernel pays for its compilation.
 settings.register_profile("mathnavi", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("mathnavi")
@@ -30,9 +33,11 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         return
     from sim.scenarios.safe_flight import SafeFlight, SafeFlightConfig
     from tests.flight import START, TARGET, above, mountains, save
+    from tests.missile import fly
 
     terrain = mountains()
     ends = above(terrain, START, 600.0), above(terrain, TARGET, 600.0)
     with tempfile.TemporaryDirectory() as folder:
         file = save(terrain, Path(folder) / "mountains.npz")
         SafeFlight.build(SafeFlightConfig(file, *ends, radar=((6000.0, 6000.0, 900.0, 2.0),)), 0).run()
+    fly(target=(200.0, 0.0, 0.0))

@@ -101,7 +101,7 @@ class PointMass:
     def _reading(self) -> Measurement:
         return Measurement("full_state", self.t, self._x.copy())
 
-    def apply_force(self, name: str, force: Array) -> None:
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
         self._force = self._force + force
 
     def displace(self, name: str, offset: Array) -> None:

@@ -6,8 +6,8 @@ climb rate w [m/s]. Every position the problem looks at is affine in U:
 
     p_q = p_1 + S_q v_1 + sum_j C_qj a_j + W_q w e_z .
 
-The array arguments are those of ``problem.Stencil`` (geometry in time), ``problem.Landscape`` (splines) and
-``problem.Parameters.packed`` (numbers, by the indices below).
+The array arguments are ``lengths`` (n,) [s], the arcs' h_1 ... h_n, and those of ``problem.Stencil`` (geometry in
+time), ``problem.Landscape`` (splines) and ``problem.Problem.packed`` (numbers, by the indices below).
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from controllers.flight.cost_to_go import TARGET_LENGTH
 from controllers.flight.spline import surface, surface_curvature, volume
 from sim.signals import Array
 
-# Indices into Parameters.packed.
-H, MANOEUVRE, FLOOR, SPEED, ACCELERATION, BETA, PSI, EPSILON, WIDTH, DEPTH = range(10)
-TERRAIN_WEIGHT, APPROACH_WEIGHT, CLIMB_WEIGHT, SPACING = range(10, 14)
-PACKED_SIZE = 14
+# Indices into Problem.packed.
+MANOEUVRE, FLOOR, SPEED, ACCELERATION, BETA, PSI, EPSILON, WIDTH, DEPTH = range(9)
+TERRAIN_WEIGHT, APPROACH_WEIGHT, CLIMB_WEIGHT, SPACING = range(9, 13)
+PACKED_SIZE = 13
 
 BORDER = 1.0  # [m] that the plan's end keeps from the edge of the map
 _SUFFICIENT, _SHORTEST = 1e-4, 1e-3  # of the line search: share of the promised decrease, length of a step
@@ -105,6 +105,7 @@ def _position(out: Array, start: Array, unknowns: Array, s: float, c: Array, cli
 def objective(
     unknowns: Array,
     start: Array,
+    lengths: Array,
     base: Array,
     weights: Array,
     climbs: Array,
@@ -117,14 +118,14 @@ def objective(
     """The problem's cost with its soft penalties.
 
     ``base`` (Q,), ``weights`` (Q, n), ``climbs`` (Q,) place the Q looked-at points: the clearance points first, then
-    the last node, then one step beyond it.
+    the last node, then one last arc's length beyond it.
     """
     n = weights.shape[1]
     looked = weights.shape[0] - 2
-    h, p = packed[H], np.empty(3)
+    p = np.empty(3)
     cost = 0.0
     for j in range(3 * n):
-        cost += h * unknowns[j] * unknowns[j]
+        cost += lengths[j // 3] * unknowns[j] * unknowns[j]
     climb = unknowns[3 * n]
     cost += 0.5 * packed[CLIMB_WEIGHT] * climb * climb
     for q in range(looked):
@@ -140,7 +141,7 @@ def objective(
         _position(p, start, unknowns, base[looked + 1], weights[looked + 1], 0.0)
         there = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian)
         cost += packed[PSI] * here
-        far = (there - here) * packed[PSI] / (h * packed[BETA]) + 1.0 + packed[EPSILON]
+        far = (there - here) * packed[PSI] / (lengths[n - 1] * packed[BETA]) + 1.0 + packed[EPSILON]
         if far > 0.0:
             cost += 0.5 * packed[APPROACH_WEIGHT] * far * far
     return float(cost)
@@ -164,16 +165,17 @@ def misplaced(
 
 
 @njit(cache=True, nogil=True)
-def project(unknowns: Array, start: Array, packed: Array, out: Array) -> None:
+def project(unknowns: Array, start: Array, lengths: Array, packed: Array, out: Array) -> None:
     """Fills ``out`` with unknowns near the given ones that keep every bound on speed, acceleration and manoeuvre.
 
     Velocities are pulled into the ball |v_i| <= v_max, then approached with |a_i| <= a_max, node by node; a node within
     the ball is reached from within the ball, so both bounds hold. w = 0 is always within reach of the manoeuvre.
     """
     n = (unknowns.shape[0] - 1) // 3
-    h, v_max, a_max = packed[H], packed[SPEED], packed[ACCELERATION]
+    v_max, a_max = packed[SPEED], packed[ACCELERATION]
     wanted, v, a = start[3:6].copy(), start[3:6].copy(), np.empty(3)
     for i in range(n):
+        h = lengths[i]
         for axis in range(3):
             wanted[axis] += h * unknowns[3 * i + axis]
         length = math.sqrt(wanted[0] * wanted[0] + wanted[1] * wanted[1] + wanted[2] * wanted[2])
@@ -198,6 +200,7 @@ def search(
     decrease: float,
     penalty: float,
     start: Array,
+    lengths: Array,
     base: Array,
     weights: Array,
     climbs: Array,
@@ -216,8 +219,8 @@ def search(
     """
     length = 1.0
     while True:
-        project(unknowns + length * step, start, packed, out)
-        cost = objective(out, start, base, weights, climbs, terrain, ground, ratio, scales, packed)
+        project(unknowns + length * step, start, lengths, packed, out)
+        cost = objective(out, start, lengths, base, weights, climbs, terrain, ground, ratio, scales, packed)
         away = misplaced(out, start, base, weights, climbs, packed, hold)
         if cost + penalty * away <= merit - _SUFFICIENT * length * max(decrease, 0.0):
             return cost, away, True
@@ -252,6 +255,7 @@ def model_decrease(
 def linearise(
     unknowns: Array,
     start: Array,
+    lengths: Array,
     base: Array,
     weights: Array,
     climbs: Array,
@@ -283,7 +287,7 @@ def linearise(
     n = weights.shape[1]
     size = 3 * n + 1
     looked = weights.shape[0] - 2
-    h, v_max, a_max = packed[H], packed[SPEED], packed[ACCELERATION]
+    v_max, a_max = packed[SPEED], packed[ACCELERATION]
     infinity = 1e30
     p, slope, bend = np.empty(3), np.empty(3), np.empty((3, 3))
     lost = np.zeros((size, size))
@@ -291,6 +295,7 @@ def linearise(
     hessian[:] = 0.0
     rows[:] = 0.0
     for j in range(3 * n):
+        h = lengths[j // 3]
         hessian[j, j] = 2.0 * h
         gradient[j] = 2.0 * h * unknowns[j]
         upper[j], lower[j] = a_max - unknowns[j], -a_max - unknowns[j]
@@ -320,7 +325,7 @@ def linearise(
         here = length_to_go(ground, ratio, scales, p[0], p[1], p[2], slope, bend)
         _position(p, start, unknowns, base[looked + 1], weights[looked + 1], 0.0)
         there = length_to_go(ground, ratio, scales, p[0], p[1], p[2], beyond, bend_beyond)
-        unit = psi / (h * packed[BETA])
+        unit = psi / (lengths[n - 1] * packed[BETA])
         scale = math.sqrt(packed[APPROACH_WEIGHT])
         far = (there - here) * unit + 1.0 + packed[EPSILON]
         for j in range(n):
@@ -338,14 +343,14 @@ def linearise(
     turns = np.zeros((n, 3, 3))  # the Lagrangian's curvature in v_2 ... v_N
     for i in range(n):
         for axis in range(3):
-            v[axis] += h * unknowns[3 * i + axis]
+            v[axis] += lengths[i] * unknowns[3 * i + axis]
         length = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
         upper[size + row], lower[size + row] = infinity, -infinity
         if length > _SLOW:
             upper[size + row] = v_max - length
             for j in range(i + 1):
                 for axis in range(3):
-                    rows[row, 3 * j + axis] = h * v[axis] / length
+                    rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
             _add_turn(turns[i], v, length, multipliers[i])
         row += 1
     for i in range(n):
@@ -366,7 +371,7 @@ def linearise(
         upper[size + row] = a_max * packed[MANOEUVRE] - length
         for j in range(n):
             for axis in range(3):
-                rows[row, 3 * j + axis] = h * v[axis] / length
+                rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
         rows[row, 3 * n] = -v[2] / length
         turn = np.zeros((3, 3))
         _add_turn(turn, v, length, multipliers[2 * n])
@@ -375,11 +380,11 @@ def linearise(
                 turns[n - 1, a, b] += turn[a, b]
         for j in range(n):
             for axis in range(3):
-                hessian[3 * j + axis, 3 * n] -= h * turn[axis, 2]
-                hessian[3 * n, 3 * j + axis] -= h * turn[axis, 2]
+                hessian[3 * j + axis, 3 * n] -= lengths[j] * turn[axis, 2]
+                hessian[3 * n, 3 * j + axis] -= lengths[j] * turn[axis, 2]
         hessian[3 * n, 3 * n] += turn[2, 2]
     row += 1
-    # v_i = v_1 + h (a_1 + ... + a_(i-1)): a_j and a_m meet in every velocity after both.
+    # v_i = v_1 + h_1 a_1 + ... + h_(i-1) a_(i-1): a_j and a_m meet in every velocity after both.
     for i in range(n - 2, -1, -1):
         for a in range(3):
             for b in range(3):
@@ -388,7 +393,7 @@ def linearise(
         for m in range(n):
             for a in range(3):
                 for b in range(3):
-                    hessian[3 * j + a, 3 * m + b] += h * h * turns[max(j, m), a, b]
+                    hessian[3 * j + a, 3 * m + b] += lengths[j] * lengths[m] * turns[max(j, m), a, b]
     whole = not clipped or _restore(hessian, lost)
     # On the map: the last node and the end of the manoeuvre.
     for q in (looked, looked - 1):

@@ -18,7 +18,7 @@ import numpy as np
 from controllers.flight.certificate import Certificate, pass_time
 from controllers.flight.completion import ArcList, complete
 from controllers.flight.cost_to_go import FactoredCost
-from controllers.flight.problem import Landscape, Parameters, Problem, Solution, stencil
+from controllers.flight.problem import Landscape, Parameters, Problem, Solution, proportional
 from models.aerial.dynamics import state_at
 from models.terrain.visibility import Radar
 from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
@@ -37,7 +37,7 @@ class Solver(Protocol):
 
 
 class RecedingHorizon:
-    """Plans by optimisation over a horizon of ``parameters.arcs`` arcs.
+    """Plans by optimisation over the grid ``parameters.lengths``, every ``period`` [s].
 
     ``cost_to_go(radars)`` builds the terminal cost for the threats known so far; a message with the topic "radar" and a
     ``Radar`` as payload adds one.
@@ -56,8 +56,10 @@ class RecedingHorizon:
         self._parameters, self._certificate, self._solver = parameters, certificate, solver
         self._cost_to_go, self._radars = cost_to_go, tuple(radars)
         self._landscape = Landscape.build(certificate.terrain, cost_to_go(self._radars))
-        for arcs in range(1, parameters.arcs + 1):  # now rather than in flight
-            stencil(arcs, parameters.h, parameters.manoeuvre_duration)
+        shorter = [self._over(parameters.lengths[:k]) for k in range(1, parameters.arcs + 1)]
+        self._ends = np.array([part.horizon for part in shorter])  # (n,) [s] of the arcs
+        for part in shorter:
+            _ = part.stencil  # computed now rather than in flight
 
     def plan(self, request: PlanRequest) -> Plan:
         self._listen(request.messages)
@@ -71,7 +73,7 @@ class RecedingHorizon:
             return committed
         if self._within_reach(arrival - request.t_start):  # committed before: the plan being flown stays
             return Plan.failure(Status.INFEASIBLE, reason, solve_ms=spent)
-        problem = Problem(self._parameters, self._landscape, start, self._parameters.arcs)
+        problem = Problem(self._parameters, self._landscape, start)
         solution, solve_ms = self._solved(problem, current, request.t_start, spent)
         if isinstance(solution, str):
             return Plan.failure(Status.SOLVER_FAILED, "; ".join(filter(None, (reason, solution))), solve_ms=solve_ms)
@@ -92,28 +94,34 @@ class RecedingHorizon:
             self._landscape = dataclasses.replace(self._landscape, cost=self._cost_to_go(self._radars))
 
     def _within_reach(self, duration: float) -> bool:
-        """Whether an arrival in ``duration`` [s] fits the horizon, stretched by one arc at most."""
-        return duration <= (self._parameters.arcs + 1) * self._parameters.h + _SAME_TIME
+        """Whether an arrival in ``duration`` [s] fits the horizon, lengthened by its first arc at most."""
+        return duration <= self._parameters.horizon + self._parameters.h + _SAME_TIME
+
+    def _over(self, lengths: tuple[float, ...]) -> Parameters:
+        """The parameters over a grid other than the horizon's."""
+        return dataclasses.replace(self._parameters, lengths=lengths)
+
+    def _grid(self, duration: float) -> tuple[float, ...]:
+        """As many of the first arcs as come nearest to ``duration`` [s], lengthened or shortened to last that long."""
+        nearest = self._parameters.lengths[: int(np.abs(self._ends - duration).argmin()) + 1]
+        fitting = proportional(nearest, duration)
+        # Arcs that differ from the horizon's own by rounding only share their stencil.
+        return nearest if np.allclose(fitting, nearest, rtol=0.0, atol=1e-6) else fitting
 
     def _committed(self, request: PlanRequest, start: Array, arrival: float) -> tuple[Plan | None, float, str]:
         """A certified plan that arrives exactly at a node within the horizon; or none, the time spent [ms], and why."""
-        target, h, arcs = self._certificate.target, self._parameters.h, self._parameters.arcs
+        target, h = self._certificate.target, self._parameters.h
         current, reason, spent = request.current, "", 0.0
         left = arrival - request.t_start
         durations = [left] if self._within_reach(left) else []
         if not durations:
             speed = max(float(np.linalg.norm(start[3:])), _COMMIT_SPEED)
             first = max(2, math.ceil(float(np.linalg.norm(target - start[:3])) / (h * speed)))
-            # One arc more than the horizon has is within reach of slightly longer arcs. Beyond it the terminal cost
+            # A little more than the horizon is within reach of slightly longer arcs. Beyond it the terminal cost
             # would have to tell how to fly past the target, which it cannot.
-            durations = [n * h for n in range(first, min(first + _COMMIT_TRIES, arcs + 2))]
+            durations = [n * h for n in range(first, first + _COMMIT_TRIES) if self._within_reach(n * h)]
         for duration in durations:
-            count = min(arcs, max(1, round(duration / h)))
-            step = duration / count
-            # A step that differs from h by rounding only shares the stencil of h.
-            step = h if abs(step - h) < 1e-6 else step
-            parameters = dataclasses.replace(self._parameters, h=step)
-            problem = Problem(parameters, self._landscape, start, count, hold=target)
+            problem = Problem(self._over(self._grid(duration)), self._landscape, start, hold=target)
             solution, spent = self._solved(problem, current, request.t_start, spent)
             if isinstance(solution, str):
                 reason = f"arrival in {duration:.1f} s: {solution}"
@@ -126,11 +134,11 @@ class RecedingHorizon:
         return None, spent, reason
 
     def _guess(self, current: Plan | None, t_start: float, problem: Problem) -> Array:
-        """The optimised part of the plan being flown, shifted, with nothing after its end."""
-        n, h = problem.arcs, problem.parameters.h
+        """The optimised part of the plan being flown, at the middle of each arc, with nothing after its end."""
+        n = problem.arcs
         guess = np.zeros(3 * n + 1)
         if current is not None:
-            middles = t_start + (np.arange(n) + 0.5) * h
+            middles = t_start + problem.stencil.middles
             arc = np.searchsorted(current.t, middles, side="right") - 1
             optimised = (arc < len(current.u)) & (current.phase[np.minimum(arc, len(current.u) - 1)] == Phase.OPTIMISED)
             count = n if optimised.all() else int(optimised.argmin())
@@ -141,8 +149,8 @@ class RecedingHorizon:
         """Optimised arcs, manoeuvre and completion as one plan."""
         parameters = problem.parameters
         arcs = ArcList.begin(t_start, problem.start)
-        for a in _exact(problem, solution):
-            arcs.add(a, parameters.h, Phase.OPTIMISED)
+        for a, length in zip(_exact(problem, solution), parameters.lengths, strict=True):
+            arcs.add(a, length, Phase.OPTIMISED)
         end = arcs.x[-1]
         braking = (np.array([0.0, 0.0, solution.climb]) - end[3:]) / parameters.manoeuvre_duration
         arcs.add(braking, parameters.manoeuvre_duration, Phase.MANOEUVRE)
@@ -151,9 +159,10 @@ class RecedingHorizon:
             message = f"the manoeuvre ends at {np.round(arcs.x[-1][:2]).tolist()} m"
             return Plan.failure(Status.OFF_MAP, message, solve_ms=solve_ms)
         complete_by(arcs, self._certificate)
-        effort = float(parameters.h * (solution.accelerations**2).sum())
+        shares = np.array(parameters.lengths) / parameters.h  # exactly 1 on a uniform grid
+        effort = float(parameters.h * (shares[:, None] * solution.accelerations**2).sum())
         togo = 0.0 if problem.hold is not None else parameters.psi_per_metre * float(self._landscape.cost(end[:3])[0])
-        plan = arcs.plan(effort + parameters.h * parameters.beta * problem.arcs + togo, solve_ms)
+        plan = arcs.plan(effort + parameters.h * parameters.beta * float(shares.sum()) + togo, solve_ms)
         if solution.converged:
             return plan
         return dataclasses.replace(plan, notes=("iteration-limit",), message=solution.message)

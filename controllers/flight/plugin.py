@@ -13,7 +13,7 @@ from controllers.flight.certificate import Certificate
 from controllers.flight.checks import check_fields
 from controllers.flight.cost_to_go import FactoredCost, factored_cost
 from controllers.flight.planner import RecedingHorizon, Solver
-from controllers.flight.problem import Parameters
+from controllers.flight.problem import Parameters, proportional
 from controllers.flight.sqp import GaussNewton
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
 from models.aerial.mission import FlightMission
@@ -22,6 +22,8 @@ from models.terrain.visibility import Radar
 from sim.protocols import Planner, Tracker
 
 _INSIDE = 1.0 - 1e-4  # the solver aims this far inside the bounds, so that its tolerance does not cost a plan
+_UNEQUAL = 1000.0  # how many times as long as another an arc may be
+_ROUNDING = 0.01  # of a control period: a period may be written with five digits
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,10 @@ class FlightConfig:
     """N, nodes of the horizon"""
     horizon: float | None = None
     """T_p [s]; (nodes - 1) 5/3 if not given"""
+    stretch: float = 1.0
+    """ratio of each arc's length to the one before"""
+    period: float | None = None
+    """between two replans [s]; the first arc's length, to whole control periods, if not given"""
     beta: float = 100.0
     """cost of a second against a squared acceleration [m^2/s^4]"""
     margin: float = 25.0
@@ -53,12 +59,38 @@ class FlightConfig:
             raise ValueError(f"margin = {self.margin!r}; allowed: a finite value >= 0")
         if self.backend not in ("condensed", "ipopt", "fatrop"):
             raise ValueError(f"backend = {self.backend!r}; allowed: condensed, ipopt, fatrop")
+        widest = _UNEQUAL ** (1.0 / max(1, self.nodes - 2))
+        if not 1.0 / widest <= self.stretch <= widest:
+            raise ValueError(
+                f"stretch = {self.stretch!r}; allowed at nodes = {self.nodes}: {1.0 / widest:.4g} to {widest:.4g}, so "
+                f"that no arc is more than {_UNEQUAL:g} times as long as another"
+            )
+        if self.period is not None and not 0.0 < self.period <= self.duration:
+            raise ValueError(
+                f"period = {self.period!r}; allowed: > 0 and at most the horizon of {self.duration:g} s, beyond which "
+                "nothing is optimised"
+            )
 
     @property
-    def h(self) -> float:
-        """Length of an arc [s]."""
-        horizon = self.horizon if self.horizon is not None else (self.nodes - 1) * 5.0 / 3.0
-        return horizon / (self.nodes - 1)
+    def duration(self) -> float:
+        """T_p [s]."""
+        return self.horizon if self.horizon is not None else (self.nodes - 1) * 5.0 / 3.0
+
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """(nodes - 1,) [s] of the arcs."""
+        return proportional([self.stretch**i for i in range(self.nodes - 1)], self.duration)
+
+    def replan_period(self, control_period: float) -> float:
+        """The period [s] in use; ValueError if it is not a whole number of control periods [s]."""
+        wanted = self.lengths[0] if self.period is None else self.period
+        ticks = max(1, round(wanted / control_period))
+        if self.period is not None and abs(wanted - ticks * control_period) > _ROUNDING * control_period:
+            raise ValueError(
+                f"period = {self.period!r}; allowed: a whole number of control periods of {control_period:.6g} s; the "
+                f"nearest is {ticks * control_period:.6g}"
+            )
+        return ticks * control_period
 
 
 class SafeFlight:
@@ -71,10 +103,9 @@ class SafeFlight:
     def build(config: FlightConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
         bound = tracking_bound(config.bandwidth, mission)
         certificate = Certificate.of(mission, bound)
-        period = max(1, round(config.h / mission.control_period)) * mission.control_period
+        period = config.replan_period(mission.control_period)
         parameters = Parameters(
-            arcs=config.nodes - 1,
-            h=config.h,
+            lengths=config.lengths,
             speed_max=certificate.speed_max * _INSIDE,
             acceleration_max=certificate.acceleration_max * _INSIDE,
             beta=config.beta,

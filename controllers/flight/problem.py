@@ -1,29 +1,35 @@
 """The problem solved at each step: (A.2) with the safety manoeuvre of (A.4) embedded, condensed.
 
-Unknowns: accelerations a_1 ... a_n (n = N - 1 arcs of length h) and the climb rate w with which the manoeuvre ends.
-With the exact zero-order-hold double integrator
+Unknowns: accelerations a_1 ... a_n (n = N - 1 arcs of lengths h_1 ... h_n) and the climb rate w with which the
+manoeuvre ends. With the exact zero-order-hold double integrator
 
-    p_{i+1} = p_i + h v_i + h^2 a_i / 2,   v_{i+1} = v_i + h a_i,
+    p_{i+1} = p_i + h_i v_i + h_i^2 a_i / 2,   v_{i+1} = v_i + h_i a_i,
 
-and the manoeuvre, one arc of duration M = N_bar h, N_bar = ceil(v_max / (h a_max)), that brings the state (p_N, v_N)
-to the velocity (0, 0, w), w >= 0, with the constant acceleration ((0, 0, w) - v_N) / M:
+and the manoeuvre, one arc of duration M = N_bar h_1, N_bar = ceil(v_max / (h_1 a_max)), that brings the state
+(p_N, v_N) to the velocity (0, 0, w), w >= 0, with the constant acceleration ((0, 0, w) - v_N) / M:
 
-    minimise  sum_i h |a_i|^2 + Psi(p_N) + rho_w w^2 / 2 + kappa_H / 2 sum_q s_q^2 + kappa_S / 2 s_S^2
-    subject to  z_q - H(x_q, y_q) >= h_min + margin - s_q     at 4 points per arc and 15 on the manoeuvre,
-                [Psi(p_N + h v_N) - Psi(p_N)] / (h beta) + 1 + epsilon <= s_S      (a_N = 0 in S_eps of Definition A.1),
+    minimise  sum_i h_i |a_i|^2 + Psi(p_N) + rho_w w^2 / 2 + kappa_H / 2 sum_q s_q^2 + kappa_S / 2 s_S^2
+    subject to  z_q - H(x_q, y_q) >= h_min + margin - s_q     at points on every arc and 15 on the manoeuvre,
+                [Psi(p_N + h_n v_N) - Psi(p_N)] / (h_n beta) + 1 + epsilon <= s_S  (a_N = 0 in S_eps of Definition A.1),
                 |v_i| <= v_max, |a_i| <= a_max, |(0, 0, w) - v_N| <= M a_max,
                 p_N and the manoeuvre's end on the map, 0 <= w <= v_max.
 
 H is the cubic spline of the terrain. The bounds are Euclidean, unlike the print's L-infinity boxes, because Psi is:
-in a box the best speed is its corner's. Sum h beta is constant at fixed N and h and left out. Near the target the
+in a box the best speed is its corner's. Sum h_i beta is constant on a given grid and left out. Near the target the
 terminal cost gives way to ``hold``: p_N = p_f, with fewer arcs, so that the vehicle arrives exactly.
+
+The print's grid is uniform; there, 4 points an arc are looked at. A stretched one, h_{i+1} = r h_i, looks further ahead
+with as many unknowns: fine over what is flown before the next plan, coarse over what will be planned again. Its long
+arcs need more points: as many as leave 125 m of path between two at v_max, which is what 4 do on an arc of 5/3 s. The
+certificate examines arcs of any length, so the guarantees hold on either.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -32,8 +38,9 @@ from controllers.flight.cost_to_go import REFERENCE_SPEED, FactoredCost
 from models.terrain.height_field import HeightField
 from sim.signals import Array
 
-POINTS_PER_ARC = 4
+POINTS_PER_ARC = 4  # of a uniform grid
 POINTS_ON_MANOEUVRE = 15
+_PATH = 125.0  # [m] between the points of a stretched one, at most
 _CLIMB_WEIGHT = 1e-3  # rho_w [1 / (m/s)^2 * cost]: without it w would be undetermined where the ground is far below
 _APPROACH_WEIGHT = 1e5  # kappa_S
 
@@ -42,63 +49,93 @@ _APPROACH_WEIGHT = 1e5  # kappa_S
 class Parameters:
     """What stays the same over a mission."""
 
-    arcs: int  # n = N - 1
-    h: float  # [s]
+    lengths: tuple[float, ...]  # (n,) [s] h_1 ... h_n, n = N - 1
     speed_max: float  # [m/s] v_max left to the plan
     acceleration_max: float  # [m/s^2] a_max left to the plan
     beta: float  # [m^2/s^4] cost per second
     clearance: float  # [m] h_min + margin
-    epsilon: float = 0.01  # of h beta
+    epsilon: float = 0.01  # of h_n beta
+
+    @property
+    def arcs(self) -> int:
+        """n."""
+        return len(self.lengths)
+
+    @property
+    def h(self) -> float:
+        """h_1 [s]; the length of every arc on a uniform grid."""
+        return self.lengths[0]
+
+    @property
+    def horizon(self) -> float:
+        """T_p [s]."""
+        return math.fsum(self.lengths)
+
+    @property
+    def points(self) -> tuple[int, ...]:
+        """(n,) how many points of each arc are looked at."""
+        if min(self.lengths) == max(self.lengths):
+            return self.arcs * (POINTS_PER_ARC,)
+        return tuple(math.ceil(length * self.speed_max / _PATH) for length in self.lengths)
 
     @property
     def manoeuvre_duration(self) -> float:
-        """M = N_bar h [s]."""
+        """M = N_bar h_1 [s], v_max / a_max or a little more."""
         return math.ceil(self.speed_max / (self.h * self.acceleration_max) - 1e-9) * self.h
+
+    @cached_property
+    def stencil(self) -> Stencil:
+        return stencil(self.lengths, self.points, self.manoeuvre_duration)
 
     @property
     def psi_per_metre(self) -> float:
         return self.beta / REFERENCE_SPEED
 
 
+def proportional(shares: Sequence[float], duration: float) -> tuple[float, ...]:
+    """Lengths [s] of arcs that stand to each other as ``shares`` do and last ``duration`` [s] together."""
+    relative = [share / shares[0] for share in shares]  # exactly 1 where all are alike
+    whole = math.fsum(relative)
+    return tuple(duration * share / whole for share in relative)
+
+
 @dataclass(frozen=True, eq=False)
 class Stencil:
     """Where the problem looks: p_q = p_1 + base_q v_1 + sum_j weights_qj a_j + climbs_q w e_z.
 
-    The clearance points in time order, the last of them the manoeuvre's end; then p_N; then p_N + h v_N.
+    The clearance points in time order, the last of them the manoeuvre's end; then p_N; then p_N + h_n v_N.
     """
 
+    lengths: Array  # (n,) [s] of the arcs
+    middles: Array  # (n,) [s]
     base: Array  # (Q,) [s]
     weights: Array  # (Q, n) [s^2]
     climbs: Array  # (Q,) [s]
 
 
 @lru_cache(maxsize=64)
-def stencil(arcs: int, h: float, manoeuvre_duration: float) -> Stencil:
-    """The stencil of a horizon of ``arcs`` arcs."""
-    middles = (np.arange(arcs) + 0.5) * h
-    base: list[float] = []
-    weights: list[Array] = []
-    climbs: list[float] = []
-
-    def add(time: float, drift: float, climb: float) -> None:
-        """The point at ``time``, followed by ``drift`` seconds at the velocity of that time and a climb."""
-        lag = time - np.arange(arcs) * h
-        row = np.where(lag >= h, h * (time - middles), 0.5 * np.clip(lag, 0.0, h) ** 2)
-        base.append(time + drift)
-        weights.append(row + drift * np.clip(lag, 0.0, h))
-        climbs.append(climb)
-
-    for k in range(arcs):
-        for part in range(1, POINTS_PER_ARC + 1):
-            add((k + part / POINTS_PER_ARC) * h, 0.0, 0.0)
-    end = arcs * h
-    for part in range(1, POINTS_ON_MANOEUVRE + 1):
-        sigma = manoeuvre_duration * part / POINTS_ON_MANOEUVRE
-        quadratic = sigma * sigma / (2.0 * manoeuvre_duration)
-        add(end, sigma - quadratic, quadratic)
-    add(end, 0.0, 0.0)
-    add(end, h, 0.0)
-    return Stencil(np.array(base), np.ascontiguousarray(np.array(weights)), np.array(climbs))
+def stencil(lengths: tuple[float, ...], points: tuple[int, ...], manoeuvre_duration: float) -> Stencil:
+    """The stencil of a horizon whose arcs have these ``lengths`` (n,) [s] and ``points`` (n,) on each."""
+    h = np.array(lengths)
+    # Sums are exact before they are rounded, so that equal arcs begin at k h to the last bit.
+    begin = np.array([math.fsum(lengths[:k]) for k in range(len(lengths))])
+    middles = np.array([math.fsum((*lengths[:k], 0.5 * h_k)) for k, h_k in enumerate(lengths)])
+    times = [
+        math.fsum(count * lengths[:k] + part * lengths[k : k + 1]) / count
+        for k, count in enumerate(points)
+        for part in range(1, count + 1)
+    ]
+    sigma = manoeuvre_duration * np.arange(1, POINTS_ON_MANOEUVRE + 1) / POINTS_ON_MANOEUVRE
+    climbing = sigma * sigma / (2.0 * manoeuvre_duration)
+    # A point is where the vehicle is at a time [s], and drifts on with the velocity of that time [s].
+    ahead = POINTS_ON_MANOEUVRE + 2
+    time = np.concatenate([times, np.full(ahead, math.fsum(lengths))])
+    drift = np.concatenate([np.zeros(len(times)), sigma - climbing, [0.0, lengths[-1]]])
+    climbs = np.concatenate([np.zeros(len(times)), climbing, [0.0, 0.0]])
+    lag = time[:, None] - begin
+    held = np.clip(lag, 0.0, h)  # [s] for which each acceleration has been held
+    weights = np.where(lag >= h, h * (time[:, None] - middles), 0.5 * held**2) + drift[:, None] * held
+    return Stencil(h, middles, time + drift, np.ascontiguousarray(weights), climbs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,17 +153,20 @@ class Landscape:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """One instance: from this state, over this many arcs, with or without an exact arrival."""
+    """One instance: from this state, with or without an exact arrival."""
 
     parameters: Parameters
     landscape: Landscape
     start: Array  # (6,) p_1 [m], v_1 [m/s]
-    arcs: int
     hold: Array | None = None  # (3,) [m]: p_N must be here
 
     @property
+    def arcs(self) -> int:
+        return self.parameters.arcs
+
+    @property
     def stencil(self) -> Stencil:
-        return stencil(self.arcs, self.parameters.h, self.parameters.manoeuvre_duration)
+        return self.parameters.stencil
 
     @property
     def terrain_weight(self) -> float:
@@ -137,8 +177,8 @@ class Problem:
     def packed(self) -> Array:
         """The numbers the kernels read, by their indices."""
         p, out = self.parameters, np.zeros(kernels.PACKED_SIZE)
-        out[kernels.H], out[kernels.MANOEUVRE] = p.h, p.manoeuvre_duration
-        out[kernels.FLOOR], out[kernels.SPEED], out[kernels.ACCELERATION] = p.clearance, p.speed_max, p.acceleration_max
+        out[kernels.MANOEUVRE], out[kernels.FLOOR] = p.manoeuvre_duration, p.clearance
+        out[kernels.SPEED], out[kernels.ACCELERATION] = p.speed_max, p.acceleration_max
         out[kernels.BETA], out[kernels.EPSILON] = p.beta, p.epsilon
         out[kernels.PSI] = 0.0 if self.hold is not None else p.psi_per_metre
         out[kernels.WIDTH], out[kernels.DEPTH] = self.landscape.terrain.width, self.landscape.terrain.depth
@@ -147,11 +187,11 @@ class Problem:
         return out
 
     @property
-    def data(self) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array]:
-        """What the kernels take beside the unknowns: start, stencil, splines and numbers."""
+    def data(self) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, Array]:
+        """What the kernels take beside the unknowns: start, grid, stencil, splines and numbers."""
         s, cost = self.stencil, self.landscape.cost
         splines = (self.landscape.heights, cost.ground, cost.ratio, cost.scales)
-        return (self.start, s.base, s.weights, s.climbs, *splines, self.packed)
+        return (self.start, s.lengths, s.base, s.weights, s.climbs, *splines, self.packed)
 
 
 @dataclass(frozen=True, eq=False)

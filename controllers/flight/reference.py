@@ -7,8 +7,8 @@ as FATROP wants them:
     x_1, a_1, s_1, x_2, a_2, s_2, ..., x_N, w, s_N,    x_i = (p_i, v_i),
 
 s_i the slacks of the points on arc i, s_N those of the manoeuvre and of the approach condition. Everything that
-changes from one problem to the next is a parameter, so a solver is built once per number of arcs and size of the
-splines, in milliseconds.
+changes from one problem to the next is a parameter, the arcs' lengths too, so a solver is built once per number of arcs
+and points and size of the splines, in milliseconds.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ import numpy as np
 
 from controllers.flight import kernels
 from controllers.flight.cost_to_go import TARGET_LENGTH
-from controllers.flight.problem import POINTS_ON_MANOEUVRE, POINTS_PER_ARC, Problem, Solution
+from controllers.flight.problem import POINTS_ON_MANOEUVRE, Problem, Solution
 from sim.signals import Array
 
 Backend = Literal["ipopt", "fatrop"]
 
 _ITERATION_LIMIT = 200
-_STATE, _INPUT = 6, 3 + POINTS_PER_ARC  # of a stage: position and velocity; acceleration and slacks
+_STATE, _INPUT = 6, 3  # of a stage: position and velocity; acceleration, before the slacks
 # A warm start stays where it is put: the usual push away from the bounds would undo it.
 _IPOPT_WARM_START = {
     "warm_start_init_point": "yes",
@@ -52,13 +52,18 @@ _IPOPT_WARM_START = {
 
 @dataclass(frozen=True)
 class _Shape:
-    """What a solver is built for: the number of arcs, the kind of end, and the sizes of the splines' windows."""
+    """What a solver is built for: the points on each arc, the kind of end, and the sizes of the splines' windows."""
 
-    arcs: int
+    points: tuple[int, ...]
     hold: bool
     heights: tuple[int, int]
     ground: tuple[int, int]
     ratio: tuple[int, int, int]
+
+    @property
+    def stages(self) -> list[int]:
+        """Variables of each arc's stage: state, acceleration and slacks."""
+        return [_STATE + _INPUT + count for count in self.points]
 
     @property
     def last_input(self) -> int:
@@ -96,7 +101,7 @@ class _Window:
 def _windows(problem: Problem) -> tuple[_Window, _Window, _Window]:
     """Windows of terrain, grid ground and ratio that no feasible trajectory can leave."""
     p, cost, spacing = problem.parameters, problem.landscape.cost, problem.landscape.terrain.spacing
-    reach = p.speed_max * ((problem.arcs + 1) * p.h + p.manoeuvre_duration)
+    reach = p.speed_max * (p.horizon + p.lengths[-1] + p.manoeuvre_duration)
     x, y = problem.start[:2]
     grid = cost.grid
     on_grid = (y - grid.y_0) / grid.spacing, (x - grid.x_0) / grid.spacing
@@ -152,16 +157,17 @@ class _Programme:
 
 def _programme(shape: _Shape) -> _Programme:
     """The optimal control problem."""
-    n = shape.arcs
+    n = len(shape.points)
     # Parameters: what is known.
     start, target, scales = ca.MX.sym("start", 6), ca.MX.sym("target", 3), ca.MX.sym("scales", 8)
+    lengths = ca.MX.sym("lengths", n)
     packed = ca.MX.sym("packed", kernels.PACKED_SIZE)
     frames = [ca.MX.sym(name, 4) for name in ("heights_frame", "ground_frame")]  # corner and size of the whole
     heights_c, ground_c, ratio_c = (
         ca.MX.sym(name, math.prod(size))
         for name, size in (("heights", shape.heights), ("ground", shape.ground), ("ratio", shape.ratio))
     )
-    h, duration, floor = packed[kernels.H], packed[kernels.MANOEUVRE], packed[kernels.FLOOR]
+    duration, floor = packed[kernels.MANOEUVRE], packed[kernels.FLOOR]
     speed_max, acceleration_max = packed[kernels.SPEED], packed[kernels.ACCELERATION]
     beta, psi, epsilon = packed[kernels.BETA], packed[kernels.PSI], packed[kernels.EPSILON]
     sides, spacing = packed[[kernels.WIDTH, kernels.DEPTH]], packed[kernels.SPACING]
@@ -191,32 +197,38 @@ def _programme(shape: _Shape) -> _Programme:
         return ca.sqrt(ca.sum1(away**2) + TARGET_LENGTH**2) * tau - TARGET_LENGTH
 
     # Variables.
-    stages = ca.MX.sym("stages", _STATE + _INPUT, n)
+    stages = [ca.MX.sym(f"stage_{i}", size) for i, size in enumerate(shape.stages)]
     last = ca.MX.sym("last", _STATE + shape.last_input)
-    p, v, a, s = stages[0:3, :], stages[3:6, :], stages[6:9, :], stages[9:, :]
+    p, v, a = (ca.horzcat(*(stage[k : k + 3] for stage in stages)) for k in (0, 3, 6))  # (3, n)
+    slacks = [stage[_STATE + _INPUT :] for stage in stages]
     p_end, v_end, w = last[0:3], last[3:6], last[6]
     s_manoeuvre, s_approach = last[7 : 7 + POINTS_ON_MANOEUVRE], last[7 + POINTS_ON_MANOEUVRE :]
     braking = (ca.vertcat(0, 0, w) - v_end) / duration
 
     # Objective.
-    cost = h * ca.sumsqr(a) + rho_w / 2 * w**2
+    s = ca.vertcat(*slacks)
+    cost = ca.sum1(a**2) @ lengths + rho_w / 2 * w**2
     cost += kappa_h / 2 * (ca.sumsqr(s) + ca.sumsqr(s_manoeuvre)) + kappa_s / 2 * ca.sumsqr(s_approach)
+    beyond = lengths[n - 1]
     if not shape.hold:
-        here, there = ca.horzsplit(psi * length_to_go(ca.horzcat(p_end, p_end + h * v_end)))
+        here, there = ca.horzsplit(psi * length_to_go(ca.horzcat(p_end, p_end + beyond * v_end)))
         cost += here
 
     # Soft constraints, of the form "at most the slack".
-    times = [h * k / POINTS_PER_ARC for k in range(1, POINTS_PER_ARC + 1)]
-    low = ca.vertcat(*(lowness(p + t * v + t**2 / 2 * a) for t in times))
+    arc = np.repeat(np.arange(n), shape.points).tolist()  # of each point
+    share = [part / count for count in shape.points for part in range(1, count + 1)]
+    t = ca.repmat((lengths[arc] * ca.DM(share)).T, 3, 1)
+    low = ca.vertsplit(lowness(p[:, arc] + t * v[:, arc] + t**2 / 2 * a[:, arc]).T, np.cumsum([0, *shape.points]))
     t = duration * ca.DM(range(1, POINTS_ON_MANOEUVRE + 1)).T / POINTS_ON_MANOEUVRE
     manoeuvre = ca.repmat(p_end, 1, POINTS_ON_MANOEUVRE) + v_end @ t + braking @ (t**2 / 2)
     low_manoeuvre = lowness(manoeuvre).T
-    far = ca.MX(0, 1) if shape.hold else (there - here) / (h * beta) + 1 + epsilon
-    relaxed = [ca.vec(ca.vertcat(p, v, a, ca.fmax(low, 0)))]
+    far = ca.MX(0, 1) if shape.hold else (there - here) / (beyond * beta) + 1 + epsilon
+    relaxed = [ca.vertcat(stage[: _STATE + _INPUT], ca.fmax(of, 0)) for stage, of in zip(stages, low, strict=True)]
     relaxed += [p_end, v_end, w, ca.fmax(low_manoeuvre, 0), ca.fmax(far, 0)]
 
     # Dynamics, stage by stage, with the path constraints of each stage after them; boundary conditions at both ends.
-    following = ca.horzcat(stages[:_STATE, 1:], last[:_STATE])
+    following = ca.horzcat(*(stage[:_STATE] for stage in stages[1:]), last[:_STATE])
+    h = ca.repmat(lengths.T, 3, 1)
     gap = following - ca.vertcat(p + h * v + h**2 / 2 * a, v + h * a)
     speed = ca.sum1((v + h * a) ** 2) / speed_max**2
     acceleration = ca.sum1(a**2) / acceleration_max**2
@@ -224,9 +236,9 @@ def _programme(shape: _Shape) -> _Programme:
     path_constraints = []
     for i in range(n):
         constraints.append((gap[:, i], 0.0, 0.0))
-        path = [(speed[i], -np.inf, 1.0), (acceleration[i], -np.inf, 1.0), (low[:, i] - s[:, i], -np.inf, 0.0)]
+        path = [(speed[i], -np.inf, 1.0), (acceleration[i], -np.inf, 1.0), (low[i] - slacks[i], -np.inf, 0.0)]
         if i == 0:
-            path.append((stages[:_STATE, 0] - start, 0.0, 0.0))
+            path.append((stages[0][:_STATE] - start, 0.0, 0.0))
         constraints += path
         path_constraints.append(sum(g.numel() for g, _, _ in path))
     # On the map, as fractions of what lies inside its border.
@@ -239,12 +251,12 @@ def _programme(shape: _Shape) -> _Programme:
     constraints += final
     path_constraints.append(sum(g.numel() for g, _, _ in final))
 
-    known = [start, target, scales, packed, *frames, heights_c]
+    known = [start, target, lengths, scales, packed, *frames, heights_c]
     if not shape.hold:
         known += [ground_c, ratio_c]
     return _Programme(
         functions={
-            "x": ca.vertcat(ca.vec(stages), last),
+            "x": ca.vertcat(*stages, last),
             "p": ca.vertcat(*known),
             "f": cost,
             "g": ca.vertcat(*(g for g, _, _ in constraints)),
@@ -263,11 +275,11 @@ def _values(problem: Problem) -> tuple[_Shape, list[Array]]:
     windows = _windows(problem)
     heights, ground, ratio = (window.coefficients for window in windows)
     held = problem.hold is not None
-    values = [problem.start, problem.hold if problem.hold is not None else np.zeros(3)]
+    values = [problem.start, problem.hold if problem.hold is not None else np.zeros(3), problem.stencil.lengths]
     values += [problem.landscape.cost.scales, problem.packed, windows[0].frame, windows[1].frame, heights]
     if not held:
         values += [ground, ratio]
-    return _Shape(problem.arcs, held, heights.shape, ground.shape, ratio.shape), values
+    return _Shape(problem.parameters.points, held, heights.shape, ground.shape, ratio.shape), values
 
 
 class Reference:
@@ -313,15 +325,16 @@ class _Solver:
             functions["f"] = functions["f"] / programme.unit
             options |= {
                 "structure_detection": "manual",
-                "nx": [_STATE] * (shape.arcs + 1),
-                "nu": [_INPUT] * shape.arcs + [shape.last_input],
+                "nx": [_STATE] * (len(shape.points) + 1),
+                "nu": [size - _STATE for size in shape.stages] + [shape.last_input],
                 "ng": programme.path_constraints,
-                "N": shape.arcs,
+                "N": len(shape.points),
                 "equality": programme.equality,
                 "fatrop": {"print_level": 0, "tolerance": tolerance, "max_iter": _ITERATION_LIMIT, "mu_init": 1e-3},
             }
         self._scaled = backend == "fatrop" and not shape.hold
-        self._arcs = shape.arcs
+        begin = np.cumsum([0, *shape.stages])[:-1]
+        self._accelerations = begin[:, None] + _STATE + np.arange(_INPUT)  # (n, 3) where they stand
         function = ca.nlpsol("flight", backend, functions, options)
         if compiled:
             function = ca.nlpsol("flight", backend, str(_compile(function)), options)
@@ -356,10 +369,7 @@ class _Solver:
         cost = float(self._out["f"][0])
         if self._scaled:
             cost *= 1.0 + problem.parameters.beta
-        stages = x[: self._climb - _STATE].reshape(self._arcs, _STATE + _INPUT)
-        return Solution(
-            stages[:, _STATE : _STATE + 3].copy(), float(x[self._climb]), cost, True, int(statistics["iter_count"])
-        )
+        return Solution(x[self._accelerations], float(x[self._climb]), cost, True, int(statistics["iter_count"]))
 
     def _forget(self) -> None:
         """Drop the multipliers of a solve that failed."""
@@ -379,9 +389,9 @@ def _wired(function: ca.Function, arguments: dict[str, Array], results: dict[str
 
 def _lifted(problem: Problem, unknowns: Array) -> Array:
     """The variables of accelerations and climb rate (3n + 1,): dynamics exact, slacks zero."""
-    h, x, out = problem.parameters.h, problem.start, []
-    for a in unknowns[:-1].reshape(-1, 3):
-        out += [x, a, np.zeros(POINTS_PER_ARC)]
+    p, x, out = problem.parameters, problem.start, []
+    for a, h, count in zip(unknowns[:-1].reshape(-1, 3), p.lengths, p.points, strict=True):
+        out += [x, a, np.zeros(count)]
         x = np.concatenate([x[:3] + h * x[3:] + 0.5 * h * h * a, x[3:] + h * a])
     approach = 0 if problem.hold is not None else 1
     return np.concatenate([*out, x, unknowns[-1:], np.zeros(POINTS_ON_MANOEUVRE + approach)])

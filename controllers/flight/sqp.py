@@ -35,8 +35,8 @@ _INFEASIBLE = "the quadratic programme has no feasible point"
 class GaussNewton:
     """Solves ``Problem`` after ``Problem``.
 
-    Between problems it keeps the solver's workspaces, one per horizon length, with the balls' last multipliers: they
-    shape the first step, not the solution.
+    Between problems it keeps the solver's workspaces, one per size of the problem, with the balls' last multipliers:
+    they shape the first step, not the solution.
     """
 
     def __init__(self, tolerance: float = 1e-6, iteration_limit: int = 20) -> None:
@@ -45,18 +45,18 @@ class GaussNewton:
         if iteration_limit < 1:
             raise ValueError(f"iteration_limit = {iteration_limit!r}; allowed: >= 1")
         self._tolerance, self._iteration_limit = tolerance, iteration_limit
-        self._workspaces: dict[tuple[int, bool], _Workspace] = {}
+        self._workspaces: dict[tuple[int, int, bool], _Workspace] = {}
 
     def solve(self, problem: Problem, guess: Array) -> Solution | str:
         """A solution from ``guess`` (3n + 1,), or the reason why there is none."""
-        key = (problem.arcs, problem.hold is not None)
+        data, s = problem.data, problem.stencil
+        key = (*s.weights.shape, problem.hold is not None)
         if key not in self._workspaces:
             self._workspaces[key] = _Workspace(problem)
-        work, data, s = self._workspaces[key], problem.data, problem.stencil
-        packed = data[-1]
+        work, packed = self._workspaces[key], data[-1]
         hold = _NOWHERE if problem.hold is None else problem.hold
         unknowns, trial = np.empty_like(guess), np.empty_like(guess)
-        kernels.project(guess, problem.start, packed, unknowns)
+        kernels.project(guess, problem.start, s.lengths, packed, unknowns)
         value = kernels.objective(unknowns, *data)
         away = kernels.misplaced(unknowns, problem.start, s.base, s.weights, s.climbs, packed, hold)
         converged, improved, iteration = False, True, 0
@@ -87,7 +87,7 @@ class GaussNewton:
 
 
 class _Workspace:
-    """The quadratic programme of one horizon length, and what is remembered of it.
+    """The quadratic programme of one size of problem, and what is remembered of it.
 
     Most rows are far from active: flights are mostly high, and slower than they may be. Only rows within ``reach`` of
     their bound enter the programme that is solved. A soft row left out wrongly still counts in what the model promises,

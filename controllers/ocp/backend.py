@@ -37,7 +37,7 @@ _IPOPT_WARM = {
     "mu_init": 1e-4,
 }
 _FATROP_WARM = {"mu_init": 1e-5}
-_RESULTS = ("x", "f", "lam_x", "lam_g")
+_RESULTS = ("x", "f", "g", "lam_x", "lam_g")
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,7 @@ class NumericalSolver:
 
     def __init__(self, nlp: Programme, options: Options) -> None:
         function = _nlpsol(nlp, options)
+        self._name = options.backend
         self._in = {name: np.zeros(function.nnz_in(name)) for name in function.name_in()}
         self._out = {name: np.zeros(function.nnz_out(name)) for name in _RESULTS}
         self._buffer: Any
@@ -101,12 +102,13 @@ class NumericalSolver:
         try:
             self._evaluate()
         except RuntimeError as error:  # FATROP's way to give up
-            return self._failed(Outcome.FAILED, str(error).strip().splitlines()[-1], x_0, began)
+            return self._failed(Outcome.FAILED, f"{self._name} raised an exception: {_last_words(error)}", x_0, began)
         statistics = self._buffer.stats()
         message, out = str(statistics["return_status"]), {name: array.copy() for name, array in self._out.items()}
-        good = statistics["success"] and np.isfinite(out["x"]).all()
+        if not all(np.isfinite(out[name]).all() for name in ("x", "f", "g")):  # FATROP calls even that a success
+            return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)
         return Answer(
-            Outcome.OPTIMAL if good else _REASONS.get(message, Outcome.FAILED),
+            Outcome.OPTIMAL if statistics["success"] else _REASONS.get(message, Outcome.FAILED),
             message,
             out["x"],
             (out["lam_x"], out["lam_g"]),
@@ -120,10 +122,15 @@ class NumericalSolver:
         return Answer(status, message, x_0, nothing, np.nan, 0, 1e3 * (time.perf_counter() - began))
 
 
+def _last_words(error: RuntimeError) -> str:
+    """What a solver said of its failure, without the place in its sources."""
+    return str(error).strip().splitlines()[-1].rpartition("] ")[2].rpartition(": ")[2]
+
+
 def _nlpsol(nlp: Programme, options: Options) -> ca.Function:
     plugin = options.backend.removesuffix("-compiled")
     functions = {"x": nlp.x, "p": nlp.p, "f": nlp.assembly.f, "g": nlp.assembly.g}
-    settings: dict[str, Any] = {"print_time": False, "calc_lam_p": False}
+    settings: dict[str, Any] = {"print_time": False, "calc_lam_p": False, "show_eval_warnings": False}
     if plugin == "ipopt":
         settings["ipopt"] = {
             "print_level": 0,

@@ -63,6 +63,15 @@ class Transcription:
         where = grid or (guess.grid if guess is not None else Grid(np.linspace(0.0, 1.0, self.nodes)))
         if len(where) != self.nodes:
             raise ValueError(f"grid: {len(where)} nodes; allowed: the {self.nodes} of this transcription")
+        if p.shape != self.problem.nominal.shape:
+            raise ValueError(
+                f"parameters: shape {p.shape}; allowed: {self.problem.nominal.shape}, one for each parameter"
+            )
+        if guess is not None and (guess.problem.nx, guess.problem.nu) != (self.problem.nx, self.problem.nu):
+            raise ValueError(
+                f"guess: a solution of {guess.problem.name} with {guess.problem.nx} states and {guess.problem.nu} "
+                f"controls; allowed: {self.problem.nx} and {self.problem.nu}"
+            )
         known = p if self.layout.moving else np.concatenate([p, where.widths * (self.nodes - 1)])
         x_0 = self._unknowns(guess, where, p)
         return self._read(self.solver.solve(x_0, known), where, p)

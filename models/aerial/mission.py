@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.aerial.dynamics import CONTROL_TICKS, TICK
+from models.aerial.dynamics import CONTROL_TICKS, TICK, flow
+from models.aerial.sensors import FullStateSensor
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
 from sim.signals import Array
@@ -64,3 +65,30 @@ class FlightMission:
     quality: EstimateQuality = field(default_factory=lambda: EstimateQuality.exact(GustModel()))
     control_period: float = CONTROL_TICKS * TICK  # [s] of estimator and tracker
     radars: tuple[Radar, ...] = ()  # known from the start; others come as messages
+
+    # ---- what an estimator needs to know of the vehicle, of any kind of mission
+
+    @property
+    def start_state(self) -> Array:
+        """(6,) the state at t = 0: at rest."""
+        return np.array([*self.start, 0.0, 0.0, 0.0])
+
+    def flow(self, x: Array, u: Array, dt: float) -> Array:
+        """The state (6,) after the input u (3,) was held for dt [s] from x (6,), in still air."""
+        return flow(x, u, dt)
+
+    def full_state_sensor(self, rate: float | None) -> FullStateSensor:
+        """Reads the whole state ``rate`` times a second, or whenever the loop looks."""
+        return FullStateSensor(self.position_noise, rate)
+
+    def full_state_covariance(self, age: float) -> Array:
+        """(6, 6) of a reading that was carried on for ``age`` [s]; a gust that stays as it is bounds every other."""
+        effect = self.gust.rms * np.array([0.5 * age * age, age])  # on position [m] and velocity [m/s]
+        axis = np.outer(effect, effect)
+        axis[0, 0] += self.position_noise**2
+        covariance: Array = np.einsum("ij,kl->ikjl", axis, np.eye(3)).reshape(6, 6)
+        return covariance
+
+    def full_state_quality(self) -> EstimateQuality:
+        """Readings are off by the position noise, independently of each other; only the gusts drive the loop."""
+        return EstimateQuality(np.diag([self.position_noise**2, 0.0, 0.0]), EstimateQuality.exact(self.gust).driving)

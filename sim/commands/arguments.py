@@ -127,6 +127,18 @@ def values_of(flag: str, argv: Sequence[str]) -> list[str]:
     return values
 
 
+def without(flag: str, argv: Sequence[str]) -> list[str]:
+    """``argv`` with every ``flag`` and the word that follows it left out."""
+    kept: list[str] = []
+    words = iter(argv)
+    for word in words:
+        if word == flag:
+            next(words, None)
+        elif not word.startswith(f"{flag}="):
+            kept.append(word)
+    return kept
+
+
 def with_flag(message: str, known: Sequence[str], prefix: str = "") -> str:
     """A message that starts with "field = ", "field: " or "field is " with the flag in place of the field."""
     found = re.match(r"([A-Za-z_][\w.]*)(?= = |: | is )", message)

@@ -17,7 +17,11 @@ from sim.store import Record
 
 # What there is room for in 120 columns: of a flight these, of another scenario what comes first.
 FLIGHT_EVENTS = ("success", "any ground contacts", "below h_min", "late or not arrived", "recorded failure")
-FLIGHT_FIGURES = (PATH_RATIO, "arrival_time_s", "min_clearance_m", "control_effort", "solve_ms_mean")
+FIGURES = (
+    PATH_RATIO, "arrival_time_s", "min_clearance_m", "control_effort",
+    "miss_m", "aspect_error_deg", "impact_speed_m_s", "cost",
+    "solve_ms_mean",
+)  # fmt: skip
 MOST_COLUMNS = 5
 MOST_FAULTS = 5  # kinds of what went wrong
 
@@ -52,7 +56,7 @@ def _rates(sweep: Sweep) -> Table:
 def _medians(sweep: Sweep) -> Iterator[Table]:
     known = [*sweep.figures, *sweep.timings]
     columns = {}
-    for key in [key for key in FLIGHT_FIGURES if key in known] or known[:MOST_COLUMNS]:
+    for key in [key for key in FIGURES if key in known] or known[:MOST_COLUMNS]:
         name, unit = label(key)
         bands = [group.band(key) for group in sweep.groups]
         columns[f"{name} [{unit}]" if unit else name] = [_band(band) if band else "-" for band in bands]

@@ -6,13 +6,13 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
 from sim.commands import opengl
-from sim.commands.arguments import Group, parse
-from sim.commands.errors import bad_input
+from sim.commands.arguments import Group, parse, with_flag
+from sim.commands.errors import BadInputError, bad_input
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,9 @@ class Options:
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
     """folder of a run; the picture is written into it"""
-    camera: Literal["chase", "overview", "top"] | None = None
-    """the one camera to film with; by default a video cuts between them, and a still is an overview"""
+    camera: str | None = None
+    """the one camera to film with, of a flight chase, overview or top, of a missile chase, side or target; by default a
+    video cuts between them"""
     still: bool = False
     """a picture instead of a video"""
     time: float | None = None
@@ -39,18 +40,19 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit:  # the help is printed
         return 0
     opengl.choose()
-    from renders.opengl import NoOpenGLError  # what draws takes a while to import
+    from renders.drawing import TOUR  # what draws takes a while to import
+    from renders.opengl import NoOpenGLError
     from renders.video import write_still, write_video
 
-    camera, name = options.camera, options.camera or "video"
+    film = options.folder / f"{options.camera or 'video'}.mp4"
     try:
         with bad_input():
             if options.still:
-                path = write_still(options.folder, camera or "overview", t=options.time)
+                path = write_still(options.folder, options.camera, t=options.time)
             else:
-                path = write_video(
-                    options.folder, camera or "tour", path=options.folder / f"{name}.mp4", progress=sys.stderr.isatty()
-                )
+                path = write_video(options.folder, options.camera or TOUR, path=film, progress=sys.stderr.isatty())
+    except BadInputError as error:
+        raise BadInputError(with_flag(str(error), ("--camera", "--time"))) from error
     except (NoOpenGLError, RuntimeError) as error:
         print(f"mathnavi: nothing drawn: {error}", file=sys.stderr)
         return 1

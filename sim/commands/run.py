@@ -24,12 +24,6 @@ from sim.commands.saved import Saved
 from sim.commands.summary import summary_table
 from sim.scenarios.experiment import Experiment, Outcome
 
-DERIVED = (
-    "video.mp4",
-    "report.html",
-    *(f"{camera}.{kind}" for camera in ("chase", "overview", "top") for kind in ("mp4", "png")),
-)
-
 
 @dataclass(frozen=True)
 class Options:
@@ -61,12 +55,14 @@ def main(argv: Sequence[str]) -> int:
         experiment = build(order, saved)
         outcome = fly(experiment, errors)
         replaced = order.options.out is None and (folder / "summary.json").exists()
+        stale = _drawn(folder)
         with bad_input():
             outcome.write(folder)
+        stale |= _drawn(folder)
     if replaced:  # by chance, perhaps: nobody named the folder
         errors.print(f"replaced the run in {folder}", style="dim", soft_wrap=True, highlight=False)
-    for stale in DERIVED:
-        (folder / stale).unlink(missing_ok=True)
+    for picture in stale:
+        picture.unlink(missing_ok=True)
 
     console = Console()
     verdict = "the mission did what it should" if outcome.success else "the mission did NOT do what it should"
@@ -119,6 +115,18 @@ def fly(experiment: Experiment, errors: Console) -> Outcome:
             if flying:
                 raise  # the loop checks its rates before it starts; whatever comes later is a defect
             raise BadInputError(str(error)) from error
+
+
+def _drawn(folder: Path) -> set[Path]:
+    """What is made of a run like the one that stands in a folder, if one does: of an earlier run it must not stay."""
+    from renders.drawing import drawing_of
+
+    try:
+        cameras = drawing_of(folder).cameras
+    except (OSError, ValueError):
+        cameras = ()
+    pictures = (f"{camera}.{kind}" for camera in cameras for kind in ("mp4", "png"))
+    return {folder / name for name in ("video.mp4", "report.html", *pictures)}
 
 
 def _draw(options: Options, folder: Path, errors: Console) -> None:

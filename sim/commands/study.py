@@ -15,7 +15,7 @@ from rich.table import Table
 
 from models.terrain.library import load_terrain
 from renders.claims import Claim, ledger
-from sim.commands.arguments import Group, parse
+from sim.commands.arguments import Group, parse, without
 from sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from sim.commands.order import prepare
 from sim.commands.output import output_folder
@@ -23,13 +23,16 @@ from sim.commands.progress import sweep_progress
 from sim.log import write_text
 from sim.plugins import load, names
 from sim.store import Store, StoreError
-from sim.studies.study import Setup, StudyError, write_findings
+from sim.studies.study import Setup, StudyError, on_terrain, write_findings
 from sim.sweep.child import RefusedError
 from sim.sweep.execution import available_cores
 
 ALL = "all"
 STORE = "trials.db"
 LEDGER = "CLAIMS.md"
+OUT = Path("renders/out/study")
+TERRAIN = "tian_shan"  # unless another is asked for
+Studies = Mapping[str, tuple[Any, Any]]  # plug-in and configuration by name
 USAGE = "usage: mathnavi study NAME|all [OPTIONS]      NAME: {}\nmathnavi study NAME --help lists the options."
 
 
@@ -38,7 +41,7 @@ class Options:
     """Flags of every study."""
 
     terrain: tuple[str, ...] = ()
-    """name of a terrain, or an .npz file; may be given several times; tian_shan if not given"""
+    """name of a terrain, or an .npz file; may be given several times; tian_shan if not given; for studies on terrain"""
     out: Path | None = None
     """folder to write to, with a folder for each terrain if there are several; renders/out/study if not given"""
     quick: bool = False
@@ -65,36 +68,70 @@ def main(argv: Sequence[str]) -> int:
         options, studies = read_order(argv)
     except SystemExit:  # the help is printed
         return 0
-    terrains = options.terrain or ("tian_shan",)
-    with bad_input():
-        grounds = [load_terrain(terrain) for terrain in terrains]
-    if len({ground.name for ground in grounds}) < len(grounds):
-        raise BadInputError(f"--terrain {' '.join(terrains)}: two are called {grounds[0].name}; allowed: each once")
-    out = options.out or Path("renders/out/study")
+    sites = _sites(options, studies)
     console, errors = Console(), Console(stderr=True)
-    claims: dict[str, list[Claim]] = {}
-    for terrain, ground in zip(terrains, grounds, strict=True):
-        folder = out / ground.name if len(terrains) > 1 else out
-        claims[ground.name] = []
-        for name, (plugin, config) in studies.items():
+    claims: list[list[Claim]] = []  # of each site
+    for site in sites:
+        claims.append([])
+        for name, (plugin, config) in site.studies.items():
             try:
-                claims[ground.name] += _study(name, plugin, config, terrain, folder, options, argv, errors)
+                claims[-1] += _study(name, plugin, config, site, options, argv, errors)
             except (StudyError, StoreError, RefusedError) as error:
-                print(f"mathnavi: {name} over {ground.name}: {' '.join(str(error).split())}", file=sys.stderr)
+                print(f"mathnavi: {name} {site.where}: {' '.join(str(error).split())}", file=sys.stderr)
                 return 1
             except KeyboardInterrupt:
                 command = shlex.join(["mathnavi", "study", *argv])
                 print(f"mathnavi: interrupted, what was flown is stored; to go on: {command}", file=sys.stderr)
                 return INTERRUPTED
-        console.print(_table(ground.name, claims[ground.name]))
-        console.print(f"studies  {folder}", soft_wrap=True, highlight=False)
+        console.print(_table(site.where, claims[-1]))
+        console.print(f"studies  {site.folder}", soft_wrap=True, highlight=False)
     if argv[0] == ALL:
-        write_text(out / LEDGER, ledger(claims, _samples(studies)))
-        console.print(f"ledger   {out / LEDGER}", soft_wrap=True, highlight=False)
-    missed = [
-        claim for of_terrain in claims.values() for claim in of_terrain if claim.kind == "target" and not claim.holds
-    ]
+        path = (options.out or OUT) / LEDGER
+        pairs = list(zip(sites, claims, strict=True))
+        over_terrain = {site.name: some for site, some in pairs if site.terrain is not None}
+        without_terrain = [claim for site, some in pairs if site.terrain is None for claim in some]
+        write_text(path, ledger(over_terrain, without_terrain, _samples(studies)))
+        console.print(f"ledger   {path}", soft_wrap=True, highlight=False)
+    missed = [claim for some in claims for claim in some if claim.kind == "target" and not claim.holds]
     return 1 if missed else 0
+
+
+@dataclass(frozen=True)
+class _Site:
+    """Where some studies are done."""
+
+    name: str
+    terrain: str | None  # as it was asked for
+    folder: Path
+    studies: Studies
+
+    @property
+    def where(self) -> str:
+        """In words."""
+        return self.name if self.terrain is None else f"over {self.name}"
+
+
+def _sites(options: Options, studies: Studies) -> list[_Site]:
+    """Every terrain with the studies that are done on it, and the others, which are done once.
+
+    The files of a study are in a folder of its terrain where there are several, all else lies beside these.
+    """
+    out = options.out or OUT
+    over = {name: pair for name, pair in studies.items() if on_terrain(pair[0])}
+    anywhere = {name: pair for name, pair in studies.items() if name not in over}
+    if options.terrain and not over:
+        named = " ".join(f"--terrain {terrain}" for terrain in options.terrain)
+        raise BadInputError(f"{named}: {', '.join(studies)} is not done on a terrain; allowed: no --terrain")
+    terrains = (options.terrain or (TERRAIN,)) if over else ()
+    with bad_input():
+        names_of = [load_terrain(terrain).name for terrain in terrains]
+    if twice := [name for name in names_of if names_of.count(name) > 1]:
+        raise BadInputError(f"--terrain {' '.join(terrains)}: two are called {twice[0]}; allowed: each once")
+    sites = [
+        _Site(name, terrain, out / name if len(terrains) > 1 else out, over)
+        for name, terrain in zip(names_of, terrains, strict=True)
+    ]
+    return [*sites, _Site("without terrain", None, out, anywhere)] if anywhere else sites
 
 
 def read_order(argv: Sequence[str]) -> tuple[Options, dict[str, tuple[Any, Any]]]:
@@ -125,29 +162,29 @@ def _study(
     name: str,
     plugin: Any,
     config: Any,
-    terrain: str,
-    folder: Path,
+    site: _Site,
     options: Options,
     argv: Sequence[str],
     errors: Console,
 ) -> Sequence[Claim]:
     """Run one study, write its files, and return its claims."""
-    command = shlex.join(["mathnavi", "study", name, *argv[1:]])
-    with output_folder(folder), bad_input():
-        store = Store.open(folder / STORE)
+    words = argv[1:] if site.terrain is not None else without("--terrain", argv[1:])
+    command = shlex.join(["mathnavi", "study", name, *words])
+    with output_folder(site.folder), bad_input():
+        store = Store.open(site.folder / STORE)
     with store, sweep_progress(errors, name) as progress:
-        setup = Setup(terrain, store, options.workers, progress)
+        setup = Setup(site.terrain, store, options.workers, progress)
         try:
             findings = plugin.run(config, setup)
-        except ValueError as error:  # the terrain does not do for its missions
+        except ValueError as error:  # the terrain does not do for its missions, say
             raise StudyError(str(error)) from error
         with bad_input():
-            write_findings(folder, name.replace(":", "."), plugin.title, findings, setup, command)
+            write_findings(site.folder, name.replace(":", "."), plugin.title, findings, setup, command)
     claims: Sequence[Claim] = findings.claims
     return claims
 
 
-def _samples(studies: Mapping[str, tuple[Any, Any]]) -> str:
+def _samples(studies: Studies) -> str:
     """How much each study measures."""
     sizes = {name: dataclasses.asdict(config) for name, (_, config) in studies.items()}
     return "; ".join(
@@ -156,8 +193,8 @@ def _samples(studies: Mapping[str, tuple[Any, Any]]) -> str:
     )
 
 
-def _table(terrain: str, claims: Sequence[Claim]) -> Table:
-    table = Table(title=f"Claims over {terrain}", title_justify="left", box=None, padding=(0, 2, 0, 0))
+def _table(where: str, claims: Sequence[Claim]) -> Table:
+    table = Table(title=f"Claims {where}", title_justify="left", box=None, padding=(0, 2, 0, 0))
     for column in ("claim", "kind", "expected", "measured", "holds"):
         table.add_column(column, overflow="fold")
     for claim in claims:

@@ -35,6 +35,7 @@ from sim.metrics import TimedRadar, flight_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, checked_sensors, load
 from sim.protocols import Planner, Plant, Sensor
+from sim.scenarios.checks import check, check_rate
 from sim.scenarios.experiment import Experiment
 from sim.signals import Array, Estimate, Message, Plan, PlanRequest
 
@@ -48,20 +49,6 @@ _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
 Point = tuple[float, float, float]
 
 
-def _check(value: float, name: str, low: float, high: float = math.inf, *, open_low: bool = False) -> None:
-    allowed = f"{'>' if open_low else '>='} {low:g}" + (f" and <= {high:g}" if high < math.inf else "")
-    inside = low < value <= high if open_low else low <= value <= high
-    if not (math.isfinite(value) and inside):
-        raise ValueError(f"{name} = {value!r}; allowed: a finite value {allowed}")
-
-
-def _check_rate(rate: float, name: str) -> None:
-    _check(rate, name, 0.0, 1.0 / TICK + 1e-9, open_low=True)
-    every = 1.0 / (rate * TICK)  # [ticks]
-    if abs(every - round(every)) > 1e-9:
-        raise ValueError(f"{name} = {rate!r}; allowed: {1.0 / TICK:g} Hz over a whole number")
-
-
 @dataclass(frozen=True)
 class Noise:
     """How the sensors err."""
@@ -72,8 +59,8 @@ class Noise:
     """position fixes a second [Hz]"""
 
     def __post_init__(self) -> None:
-        _check(self.position, "noise.position", 0.0, _LARGEST)
-        _check_rate(self.position_rate, "noise.position_rate")
+        check(self.position, "noise.position", 0.0, _LARGEST)
+        check_rate(self.position_rate, "noise.position_rate", TICK)
 
 
 @dataclass(frozen=True)
@@ -101,11 +88,11 @@ class Faults:
 
     def __post_init__(self) -> None:
         for name in ("solver_failure_rate", "corrupted_plan_rate", "late_plan_rate", "dropout_rate"):
-            _check(getattr(self, name), f"faults.{name}", 0.0, 1.0)
+            check(getattr(self, name), f"faults.{name}", 0.0, 1.0)
         for name in ("late_plan_latency", "position_jump", "gust_rms"):
-            _check(getattr(self, name), f"faults.{name}", 0.0, _LARGEST)
-        _check(self.gust_time_constant, "faults.gust_time_constant", TICK, _LARGEST)
-        _check(self.gust_limit, "faults.gust_limit", 0.0, _LARGEST, open_low=True)
+            check(getattr(self, name), f"faults.{name}", 0.0, _LARGEST)
+        check(self.gust_time_constant, "faults.gust_time_constant", TICK, _LARGEST)
+        check(self.gust_limit, "faults.gust_limit", 0.0, _LARGEST, open_low=True)
 
 
 @dataclass(frozen=True)
@@ -154,12 +141,12 @@ class SafeFlightConfig:
                 raise ValueError(
                     f"{name} = {(low, high)!r}; allowed: two finite numbers, 0 <= low <= high <= {largest:g}"
                 )
-        _check(self.clearance_min, "clearance_min", 0.0, _LARGEST)
+        check(self.clearance_min, "clearance_min", 0.0, _LARGEST)
         for name in ("speed_max", "acceleration_max", "arrival_radius"):
-            _check(getattr(self, name), name, 0.0, _LARGEST, open_low=True)
-        _check(self.deadline_factor, "deadline_factor", 1.0, _LARGEST)
-        _check(self.radar_time, "radar_time", 0.0)
-        _check_rate(self.control_rate, "control_rate")
+            check(getattr(self, name), name, 0.0, _LARGEST, open_low=True)
+        check(self.deadline_factor, "deadline_factor", 1.0, _LARGEST)
+        check(self.radar_time, "radar_time", 0.0)
+        check_rate(self.control_rate, "control_rate", TICK)
         for radar in self.radar:
             Radar(*radar)
 

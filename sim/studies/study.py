@@ -1,8 +1,9 @@
-"""What a study is: a table or a figure of the thesis, done again on a terrain, and what it says of the claims.
+"""What a study is: a table or a figure of the thesis, done again, and what it says of the claims.
 
 A study is a class with a frozen dataclass ``Config`` of its sample sizes, ``quick``, such a configuration for a first
 look, a ``title``, and a static ``run(config, setup)``. It flies its missions through ``Setup.fly``, so each is stored
-as it ends and a study that was interrupted goes on where it stopped.
+as it ends and a study that was interrupted goes on where it stopped. It is done on a terrain unless it declares
+``on_terrain = False``; then it is done once, whatever terrains the others are done on.
 """
 
 from __future__ import annotations
@@ -43,14 +44,16 @@ class StudyError(RuntimeError):
 class Setup:
     """Where a study flies, and with what."""
 
-    terrain: str  # name, or an .npz file
+    terrain: str | None  # name, or an .npz file; None for a study that declares ``on_terrain = False``
     store: Store
     workers: int = 1
     progress: Callable[[Progress], None] | None = None
 
     @cached_property
     def ground(self) -> HeightField:
-        """The terrain itself."""
+        """The terrain itself; StudyError where there is none."""
+        if self.terrain is None:
+            raise StudyError("it asks for a terrain, though it declares on_terrain = False")
         return load_terrain(self.terrain)
 
     def trial(self, seed: int, measure: str = "", **named: Any) -> Trial:
@@ -105,6 +108,7 @@ class Study(Protocol):
     Config: ClassVar[type[Any]]  # a frozen dataclass: how much is flown
     quick: ClassVar[Any]  # a Config that ends within a minute
     title: ClassVar[str]
+    # on_terrain: ClassVar[bool], True where it is not declared: whether it is done on a terrain
 
     @staticmethod
     def run(config: Any, setup: Setup) -> Findings:
@@ -112,8 +116,14 @@ class Study(Protocol):
         ...
 
 
+def on_terrain(plugin: Any) -> bool:
+    """Whether a study is done on a terrain."""
+    return bool(getattr(plugin, "on_terrain", True))
+
+
 def write_findings(folder: Path, name: str, title: str, findings: Findings, setup: Setup, command: str) -> None:
     """NAME.csv, NAME.png, NAME.html, and NAME.json last, so that a JSON means a whole study."""
+    ground = None if setup.terrain is None else setup.ground
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.json").unlink(missing_ok=True)
     write_text(folder / f"{name}.csv", as_csv(findings.rows))
@@ -122,12 +132,12 @@ def write_findings(folder: Path, name: str, title: str, findings: Findings, setu
     write_bytes(folder / f"{name}.png", picture.getvalue())
     page = StudyPage(
         name=name,
-        title=f"{title}, {setup.ground.name}",
+        title=title if ground is None else f"{title}, {ground.name}",
         summary=findings.summary,
         tables=findings.tables,
         figures=[(name, findings.figure, findings.caption)],
         claims=findings.claims,
-        terrain=setup.ground,
+        terrain=ground,
         tracks=findings.tracks,
         places=findings.places,
         radars=findings.radars,
@@ -137,7 +147,7 @@ def write_findings(folder: Path, name: str, title: str, findings: Findings, setu
     document = {
         "study": name,
         "title": title,
-        "terrain": {"name": setup.ground.name, "digest": setup.ground.digest},
+        "terrain": None if ground is None else {"name": ground.name, "digest": ground.digest},
         "summary": list(findings.summary),
         "rows": list(findings.rows),
         "claims": [asdict(claim) for claim in findings.claims],

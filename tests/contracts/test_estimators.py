@@ -1,7 +1,7 @@
 """What every entry of ``mathnavi.estimators`` keeps, whoever wrote it.
 
-An estimator is flown on a bench that fits the mission it is built for: the type of ``build``'s argument ``mission``
-chooses the bench, a small simulated vehicle with the sensors that the estimator asks for.
+An estimator is flown on every bench that fits the missions it is built for, by the type of ``build``'s argument
+``mission``: a small simulated vehicle with the sensors that the estimator asks for.
 """
 
 from __future__ import annotations
@@ -19,13 +19,16 @@ import pytest
 
 from models.aerial.dynamics import TICK, flow
 from models.aerial.mission import FlightMission, GustModel
+from models.missile.coordinates import COORDINATES
+from models.missile.dynamics import TICK as MISSILE_TICK
+from models.missile.mission import CASES, MissileMission, Target
+from models.missile.sensors import StateNoise
 from models.terrain.height_field import HeightField
 from sim.loop import whole_ticks
 from sim.protocols import Estimator, EstimatorPlugin
 from sim.signals import Array, Estimate, Measurement, Status
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.estimators")}
-DURATION = 20.0  # [s] of a flight on the bench
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,9 @@ class Bench:
     start: Array  # (nx,) state
     input_at: Callable[[float], Array]  # t [s] -> u
     step: Callable[[Array, Array], Array]  # (x, u) -> x after a tick
-    acceleration: Callable[[Array, Array], Array]  # (x, u) -> (nx / 2,)
+    motion: Callable[[Array, Array], Truth]  # (x, u) -> what the sensors see
     tolerance: Array  # (nx,) largest error of a converged estimate
+    duration: float  # [s] of a flight
 
 
 def flight_bench() -> Bench:
@@ -61,12 +65,53 @@ def flight_bench() -> Bench:
         np.array([*mission.start, 0.0, 0.0, 0.0]),
         lambda t: np.array([4.0 * math.cos(0.5 * t), 3.0 * math.sin(0.7 * t), math.cos(1.1 * t)]),
         lambda x, u: flow(x, u, TICK),
-        lambda x, u: u,
+        Truth,
         np.array([10.0] * 3 + [6.0] * 3),
+        20.0,
     )
 
 
-BENCHES: dict[type, Callable[[], Bench]] = {FlightMission: flight_bench}
+def missile_bench(name: str) -> Bench:
+    """Nearly level flight of the missile, swaying, with all of its state read with noise."""
+    coordinates = COORDINATES[name]
+    start = np.zeros(coordinates.state_size)
+    start[coordinates.index("u")], start[coordinates.index("z_e")] = 120.0, -300.0
+    noise = StateNoise(position=0.5, velocity=0.2, angle=0.005, rate=0.005)
+    mission = MissileMission(tuple(start), Target((700.0, 0.0, 0.0)), CASES["SM"], coordinates, noise=noise)
+    weight = mission.body.mass * mission.body.gravity
+    swing = {
+        "F_x": lambda t: 400.0 * math.cos(t),
+        "F_y": lambda t: 200.0 * math.sin(1.3 * t),
+        "F_z": lambda t: -weight + 300.0 * math.sin(2.0 * t),
+        "M": lambda t: 20.0 * math.cos(1.5 * t),
+        "N": lambda t: 15.0 * math.cos(1.1 * t),
+    }
+    return Bench(
+        mission,
+        MISSILE_TICK,
+        start,
+        lambda t: np.array([swing[each](t) for each in coordinates.inputs]),
+        lambda x, u: coordinates.flow(x, u, MISSILE_TICK),
+        lambda x, u: Truth(coordinates.to_joints(x), coordinates.joint_acceleration(x, u)),
+        6.0 * noise.deviations(coordinates),
+        4.0,
+    )
+
+
+BENCHES: dict[str, Callable[[], Bench]] = {
+    "flight": flight_bench,
+    "planar missile": lambda: missile_bench("planar"),
+    "spatial missile": lambda: missile_bench("spatial"),
+}
+
+
+def benches_of(plugin: Any) -> list[str]:
+    """The benches whose missions a plug-in is built for."""
+    kind = typing.get_type_hints(plugin.build)["mission"]
+    return [name for name, build in BENCHES.items() if isinstance(build().mission, kind)]
+
+
+FLOWN = [(name, bench) for name in sorted(PLUGINS) for bench in benches_of(PLUGINS[name].load())]
 
 
 @dataclass(frozen=True)
@@ -79,17 +124,22 @@ class Step:
     truth: Array
 
 
-@pytest.fixture(params=sorted(PLUGINS))
-def plugin(request: pytest.FixtureRequest) -> type[EstimatorPlugin]:
-    loaded: type[EstimatorPlugin] = PLUGINS[request.param].load()
+@pytest.fixture(params=FLOWN, ids=" on ".join)
+def flown(request: pytest.FixtureRequest) -> tuple[str, str]:
+    """A plug-in and a bench that fits it, by name."""
+    chosen: tuple[str, str] = request.param
+    return chosen
+
+
+@pytest.fixture
+def plugin(flown: tuple[str, str]) -> type[EstimatorPlugin]:
+    loaded: type[EstimatorPlugin] = PLUGINS[flown[0]].load()
     return loaded
 
 
 @pytest.fixture
-def bench(plugin: type[EstimatorPlugin]) -> Bench:
-    kind = typing.get_type_hints(plugin.build)["mission"]
-    assert kind in BENCHES, f"{plugin.__name__} is built for {kind.__name__}, for which this suite has no bench yet"
-    return BENCHES[kind]()
+def bench(flown: tuple[str, str]) -> Bench:
+    return BENCHES[flown[1]]()
 
 
 @pytest.fixture
@@ -102,12 +152,12 @@ def flight(plugin: type[EstimatorPlugin], bench: Bench, estimator: Estimator) ->
     """The calls of a loop that flies the bench's inputs, each held from one call to the next."""
     sensors = plugin.sensors(plugin.Config(), bench.mission)
     every = whole_ticks(estimator.period, bench.dt, "period")
-    due = [whole_ticks(1.0 / s.rate, bench.dt, s.name) if s.rate is not None else 1 for s in sensors]
+    due = [whole_ticks(1.0 / s.rate, bench.dt, s.name) if s.rate is not None else every for s in sensors]
     rng, x, u = np.random.default_rng(5), bench.start, np.zeros(len(bench.input_at(0.0)))
     steps: list[Step] = []
     inbox: list[Measurement] = []
-    for k in range(round(DURATION / bench.dt) + 1):
-        t, truth = k * bench.dt, Truth(x, bench.acceleration(x, u))
+    for k in range(round(bench.duration / bench.dt) + 1):
+        t, truth = k * bench.dt, bench.motion(x, u)
         for sensor, ticks in zip(sensors, due, strict=True):
             value = sensor.read(truth, rng) if k % ticks == 0 else None
             if value is not None:
@@ -125,7 +175,12 @@ def replay(estimator: Estimator, steps: Sequence[Step]) -> Iterator[tuple[Step, 
 
 
 def test_there_are_estimators() -> None:
-    assert {"full_state", "kalman"} <= PLUGINS.keys()
+    assert {"full_state", "kalman", "missile_kalman"} <= PLUGINS.keys()
+
+
+@pytest.mark.parametrize("name", sorted(PLUGINS))
+def test_there_is_a_bench_for_each(name: str) -> None:
+    assert benches_of(PLUGINS[name].load()), "this suite has no bench for the missions that it is built for"
 
 
 def test_conforms_to_the_protocol(estimator: Estimator) -> None:
@@ -240,6 +295,6 @@ def test_readings_of_other_sensors_are_ignored(plugin: type[EstimatorPlugin], be
 
 def test_it_converges_on_a_simulated_vehicle(estimator: Estimator, flight: list[Step], bench: Bench) -> None:
     for step, estimate in replay(estimator, flight):
-        if step.t > 0.5 * DURATION:
+        if step.t > 0.5 * bench.duration:
             assert estimate.status is Status.OK
             assert np.all(np.abs(estimate.x - step.truth) <= bench.tolerance)

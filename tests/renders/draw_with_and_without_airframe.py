@@ -12,9 +12,7 @@ choose_backend()
 
 from renders.run_data import load_run  # noqa: E402
 from renders.scene import Scene  # noqa: E402
-from renders.storyboard import Camera  # noqa: E402
-
-CAMERAS: tuple[Camera, ...] = ("chase", "overview", "top")
+from renders.storyboard import CAMERAS  # noqa: E402
 
 
 def main(run_dir: str, out: str) -> None:

@@ -23,7 +23,7 @@ def cells(text: str) -> list[list[str]]:
 def test_every_claim_has_one_row_and_every_terrain_its_columns() -> None:
     first = [claim("A.one", True), claim("A.two", False, kind="target")]
     second = [claim("A.two", None), claim("A.three", True, measured="7 m")]
-    head, _, *rows = cells(ledger({"north": first, "south": second}, "few"))
+    head, _, *rows = cells(ledger({"north": first, "south": second}, [], "few"))
     assert head[-4:] == ["measured on north", "holds on north", "measured on south", "holds on south"]
     assert [row[0] for row in rows] == ["A.one", "A.two", "A.three"]
     assert rows[0][-4:] == ["3 m", "yes", "", "not measured"]
@@ -32,15 +32,30 @@ def test_every_claim_has_one_row_and_every_terrain_its_columns() -> None:
     assert rows[1][1] == "target"
 
 
+def test_what_is_measured_without_terrain_has_a_table_of_its_own() -> None:
+    text = ledger({"north": [claim("A.one", True)]}, [claim("B.two", False, measured="|u|")], "few seeds")
+    over, without = text.split("## Without terrain")
+    assert [row[0] for row in cells(over)[2:]] == ["A.one"]
+    assert cells(without)[0][-2:] == ["measured", "holds"]
+    assert cells(without)[2][-2:] == [r"\|u\|", "no"]
+    assert "- without terrain: 0 of 1 claims hold, 1 does not." in over
+    assert "Samples: few seeds." in over
+
+
+def test_a_ledger_has_no_table_without_claims() -> None:
+    assert "## Over terrain" not in ledger({}, [claim("B.two", True)], "few")
+    assert "## Without terrain" not in ledger({"north": [claim("A.one", True)]}, [], "few")
+
+
 def test_no_text_of_a_claim_breaks_the_table() -> None:
     odd = claim("A.odd", True, statement="|a| < 3\nand more", measured="|x|")
-    table = cells(ledger({"north": [odd]}, "few"))
+    table = cells(ledger({"north": [odd]}, [], "few"))
     assert len({len(row) for row in table}) == 1
     assert table[2][2] == r"\|a\| < 3 and more"
 
 
 def test_columns_of_short_cells_are_filled_up_so_that_the_raw_text_can_be_read() -> None:
-    text = ledger({"north": [claim("A.a", True), claim("A.a-longer-name", False)]}, "few")
+    text = ledger({"north": [claim("A.a", True), claim("A.a-longer-name", False)]}, [], "few")
     rows = [line for line in text.splitlines() if line.startswith("|")]
     assert len({row.index("|", 2) for row in rows}) == 1
 

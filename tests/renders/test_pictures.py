@@ -98,7 +98,7 @@ def test_odd_sizes_and_missing_runs_are_refused_before_anything_is_written(run_d
 
 @needs_opengl
 def test_failure_of_the_process_that_draws_is_told_in_its_own_words(run: RunData, tmp_path: Path) -> None:
-    from renders.storyboard import Frame
+    from renders.film import Frame
 
     with pytest.raises(RuntimeError, match="does not exist"):
         next(iter(draw(tmp_path / "gone", [Frame(0.0, "top", 0.0, 0.0)], 64, 36, 0)))

@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from renders import figures
+from renders.flight_report import report
 from renders.page import inline_svg
-from renders.report import report, write_report
-from renders.run_data import RunData, described
+from renders.report import write_report
+from renders.run_data import RunData
+from renders.run_log import described
 from sim.metrics import label
 from sim.signals import Event
 from tests.renders.reading import Page, check_identifiers, check_stands_alone

@@ -69,3 +69,12 @@ def test_only_a_target_that_fails_is_the_softwares_failure(study: StudyPage, kin
     page = Page(report(replace(study, claims=[claim("x", kind, False)])))
     (verdict,) = [attributes for tag, attributes in page.attributes if tag == "p" and "class" in attributes]
     assert verdict["class"] == tone
+
+
+def test_without_a_terrain_there_is_none_on_the_page(study: StudyPage) -> None:
+    source = report(replace(study, terrain=None, tracks=(), places={}, radars=()))
+    check_stands_alone(source)
+    page = Page(source)
+    assert "Over the terrain" not in page.words
+    assert not page.views
+    assert "<script" not in source

@@ -204,6 +204,12 @@ def test_render_draws_a_still(flown: Path, capsys: pytest.CaptureFixture[str]) -
     path.unlink()
 
 
+def test_a_camera_that_a_run_is_not_drawn_by_is_refused(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for still in ([], ["--still"]):
+        assert main(["render", str(flown), "--camera", "front", *still]) == 2
+        assert capsys.readouterr().err == "mathnavi: --camera = 'front'; allowed: chase, overview, top\n"
+
+
 def test_list_shows_what_is_installed(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     assert main(["list"]) == 0

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.faults import CorruptedPlan, Delayed, Disturbed, FailingSolver, Gusts, PositionJumps
+from sim.faults import ConstantWrench, CorruptedPlan, Delayed, Disturbed, FailingSolver, Gusts, PositionJumps
 from sim.protocols import Planner, Plant
 from sim.signals import Array, Estimate, Event, Plan, PlanRequest, Status
 from tests import flight
@@ -125,10 +125,12 @@ class Forces(flight.PointMass):
     def __init__(self) -> None:
         super().__init__(START, 0.05)
         self.forces: list[Array] = []
+        self.torques: list[Array] = []
 
-    def apply_force(self, name: str, force: Array) -> None:
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
         self.forces.append(force.copy())
-        super().apply_force(name, force)
+        self.torques += [] if torque is None else [torque.copy()]
+        super().apply_wrench(name, force, torque)
 
 
 def blown(rms: float, time_constant: float, limit: float, ticks: int, seed: int = 0) -> Array:
@@ -157,6 +159,36 @@ def test_no_gust_is_longer_than_its_limit(rms: float, limit: float, seed: int) -
 def test_the_same_seed_gives_the_same_gusts() -> None:
     np.testing.assert_array_equal(blown(1.0, 3.0, 4.0, 100, 5), blown(1.0, 3.0, 4.0, 100, 5))
     assert not np.array_equal(blown(1.0, 3.0, 4.0, 100, 5), blown(1.0, 3.0, 4.0, 100, 6))
+
+
+def test_moments_come_beside_the_forces_and_keep_a_limit_of_their_own() -> None:
+    plant = Forces()
+    gusts = Gusts(300.0, 2.0, 900.0, np.random.default_rng(2), moment_rms=20.0, moment_limit=50.0)
+    for _ in range(20_000):
+        gusts.act(plant, 1)
+    force, torque = np.array(plant.forces), np.array(plant.torques)
+    np.testing.assert_allclose(torque.std(axis=0), 19.0, rtol=0.1)  # clipped
+    assert np.linalg.norm(torque, axis=1).max() <= 50.0 * (1.0 + 1e-12)
+    assert abs(np.corrcoef(force[:, 0], torque[:, 0])[0, 1]) < 0.15
+    with pytest.raises(ValueError, match="gust moment rms"):
+        Gusts(1.0, 1.0, 1.0, np.random.default_rng(0), moment_rms=-1.0)
+
+
+def test_without_a_strength_of_theirs_there_are_no_moments() -> None:
+    plant = Forces()
+    Gusts(1.0, 1.0, 2.0, np.random.default_rng(0)).act(plant, 1)
+    assert plant.torques == []
+
+
+def test_a_constant_wrench_never_changes() -> None:
+    plant, wrench = Forces(), ConstantWrench((400.0, 0.0, -10.0), (0.0, 20.0, 0.0))
+    for _ in range(3):
+        assert list(wrench.act(plant, 4)) == []
+    np.testing.assert_array_equal(plant.forces, [[400.0, 0.0, -10.0]] * 3)
+    np.testing.assert_array_equal(plant.torques, [[0.0, 20.0, 0.0]] * 3)
+    for wrong in ((1.0, 2.0), (1.0, 2.0, math.nan)):
+        with pytest.raises(ValueError, match="constant torque"):
+            ConstantWrench((0.0, 0.0, 0.0), wrong)
 
 
 @pytest.mark.parametrize(

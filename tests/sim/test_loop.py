@@ -306,8 +306,8 @@ class Pair:
     def sense(self, name: str) -> Sequence[Measurement]:
         return self._vehicles[name].sense("vehicle")
 
-    def apply_force(self, name: str, force: Array) -> None:
-        self._vehicles[name].apply_force("vehicle", force)
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
+        self._vehicles[name].apply_wrench("vehicle", force, torque)
 
     def displace(self, name: str, offset: Array) -> None:
         self._vehicles[name].displace("vehicle", offset)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ import pytest
 from models.aerial.dynamics import TICK, flow
 from models.aerial.entity import build_model
 from models.aerial.sensors import AccelerationSensor, Dropout, FullStateSensor, PositionSensor
+from models.missile.coordinates import PLANAR, SPATIAL, Coordinates
+from models.missile.entity import build_model as build_missile
 from models.terrain.height_field import HeightField
 from sim.plant import Equipment, MujocoPlant
 from sim.protocols import Motion, Plant, Sensor
@@ -43,7 +46,7 @@ def test_flies_the_exact_flow_with_input_and_disturbance(terrain: HeightField) -
     rng, x = np.random.default_rng(0), HIGH
     for _ in range(600):
         u, force = rng.uniform(-20.0, 20.0, 3), rng.normal(size=3)
-        plant.apply_force("uav", force)
+        plant.apply_wrench("uav", force)
         plant.step({"uav": u})
         x = flow(x, u + force, TICK)
     np.testing.assert_allclose(plant.state("uav"), x, rtol=0.0, atol=1e-9)
@@ -51,8 +54,8 @@ def test_flies_the_exact_flow_with_input_and_disturbance(terrain: HeightField) -
 
 def test_a_disturbance_lasts_one_tick_and_several_add_up(terrain: HeightField) -> None:
     plant = plant_of(terrain, uav=Equipment(HIGH))
-    plant.apply_force("uav", np.array([1.0, 0.0, 0.0]))
-    plant.apply_force("uav", np.array([2.0, 1.0, 0.0]))
+    plant.apply_wrench("uav", np.array([1.0, 0.0, 0.0]))
+    plant.apply_wrench("uav", np.array([2.0, 1.0, 0.0]))
     plant.step({"uav": np.zeros(3)})
     plant.step({"uav": np.zeros(3)})
     np.testing.assert_allclose(plant.state("uav")[3:] - HIGH[3:], np.array([3.0, 1.0, 0.0]) * TICK, atol=1e-12)
@@ -90,7 +93,7 @@ def test_a_vehicle_without_a_command_coasts(terrain: HeightField) -> None:
 
 def test_the_acceleration_sensor_feels_input_and_gust(terrain: HeightField) -> None:
     plant = plant_of(terrain, uav=Equipment(HIGH, (AccelerationSensor(),)))
-    plant.apply_force("uav", np.array([0.5, 0.0, -0.5]))
+    plant.apply_wrench("uav", np.array([0.5, 0.0, -0.5]))
     plant.step({"uav": np.array([1.0, 2.0, 3.0])})
     (reading,) = plant.sense("uav")
     np.testing.assert_allclose(reading.value, [1.5, 2.0, 2.5], atol=1e-12)
@@ -209,7 +212,7 @@ def test_vehicles_of_a_fleet_do_not_disturb_each_other(terrain: HeightField) -> 
     fleet = plant_of(terrain, a=Equipment(HIGH, (PositionSensor(5.0),)), b=Equipment(above))
     x = HIGH
     for _ in range(100):
-        fleet.apply_force("b", np.ones(3))
+        fleet.apply_wrench("b", np.ones(3))
         fleet.step({"a": np.array([1.0, 0.0, 0.0]), "b": np.array([0.0, 5.0, 0.0])})
         x = flow(x, np.array([1.0, 0.0, 0.0]), TICK)
     np.testing.assert_allclose(fleet.state("a"), x, rtol=0.0, atol=1e-9)
@@ -258,7 +261,7 @@ def test_a_step_of_many_ticks_is_that_many_steps(terrain: HeightField) -> None:
             looks = tick % 5 == 0
             readings = plant.sense("uav")
             read[name] += [(r.t, r.value.tolist()) for r in readings if looks or r.name != "acceleration"]
-            plant.apply_force("uav", force)
+            plant.apply_wrench("uav", force)
             plant.step({"uav": u}, ticks)
     assert [reading for reading in read["whole"] if reading[0] <= 30 * TICK] == read["single"]
 
@@ -279,3 +282,74 @@ def test_a_step_that_begins_between_two_looks_loses_no_reading(terrain: HeightFi
         times += [reading.t for reading in plant.sense("uav")]
         plant.step({}, 5)
     assert times == pytest.approx([5 * k * TICK for k in range(1, 20)])
+
+
+def missile(coordinates: Coordinates = PLANAR, **equipment: Any) -> tuple[MujocoPlant, Array]:
+    """A missile in level flight 500 m high, and its state."""
+    x = np.zeros(coordinates.state_size)
+    x[coordinates.index("u")], x[coordinates.index("z_e")] = 120.0, -500.0
+    start = Equipment(coordinates.to_joints(x), **equipment)
+    model = build_missile(coordinates, [1e6] * coordinates.input_size)
+    return MujocoPlant(model, {"missile": start}, np.random.default_rng(0)), x
+
+
+def test_a_wrench_pushes_and_turns_a_body_along_the_axes_of_the_world() -> None:
+    plant, _ = missile(SPATIAL)
+    force, torque = np.array([400.0, -200.0, 100.0]), np.array([0.0, -20.0, -10.0])
+    before = plant.state("missile")
+    plant.apply_wrench("missile", force)
+    plant.apply_wrench("missile", np.zeros(3), torque)
+    plant.step({"missile": np.zeros(5)})
+    pushed = plant.state("missile")[5:] - before[5:]
+    expected = [*(force / 204.02 - [0.0, 0.0, 9.8]), 20.0 / 247.437, 10.0 / 247.437]
+    np.testing.assert_allclose(pushed / plant.dt, expected, rtol=1e-4, atol=1e-6)
+    plant.step({"missile": np.zeros(5)})
+    after = plant.state("missile")[5:] - before[5:] - pushed
+    np.testing.assert_allclose(after / plant.dt, [0.0, 0.0, -9.8, 0.0, 0.0], atol=1e-3)
+
+
+def test_each_input_has_a_limit_of_its_own_and_its_excess_is_told_once_an_episode() -> None:
+    limits = np.array([1000.0, 4000.0, 50.0])
+    plant, x = missile(input_max=limits)
+    large, small = np.array([1500.0, -5000.0, 20.0]), np.array([1000.0, -4000.0, 50.0])
+    events = [event for u in (large, large, small, large) for event in plant.step({"missile": u}, 10)]
+    assert [event.kind for event in events] == ["input-clipped", "input-clipped"]
+    assert "-5000.0" in events[0].message
+    for u, ticks in ((np.array([1000.0, -4000.0, 20.0]), 20), (small, 10), (np.array([1000.0, -4000.0, 20.0]), 10)):
+        x = PLANAR.flow(x, u, ticks * plant.dt)
+    np.testing.assert_allclose(PLANAR.from_joints(plant.state("missile")), x, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("wrong", [np.array([1.0, 2.0]), np.array([1.0, 0.0, 1.0]), np.array([1.0, np.nan, 1.0]), -1.0])
+def test_a_limit_that_fits_no_input_is_refused(wrong: Any) -> None:
+    with pytest.raises(ValueError, match=r"input_max = .*allowed"):
+        missile(input_max=wrong)
+
+
+@pytest.mark.parametrize("ticks", [1, 4, 10])
+def test_late_actuators_do_what_they_were_told_so_many_ticks_ago(ticks: int) -> None:
+    plant, x = missile(delay=0.006)
+    rng = np.random.default_rng(1)
+    inputs = np.vstack([np.zeros((6, 3)), np.repeat(rng.uniform(-3e3, 3e3, (40 // ticks, 3)), ticks, axis=0)])
+    for k in range(40 // ticks):
+        plant.step({"missile": inputs[6 + ticks * k]}, ticks)
+    for u in inputs[:40]:
+        x = PLANAR.flow(x, u, plant.dt)
+    np.testing.assert_allclose(PLANAR.from_joints(plant.state("missile")), x, rtol=1e-9, atol=1e-9)
+
+
+def test_late_actuators_do_not_see_what_becomes_of_a_command_later() -> None:
+    (plant, _), (twin, _) = missile(delay=0.003), missile(delay=0.003)
+    command = np.array([0.0, -2000.0, 10.0])
+    plant.step({"missile": command})
+    twin.step({"missile": command.copy()})
+    command[:] = 1e5
+    for late in (plant, twin):
+        late.step({}, 5)
+    np.testing.assert_array_equal(plant.state("missile"), twin.state("missile"))
+
+
+@pytest.mark.parametrize("delay", [-0.001, 0.0005, np.inf])
+def test_a_delay_that_is_not_whole_ticks_is_refused(delay: float) -> None:
+    with pytest.raises(ValueError, match="delay"):
+        missile(delay=delay)

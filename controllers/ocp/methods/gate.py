@@ -20,8 +20,8 @@ def gated(adaptive: Solution, uniform: Solution, method: str) -> Solution:
     Both carry a replay where they are solutions at all. The time of the adaptive one is the time of the answer.
     """
     timing = adaptive.timing
-    if not uniform.ok or uniform.replay is None:
-        return dataclasses.replace(uniform, method=method, timing=timing)
+    if not uniform.ok or uniform.replay is None:  # there is nothing to compare with
+        return dataclasses.replace(adaptive if adaptive.ok else uniform, method=method, timing=timing)
     if not adaptive.ok or adaptive.replay is None:
         reason = f"{method}: {adaptive.status.value} ({adaptive.message})"
     elif not adaptive.replay.value <= max(uniform.replay.value, LEAST):

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 
-from controllers.ocp.grid import Grid, equidistributed
-from controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
+from controllers.ocp.grid import Grid, equidistributed, uniform
+from controllers.ocp.methods.direct import HERMITE_SIMPSON
 from controllers.ocp.methods.gate import gated
 from controllers.ocp.monitors import CURVATURE, Monitor
-from controllers.ocp.solution import Solution
-from controllers.ocp.solver import DEFAULT, Options
+from controllers.ocp.replay import replayed
+from controllers.ocp.solution import Outcome, Solution
+from controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
 from controllers.ocp.statement import OptimalControlProblem
 from controllers.ocp.transcriptions.scheme import Scheme
 from sim.signals import Array
@@ -36,17 +37,17 @@ def redistribute(
     """
     if rounds < 1:
         raise ValueError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
-    first = solve(problem, nodes, scheme=scheme, guess=guess, parameters=parameters, options=options)
-    if not first.ok:
+    made = transcription(problem, scheme, nodes, FIXED, options)
+    first = replayed(made.solve(guess, uniform(nodes), parameters))
+    if first.status not in (Outcome.OPTIMAL, Outcome.LIMIT):
         return first
-    current = first
+    current = first  # even one that did not converge shows where the next grid has to be dense
     for _ in range(rounds):
-        grid = redistributed(current, nodes, monitor)
-        following = solve(problem, grid, scheme=scheme, guess=current, parameters=parameters, options=options)
+        following = made.solve(current, redistributed(current, nodes, monitor), parameters)
         current = dataclasses.replace(following, timing=following.timing + current.timing)
-        if not current.ok:
+        if current.status not in (Outcome.OPTIMAL, Outcome.LIMIT):
             break
-    return gated(current, first, f"redistribution, {monitor.name}")
+    return gated(replayed(current), first, f"redistribution, {monitor.name}")
 
 
 def redistributed(solution: Solution, nodes: int, monitor: Monitor) -> Grid:

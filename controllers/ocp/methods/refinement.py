@@ -1,12 +1,9 @@
 """h-refinement: nodes are added where the local error is, until it is small everywhere.
 
-The local error of interval i is how far its collocation polynomial is from solving the differential equation,
-
-    η_i = max over states of ∫ |x'(t) - f(x(t), u(t), t)| / x_scale dt    over the interval,
-
-which falls with the (k + 1)-th power of the interval's width where the rates are interpolated at k points (after
-Betts, Practical Methods for Optimal Control, 4.7). Each pass hands out new nodes one by one to the interval with the
-largest predicted error, at most as many as there are intervals, because the prediction is no better than that.
+The local error η_i of an interval (see ``residual``) falls with the (k + 1)-th power of the interval's width where the
+rates are interpolated at k points (after Betts, Practical Methods for Optimal Control, 4.7). Each pass hands out new
+nodes one by one to the interval with the largest predicted error, at most as many as there are intervals, because the
+prediction is no better than that.
 """
 
 from __future__ import annotations
@@ -20,13 +17,12 @@ from controllers.ocp.grid import split, uniform
 from controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
 from controllers.ocp.methods.gate import LEAST, gated
 from controllers.ocp.replay import replayed
-from controllers.ocp.solution import Solution, Timing, along
+from controllers.ocp.residual import local_errors
+from controllers.ocp.solution import Solution, Timing
 from controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
 from controllers.ocp.statement import OptimalControlProblem
-from controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
+from controllers.ocp.transcriptions.scheme import Scheme
 from sim.signals import Array
-
-_POINTS = 6  # Gauss points of the integral over an interval
 
 
 def refine(
@@ -71,25 +67,6 @@ def refine(
     spent = even.timing.build_ms + even.timing.solve_ms + even.timing.replay_ms
     told = dataclasses.replace(told, timing=told.timing + Timing(gate_ms=spent))
     return gated(told, even, "refinement") if even.ok else told
-
-
-def local_errors(solution: Solution) -> Array:
-    """(N - 1,) η of each interval of a collocation solution."""
-    nodes, share = np.polynomial.legendre.leggauss(_POINTS)
-    fractions = 0.5 * (nodes + 1.0)
-    d = np.diff(solution.t)
-    t = solution.t[:-1, None] + fractions * d[:, None]
-    points = solution.scheme.points
-    u = np.einsum("gk,nkm->ngm", weights(points, fractions), solution.u)
-    slopes = np.einsum("gk,nkm->ngm", weights(points, fractions), solution.rates)
-    x = solution.x[:-1, None, :] + d[:, None, None] * np.einsum(
-        "gk,nkm->ngm", integral_weights(points, fractions), solution.rates
-    )
-    problem, shape = solution.problem, x.shape
-    f = along(problem, x.reshape(-1, shape[2]), u.reshape(-1, problem.nu), t.ravel(), solution.parameters)
-    residual = np.abs(slopes - f.reshape(shape)) / problem.state_scale
-    errors: Array = (0.5 * d[:, None] * np.einsum("g,ngm->nm", share, residual)).max(axis=1)
-    return errors
 
 
 def _parts(errors: Array, tolerance: float, power: int, spare: int) -> list[int]:

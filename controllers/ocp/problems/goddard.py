@@ -3,8 +3,9 @@
     maximise h(T)   subject to   h' = v,   v' = (F - D(h, v)) / m - 1 / h^2,   m' = -2 F,
                                  D = 310 v^2 exp(-500 (h - 1)),   0 <= F <= 3.5,   (1, 0, 1) to m = 0.6,   T free
 
-In units of the planet's radius, its gravity and the take-off mass. The optimum h(T)* = 1.0128436 climbs at full thrust,
-then on a singular arc where drag and gravity balance, then without thrust.
+In units of the planet's radius, its gravity and the take-off mass. The optimum climbs at full thrust until m / h^2 = D
+(1 + 2 v), stays on this singular arc until the fuel is spent, and coasts: h(T)* = 1.0128369. COPS prints 1.01283. The
+often seen 1.0128436 comes from a coarse collocation, which overestimates; no control reaches it.
 """
 
 from __future__ import annotations

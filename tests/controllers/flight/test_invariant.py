@@ -140,6 +140,16 @@ ANSWERS: tuple[Callable[[Plan, PlanRequest], Plan], ...] = (
 )
 
 
+GRIDS = (
+    FlightConfig(nodes=7),
+    FlightConfig(),
+    FlightConfig(horizon=40.0, stretch=1.2, period=5.0 / 3.0),
+    FlightConfig(nodes=7, horizon=25.0, stretch=1.6, period=2.0),
+    FlightConfig(nodes=9, horizon=10.0, stretch=0.8, period=10.0),  # all of it is flown before the next plan
+)
+STRETCHED = GRIDS[2]
+
+
 class Scripted:
     """A planner that does to its plans what a script says, the first included."""
 
@@ -192,22 +202,24 @@ class Watched:
 
 @given(
     script=st.lists(st.sampled_from(ANSWERS), min_size=1, max_size=40),
-    nodes=st.sampled_from([7, 13]),
+    config=st.sampled_from(GRIDS),
     factor=st.sampled_from([1.0, 1.1, 1.3]),
 )
 @settings(max_examples=40)
-@example(script=[valid], nodes=13, factor=1.3)
-@example(script=[raising], nodes=13, factor=1.0)
-@example(script=[late], nodes=13, factor=1.3)
-@example(script=[nonsense], nodes=13, factor=1.3)
-@example(script=[overdue], nodes=13, factor=1.3)
-@example(script=[valid, *10 * [detouring]], nodes=13, factor=1.3)
-@example(script=[*3 * [valid], *40 * [into_the_ridge]], nodes=13, factor=1.3)
+@example(script=[valid], config=FlightConfig(), factor=1.3)
+@example(script=[raising], config=FlightConfig(), factor=1.0)
+@example(script=[late], config=FlightConfig(), factor=1.3)
+@example(script=[nonsense], config=FlightConfig(), factor=1.3)
+@example(script=[overdue], config=FlightConfig(), factor=1.3)
+@example(script=[valid, *10 * [detouring]], config=FlightConfig(), factor=1.3)
+@example(script=[*3 * [valid], *40 * [into_the_ridge]], config=FlightConfig(), factor=1.3)
+@example(script=[valid, failing, late], config=STRETCHED, factor=1.0)
+@example(script=[*3 * [valid], *40 * [into_the_ridge]], config=STRETCHED, factor=1.3)
 def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
-    script: list[Callable[[Plan, PlanRequest], Plan]], nodes: int, factor: float
+    script: list[Callable[[Plan, PlanRequest], Plan]], config: FlightConfig, factor: float
 ) -> None:
     mission: FlightMission = dataclasses.replace(MISSION, deadline_factor=factor)
-    planner, _ = SafeFlight.build(FlightConfig(nodes=nodes), mission)
+    planner, _ = SafeFlight.build(config, mission)
     wrapped = Certified(Scripted(planner, script), Retreat(CERTIFICATE, planner.period), CERTIFICATE, BOUND, factor)
     watched = Watched(wrapped, factor)
     estimator = FullState(FullStateConfig(), mission)
@@ -219,7 +231,7 @@ def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
         300.0,
         lambda t, truths: bool(np.linalg.norm(truths["vehicle"][:3] - target) <= mission.arrival_radius),
     )
-    assert watched.ticks > 10
+    assert watched.ticks * watched.period > 15.0  # [s]
     assert not watched.broken
     x = recording.truths["vehicle"]
     assert np.linalg.norm(x[-1, :3] - target) <= mission.arrival_radius

@@ -10,7 +10,7 @@ import pytest
 
 from controllers.flight import kernels, reference, sqp
 from controllers.flight.cost_to_go import factored_cost
-from controllers.flight.problem import Landscape, Parameters, Problem, Solution
+from controllers.flight.problem import Landscape, Parameters, Problem, Solution, proportional
 from controllers.flight.reference import Reference
 from controllers.flight.sqp import GaussNewton
 from models.terrain.height_field import HeightField
@@ -43,22 +43,36 @@ def landscape() -> Landscape:
     return Landscape.build(terrain, factored_cost(terrain, target, [radar], 33, 5))
 
 
+def uniform(arcs: int) -> tuple[float, ...]:
+    return arcs * (H,)
+
+
+def stretched(arcs: int, horizon: float, ratio: float) -> tuple[float, ...]:
+    return proportional([ratio**i for i in range(arcs)], horizon)
+
+
 def problem_at(
-    landscape: Landscape, x: float, y: float, above: float, velocity: Array, arcs: int = 8, beta: float = 100.0
+    landscape: Landscape,
+    x: float,
+    y: float,
+    above: float,
+    velocity: Array,
+    lengths: tuple[float, ...] = uniform(8),
+    beta: float = 100.0,
 ) -> Problem:
-    parameters = Parameters(arcs, H, SPEED, 40.0, beta, clearance=75.0)
+    parameters = Parameters(lengths, SPEED, 40.0, beta, clearance=75.0)
     start = np.array([x, y, float(landscape.terrain.height(x, y)) + above, *velocity])
-    return Problem(parameters, landscape, start, arcs)
+    return Problem(parameters, landscape, start)
 
 
-def held(landscape: Landscape, arcs: int, distance: float) -> Problem:
+def held(landscape: Landscape, lengths: tuple[float, ...], distance: float) -> Problem:
     """An exact arrival from ``distance`` [m] south-west of the target, flying towards it."""
     target = landscape.cost.target
     x, y = target[:2] - distance / np.sqrt(2.0)
     velocity = np.array([140.0, 140.0, 0.0])
-    parameters = Parameters(8, H, SPEED, 40.0, 100.0, clearance=75.0)
+    parameters = Parameters(lengths, SPEED, 40.0, 100.0, clearance=75.0)
     start = np.array([x, y, max(target[2], float(landscape.terrain.height(x, y)) + 150.0), *velocity])
-    return Problem(parameters, landscape, start, arcs, hold=target)
+    return Problem(parameters, landscape, start, hold=target)
 
 
 def some_problems(landscape: Landscape) -> list[Problem]:
@@ -66,11 +80,15 @@ def some_problems(landscape: Landscape) -> list[Problem]:
     return [
         problem_at(landscape, 3_000.0, 2_500.0, 300.0, rest),
         problem_at(landscape, 9_000.0, 8_000.0, 90.0, towards),  # low: the ground pushes
-        problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, arcs=12),
-        problem_at(landscape, 12_000.0, 12_000.0, 120.0, towards, arcs=4, beta=1.0),
+        problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, uniform(12)),
+        problem_at(landscape, 12_000.0, 12_000.0, 120.0, towards, uniform(4), beta=1.0),
         problem_at(landscape, 9_000.0, 14_000.0, 400.0, towards, beta=1e4),
-        held(landscape, 6, 2_200.0),
-        held(landscape, 3, 1_000.0),
+        held(landscape, uniform(6), 2_200.0),
+        held(landscape, uniform(3), 1_000.0),
+        problem_at(landscape, 9_000.0, 8_000.0, 90.0, towards, stretched(8, 25.0, 1.3)),
+        problem_at(landscape, 12_000.0, 12_000.0, 120.0, towards, stretched(12, 40.0, 1.2)),
+        problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, stretched(6, 15.0, 0.8)),
+        held(landscape, stretched(6, 10.0, 1.25), 2_200.0),
     ]
 
 
@@ -83,10 +101,10 @@ def casadi_cost(problem: Problem) -> tuple[ca.Function, Array]:
     shape, values = reference._values(problem)
     programme = reference._programme(shape)
     statement, unknowns = programme.functions, ca.MX.sym("U", 3 * problem.arcs + 1)
-    h, p, v, lifted = problem.parameters.h, ca.MX(problem.start[:3]), ca.MX(problem.start[3:]), []
-    for i in range(problem.arcs):
+    p, v, lifted = ca.MX(problem.start[:3]), ca.MX(problem.start[3:]), []
+    for i, (h, count) in enumerate(zip(problem.parameters.lengths, problem.parameters.points, strict=True)):
         a = unknowns[3 * i : 3 * i + 3]
-        lifted += [p, v, a, ca.MX.zeros(reference._INPUT - 3)]
+        lifted += [p, v, a, ca.MX.zeros(count)]
         p, v = p + h * v + h**2 / 2 * a, v + h * a
     lifted += [p, v, unknowns[-1], ca.MX.zeros(shape.last_input - 1)]
     relax = ca.Function("relax", [statement["x"], statement["p"]], [programme.relaxed])
@@ -135,6 +153,31 @@ def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: Lan
             np.testing.assert_allclose(gradient, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("lengths", [uniform(6), stretched(6, 14.0, 1.3)], ids=["uniform", "stretched"])
+def test_the_balls_have_the_slope_and_the_curvature_of_norms(landscape: Landscape, lengths: tuple[float, ...]) -> None:
+    """With an exact arrival the Hessian is that of effort, climb rate and the balls, weighted by their multipliers."""
+    rng, problem = np.random.default_rng(2), held(landscape, lengths, 2_200.0)
+    n, looked = problem.arcs, len(problem.stencil.base) - 2
+    size, count = 3 * n + 1, looked + 1 + 2 * n + 1 + 4 + 3
+    unknowns, multipliers = random_unknowns(problem, rng), rng.uniform(1.0, 50.0, 2 * n + 1)
+    hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
+    upper, lower = np.zeros(size + count), np.zeros(size + count)
+    assert problem.hold is not None
+    kernels.linearise(unknowns, *problem.data, problem.hold, multipliers, hessian, gradient, rows, upper, lower)
+    U = ca.SX.sym("U", size)
+    a, v, norms = [U[3 * i : 3 * i + 3] for i in range(n)], ca.SX(problem.start[3:]), []
+    for h, push in zip(lengths, a, strict=True):
+        v += h * push
+        norms.append(ca.norm_2(v))
+    norms += [*(ca.norm_2(push) for push in a), ca.norm_2(v - ca.vertcat(0, 0, U[-1]))]
+    effort = sum(h * ca.sumsqr(push) for h, push in zip(lengths, a, strict=True))
+    climbing = problem.packed[kernels.CLIMB_WEIGHT] / 2 * U[-1] ** 2
+    lagrangian = effort + climbing + ca.dot(multipliers, ca.vertcat(*norms))
+    expected = ca.Function("f", [U], [ca.hessian(lagrangian, U)[0], ca.jacobian(ca.vertcat(*norms), U)])(unknowns)
+    np.testing.assert_allclose(hessian, np.array(expected[0]), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(rows[looked + 1 : looked + 2 + 2 * n], np.array(expected[1]), rtol=1e-9, atol=1e-9)
+
+
 @pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
 def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_find(
     landscape: Landscape, backend: reference.Backend
@@ -161,13 +204,14 @@ def test_the_bounds_hold_at_the_solutions(landscape: Landscape) -> None:
     for solver in (GaussNewton(), Reference("ipopt"), Reference("fatrop")):
         for problem in some_problems(landscape):
             solution = solved(solver.solve(problem, np.zeros(3 * problem.arcs + 1)))
-            velocities = problem.start[3:] + problem.parameters.h * np.cumsum(solution.accelerations, axis=0)
+            changes = problem.stencil.lengths[:, None] * solution.accelerations
+            velocities = problem.start[3:] + np.cumsum(changes, axis=0)
             assert np.linalg.norm(velocities, axis=1).max() <= SPEED * (1.0 + 1e-4)
             assert np.linalg.norm(solution.accelerations, axis=1).max() <= 40.0 * (1.0 + 1e-4)
 
 
 def test_a_target_out_of_reach_gives_a_reason_not_an_exception(landscape: Landscape) -> None:
-    problem = held(landscape, 3, 6_000.0)  # three arcs of 5/3 s at 300 m/s go 1500 m
+    problem = held(landscape, uniform(3), 6_000.0)  # three arcs of 5/3 s at 300 m/s go 1500 m
     for solver in (GaussNewton(), Reference("ipopt"), Reference("fatrop")):
         outcome = solver.solve(problem, np.zeros(3 * problem.arcs + 1))
         assert isinstance(outcome, str)

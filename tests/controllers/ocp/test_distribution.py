@@ -17,9 +17,10 @@ from controllers.ocp.methods.direct import solve
 from controllers.ocp.methods.equidistribution import distribute
 from controllers.ocp.methods.gate import gated
 from controllers.ocp.methods.redistribution import redistribute
-from controllers.ocp.methods.refinement import local_errors, refine
+from controllers.ocp.methods.refinement import refine
 from controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor, monitor
 from controllers.ocp.problems.missile import missile
+from controllers.ocp.residual import local_errors
 from controllers.ocp.solution import Outcome, Solution
 from controllers.ocp.solver import transcription
 from controllers.ocp.statement import OptimalControlProblem, Statement

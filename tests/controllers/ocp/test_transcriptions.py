@@ -12,6 +12,8 @@ from controllers.ocp.methods.direct import solve
 from controllers.ocp.statement import OptimalControlProblem, Statement
 from controllers.ocp.transcriptions.euler import Euler
 from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from controllers.ocp.transcriptions.library import SCHEMES as SCHEMES_BY_NAME
+from controllers.ocp.transcriptions.library import scheme as scheme_called
 from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 from controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto, legendre_gauss_lobatto
 from controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
@@ -134,3 +136,13 @@ def test_two_nodes_are_enough(scheme: Scheme) -> None:
 def test_a_scheme_of_nothing_is_refused(wrong: object) -> None:
     with pytest.raises(ValueError, match="allowed"):
         wrong()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("name", SCHEMES_BY_NAME)
+def test_every_scheme_has_a_name(name: str) -> None:
+    assert solve(linear_quadratic(), 11, scheme=scheme_called(name)).ok
+
+
+def test_an_unknown_scheme_is_named_with_those_that_exist() -> None:
+    with pytest.raises(ValueError, match=r"'simpson' is not known; allowed: euler, trapezoid, hermite-simpson"):
+        scheme_called("simpson")

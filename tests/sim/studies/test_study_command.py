@@ -46,6 +46,20 @@ class Tiny:
         )
 
 
+class Anywhere(Tiny):
+    """A study that needs no terrain."""
+
+    on_terrain = False
+
+
+class Deceived(Anywhere):
+    """A study that asks for the terrain that it said it does not need."""
+
+    @classmethod
+    def run(cls, config: TinyConfig, setup: Setup) -> Findings:
+        raise AssertionError(setup.ground.name)
+
+
 class Missed(Tiny):
     """A target that is missed."""
 
@@ -101,6 +115,40 @@ def test_all_of_them_write_the_ledger_over_every_terrain(tmp_path: Path, monkeyp
         assert {path.suffix for path in (out / terrain).iterdir()} == {".csv", ".png", ".json", ".html", ".db"}
 
 
+def test_a_study_without_terrain_is_done_once_beside_the_folders_of_the_terrains(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    over, anywhere = f"{HERE}:Tiny", f"{HERE}:Anywhere"
+    monkeypatch.setattr(study, "names", lambda kind: (over, anywhere))
+    out = tmp_path / "out"
+    words = ["--quick", "--terrain", "jacksboro", "--terrain=tian_shan", "--out", str(out)]
+    assert main(["study", "all", *words]) == 0
+    document = json.loads((out / f"{anywhere.replace(':', '.')}.json").read_text(encoding="utf-8"))
+    assert document["terrain"] is None
+    assert document["command"] == f"mathnavi study {anywhere} --quick --out {out}"  # as it can be given
+    assert not list(out.rglob(f"*/{anywhere.replace(':', '.')}.json"))
+    page = (out / f"{anywhere.replace(':', '.')}.html").read_text(encoding="utf-8")
+    assert "Over the terrain" not in page
+    ledger = (out / "CLAIMS.md").read_text(encoding="utf-8")
+    first, second = ledger.split("## Without terrain")
+    assert "measured on tian_shan" in first
+    assert second.count("tiny.count") == 1
+    assert "tian_shan" not in second
+
+
+def test_a_study_without_terrain_needs_none(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert main(["study", f"{HERE}:Anywhere", "--out", str(out)]) == 0
+    assert {path.suffix for path in out.iterdir()} == {".csv", ".png", ".json", ".html", ".db"}
+
+
+def test_a_study_that_asks_for_a_terrain_it_said_it_does_not_need_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["study", f"{HERE}:Deceived", "--out", str(tmp_path / "out")]) == 1
+    assert "on_terrain" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
@@ -114,6 +162,10 @@ def test_all_of_them_write_the_ledger_over_every_terrain(tmp_path: Path, monkeyp
         (("horizon", "--sead", "2"), ("--sead", "--seeds")),
         (("horizon", "--quick", "--no-quick"), ("--quick", "--no-quick", "one of both")),
         (("all", "--seeds", "2"), ("--seeds", "not a field")),
+        ((f"{HERE}:Anywhere", "--terrain", "jacksboro"), ("--terrain jacksboro", "not done on a terrain", "allowed")),
+        (("ocp-problems", "--problems", "0"), ("--problems = 0", "allowed")),
+        (("ocp-problems", "--nodes", "1"), ("--nodes = 1", "allowed")),
+        (("monitors", "--reference-nodes", "30"), ("--reference-nodes = 30", "allowed")),
         (("horizon", "--out", "/dev/null/x"), ("/dev/null", "allowed")),
     ],
 )

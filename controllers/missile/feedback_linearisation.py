@@ -1,0 +1,66 @@
+"""Feedback linearisation: the inverse dynamics turn the missile into double integrators, one on each joint.
+
+With joint coordinates j (places and angles), e = j^ - j_ref and the plan's acceleration j_ref'',
+
+    F = F(x^, j_ref'' - k_d e' - k_p e - k_i ∫ e) - d^,     (s + omega)^3 = s^3 + k_d s^2 + k_p s + k_i,
+
+F(x, j'') the inverse dynamics of the declared body and d^ what the estimator sees acting beside the input, if it does.
+The integral finds what a wrong mass or a gust takes away. On the plan F is the plan's mean input over the tick, to
+rounding. Where the thrusters are at their limits, the integral is led back by what they cannot give
+(back-calculation).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from controllers.missile.autopilot import checked_state, disturbance, feed_forward, wrapped
+from models.missile.mission import MissileMission
+from sim.signals import Array, Estimate, Plan
+
+
+class FeedbackLinearisation:
+    """Flies the plan with errors that decay at ``bandwidth`` omega [rad/s]."""
+
+    def __init__(self, mission: MissileMission, bandwidth: float) -> None:
+        self.period = mission.control_period
+        self._mission, self._omega = mission, bandwidth
+        self._k_d, self._k_p, self._k_i = 3.0 * bandwidth, 3.0 * bandwidth**2, bandwidth**3
+        coordinates = mission.coordinates
+        self._joints = len(coordinates.joints)
+        self._angles = np.array([k for k, name in enumerate(coordinates.joints) if name in ("theta", "psi")])
+        self._input_max = np.array(mission.input_max)
+        self._integral = np.zeros(self._joints)  # [m s, rad s] of e
+
+    def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        coordinates, body = self._mission.coordinates, self._mission.body
+        x, beside = checked_state(estimate, self._mission), disturbance(estimate, len(self._input_max))
+        reference = coordinates.state_at(plan, t, body)
+        e, e_rate = self._error(x, reference)
+        planned = coordinates.joint_acceleration(reference, feed_forward(plan, t, self.period), body)
+        wanted = planned - self._k_d * e_rate - self._k_p * e - self._k_i * self._integral
+        u = coordinates.inverse_dynamics(x, wanted, body) - beside
+        given = np.clip(u, -self._input_max, self._input_max)
+        lacking = np.zeros(self._joints)
+        if (given != u).any():
+            lacking = wanted - coordinates.joint_acceleration(x, given + beside, body)
+        self._integral += self.period * (e + lacking / self._k_p)
+        return u
+
+    def predict(self, estimate: Estimate, plan: Plan, t: float) -> Array:
+        """The error decays as (s + omega)^2 says: the integral is there against what nobody predicts."""
+        coordinates, body = self._mission.coordinates, self._mission.body
+        now, then = coordinates.state_at(plan, np.array([estimate.t, t]), body)
+        e, e_rate = self._error(checked_state(estimate, self._mission), now)
+        omega, tau = self._omega, t - estimate.t
+        slope = e_rate + omega * e
+        decayed = np.concatenate([e + tau * slope, e_rate - omega * tau * slope]) * math.exp(-omega * tau)
+        return coordinates.from_joints(coordinates.to_joints(then) + decayed)
+
+    def _error(self, x: Array, reference: Array) -> tuple[Array, Array]:
+        """e and e' (nj,)."""
+        off = self._mission.coordinates.to_joints(x) - self._mission.coordinates.to_joints(reference)
+        off[self._angles] = wrapped(off[self._angles])
+        return off[: self._joints], off[self._joints :]

@@ -1,0 +1,93 @@
+"""The planner: optimises the whole flight to the target again and again, and lets the last of it be flown out.
+
+Each plan starts from where the missile will be one period ahead, as the autopilot predicts it from the *estimate*. The
+plan being flown is where it should be; a wrong mass, a gust or a thruster at its limit keeps it from there.
+Planned from the estimate, the flight is optimal from where it really is, and even without an autopilot the planner
+closes a loop. What that costs is that noise of the estimate reaches the reference: filtering is the estimator's task.
+
+The horizon is the time that is left, on the same number of nodes. As it comes to nothing a deviation asks for inputs
+that grow as 1 / T^2, so below a given time to go the last plan is flown out. An optimisation that fails is a status,
+and the plan being flown stays.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from controllers.missile.aim import Aim
+from controllers.missile.autopilot import Autopilot, checked_state
+from controllers.missile.shooting import Failed
+from controllers.missile.trajectory import Optimiser
+from models.missile.mission import MissileMission, Target
+from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
+
+_SAME_TIME = 1e-9  # [s]
+
+
+class MissilePlanner:
+    """Plans every ``period`` [s] until ``commit`` [s] before the end.
+
+    A message with the topic "target" and a ``Target`` as payload says how the target moves from then on. ``remark`` is
+    recorded with the first plan as an event of the kind "backend".
+    """
+
+    def __init__(
+        self,
+        mission: MissileMission,
+        optimiser: Optimiser,
+        autopilot: Autopilot,
+        period: float,
+        commit: float,
+        *,
+        lead: bool,
+        remark: str = "",
+    ) -> None:
+        self.period = period
+        self._mission, self._optimiser, self._autopilot = mission, optimiser, autopilot
+        self._commit, self._lead, self._remark = commit, lead, remark
+        self._target = mission.target
+
+    def plan(self, request: PlanRequest) -> Plan:
+        self._listen(request.messages)
+        current, t = request.current, request.t_start
+        if current is None:
+            start = checked_state(request.estimate, self._mission)
+        elif current.t_end - t < self._commit:
+            return self._rest(current, t)
+        else:
+            start = self._autopilot.predict(request.estimate, current, t)
+        if not np.isfinite(start).all():
+            return Plan.failure(Status.NOT_FINITE, f"the start of the plan is {start.tolist()}")
+        began = time.thread_time()
+        aim = Aim.at(self._target, t, self._mission.aspect_angle, lead=self._lead)
+        found = self._optimiser.optimise(t, start, aim)
+        solve_ms = 1e3 * (time.thread_time() - began)
+        if isinstance(found, Failed):
+            status = Status.INFEASIBLE if found.infeasible else Status.SOLVER_FAILED
+            return Plan.failure(status, found.message, solve_ms=solve_ms)
+        phase = np.full(len(found.u), int(Phase.OPTIMISED), np.int64)
+        plan = Plan(t + found.t, found.x, found.u, phase, cost=found.cost, solve_ms=solve_ms)
+        if self._remark:
+            plan = dataclasses.replace(plan, notes=("backend",), message=self._remark)
+            self._remark = ""
+        return plan
+
+    def _listen(self, messages: Sequence[Message]) -> None:
+        for message in messages:
+            if message.topic == "target" and isinstance(message.payload, Target):
+                self._target = message.payload
+
+    def _rest(self, plan: Plan, t: float) -> Plan:
+        """What is left of a plan at t [s]; past its end its last input is held on."""
+        coordinates, body = self._mission.coordinates, self._mission.body
+        left = plan.t > t + _SAME_TIME
+        start = coordinates.state_at(plan, t, body)
+        u = plan.u[left[1:]] if left.any() else plan.u[-1:]
+        times: Array = np.concatenate([[t], plan.t[left] if left.any() else [t + self.period]])
+        x = plan.x[left] if left.any() else coordinates.flow(start, u[0], self.period, body)[None, :]
+        phase = np.full(len(u), int(Phase.OPTIMISED), np.int64)
+        return Plan(times, np.vstack([start, x]), u, phase, cost=plan.cost)

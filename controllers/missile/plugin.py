@@ -1,0 +1,128 @@
+"""The plug-in ``missile``: plans the flight to a target on line, and flies it with one of three autopilots."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from controllers.compilation import compiler
+from controllers.missile.autopilot import Autopilot
+from controllers.missile.feedback_linearisation import FeedbackLinearisation
+from controllers.missile.open_loop import OpenLoop
+from controllers.missile.pitch_and_yaw import PitchAndYaw
+from controllers.missile.planner import MissilePlanner
+from controllers.missile.trajectory import Optimiser
+from controllers.missile.tvlqr import TimeVaryingLQR
+from controllers.missile.whole import WholeFlight
+from controllers.ocp.backend import Backend
+from controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
+from models.missile.coordinates import PLANAR
+from models.missile.mission import MissileMission
+from sim.protocols import Planner, Tracker
+
+AutopilotName = Literal["feedback-linearisation", "tvlqr", "open-loop"]
+BackendName = Literal["auto", "fatrop", "fatrop-compiled", "ipopt", "ipopt-compiled"]
+GridName = Literal["uniform", "arclength"]
+SpatialName = Literal["pitch-and-yaw", "joint"]
+
+_FASTEST = 0.2  # bandwidth times control period
+_MOST_NODES = 200
+
+
+@dataclass(frozen=True)
+class MissileConfig:
+    """Fields of ``--planner``."""
+
+    autopilot: AutopilotName = "feedback-linearisation"
+    """what flies the plan"""
+    bandwidth: float = 8.0
+    """omega_n of the feedback linearisation [rad/s]"""
+    replan_period: float = 0.1
+    """from one plan to the next [s]; if it is longer than the flight, one plan is flown to its end"""
+    commit: float = 0.3
+    """time to go below which the last plan is flown out [s]"""
+    lead: bool = True
+    """whether to aim at where the target will be, and not at where it is"""
+    nodes: int = 25
+    """N"""
+    grid: GridName = "uniform"
+    """nodes at equal times, or equidistributed in scaled arclength as part of the optimisation"""
+    spatial: SpatialName = "pitch-and-yaw"
+    """flight in space by a pitch planner and a yaw planner together, or as one problem in all states"""
+    reserve: float = 0.1
+    """share of the thrusters' limits that is left to the autopilot"""
+    backend: BackendName = "auto"
+    """solver; auto is FATROP, compiled where there is a C compiler named cc"""
+
+    def __post_init__(self) -> None:
+        for name in ("bandwidth", "replan_period", "commit"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+        if not 0.0 <= self.reserve < 1.0:
+            raise ValueError(f"reserve = {self.reserve!r}; allowed: 0 <= reserve < 1")
+        if not 4 <= self.nodes <= _MOST_NODES:
+            raise ValueError(f"nodes = {self.nodes!r}; allowed: 4 to {_MOST_NODES}")
+        names: dict[str, Any] = {
+            "autopilot": AutopilotName, "grid": GridName, "spatial": SpatialName, "backend": BackendName
+        }  # fmt: skip
+        for name, kind in names.items():
+            if getattr(self, name) not in get_args(kind):
+                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: {', '.join(get_args(kind))}")
+
+
+class MissileGuidance:
+    """Optimal flight to a target that may move, planned again while it is flown."""
+
+    Config = MissileConfig
+
+    @staticmethod
+    def build(config: MissileConfig, mission: MissileMission) -> tuple[Planner, Tracker]:
+        autopilot = _autopilot(config, mission)
+        period = max(1, round(config.replan_period / mission.control_period)) * mission.control_period
+        backend, remark = _backend(config)
+        planner = MissilePlanner(
+            mission,
+            _optimiser(config, mission, backend),
+            autopilot,
+            period,
+            max(config.commit, period),
+            lead=config.lead,
+            remark=remark,
+        )
+        return planner, autopilot
+
+
+def _autopilot(config: MissileConfig, mission: MissileMission) -> Autopilot:
+    if config.autopilot == "open-loop":
+        return OpenLoop(mission)
+    if config.autopilot == "tvlqr":
+        return TimeVaryingLQR(mission)
+    fastest = _FASTEST / mission.control_period
+    if config.bandwidth > fastest:
+        raise ValueError(
+            f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s at "
+            f"{1.0 / mission.control_period:g} commands a second"
+        )
+    return FeedbackLinearisation(mission, config.bandwidth)
+
+
+def _backend(config: MissileConfig) -> tuple[Backend, str]:
+    """The solver, and what is to be said of it."""
+    if config.backend != "auto":
+        return config.backend, ""
+    if compiler() is not None:
+        return "fatrop-compiled", ""
+    return "fatrop", "no C compiler named cc was found: the plans are optimised in CasADi's virtual machine"
+
+
+def _optimiser(config: MissileConfig, mission: MissileMission, backend: Backend) -> Optimiser:
+    share = 1.0 - config.reserve
+    limits = tuple(share * limit for limit in mission.input_max)
+    distribution: NodeDistribution = Fixed() if config.grid == "uniform" else Equidistributed()
+    if mission.coordinates is not PLANAR and config.spatial == "pitch-and-yaw":
+        axial, lateral, normal, pitching, yawing = limits
+        both = axial, lateral, normal, pitching, yawing
+        return PitchAndYaw(mission.case, mission.body, both, config.nodes, backend, distribution)
+    return WholeFlight(mission.case, mission.body, mission.coordinates, limits, config.nodes, backend, distribution)

@@ -1,0 +1,117 @@
+"""The problem that a missile solves while it flies: the thesis' design study (B.4), from wherever it is to wherever the
+target will be.
+
+    minimise   J = ∫_0^T 1 + a_x (F_x / m g)^2 + a_z (F_z / m g)^2 + b (M / I_y)^2 + k (w / u)^2 dt,      T free,
+    subject to x' = f(x, F) of the declared body,     x(0) = x_0,     |F| <= limits,
+               (x_e, z_e)(T) = p + v T,   theta(T) = the aspect angle,   w(T) = 0,
+
+in the pitch plane. In space F_z^2 stands for F_y^2 + F_z^2, M^2 for M^2 + N^2, w^2 for v^2 + w^2, and the end holds
+y_e(T) = p_y + v_y T, psi(T) = 0 and v(T) = 0 as well. The start x_0, the target's place p and its velocity v are
+parameters: a target that moves needs the lead v T. The aspect angle pins theta and w, for with three inputs, three
+degrees of freedom and no aerodynamics theta alone says nothing about the path.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+
+from controllers.ocp.statement import OptimalControlProblem, Statement
+from models.missile.coordinates import Coordinates
+from models.missile.dynamics import Body
+from models.missile.mission import Case
+from sim.signals import Array
+
+LEAST_SPEED = 1.0
+"""[m/s] of u: below it the angle of attack w / u means nothing"""
+MOST_YAW = math.radians(85.0)
+"""[rad] of psi, which must not come to 90 degrees"""
+DURATIONS = (0.02, 600.0)
+"""[s] limits of T"""
+TYPICAL_DURATION = 5.0
+"""[s]"""
+
+STATE_SCALES = {"u": 100.0, "v": 100.0, "w": 100.0, "x_e": 100.0, "y_e": 100.0, "z_e": 100.0}
+STATE_LIMITS = {"u": (LEAST_SPEED, math.inf), "psi": (-MOST_YAW, MOST_YAW)}
+END = ("x_e", "y_e", "z_e", "theta", "psi", "v", "w")
+"""the states that the end fixes"""
+
+
+def input_scales(body: Body) -> dict[str, float]:
+    """Typical magnitudes of forces [N] and moments [N m]."""
+    force, moment = 5.0 * body.mass * body.gravity, 2.0 * body.inertia
+    return {"F_x": force, "F_y": force, "F_z": force, "M": moment, "N": moment}
+
+
+WEIGHTS = ("a_x", "a_z", "b", "k")
+"""parameters of the running cost: with them known late, one compiled problem does for every case"""
+
+
+def weights(case: Case) -> Array:
+    """(4,) values of ``WEIGHTS``."""
+    return np.array([getattr(case, name) for name in WEIGHTS])
+
+
+def declared_weights(ocp: Statement) -> list[ca.SX]:
+    """``WEIGHTS`` as parameters of a problem."""
+    return [ocp.parameter(name, 1.0) for name in WEIGHTS]
+
+
+def running_cost(
+    cost: Sequence[ca.SX], body: Body, velocity: Sequence[ca.SX], force: Sequence[ca.SX], moments: ca.SX
+) -> ca.SX:
+    """L with its weights: of velocity (u, v, w) and force (F_x, F_y, F_z) along the body's axes, and of the sum of the
+    moments' squares.
+    """
+    a_x, a_z, b, k = cost
+    weight = body.mass * body.gravity
+    (u, v, w), (F_x, F_y, F_z) = velocity, force
+    axial, lateral = (F_x / weight) ** 2, (F_y**2 + F_z**2) / weight**2
+    return 1 + a_x * axial + a_z * lateral + b * moments / body.inertia**2 + k * (v**2 + w**2) / u**2
+
+
+@lru_cache(maxsize=16)
+def guidance_problem(body: Body, coordinates: Coordinates, limits: tuple[float, ...]) -> OptimalControlProblem:
+    """The problem of the module docstring, whole; ``limits`` (nu,) are those of the inputs.
+
+    Its parameters are ``WEIGHTS`` and ``Aim.parameters``.
+    """
+    ocp = Statement(f"missile, {coordinates.name}")
+    cost = declared_weights(ocp)
+    scales = STATE_SCALES | input_scales(body)
+    x = {}
+    for name in coordinates.states:
+        lower, upper = STATE_LIMITS.get(name, (-math.inf, math.inf))
+        x[name] = ocp.state(name, lower=lower, upper=upper, scale=scales.get(name, 1.0))
+    F = {
+        name: ocp.control(name, lower=-limit, upper=limit, scale=scales[name])
+        for name, limit in zip(coordinates.inputs, limits, strict=True)
+    }
+    T = ocp.free_duration(guess=TYPICAL_DURATION, lower=DURATIONS[0], upper=DURATIONS[1])
+
+    none = ca.SX(0)
+    ocp.minimise(
+        running=running_cost(
+            cost,
+            body,
+            (x["u"], x.get("v", none), x["w"]),
+            (F["F_x"], F.get("F_y", none), F["F_z"]),
+            F["M"] ** 2 + F.get("N", none) ** 2,
+        )
+    )
+
+    rates = coordinates.dynamics(body)(ca.vertcat(*x.values()), ca.vertcat(*F.values()))
+    for state, rate in zip(x.values(), ca.vertsplit(rates), strict=True):
+        ocp.dynamics(state, rate)
+
+    for name, state in x.items():
+        ocp.start(state, ocp.parameter(f"start_{name}", 0.0))
+    for name in (name for name in END if name in x):
+        end = ocp.parameter(f"end_{name}", 0.0)
+        drift = ocp.parameter(f"end_rate_{name}", 0.0) * T if name.endswith("_e") else 0.0
+        ocp.end(x[name], end + drift)
+    return ocp.problem()

@@ -1,0 +1,91 @@
+"""How far a collocation solution is from solving the differential equation, and what that costs.
+
+Between its nodes the polynomial x(t) of a collocation scheme does not follow its dynamics. Its residual gives every
+interval i two errors,
+
+    η_i  = max over states of ∫ |x' - f(x, u, t)| / x_scale dt,
+    ηJ_i = ∫ Σ_j |λ_j| |x_j' - f_j(x, u, t)| + |L(x, u, t) - L_scheme(t)| dt,
+
+the second weighted with what a state is worth, its costate λ: the interval's share in the error of J (the dual-weighted
+residual of Becker and Rannacher, Acta Numerica 2001). A monitor function that holds both in equal shares sees boundary
+layers that no derivative of a coarse solution shows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from controllers.ocp.monitors import Monitor
+from controllers.ocp.solution import Solution, along
+from controllers.ocp.transcriptions.scheme import integral_weights, weights
+from sim.signals import Array
+
+_POINTS = 6  # Gauss points of the integrals over an interval
+_NEIGHBOUR = 0.3  # of an interval's mass that its neighbours have at least: a layer is wider than what was seen of it
+
+
+def local_errors(solution: Solution) -> Array:
+    """(N - 1,) η of each interval; ValueError for a scheme whose state has no polynomial to look at."""
+    residual, _ = _residuals(solution)
+    errors: Array = (residual / solution.problem.state_scale).max(axis=1)
+    return errors
+
+
+def cost_errors(solution: Solution) -> Array:
+    """(N - 1,) ηJ of each interval, in units of J; ValueError as for ``local_errors``."""
+    residual, quadrature = _residuals(solution)
+    errors: Array = (residual * np.abs(solution.costates)).sum(axis=1) + quadrature
+    return errors
+
+
+def _residuals(solution: Solution) -> tuple[Array, Array]:
+    """∫ |x' - f| dt (N - 1, nx) and ∫ |L - L_scheme| dt (N - 1,) of each interval."""
+    problem, points, d = solution.problem, solution.scheme.points, np.diff(solution.t)
+    if len(points) < 2:
+        raise ValueError(f"scheme = {solution.scheme.name} has no polynomial to look at; allowed: a collocation scheme")
+    abscissae, share = np.polynomial.legendre.leggauss(_POINTS)
+    fractions = 0.5 * (abscissae + 1.0)
+    basis, steps = weights(points, fractions), integral_weights(points, fractions)
+    t = solution.t[:-1, None] + fractions * d[:, None]
+    u = np.einsum("gk,nkm->ngm", basis, solution.u)
+    x = solution.x[:-1, None, :] + d[:, None, None] * np.einsum("gk,nkm->ngm", steps, solution.rates)
+    f = along(problem, x.reshape(-1, problem.nx), u.reshape(-1, problem.nu), t.ravel(), solution.parameters)
+    residual = np.abs(np.einsum("gk,nkm->ngm", basis, solution.rates) - f.reshape(x.shape))
+    at_points = solution.t[:-1, None] + np.array(points) * d[:, None]
+    polynomial = np.einsum("gk,nk->ng", basis, _running_costs(solution, solution.inner, solution.u, at_points))
+    quadrature = np.abs(_running_costs(solution, x, u, t) - polynomial)
+    half = 0.5 * d
+    return half[:, None] * np.einsum("g,ngm->nm", share, residual), half * (quadrature @ share)
+
+
+def _running_costs(solution: Solution, x: Array, u: Array, t: Array) -> Array:
+    """L (n, g) at states (n, g, nx), controls (n, g, nu) and times (n, g)."""
+    problem, count = solution.problem, t.size
+    p = np.tile(solution.parameters[:, None], (1, count))
+    mapped = problem.running_cost.map(count)
+    values = mapped(x.reshape(count, problem.nx).T, u.reshape(count, problem.nu).T, t.reshape(1, -1), p)
+    return np.array(values.full()).reshape(t.shape)
+
+
+def _residual_density(solution: Solution, tau: Array, epsilon: float) -> Array:
+    """w = (ε + e_i)^(1 / (k + 1)) / Δτ_i in interval i, e_i half its share of η and half of ηJ; k points of the scheme.
+
+    An error of either kind falls as Δτ_i^(k + 1), so equal shares of w are equal errors.
+    """
+    widths, e = solution.grid.widths, 0.5 * (_shares(local_errors(solution)) + _shares(cost_errors(solution)))
+    mass = (epsilon + e) ** (1.0 / (len(solution.scheme.points) + 1))
+    mass[1:] = np.maximum(mass[1:], _NEIGHBOUR * mass[:-1])
+    mass[:-1] = np.maximum(mass[:-1], _NEIGHBOUR * mass[1:])
+    interval = np.clip(np.searchsorted(solution.grid.nodes, tau, side="right") - 1, 0, len(widths) - 1)
+    w: Array = (mass / widths)[interval]
+    return w
+
+
+def _shares(errors: Array) -> Array:
+    """Of their sum, if there are any."""
+    shares: Array = errors / total if (total := errors.sum()) > 0.0 else errors
+    return shares
+
+
+RESIDUAL = Monitor("residual", _residual_density, None, epsilon=1e-12)
+"""what is left over on the present grid, so a redistribution wants several rounds; only for redistribution"""

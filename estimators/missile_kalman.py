@@ -1,0 +1,187 @@
+"""The extended Kalman filter for a missile whose readings are noisy and on which something unknown acts.
+
+The thesis' state x (B.4) is joined by the disturbance d = (d_F, d_M), a force in the Earth frame [N] and a moment about
+the body's axes [N m], each component a first-order Gauss-Markov process:
+
+    x' = f(x, u + (R' d_F, d_M)),   d' = -d / tau + noise of intensity 2 sigma^2 / tau,   y = x + noise of variance R.
+
+A gust that lasts is such a disturbance, and so is what a wrong mass or thrust makes of the commanded input. The filter
+(filterpy's) carries (x, d) on by Runge-Kutta steps and its covariance by their Jacobian, which CasADi derives; it
+predicts at its period and conditions on each reading at the time of the reading. Differences of angles are wrapped.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import casadi
+import numpy as np
+
+from models.missile.coordinates import STEP, Coordinates
+from models.missile.dynamics import Body, rotation
+from models.missile.mission import MissileMission
+from sim.protocols import Sensor
+from sim.signals import Array, Estimate, Measurement, Status
+
+_SIMULTANEOUS = 1e-9  # [s]
+
+
+@dataclass(frozen=True)
+class MissileKalmanConfig:
+    """Fields of the command line."""
+
+    rate: float | None = None  # [Hz] of the readings; that of the estimates if not given
+    timeout: float = 0.5  # [s] without a reading after which the estimate is lost
+    start_position_std: float = 1.0  # [m] of the start as the mission states it, per axis
+    start_velocity_std: float = 1.0  # [m/s] per axis
+    start_angle_std: float = 0.02  # [rad]
+    start_rate_std: float = 0.02  # [rad/s]
+    force_std: float = 500.0  # [N] sigma of the disturbance on each axis, beside the declared gusts
+    moment_std: float = 30.0  # [N m] sigma, likewise
+    time_constant: float = 5.0  # [s] tau
+    noise_floor: float = 1e-3  # [m, m/s, rad, rad/s] least standard deviation that a reading is trusted with
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not (value is None and name == "rate") and not (math.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+
+
+class MissileKalman:
+    """Noisy readings of a missile's state to its state and to what disturbs it."""
+
+    Config = MissileKalmanConfig
+
+    def __init__(self, config: MissileKalmanConfig, mission: MissileMission) -> None:
+        coordinates = self._coordinates = mission.coordinates
+        self.period = mission.control_period
+        self._timeout, self._input_max = config.timeout, np.array(mission.input_max)
+        self._size = coordinates.state_size
+        self._step = _transition(coordinates, mission.body, config.time_constant)
+        self._input_of = _disturbing_input(coordinates)
+        kinds = {"m": config.start_position_std, "m/s": config.start_velocity_std}
+        kinds |= {"rad": config.start_angle_std, "rad/s": config.start_rate_std}
+        disturbance = np.array(
+            [
+                math.hypot(config.force_std, mission.gust.force)
+                if name.startswith("F")
+                else math.hypot(config.moment_std, mission.gust.moment)
+                for name in coordinates.inputs
+            ]
+        )
+        self._intensity = 2.0 * disturbance**2 / config.time_constant  # (nu,) of the disturbance's noise
+        self._filter = _filter(self._size + len(disturbance), self._size)
+        self._filter.x = np.concatenate([mission.start_state, np.zeros(len(disturbance))])
+        self._filter.P = np.diag([*(kinds[unit] for unit in coordinates.units), *disturbance]) ** 2
+        self._filter.R = np.diag(np.maximum(mission.noise.deviations(coordinates), config.noise_floor) ** 2)
+        self._H = np.eye(self._size, len(self._filter.x))
+        self._t: float | None = None  # [s] of the filter's state; None before the first call
+        self._t_read = -math.inf  # [s] of the last reading
+
+    @staticmethod
+    def build(config: MissileKalmanConfig, mission: MissileMission) -> MissileKalman:
+        return MissileKalman(config, mission)
+
+    @staticmethod
+    def sensors(config: MissileKalmanConfig, mission: MissileMission) -> tuple[Sensor, ...]:
+        """What the missile has to carry for this estimator."""
+        return (mission.full_state_sensor(config.rate),)
+
+    @staticmethod
+    def quality(config: MissileKalmanConfig, mission: MissileMission) -> Array:
+        """The covariance of a reading, which the filter's is below of."""
+        return mission.full_state_covariance(0.0)
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """The estimate; its ``extra["disturbance"]`` (nu,) [N, N m] acts beside the input, along the body's axes."""
+        held = np.clip(command, -self._input_max, self._input_max)
+        for reading in measurements:
+            if reading.name == "full_state":
+                self._predict(reading.t, held)
+                self._condition(reading)
+        self._predict(t, held)
+        x, P = self._filter.x, self._filter.P[: self._size, : self._size]
+        disturbance = np.array(self._input_of(x)).ravel()
+        return Estimate(t, x[: self._size].copy(), 0.5 * (P + P.T), self._status(t), {"disturbance": disturbance})
+
+    def _predict(self, t: float, u: Array) -> None:
+        """From the filter's time to t [s] with the input held."""
+        if self._t is None:
+            self._t = t
+        h = t - self._t
+        if h < -_SIMULTANEOUS:
+            raise ValueError(f"a reading at {t:.6f} s reached a Kalman filter that is at {self._t:.6f} s already")
+        while h > _SIMULTANEOUS:
+            step = min(h, STEP)
+            after, F = self._step(self._filter.x, u, step)
+            self._filter.F = np.array(F)
+            noise = np.zeros(len(self._filter.x))
+            noise[self._size :] = step * self._intensity
+            self._filter.Q = self._filter.F * noise @ self._filter.F.T
+            self._filter.predict(np.array(after).ravel())
+            h -= step
+        self._t = t
+
+    def _condition(self, reading: Measurement) -> None:
+        # Both the state and the reading are flat: filterpy makes a square of a flat one and a column.
+        if reading.value.shape != (self._size,):
+            raise ValueError(f"a reading of the state has shape {reading.value.shape}; allowed: ({self._size},)")
+        self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
+        self._t_read = reading.t
+
+    def _difference(self, reading: Array, expected: Array) -> Array:
+        off: Array = reading - expected
+        angles = self._coordinates.angles
+        off[angles] = (off[angles] + math.pi) % (2.0 * math.pi) - math.pi
+        return off
+
+    def _status(self, t: float) -> Status:
+        if self._t_read == -math.inf:
+            return Status.INITIALISING
+        return Status.OK if t - self._t_read <= self._timeout + _SIMULTANEOUS else Status.LOST
+
+
+def _filter(states: int, readings: int) -> Any:
+    """filterpy's filter, told where the equations of motion lead instead of multiplying by F."""
+    from filterpy.kalman import ExtendedKalmanFilter  # takes .7 s to import
+
+    class Carried(ExtendedKalmanFilter):
+        def predict_x(self, u: Array) -> None:
+            self.x = u
+
+    return Carried(states, readings)
+
+
+@lru_cache(maxsize=8)
+def _disturbing_input(coordinates: Coordinates) -> casadi.Function:
+    """(x, d) -> (R' d_F, d_M) (nu,), along the axes of the body."""
+    z = casadi.SX.sym("z", coordinates.state_size + coordinates.input_size)
+    theta = z[coordinates.index("theta")]
+    psi = z[coordinates.index("psi")] if "psi" in coordinates.states else casadi.SX(0.0)
+    axes = [k for k, name in enumerate(("F_x", "F_y", "F_z")) if name in coordinates.inputs]
+    R = rotation(theta, psi)[axes, axes]
+    d = z[coordinates.state_size :]
+    made = casadi.vertcat(R.T @ d[: len(axes)], d[len(axes) :])
+    return casadi.Function("disturbing_input", [z], [made])
+
+
+@lru_cache(maxsize=8)
+def _transition(coordinates: Coordinates, body: Body, time_constant: float) -> casadi.Function:
+    """((x, d), u, h) -> (x, d) after h [s] by one Runge-Kutta step, and its Jacobian."""
+    nx, nu = coordinates.state_size, coordinates.input_size
+    z, u, h = casadi.SX.sym("z", nx + nu), casadi.SX.sym("u", nu), casadi.SX.sym("h")
+    f, disturbing = coordinates.dynamics(body), _disturbing_input(coordinates)
+
+    def rate(at: casadi.SX) -> casadi.SX:
+        return casadi.vertcat(f(at[:nx], u + disturbing(at)), -at[nx:] / time_constant)
+
+    k1 = rate(z)
+    k2 = rate(z + h / 2.0 * k1)
+    k3 = rate(z + h / 2.0 * k2)
+    k4 = rate(z + h * k3)
+    after = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return casadi.Function("transition", [z, u, h], [after, casadi.jacobian(after, z)])

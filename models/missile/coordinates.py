@@ -1,0 +1,192 @@
+"""The coordinates that a missile flies in: the pitch plane (``PLANAR``), or space (``SPATIAL``).
+
+The *state* x is the thesis' (z down, velocities in the body frame): it is what estimates and plans hold. The *joint
+coordinates* (q, q') are MuJoCo's (z up, velocities in the world frame): they are the truth of the plant.
+``Coordinates`` leads from one to the other and back, moves a state on, and finds the input for an acceleration.
+
+A *place* is a point or vector of the Earth frame (X_e, Y_e, Z_e), always (3,), y_e = 0 in the pitch plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import casadi
+import numpy as np
+
+from models.missile import kernels
+from models.missile.dynamics import (
+    NOMINAL,
+    PITCH_INPUTS,
+    PITCH_STATES,
+    SPATIAL_INPUTS,
+    SPATIAL_STATES,
+    UNITS,
+    Body,
+    pitch_dynamics,
+    spatial_dynamics,
+)
+from sim.signals import Array, Integers, Plan
+
+STEP = 0.005
+"""[s] longest Runge-Kutta step of ``flow``: turning at 2 rad/s it is 1.2e-7 m off after 8 s"""
+
+_JOINTS = ("x", "y", "z", "theta", "psi")
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """Names, sizes and motion of a missile's state.
+
+    Every function takes one state (nx,), or one in each row (n, nx), and float64.
+    """
+
+    name: str
+    states: tuple[str, ...]  # nx names
+    inputs: tuple[str, ...]  # nu names
+    joints: tuple[str, ...]  # nj = nx / 2 names of MuJoCo's joints
+    dynamics: Callable[[Body], casadi.Function]  # f(x, u) -> x'
+
+    @property
+    def state_size(self) -> int:
+        return len(self.states)
+
+    @property
+    def input_size(self) -> int:
+        return len(self.inputs)
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Of the states."""
+        return tuple(UNITS[name] for name in self.states)
+
+    def index(self, name: str) -> int:
+        """Where a state or an input of that name stands."""
+        return (self.states if name in self.states else self.inputs).index(name)
+
+    @cached_property
+    def position(self) -> Integers:
+        """Where x_e, (y_e,) z_e stand in the state."""
+        return np.array([self.index(name) for name in ("x_e", "y_e", "z_e") if name in self.states])
+
+    @cached_property
+    def angles(self) -> Integers:
+        """Where the angles stand in the state: differences of theirs are to be wrapped."""
+        return np.array([k for k, unit in enumerate(self.units) if unit == "rad"])
+
+    def in_space(self, x: Array) -> Array:
+        """The spatial state (..., 10) of a state."""
+        return _spread(x, self._state_places, len(SPATIAL_STATES))
+
+    def input_in_space(self, u: Array) -> Array:
+        """The spatial input (..., 5) of an input."""
+        return _spread(u, self._input_places, len(SPATIAL_INPUTS))
+
+    def place(self, x: Array) -> Array:
+        """(..., 3) [m] Earth frame: where a state is."""
+        return self.in_space(x)[..., 7:]
+
+    def velocity(self, x: Array) -> Array:
+        """(..., 3) [m/s] Earth frame."""
+        joints = self._rows(kernels.to_joints, self.in_space(x))
+        return joints[..., 5:8] * (1.0, -1.0, -1.0)
+
+    def nose(self, x: Array) -> Array:
+        """(..., 3) unit vector of the Earth frame along X_b."""
+        x = self.in_space(x)
+        theta, psi = x[..., 5], x[..., 6]
+        return np.stack([np.cos(theta) * np.cos(psi), np.sin(psi), -np.sin(theta) * np.cos(psi)], axis=-1)
+
+    def from_joints(self, joints: Array) -> Array:
+        """The state (..., nx) of joint coordinates and their rates (..., nx), which is MuJoCo's (qpos, qvel)."""
+        spread = _spread(joints, self._joint_places, 2 * len(_JOINTS))
+        return self._rows(kernels.from_joints, spread)[..., self._state_places]
+
+    def to_joints(self, x: Array) -> Array:
+        """MuJoCo's (qpos, qvel) (..., nx) of a state (..., nx)."""
+        return self._rows(kernels.to_joints, self.in_space(x))[..., self._joint_places]
+
+    def joint_acceleration(self, x: Array, u: Array, body: Body = NOMINAL) -> Array:
+        """q'' (..., nj) of MuJoCo's joints at x (..., nx) under u (..., nu)."""
+        kernel = partial(kernels.joint_accelerations, numbers=body.numbers)
+        made = self._rows(kernel, self.in_space(x), self.input_in_space(u))
+        return made[..., self._half_places]
+
+    def inverse_dynamics(self, x: Array, joint_acceleration: Array, body: Body = NOMINAL) -> Array:
+        """The input (..., nu) under which MuJoCo's joints have q'' (..., nj) at x: the body is fully actuated."""
+        kernel = partial(kernels.inverse_dynamics, numbers=body.numbers)
+        wanted = _spread(joint_acceleration, self._half_places, len(_JOINTS))
+        return self._rows(kernel, self.in_space(x), wanted)[..., self._input_places]
+
+    def rate(self, x: Array, u: Array, body: Body = NOMINAL) -> Array:
+        """x' (..., nx); ``dynamics`` in numpy."""
+        kernel = partial(kernels.rates, numbers=body.numbers)
+        made = self._rows(kernel, self.in_space(x), self.input_in_space(u))
+        return made[..., self._state_places]
+
+    def flow(self, x: Array, u: Array, dt: float, body: Body = NOMINAL) -> Array:
+        """The state (nx,) after the input u (nu,) was held for dt [s] from x (nx,)."""
+        after = kernels.flow(self.in_space(x), self.input_in_space(u), float(dt), body.numbers, STEP)
+        return after[self._state_places]
+
+    def state_at(self, plan: Plan, t: float | Array, body: Body = NOMINAL) -> Array:
+        """The state of a plan at absolute time t [s]: (nx,) for a number, (n, nx) for an array (n,).
+
+        Within an arc the body flies on from the arc's first state. Before the plan starts it is its first state; its
+        last arc goes on after its end.
+        """
+        times = np.atleast_1d(np.asarray(t, dtype=np.float64))
+        x, u = self.in_space(plan.x), self.input_in_space(plan.u)
+        states = kernels.states_on(plan.t.astype(np.float64), x, u, times, body.numbers, STEP)
+        states = states[:, self._state_places]
+        return states if isinstance(t, np.ndarray) else states[0]
+
+    def input_at(self, plan: Plan, t: float) -> Array:
+        """The input (nu,) of a plan from time t [s] on: that of its first arc before, of its last one after."""
+        arc = int(plan.t.searchsorted(t + kernels.SIMULTANEOUS, side="right")) - 1
+        held: Array = plan.u[min(max(arc, 0), len(plan.u) - 1)].copy()
+        return held
+
+    # ---- places among the names of the spatial body
+
+    @cached_property
+    def _state_places(self) -> Integers:
+        return _places(self.states, SPATIAL_STATES)
+
+    @cached_property
+    def _input_places(self) -> Integers:
+        return _places(self.inputs, SPATIAL_INPUTS)
+
+    @cached_property
+    def _half_places(self) -> Integers:
+        return _places(self.joints, _JOINTS)
+
+    @cached_property
+    def _joint_places(self) -> Integers:
+        return np.concatenate([self._half_places, self._half_places + len(_JOINTS)])
+
+    @staticmethod
+    def _rows(kernel: Callable[..., Array], *arrays: Array) -> Array:
+        """A kernel of rows, applied to arrays of one row or of several."""
+        made: Array = kernel(*(np.atleast_2d(array) for array in arrays))
+        return made if arrays[0].ndim > 1 else made[0]
+
+
+def _places(names: tuple[str, ...], among: tuple[str, ...]) -> Integers:
+    return np.array([among.index(name) for name in names])
+
+
+def _spread(values: Array, places: Integers, size: int) -> Array:
+    """Values (..., k) at their places among ``size``, zeros elsewhere."""
+    if values.shape[-1] != len(places):
+        raise ValueError(f"an array has shape {values.shape}; allowed: {len(places)} in its last dimension")
+    spread: Array = np.zeros((*values.shape[:-1], size))
+    spread[..., places] = values
+    return spread
+
+
+PLANAR = Coordinates("planar", PITCH_STATES, PITCH_INPUTS, ("x", "z", "theta"), pitch_dynamics)
+SPATIAL = Coordinates("spatial", SPATIAL_STATES, SPATIAL_INPUTS, _JOINTS, spatial_dynamics)
+COORDINATES = {coordinates.name: coordinates for coordinates in (PLANAR, SPATIAL)}

@@ -1,0 +1,158 @@
+"""The missile's motion, compiled: flow, joint coordinates and inverse dynamics of the spatial body (see ``dynamics``).
+
+A state is x = (u, v, w, q, r, theta, psi, x_e, y_e, z_e), an input (F_x, F_y, F_z, M, N), and (m, I_y, I_x, g) the
+numbers of a ``Body``. MuJoCo's joint coordinates are j = (x, y, z, theta, psi) and their rates, in its world frame with
+z up: x = x_e, y = -y_e, z = -z_e. Arrays hold a state in each row. The pitch plane is the part of space in which v, r,
+psi, y_e, F_y and N are zero, and is computed there.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from sim.signals import Array
+
+Numbers = tuple[float, float, float, float]
+
+SIMULTANEOUS = 1e-9
+"""[s] two times closer than this are the same"""
+
+
+@njit(cache=True, nogil=True)
+def rotation(theta: float, psi: float) -> Array:
+    """R = R_y(theta) R_z(psi) (3, 3), from the body frame to the Earth frame."""
+    s, c, sin, cos = math.sin(theta), math.cos(theta), math.sin(psi), math.cos(psi)
+    return np.array(((c * cos, -c * sin, s), (sin, cos, 0.0), (-s * cos, s * sin, c)))
+
+
+@njit(cache=True, nogil=True)
+def _rate(x: Array, u: Array, numbers: Numbers, out: Array) -> None:
+    """x' into ``out`` (10,)."""
+    m, I_y, I_x, g = numbers
+    q, r, theta, psi = x[3], x[4], x[5], x[6]
+    sin, cos = math.sin(psi), math.cos(psi)
+    theta_dot = q / cos
+    p = theta_dot * sin
+    R = rotation(theta, psi)
+    A = I_x * sin * sin + I_y * cos * cos
+    A_psi = 2.0 * (I_x - I_y) * sin * cos
+    out[0] = u[0] / m - q * x[2] + r * x[1] + g * R[2, 0]
+    out[1] = u[1] / m - r * x[0] + p * x[2] + g * R[2, 1]
+    out[2] = u[2] / m - p * x[1] + q * x[0] + g * R[2, 2]
+    out[3] = cos * (u[3] * cos - A_psi * r * theta_dot) / A - r * theta_dot * sin
+    out[4] = (u[4] + 0.5 * A_psi * theta_dot * theta_dot) / I_y
+    out[5] = theta_dot
+    out[6] = r
+    for i in range(3):
+        out[7 + i] = R[i, 0] * x[0] + R[i, 1] * x[1] + R[i, 2] * x[2]
+
+
+@njit(cache=True, nogil=True)
+def rates(x: Array, u: Array, numbers: Numbers) -> Array:
+    """x' (n, 10) at states (n, 10) and inputs (n, 5)."""
+    out = np.empty_like(x)
+    for k in range(len(x)):
+        _rate(x[k], u[k], numbers, out[k])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def flow(x: Array, u: Array, dt: float, numbers: Numbers, step: float) -> Array:
+    """The state (10,) after the input (5,) was held for dt [s]: Runge-Kutta steps of at most ``step`` [s]."""
+    now = x.copy()
+    count = max(1, math.ceil(abs(dt) / step - SIMULTANEOUS))
+    h = dt / count
+    k1, k2, k3, k4 = np.empty(10), np.empty(10), np.empty(10), np.empty(10)
+    for _ in range(count):
+        _rate(now, u, numbers, k1)
+        _rate(now + 0.5 * h * k1, u, numbers, k2)
+        _rate(now + 0.5 * h * k2, u, numbers, k3)
+        _rate(now + h * k3, u, numbers, k4)
+        now += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return now
+
+
+@njit(cache=True, nogil=True)
+def states_on(t: Array, x: Array, u: Array, times: Array, numbers: Numbers, step: float) -> Array:
+    """The states (m, 10) at ``times`` (m,) of arcs that start at t (K + 1,) from x (K + 1, 10) with inputs u (K, 5).
+
+    Before the first arc it is its first state; the last arc goes on after its end.
+    """
+    out = np.empty((len(times), 10))
+    for k in range(len(times)):
+        arc = min(np.searchsorted(t, times[k] + SIMULTANEOUS, side="right") - 1, len(u) - 1)
+        if arc < 0:
+            out[k] = x[0]
+        else:
+            out[k] = flow(x[arc], u[arc], times[k] - t[arc], numbers, step)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def to_joints(x: Array) -> Array:
+    """Joint coordinates and rates (n, 10) of states (n, 10)."""
+    out = np.empty_like(x)
+    for k in range(len(x)):
+        u, v, w, q, r, theta, psi = x[k, :7]
+        R = rotation(theta, psi)
+        out[k, :5] = (x[k, 7], -x[k, 8], -x[k, 9], theta, psi)
+        for i, sign in ((0, 1.0), (1, -1.0), (2, -1.0)):
+            out[k, 5 + i] = sign * (R[i, 0] * u + R[i, 1] * v + R[i, 2] * w)
+        out[k, 8:] = (q / math.cos(psi), r)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def from_joints(j: Array) -> Array:
+    """States (n, 10) of joint coordinates and rates (n, 10)."""
+    out = np.empty_like(j)
+    for k in range(len(j)):
+        theta, psi = j[k, 3], j[k, 4]
+        R = rotation(theta, psi)
+        for i in range(3):
+            out[k, i] = R[0, i] * j[k, 5] - R[1, i] * j[k, 6] - R[2, i] * j[k, 7]
+        out[k, 3:7] = (j[k, 8] * math.cos(psi), j[k, 9], theta, psi)
+        out[k, 7:] = (j[k, 0], -j[k, 1], -j[k, 2])
+    return out
+
+
+@njit(cache=True, nogil=True)
+def joint_accelerations(x: Array, u: Array, numbers: Numbers) -> Array:
+    """(x'', y'', z'', theta'', psi'') (n, 5) at states (n, 10) under inputs (n, 5)."""
+    m, I_y, I_x, g = numbers
+    out = np.empty((len(x), 5))
+    for k in range(len(x)):
+        r, theta, psi = x[k, 4], x[k, 5], x[k, 6]
+        sin, cos = math.sin(psi), math.cos(psi)
+        theta_dot = x[k, 3] / cos
+        R = rotation(theta, psi)
+        A = I_x * sin * sin + I_y * cos * cos
+        A_psi = 2.0 * (I_x - I_y) * sin * cos
+        for i, sign in ((0, 1.0), (1, -1.0), (2, -1.0)):
+            out[k, i] = sign * (R[i, 0] * u[k, 0] + R[i, 1] * u[k, 1] + R[i, 2] * u[k, 2]) / m
+        out[k, 2] -= g
+        out[k, 3] = (u[k, 3] * cos - A_psi * r * theta_dot) / A
+        out[k, 4] = (u[k, 4] + 0.5 * A_psi * theta_dot * theta_dot) / I_y
+    return out
+
+
+@njit(cache=True, nogil=True)
+def inverse_dynamics(x: Array, a: Array, numbers: Numbers) -> Array:
+    """The inputs (n, 5) that give the joint accelerations a (n, 5) at states (n, 10)."""
+    m, I_y, I_x, g = numbers
+    out = np.empty((len(x), 5))
+    for k in range(len(x)):
+        r, theta, psi = x[k, 4], x[k, 5], x[k, 6]
+        sin, cos = math.sin(psi), math.cos(psi)
+        theta_dot = x[k, 3] / cos
+        R = rotation(theta, psi)
+        A = I_x * sin * sin + I_y * cos * cos
+        A_psi = 2.0 * (I_x - I_y) * sin * cos
+        for i in range(3):
+            out[k, i] = m * (R[0, i] * a[k, 0] - R[1, i] * a[k, 1] - R[2, i] * (a[k, 2] + g))
+        out[k, 3] = (A * a[k, 3] + A_psi * r * theta_dot) / cos
+        out[k, 4] = I_y * a[k, 4] - 0.5 * A_psi * theta_dot * theta_dot
+    return out

@@ -1,0 +1,150 @@
+"""The task of a missile: reach a target, which may move, under a terminal aspect angle (thesis B.4).
+
+A mission is what everybody may know: the problem to optimise, the declared body, the limits of the thrusters, the
+quality of the sensors. It holds no truth of a run.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from models.missile.coordinates import PLANAR, Coordinates
+from models.missile.dynamics import NOMINAL, TICK, Body
+from models.missile.sensors import FullStateSensor, StateNoise
+from sim.signals import Array
+
+Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A trajectory optimisation problem of the missile: J = int_0^T L dt with the final time T free and
+
+        L = 1 + a_x (F_x / m g)^2 + a_z (F_z / m g)^2 + b (M / I)^2 + k (w / u)^2.
+
+    In space F_z^2 stands for F_y^2 + F_z^2, M^2 for M^2 + N^2 and w^2 for v^2 + w^2.
+    """
+
+    name: str
+    speed: float  # [m/s] V_0 at the start
+    a_x: float
+    a_z: float
+    b: float  # [s^4]
+    k: float
+
+    def running_cost(self, coordinates: Coordinates, x: Array, u: Array, body: Body = NOMINAL) -> Array:
+        """L (...,) at states (..., nx) and inputs (..., nu)."""
+        x, u = coordinates.in_space(x), coordinates.input_in_space(u)
+        weight = body.mass * body.gravity
+        force, moment = u[..., :3] / weight, u[..., 3:] / body.inertia
+        lateral = np.square(force[..., 1]) + np.square(force[..., 2])
+        drift = (np.square(x[..., 1]) + np.square(x[..., 2])) / np.square(x[..., 0])
+        cost: Array = (
+            1.0
+            + self.a_x * np.square(force[..., 0])
+            + self.a_z * lateral
+            + self.b * np.square(moment).sum(axis=-1)
+            + self.k * drift
+        )
+        return cost
+
+
+CASES = {
+    case.name: case
+    for case in (
+        Case("SM", 120.0, 1.0, 0.05, 0.1, 20.0),
+        Case("SM2", 120.0, 0.2, 0.05, 0.1, 20.0),
+        Case("SM3", 120.0, 0.1, 0.05, 0.1, 20.0),
+        Case("FAST", 200.0, 1.0, 0.01, 0.02, 100.0),
+    )
+}
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a target is at time ``t``, and how it moves from then on as far as is known."""
+
+    place: Place  # [m] Earth frame
+    velocity: Place = (0.0, 0.0, 0.0)  # [m/s] Earth frame
+    t: float = 0.0  # [s]
+
+    def at(self, t: float) -> Array:
+        """(3,) [m] Earth frame at time t [s]."""
+        return np.array(self.place) + (t - self.t) * np.array(self.velocity)
+
+
+@dataclass(frozen=True)
+class GustStrength:
+    """Gauss-Markov force and moment on each axis, their vectors clipped to a length."""
+
+    force: float = 0.0  # [N] rms, before clipping
+    moment: float = 0.0  # [N m] rms, before clipping
+    time_constant: float = 1.0  # [s]
+    force_limit: float = 2000.0  # [N]
+    moment_limit: float = 200.0  # [N m]
+
+
+@dataclass(frozen=True)
+class MissileMission:
+    """From ``start`` at t = 0 to ``target``, there with nose and velocity at ``aspect_angle`` and psi = 0."""
+
+    start: tuple[float, ...]  # (nx,) the thesis' state
+    target: Target  # as it is known at the start
+    case: Case
+    coordinates: Coordinates = PLANAR
+    aspect_angle: float = -0.5 * math.pi  # [rad] theta at the target
+    input_max: tuple[float, ...] = ()  # (nu,) on the magnitude of each input; none: unlimited
+    body: Body = NOMINAL  # as it is declared; the true one may differ
+    noise: StateNoise = field(default_factory=StateNoise)
+    gust: GustStrength = field(default_factory=GustStrength)
+    control_period: float = 4 * TICK  # [s] of estimator and tracker
+
+    def __post_init__(self) -> None:
+        sizes = {"start": self.coordinates.state_size, "input_max": self.coordinates.input_size}
+        for name, size in sizes.items():
+            given = getattr(self, name)
+            if len(given) != size and not (name == "input_max" and not given):
+                raise ValueError(f"{name} has {len(given)} numbers; allowed: {size} in {self.coordinates.name} flight")
+        if not self.input_max:
+            object.__setattr__(self, "input_max", (math.inf,) * self.coordinates.input_size)
+
+    @property
+    def start_state(self) -> Array:
+        """(nx,) the state at t = 0."""
+        return np.array(self.start)
+
+    @property
+    def final_direction(self) -> Array:
+        """(3,) unit vector of the Earth frame along which the nose and the velocity shall point at the target."""
+        return np.array([math.cos(self.aspect_angle), 0.0, -math.sin(self.aspect_angle)])
+
+    # ---- what an estimator needs to know of the vehicle, of any kind of mission
+
+    def flow(self, x: Array, u: Array, dt: float) -> Array:
+        """The state (nx,) after the input u (nu,) was held for dt [s] from x (nx,), as far as it is declared."""
+        return self.coordinates.flow(x, np.clip(u, -np.array(self.input_max), self.input_max), dt, self.body)
+
+    def full_state_sensor(self, rate: float | None) -> FullStateSensor:
+        """Reads the whole state ``rate`` times a second, or whenever the loop looks."""
+        return FullStateSensor(self.coordinates, self.noise, rate)
+
+    def full_state_covariance(self, age: float) -> Array:
+        """(nx, nx) of a reading that was carried on for ``age`` [s]; a gust that stays as it is bounds every other."""
+        kick = {  # rates of the velocities that a gust gives
+            **dict.fromkeys(("u", "v", "w"), self.gust.force / self.body.mass),
+            **dict.fromkeys(("q", "r"), self.gust.moment / self.body.inertia),
+        }
+        drift = {
+            **dict.fromkeys(("x_e", "y_e", "z_e"), kick["u"]),
+            **dict.fromkeys(("theta", "psi"), kick["q"]),
+        }
+        off = [kick[name] * age if name in kick else drift[name] * 0.5 * age * age for name in self.coordinates.states]
+        return np.diag(self.noise.deviations(self.coordinates) ** 2 + np.square(off))
+
+    def full_state_quality(self) -> Any:
+        """The covariance of a reading: nothing is certified from it."""
+        return self.full_state_covariance(0.0)

@@ -1,0 +1,55 @@
+"""Sensors of the missile: from its true motion, in MuJoCo's joint coordinates, to readings of the thesis' state."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.missile.coordinates import Coordinates
+from sim.protocols import Motion
+from sim.signals import Array
+
+
+@dataclass(frozen=True)
+class StateNoise:
+    """Standard deviations of a full-state reading, independent on each axis and from reading to reading."""
+
+    position: float = 0.0  # [m]
+    velocity: float = 0.0  # [m/s] on the axes of the body frame
+    angle: float = 0.0  # [rad]
+    rate: float = 0.0  # [rad/s]
+
+    def __post_init__(self) -> None:
+        for name in ("position", "velocity", "angle", "rate"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"full_state sensor: {name} = {value!r}; allowed: a finite value >= 0")
+
+    def deviations(self, coordinates: Coordinates) -> Array:
+        """(nx,) of the components of the state, in their units."""
+        by_unit = {"m": self.position, "m/s": self.velocity, "rad": self.angle, "rad/s": self.rate}
+        return np.array([by_unit[unit] for unit in coordinates.units])
+
+
+@dataclass(frozen=True)
+class FullStateSensor:
+    """The thesis' state (nx,) with Gaussian noise."""
+
+    coordinates: Coordinates
+    noise: StateNoise = StateNoise()
+    rate: float | None = None  # [Hz]; None: whenever the loop looks
+    name: str = "full_state"
+
+    @property
+    def size(self) -> int:
+        return self.coordinates.state_size
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+        x = self.coordinates.from_joints(motion.x)
+        deviations = self.noise.deviations(self.coordinates)
+        if not deviations.any():
+            return x
+        off: Array = deviations * rng.standard_normal(len(x))
+        return x + off

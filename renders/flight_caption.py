@@ -1,0 +1,61 @@
+"""What is written on a picture of a flight."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renders.caption import Label, Words, pace
+from renders.film import Frame
+from renders.palette import Part
+from renders.run_data import RunData
+from renders.run_log import last_at
+from renders.storyboard import EXAGGERATION, notices
+from sim.signals import Phase
+
+LEGEND = (Part.FLOWN, Part.OPTIMISED, Part.MANOEUVRE, Part.COMPLETION, Part.RADAR)
+PHASES = {
+    Phase.OPTIMISED: "flying the optimised plan",
+    Phase.MANOEUVRE: "flying the safety manoeuvre",
+    Phase.HOVER: "hovering",
+    Phase.CLIMB: "completion path: climb",
+    Phase.CRUISE: "completion path: cruise",
+    Phase.DESCENT: "completion path: descent",
+}
+
+
+def phase_name(run: RunData, t: float) -> str:
+    """What the plan being flown is doing at ``t`` [s]."""
+    plan = run.plan(t)
+    if plan is None:
+        return "no plan yet"
+    if t >= plan.t_end:
+        return "at rest"
+    k = int(np.clip(last_at(plan.t, t), 0, len(plan.phase) - 1))
+    return PHASES[Phase(int(plan.phase[k]))]
+
+
+def words(run: RunData, frame: Frame, labels: list[tuple[str, float, float]]) -> Words:
+    """The words of a frame, with ``labels`` (text, column, row) beside places."""
+    i = run.index(frame.t)
+    ground, speed = run.above_ground[i], float(np.linalg.norm(run.x[i, 3:]))
+    title = [f"mathnavi · {run.config['scenario']} · {run.terrain.name} · seed {run.config['seed']}"]
+    if frame.camera != "chase":
+        title.append(f"vehicle and heights not to scale: heights × {EXAGGERATION}")
+    return Words(
+        title=title,
+        numbers=(
+            ("TIME", f"{frame.t:.1f} s", pace(frame, run.duration)),
+            ("SPEED", f"{speed:.0f} m/s", f"bound {run.mission.speed_max:.0f} m/s"),
+            (
+                "ABOVE GROUND",
+                f"{ground:.0f} m" if np.isfinite(ground) else "off the map",
+                f"at least {run.mission.clearance_min:.0f} m",
+            ),
+        ),
+        state=phase_name(run, frame.t),
+        legend=[part for part in LEGEND if part is not Part.RADAR or run.mission.radars],
+        notice=frame.notice,
+        share=frame.t / run.duration,
+        moments=[t / run.duration for t, _ in notices(run)],
+        labels=[Label(*label) for label in labels],
+    )

@@ -1,0 +1,111 @@
+"""A flight on one page: the overview as a picture where OpenGL is at hand, and the terrain that can be turned."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.terrain.visibility import Radar
+from renders import figures, page
+from renders.page import Markup, quantity
+from renders.palette import COLOURS, Part, hexadecimal
+from renders.report import again, events_card, rest, still_block, summary_cards
+from renders.run_data import RunData, plan_arcs
+from renders.storyboard import EXAGGERATION
+from renders.terrain_view import Track, script, terrain_view
+
+PLAN_STEP = 0.5  # [s] between the points of a plan that is drawn
+
+
+def report(run: RunData) -> Markup:
+    """The report's HTML."""
+    return page.document(
+        run.title,
+        *_headline(run),
+        _terrain(run),
+        _overview(run),
+        page.section("Summary", summary_cards(run.summary)),
+        page.section("The flight", *_figures(run)),
+        page.section("Events", events_card(run.events)),
+        page.section("Do it again", *again(run.directory, run.config)),
+        page.footer(rest(run.summary)),
+        script=script(),
+    )
+
+
+def _headline(run: RunData) -> tuple[Markup, Markup]:
+    summary, mission = run.summary, run.mission
+    arrived, clearance = bool(summary.get("arrived")), summary.get("min_clearance_m")
+    safe = clearance is not None and clearance >= mission.clearance_min and not summary.get("ground_contacts")
+    verdict = ("arrived" if arrived else "did not arrive") + (
+        f", never below {mission.clearance_min:g} m over the ground" if safe else ", and came too close to the ground"
+    )
+    shown = {key: quantity(key, summary.get(key)) for key in ("deadline_s", "min_clearance_m", "radar_exposure_s")}
+    tiles = {
+        "arrival": quantity("arrival_time_s", summary.get("arrival_time_s") if arrived else None),
+        "deadline": shown["deadline_s"],
+        f"least clearance (allowed {mission.clearance_min:g} m)": shown["min_clearance_m"],
+        "path flown": f"{run.travelled[-1] / 1e3:.2f} km",
+        "radar exposure": shown["radar_exposure_s"],
+    }
+    return page.heading(run.title, f"The vehicle {verdict}.", arrived and safe), page.tiles(tiles)
+
+
+def _terrain(run: RunData) -> Markup:
+    mission, ground = run.mission, run.terrain
+    tracks = [Track(Part.FLOWN.value, run.x[:, :3], hexadecimal(COLOURS[Part.FLOWN]))]
+    if run.plans:
+        first = run.plans[0]
+        arcs = [points for _, points in plan_arcs(first, first.t_start, PLAN_STEP)]
+        colour = hexadecimal(COLOURS[Part.COMPLETION])
+        tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
+    places = {Part.START.value: mission.start, Part.TARGET.value: mission.target}
+    antennas = [Radar(site.x, site.y, site.radius, site.weight) for site in mission.radars]
+    radars = [(*antenna.position(ground).tolist(), antenna.radius) for antenna in antennas]
+    return terrain_view(ground, tracks, places, radars)
+
+
+def _overview(run: RunData) -> Markup:
+    return still_block(
+        run.directory,
+        "overview",
+        run.duration,
+        f"The whole map of {run.terrain.name} seen from the south, with the path flown from start to target.",
+        f"The end of the flight. Heights are drawn {EXAGGERATION} times as tall as they are, the vehicle far larger.",
+    )
+
+
+def _figures(run: RunData) -> list[Markup]:
+    least = quantity("min_clearance_m", run.summary.get("min_clearance_m"))
+    drawn = [
+        (
+            "map",
+            figures.map_figure(run),
+            f"Hill-shaded map of {run.terrain.name} with the path, radars, start and target.",
+        ),
+        (
+            "profile",
+            figures.profile_figure(run),
+            f"Height of the path and of the ground along it; the least clearance is {least}, on the exact triangles. "
+            "The clearance has a log scale.",
+        ),
+        ("motion", figures.motion_figure(run), "Speed and commanded acceleration over time with their bounds."),
+    ]
+    if run.plans:
+        drawn.append(
+            (
+                "cost",
+                figures.cost_figure(run.plans, run.adopted, run.duration),
+                "Composite cost of the plan being flown, over time.",
+            )
+        )
+    if run.summary.get("solve_ms_mean") is not None:
+        drawn.append(("solve", figures.solve_figure(run.summary), "Thread CPU time of one optimisation."))
+    if run.events:
+        drawn.append(
+            (
+                "events",
+                figures.events_figure(run.events, run.duration),
+                "The times at which each kind of event happened.",
+            )
+        )
+    return [page.figure_block(figure, name, alt) for name, figure, alt in drawn]

@@ -1,0 +1,48 @@
+"""What is written on a picture of a missile."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from renders.caption import Label, Words, pace
+from renders.film import Frame
+from renders.missile.run_data import MissileRun
+from renders.missile.storyboard import notices, verdict
+from renders.palette import Part
+
+LEGEND = (Part.FLOWN, Part.PLAN, Part.TARGET, Part.FORCE)
+
+
+def words(run: MissileRun, frame: Frame, labels: Sequence[Label]) -> Words:
+    """The words of a frame, with ``labels`` beside places."""
+    i = run.index(frame.t)
+    x = run.coordinates.in_space(run.x[i])
+    case, config = run.log.config["mission"]["case"]["name"], run.log.config
+    title = [f"mathnavi · {config['scenario']} · {case} · seed {config['seed']}"]
+    if frame.camera == "side":
+        title.append("missile and target not to scale")
+    moves = any(any(leg.velocity) for leg in run.target.legs)
+    return Words(
+        title=title,
+        numbers=(
+            ("TIME", f"{frame.t:.2f} s", pace(frame, run.duration)),
+            ("SPEED", f"{run.speed[i]:.0f} m/s", f"nose {round(math.degrees(x[5])):+d}°"),
+            ("HEIGHT", f"{max(run.path[i, 2], 0.0):.1f} m", f"attack {math.degrees(run.attack[i]):.1f}°"),
+        ),
+        state=_state(run, frame.t),
+        legend=[*LEGEND, *([Part.VELOCITY] if moves else [])],
+        notice=frame.notice,
+        share=frame.t / run.duration,
+        moments=[t / run.duration for t, _ in notices(run)],
+        labels=labels,
+    )
+
+
+def _state(run: MissileRun, t: float) -> str:
+    if t >= run.approach.t:
+        return verdict(run)
+    plan = run.plan(t)
+    if plan is None:
+        return "no plan yet"
+    return f"{max(plan.t_end - t, 0.0):.1f} s to the target"

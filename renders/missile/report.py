@@ -1,0 +1,88 @@
+"""A missile's run on one page: how it ended, its path and time histories, two pictures of the scene."""
+
+from __future__ import annotations
+
+import math
+
+from renders import page
+from renders.figures import cost_figure, events_figure, solve_figure
+from renders.missile import figures
+from renders.missile.run_data import MissileRun
+from renders.missile.storyboard import highlight, verdict
+from renders.page import Markup, quantity
+from renders.report import again, events_card, rest, still_block, summary_cards
+
+
+def report(run: MissileRun) -> Markup:
+    """The report's HTML."""
+    case = run.log.config["mission"]["case"]["name"]
+    title = f"{run.log.config['scenario']}, case {case}, seed {run.log.config['seed']}"
+    return page.document(
+        title,
+        *_headline(run, title),
+        page.section("The path", page.figure_block(figures.path_figure(run), "path", _path_words(run))),
+        *_pictures(run),
+        page.section("Summary", summary_cards(run.log.summary)),
+        page.section("The flight", *_figures(run)),
+        page.section("Events", events_card(run.log.events)),
+        page.section("Do it again", *again(run.directory, run.log.config)),
+        page.footer(rest(run.log.summary)),
+    )
+
+
+def _headline(run: MissileRun, title: str) -> tuple[Markup, Markup]:
+    summary, mission = run.log.summary, run.log.config["mission"]
+    aspect, allowed = summary.get("aspect_error_deg"), float(mission["aspect_allowed"])
+    hit = run.approach.miss <= run.miss_allowed
+    good = hit and aspect is not None and aspect <= allowed
+    turned = f"its nose {quantity('aspect_error_deg', aspect)} off {math.degrees(run.aspect_angle):g} deg"
+    tiles = {
+        f"miss (allowed {run.miss_allowed:g} m)": quantity("miss_m", run.approach.miss),
+        f"aspect angle error (allowed {allowed:g} deg)": quantity("aspect_error_deg", aspect),
+        "impact speed": quantity("impact_speed_m_s", summary.get("impact_speed_m_s")),
+        f"flight (planned {quantity('planned_time_s', summary.get('planned_time_s'))})": quantity(
+            "impact_time_s", summary.get("impact_time_s")
+        ),
+        f"cost (planned {page.number(summary.get('planned_cost'))})": page.number(summary.get("cost")),
+    }
+    return page.heading(title, f"The missile {verdict(run)}, {turned}.", good), page.tiles(tiles)
+
+
+def _path_words(run: MissileRun) -> str:
+    words = "The path flown, a quarter of a second of its velocity at dots of equal times, and the first plan."
+    moves = any(any(leg.velocity) for leg in run.target.legs)
+    return f"{words} The target moves; the plan is made again on the way." if moves else words
+
+
+def _pictures(run: MissileRun) -> list[Markup]:
+    dive = sum(highlight(run)) / 2.0
+    return [
+        still_block(
+            run.directory, "side", dive, f"The missile {dive:.1f} s after its start, seen from the side.",
+            "From the side, 100 m from line to line on the ground; missile and target are drawn larger than they are.",
+        ),
+        still_block(
+            run.directory, "chase", dive, f"The missile {dive:.1f} s after its start, seen from beside it.",
+            "The same moment from beside the missile, to scale; gas leaves on the side from which the thrusters push.",
+        ),
+    ]  # fmt: skip
+
+
+def _figures(run: MissileRun) -> list[Markup]:
+    log = run.log
+    end = f"The last second: the missile passes {quantity('miss_m', run.approach.miss)} from the target's middle."
+    drawn = [
+        ("approach", figures.approach_figure(run), end),
+        ("states", figures.states_figure(run), "Velocities along the body's axes, rates and angles, and the plan's."),
+        ("inputs", figures.inputs_figure(run), "Forces and moments of the thrusters, the plan's, and their limits."),
+        ("angles", figures.angles_figure(run), "Speed, angle of attack and the distance from the plan being flown."),
+    ]
+    if log.plans:
+        cost = cost_figure(log.plans, log.adopted, run.duration)
+        drawn.append(("cost", cost, "The objective of the plan being flown, from its start to the target, over time."))
+    if log.summary.get("solve_ms_mean") is not None:
+        drawn.append(("solve", solve_figure(log.summary), "Thread CPU time of one optimisation."))
+    if log.events:
+        events = events_figure(log.events, run.duration)
+        drawn.append(("events", events, "The times at which each kind of event happened."))
+    return [page.figure_block(figure, name, alt) for name, figure, alt in drawn]

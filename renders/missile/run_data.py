@@ -1,0 +1,158 @@
+"""A finished missile run as pictures need it: path, plans and target in the world's frame (x ahead, y left, z up)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from models.missile.coordinates import COORDINATES, Coordinates
+from models.missile.dynamics import NOMINAL
+from models.missile.mission import Target
+from models.missile.target import TargetMotion
+from renders.run_log import RunLog, last_at, read_log
+from sim.missile_metrics import Approach, attack_angles, closest_approach
+from sim.signals import Array, Plan
+
+TO_WORLD = np.array([1.0, -1.0, -1.0])  # from the Earth frame, whose z is down, and back
+
+
+def _world(place: Array) -> Array:
+    turned: Array = place * TO_WORLD
+    return turned
+
+
+@dataclass(frozen=True, eq=False)
+class MissileRun:
+    """The run of one missile."""
+
+    log: RunLog
+    coordinates: Coordinates
+    target: TargetMotion
+    aspect_angle: float  # [rad]
+    input_max: Array  # (nu,)
+    miss_allowed: float  # [m]
+    weight: float  # [N] m g, the unit of forces
+
+    @property
+    def directory(self) -> Path:
+        return self.log.directory
+
+    @property
+    def t(self) -> Array:
+        """(n,) [s]."""
+        return self.log.t
+
+    @property
+    def duration(self) -> float:
+        """[s] of flight."""
+        return float(self.log.t[-1])
+
+    @cached_property
+    def x(self) -> Array:
+        """(n, nx) the true state, as the thesis has it."""
+        return self.coordinates.from_joints(self.log.x)
+
+    @cached_property
+    def path(self) -> Array:
+        """(n, 3) [m] world frame."""
+        return _world(self.coordinates.place(self.x))
+
+    @cached_property
+    def u(self) -> Array:
+        """(n, nu) what the thrusters were asked for, within their limits."""
+        return np.clip(self.log.u, -self.input_max, self.input_max)
+
+    @cached_property
+    def attack(self) -> Array:
+        """(n,) [rad] between nose and velocity."""
+        return attack_angles(self.x, self.coordinates)
+
+    @cached_property
+    def speed(self) -> Array:
+        """(n,) [m/s]."""
+        speed: Array = np.linalg.norm(self.coordinates.velocity(self.x), axis=1)
+        return speed
+
+    @cached_property
+    def reference(self) -> Array:
+        """(n, nx) the state of the plan being flown; NaN before the first."""
+        out = np.full_like(self.x, np.nan)
+        flown = np.array([last_at(self.log.adopted, float(t)) for t in self.t])
+        for k, plan in enumerate(self.log.plans):
+            out[flown == k] = self.coordinates.state_at(plan, self.t[flown == k])
+        return out
+
+    @cached_property
+    def approach(self) -> Approach:
+        """Where it came nearest to the target."""
+        return closest_approach(self.t, self.log.x, self.coordinates, self.target)
+
+    def index(self, t: float) -> int:
+        """The last look at or before ``t`` [s]."""
+        return max(last_at(self.t, t), 0)
+
+    def joints(self, t: float) -> Array:
+        """(nx,) MuJoCo's joint coordinates and rates at ``t`` [s], linear between looks."""
+        i = min(self.index(t), len(self.t) - 2)
+        share = float(np.clip((t - self.t[i]) / (self.t[i + 1] - self.t[i]), 0.0, 1.0))
+        between: Array = (1.0 - share) * self.log.x[i] + share * self.log.x[i + 1]
+        return between
+
+    def plan(self, t: float) -> Plan | None:
+        """The plan being flown at ``t`` [s]; None before the first."""
+        i = last_at(self.log.adopted, t)
+        return self.log.plans[i] if i >= 0 else None
+
+    def plan_ahead(self, t: float, points: int) -> Array:
+        """(points, 3) [m] world frame: what is left of the plan being flown at ``t`` [s]; (0, 3) if nothing is.
+
+        The points are the denser the nearer they are.
+        """
+        plan = self.plan(t)
+        if plan is None or t >= plan.t_end:
+            return np.empty((0, 3))
+        times = t + (plan.t_end - t) * np.linspace(0.0, 1.0, points) ** 1.7
+        states = self.coordinates.state_at(plan, times)
+        return _world(self.coordinates.place(states))
+
+    def target_at(self, t: float) -> Array:
+        """(3,) [m] world frame."""
+        return _world(self.target.at(t))
+
+    def target_velocity(self, t: float) -> Array:
+        """(3,) [m/s] world frame."""
+        return _world(self.target.velocity(t))
+
+
+def load_run(directory: str | Path) -> MissileRun:
+    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    log = read_log(directory)
+    try:
+        run = _described(log, log.config["mission"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{str(log.directory / 'config.json')!r} does not describe a missile: {error!r}") from None
+    sizes = run.coordinates.state_size, run.coordinates.input_size
+    if (log.x.shape[1], log.u.shape[1]) != sizes:
+        raise ValueError(
+            f"{str(log.directory / 'log.npz')!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of "
+            f"{run.coordinates.name} flight, (n, {sizes[0]}) and (n, {sizes[1]})"
+        )
+    return run
+
+
+def _described(log: RunLog, mission: Mapping[str, Any]) -> MissileRun:
+    legs = tuple(Target(tuple(leg["place"]), tuple(leg["velocity"]), float(leg["t"])) for leg in mission["target"])
+    return MissileRun(
+        log,
+        COORDINATES[mission["dimension"]],
+        TargetMotion(legs),
+        float(mission["aspect_angle"]),
+        np.array(mission["input_max"], dtype=float),
+        float(mission["miss_allowed"]),
+        NOMINAL.mass * NOMINAL.gravity,
+    )

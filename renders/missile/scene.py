@@ -1,0 +1,308 @@
+"""A missile's run drawn by MuJoCo: the missile with its plumes, the path flown, the plan ahead, the target.
+
+The model is the one that was flown, with a sky, a light and a ground to look at. From the side the whole path is in the
+picture, and the missile, the target and the force are drawn larger than they are.
+
+Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+"""
+
+from __future__ import annotations
+
+import math
+from types import TracebackType
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from models.missile.entity import build_spec
+from renders.caption import Label
+from renders.missile.ground import PIXELS, TILE, ground_picture
+from renders.missile.run_data import TO_WORLD, MissileRun
+from renders.palette import COLOURS, Part, Picture
+from renders.stage import HORIZON, NADIR, Optics, Stage, View
+from sim.signals import Array
+
+GROUND, DRAWN = 1, 2  # geom groups
+EXTENT = 500.0  # [m]
+OPTICS = {"chase": Optics(40.0, 1e-3, 40.0), "side": Optics(22.0, 0.05, 60.0), "target": Optics(48.0, 1e-3, 40.0)}
+SPAN = 3.81  # [m] of the missile
+SIDE_SPAN = 0.11  # of the picture's height: the missile as it is drawn from the side
+SIDE_BOX = (0.07, 0.93, 0.13, 0.60)  # left, right, top and bottom of what the path takes of the picture
+SIDE_ELEVATION = -5.0  # [degrees]
+CHASE_DISTANCE = 11.5  # [m]
+ARROW = {"chase": 4.2, "side": 9.0, "target": 6.0}  # [m], in the side view in spans of the missile: the largest force
+PLUME = 0.8  # [m] at a thrust of m g; it grows with the square root
+LONGEST_PLUME = 3.2  # [m]
+NOSE, TAIL = 1.1, -1.85  # [m] along X_b: where plumes leave
+PLAN_POINTS = 90
+MINUTE = {"chase": 3.0, "side": 3.2, "target": 3.4}  # [pixels] width of lines at a picture 720 pixels high
+RULER = 50.0  # [m] of height between the lines in the side view
+FLAME, CORE = (1.0, 0.42, 0.05), (1.0, 0.88, 0.55)
+
+
+class Scene:
+    """A context manager: the renderer is closed at its end, or OSMesa complains when the process ends."""
+
+    def __init__(self, run: MissileRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
+        self.run = run
+        self.model = _model(run, width, height, samples)
+        self.stage = Stage(self.model, width, height, glow=0.2)
+        self._side = self._side_view()
+        drawn = [g for g in range(self.model.ngeom) if self.model.geom(g).name.startswith("missile/")]
+        rings = [g for g in range(self.model.ngeom) if self.model.geom(g).name.startswith("ring_")]
+        self._scaled = [_Scaled(self.model, np.array(geoms)) for geoms in (drawn, rings)]
+        force = np.linalg.norm(run.coordinates.input_in_space(run.u)[:, :3], axis=1)
+        self._largest_force = max(float(force.max()), run.weight)
+
+    def __enter__(self) -> Scene:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stage.close()
+
+    def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
+        """The picture at time ``t`` [s]; ``turn`` [degrees] turns the chase camera."""
+        run, stage = self.run, self.stage
+        view = {"chase": self._chase_view, "side": lambda *_: self._side, "target": self._target_view}[camera](t, turn)
+        stage.look(view, OPTICS[camera], (GROUND, DRAWN))
+        missile, rings = self._scaled
+        scale = self._scale(camera)
+        missile.to(scale)
+        rings.to(1.6 if camera == "side" else 1.0)
+        half = len(run.coordinates.joints)
+        stage.data.qpos[:] = run.joints(t)[:half]
+        stage.data.mocap_pos[0] = run.target_at(t)
+        stage.begin(fog=True, shadows=camera != "side")
+        if camera == "side":
+            self._add_ruler()
+        self._add_lines(t, camera)
+        self._add_target(t, camera)
+        if camera != "side":
+            self._add_plumes(t)
+        self._add_force(t, camera, scale)
+        return stage.end(sky=True)
+
+    def labels(self, t: float, camera: str) -> list[Label]:
+        """Names beside what is in sight of the picture drawn last."""
+        run = self.run
+        named: list[tuple[str, Array, bool]] = []
+        if camera == "side":
+            apex, left = float(run.path[:, 2].max()), self._ruler_ends()[0]
+            heights = np.arange(RULER, apex + 0.6 * RULER, RULER)
+            named += [(f"{height:.0f} m", np.array([left, 0.0, height]), True) for height in heights]
+            far = float(max(run.path[:, 0].max(), run.target_at(run.duration)[0]))
+            steps = np.arange(100.0 * math.ceil(run.path[0, 0] / 100.0), far + 50.0, 100.0)
+            named += [(f"{x:.0f} m", np.array([x, 0.0, 0.0]), True) for x in steps if len(steps) < 16]
+        target = run.target_at(t)
+        lift = 26.0 * self.stage.unit * float(self.stage.metres_per_pixel(target[None])[0])
+        if camera != "target":
+            named.append((Part.TARGET.value, target + _up(lift), False))
+        here = self._here(t)
+        if camera == "side" and float(np.linalg.norm(here - target)) > 0.5 * RULER:
+            named.append((f"{here[2]:.0f} m", here, False))
+        found = [self.stage.inside(place[None]) for _, place, _ in named]
+        below = 12.0 * self.stage.unit
+        return [
+            Label(text, float(at[0, 0]), float(at[0, 1]) + below * (small and place[2] == 0.0), small)
+            for (text, place, small), at in zip(named, found, strict=True)
+            if len(at)
+        ]
+
+    # ---- cameras
+
+    def _here(self, t: float) -> Array:
+        """(3,) [m] world frame: the missile."""
+        run = self.run
+        joints = dict(zip(run.coordinates.joints, run.joints(t), strict=False))
+        return np.array([joints["x"], joints.get("y", 0.0), joints["z"]])
+
+    def _chase_view(self, t: float, turn: float) -> View:
+        """Behind and beside the missile; the steeper it flies, the more from above."""
+        run = self.run
+        window = np.linspace(max(0.0, t - 0.5), min(run.duration, t + 0.5), 11)
+        pitch = float(np.mean([run.joints(s)[run.coordinates.joints.index("theta")] for s in window]))
+        down = max(0.0, -pitch) / (0.5 * math.pi)
+        elevation = -8.0 - 54.0 * down
+        return View(self._here(t) + np.array([0.9, 0.0, -0.2 * down]), CHASE_DISTANCE, 58.0 + turn, elevation)
+
+    def _target_view(self, t: float, turn: float) -> View:
+        """Beside the target, from the ground: what comes down on it, and the target too once both fit."""
+        target, here = self.run.target_at(t), self._here(t)
+        away = float(np.linalg.norm(here - target))
+        lookat = here + (target - here) * min(0.5, 17.0 / max(away, 1.0))
+        return View.between(target + np.array([-24.0, -33.0, 4.0]), lookat + _up(4.0 * max(0.0, 1.0 - away / 30.0)))
+
+    def _side_view(self) -> View:
+        """From the side, so that path and target fill the picture's free part."""
+        run = self.run
+        ends = np.array([run.target_at(t) for t in (0.0, run.duration)])
+        points = np.vstack([run.path, ends, *(run.plan_ahead(plan.t_start, 40) for plan in run.log.plans[:1])])
+        low, high = points.min(axis=0), points.max(axis=0)
+        box = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, high[2])])
+        tangent = math.tan(math.radians(OPTICS["side"].field_of_view) / 2.0)
+        aspect = self.stage.width / self.stage.height
+        left, right, top, bottom = SIDE_BOX
+        e = math.radians(SIDE_ELEVATION)
+        forward, upward = np.array([0.0, math.cos(e), math.sin(e)]), np.array([0.0, -math.sin(e), math.cos(e)])
+        lookat, distance = box.mean(axis=0), 1000.0
+        for _ in range(12):
+            ahead = box - (lookat - distance * forward)
+            depth = ahead @ forward
+            across, along = ahead[:, 0] / depth / (tangent * aspect), ahead @ upward / depth / tangent
+            wide = np.ptp(across) / (2.0 * (right - left))
+            tall = np.ptp(along) / (2.0 * (bottom - top))
+            middle = 0.5 * (across.min() + across.max()) - (left + right - 1.0)
+            # What is wide leaves room above: it lies on the lower edge of its part of the picture.
+            foot = along.min() - (1.0 - 2.0 * bottom)
+            lookat = lookat + distance * tangent * (aspect * middle * np.array([1.0, 0.0, 0.0]) + foot * upward)
+            distance *= max(wide, tall)
+        return View(lookat, distance, 90.0, SIDE_ELEVATION)
+
+    def _scale(self, camera: str) -> float:
+        """How much larger than it is the missile is drawn."""
+        if camera != "side":
+            return 1.0
+        return SIDE_SPAN * 2.0 * self._side.distance * self.stage.tangent() / SPAN
+
+    # ---- what is added
+
+    def _add_lines(self, t: float, camera: str) -> None:
+        run, width = self.run, MINUTE[camera]
+        here = self._here(t)
+        now = run.index(t)
+        if now > 0:
+            count = 160 if camera == "side" else 400
+            flown = run.path[np.unique(np.linspace(0, now, count).astype(int))]
+            clear = np.linalg.norm(flown - here, axis=1) > 2.2  # beside it the line must not run through the missile
+            flown = flown[clear] if camera == "chase" else np.vstack([flown, here])
+            self.stage.line(flown, COLOURS[Part.FLOWN], width)
+        ahead = run.plan_ahead(t, PLAN_POINTS)
+        if len(ahead) > 1:
+            if camera == "chase":
+                ahead = ahead[np.linalg.norm(ahead - here, axis=1) > 2.4]
+            self.stage.line(ahead, COLOURS[Part.PLAN], width)
+        if camera == "side":  # a plumb line tells how high it is
+            self.stage.line(np.array([here * (1.0, 1.0, 0.0), here]), COLOURS[Part.FLOWN], 1.2)
+
+    def _add_target(self, t: float, camera: str) -> None:
+        """How the target has moved and is moving."""
+        run, target, velocity = self.run, self.run.target_at(t), self.run.target_velocity(t)
+        lift = _up(0.3)
+        moved = [run.target_at(s) for s in np.linspace(0.0, t, 30)]
+        if float(np.linalg.norm(moved[-1] - moved[0])) > 1.0:
+            self.stage.line(np.array(moved) + lift, COLOURS[Part.TARGET], 2.0)
+        if camera == "side":
+            pixel = float(self.stage.metres_per_pixel(target[None])[0]) * self.stage.unit
+            self.stage.line(np.array([target, target + _up(24.0 * pixel)]), COLOURS[Part.TARGET], 2.4)
+        if float(np.linalg.norm(velocity)) > 0.1:
+            seconds, thick = (2.5, 0.0022 * self._side.distance) if camera == "side" else (0.4, 0.35)
+            start = target + _up(1.5 * thick)
+            self.stage.arrow(start, start + seconds * velocity, thick, COLOURS[Part.VELOCITY])
+
+    def _axes(self, t: float) -> Array:
+        """(3, 3) the axes X_b, Y_b, Z_b of the body as columns, world frame."""
+        x = self.run.coordinates.in_space(self.run.coordinates.from_joints(self.run.joints(t)))
+        theta, psi = float(x[5]), float(x[6])
+        s, c, sin, cos = math.sin(theta), math.cos(theta), math.sin(psi), math.cos(psi)
+        axes: Array = TO_WORLD[:, None] * np.array([[c * cos, -c * sin, s], [sin, cos, 0.0], [-s * cos, s * sin, c]])
+        return axes
+
+    def _input(self, t: float) -> Array:
+        """(5,) F_x, F_y, F_z [N], M, N [N m] of the thrusters."""
+        return self.run.coordinates.input_in_space(self.run.u[min(self.run.index(t), len(self.run.u) - 2)])
+
+    def _add_force(self, t: float, camera: str, scale: float) -> None:
+        force = self._axes(t) @ self._input(t)[:3]
+        if float(np.linalg.norm(force)) < 0.01 * self._largest_force or t >= self.run.approach.t:
+            return
+        long = ARROW[camera] * (scale if camera == "side" else 1.0) * force / self._largest_force
+        here = self._here(t)
+        start = here + 0.35 * scale * force / float(np.linalg.norm(force))
+        self.stage.arrow(start, start + long, 0.07 * scale * (1.6 if camera == "side" else 1.0), COLOURS[Part.FORCE])
+
+    def _add_plumes(self, t: float) -> None:
+        """Gas leaves on the side from which the thrusters push."""
+        axes, here = self._axes(t), self._here(t)
+        ahead, right, down = axes.T
+        F_x, F_y, F_z, M, N = self._input(t) / self.run.weight
+        arm = 1.5  # [m] of the thrusters that turn
+        pushes = [(TAIL if F_x > 0.0 else NOSE, ahead, F_x), (0.0, right, F_y), (0.0, down, F_z)]
+        # A moment nose-up pushes the nose up, against Z_b, and the tail down; one to the right likewise along Y_b.
+        for at, sign in ((NOSE, 1.0), (0.9 * TAIL, -1.0)):
+            pushes += [(at, down, -sign * 0.5 * M / arm), (at, right, sign * 0.5 * N / arm)]
+        for at, axis, push in pushes:
+            length = min(PLUME * math.sqrt(abs(push)), LONGEST_PLUME)
+            if length < 0.12:
+                continue
+            out = -math.copysign(1.0, push) * axis
+            start = here + at * ahead + (0.0 if axis is ahead else 0.10) * out
+            wide = 0.055 + 0.035 * length
+            self.stage.ellipsoid(start + 0.5 * length * out, out, (wide, 0.55 * length), (*FLAME, 0.40))
+            self.stage.ellipsoid(start + 0.3 * length * out, out, (0.5 * wide, 0.33 * length), (*CORE, 0.75))
+
+    def _ruler_ends(self) -> tuple[float, float]:
+        """[m] x of the left and the right end of the lines of equal height."""
+        low, high = self.run.path[:, 0].min(), max(self.run.path[:, 0].max(), self.run.target_at(0.0)[0])
+        wide = float(high - low)
+        return float(low) - 0.03 * wide, float(high) + 0.03 * wide
+
+    def _add_ruler(self) -> None:
+        left, right = self._ruler_ends()
+        apex = float(self.run.path[:, 2].max())
+        for height in np.arange(RULER, apex + 0.6 * RULER, RULER):
+            ends = np.array([[left, 30.0, height], [right, 30.0, height]])
+            self.stage.line(ends, (1.0, 1.0, 1.0), 1.4)
+
+
+def _up(height: float) -> Array:
+    return np.array([0.0, 0.0, height])
+
+
+class _Scaled:
+    """Geoms that are drawn larger than they are."""
+
+    def __init__(self, model: Any, geoms: Array) -> None:
+        self._model, self._geoms = model, geoms
+        self._size, self._pos = model.geom_size[geoms].copy(), model.geom_pos[geoms].copy()
+
+    def to(self, scale: float) -> None:
+        self._model.geom_size[self._geoms] = scale * self._size
+        self._model.geom_pos[self._geoms] = scale * self._pos
+
+
+# ---- the model
+
+
+def _model(run: MissileRun, width: int, height: int, samples: int) -> Any:
+    spec = build_spec(run.coordinates, run.input_max.tolist())
+    spec.stat.extent = EXTENT
+    spec.stat.center = [0.5 * float(run.path[:, 0].max()), 0.0, 50.0]
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+    spec.visual.map.fogstart, spec.visual.map.fogend = 1.5, 9.0
+    spec.visual.rgba.fog = [*HORIZON, 1.0]
+    spec.visual.quality.offsamples = samples
+    spec.visual.quality.shadowsize = 4096
+    spec.visual.map.shadowclip = 0.06
+    spec.visual.headlight.active = 0
+    for light in list(spec.worldbody.lights):
+        spec.delete(light)
+    spec.worldbody.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=[0.45, 0.55, -0.9], diffuse=[0.62, 0.60, 0.56],
+        ambient=[0.42, 0.43, 0.46], specular=[0.25, 0.25, 0.25],
+    )  # fmt: skip
+    spec.add_texture(
+        name="backdrop", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=HORIZON, rgb2=NADIR, width=256, height=256 * 6,
+    )  # fmt: skip
+    texture = spec.texture("ground")
+    texture.builtin = mujoco.mjtBuiltin.mjBUILTIN_NONE
+    texture.mark = mujoco.mjtMark.mjMARK_NONE
+    texture.width = texture.height = PIXELS
+    texture.nchannel = 3
+    texture.data = ground_picture().tobytes()
+    material = spec.material("ground")
+    material.texrepeat, material.texuniform = [1.0 / TILE, 1.0 / TILE], True
+    return spec.compile()

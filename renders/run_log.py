@@ -1,0 +1,126 @@
+"""A finished run as its folder has it, whatever flew: config.json, summary.json, events.jsonl, log.npz."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sim.signals import Array, Event, Plan
+
+
+@dataclass(frozen=True, eq=False)
+class RunLog:
+    """The run of a single vehicle."""
+
+    directory: Path
+    config: Mapping[str, Any]
+    summary: Mapping[str, Any]
+    events: tuple[Event, ...]  # in order of time
+    t: Array  # (n,) [s]
+    x: Array  # (n, nx) the true state
+    u: Array  # (n, nu) the commanded input, held over [t_i, t_i+1)
+    plans: tuple[Plan, ...]  # in order of adoption
+    adopted: Array  # (len(plans),) [s]
+
+    @property
+    def title(self) -> str:
+        return f"{self.config['scenario']}, seed {self.config['seed']}"
+
+
+def last_at(times: Array, t: float) -> int:
+    """Which of the times (n,) is the last at or before ``t``; -1 before the first."""
+    return int(np.searchsorted(times, t + 1e-9, side="right")) - 1
+
+
+def described(event: Event) -> tuple[str, str]:
+    """What happened, in words, and the details."""
+    if event.kind == "message" and event.message.startswith("radar "):
+        return "radar on", ""
+    return event.kind.replace("-", " "), event.message
+
+
+def read_log(directory: str | Path) -> RunLog:
+    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    folder = existing_folder(directory)
+    config, summary = (read_json(folder / name) for name in ("config.json", "summary.json"))
+    arrays = _read_arrays(folder / "log.npz")
+    if missing := [name for name in ("scenario", "seed") if name not in config]:
+        raise ValueError(f"{str(folder / 'config.json')!r} does not describe a run: it lacks {' and '.join(missing)}")
+    return RunLog(folder, config, summary, _read_events(folder / "events.jsonl"), **arrays)
+
+
+def existing_folder(directory: str | Path) -> Path:
+    """The folder of a run; FileNotFoundError where there is none."""
+    folder = Path(directory)
+    if not folder.is_dir():
+        raise FileNotFoundError(f"run folder {str(folder)!r} does not exist")
+    return folder
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The object in a file of a run's folder."""
+    _require(path)
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{str(path)!r} is not JSON: {error}") from None
+    if not isinstance(value, dict):
+        raise ValueError(f"{str(path)!r} holds a {type(value).__name__}, not an object of names and values")
+    return value
+
+
+def _require(path: Path) -> None:
+    if not path.is_file():
+        raise FileNotFoundError(f"run folder {str(path.parent)!r} holds no {path.name}: did the run end?")
+
+
+def _read_events(path: Path) -> tuple[Event, ...]:
+    _require(path)
+    events = []
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            entry = json.loads(line)
+            events.append(Event(float(entry["t"]), str(entry["agent"]), str(entry["kind"]), str(entry["message"])))
+        except (ValueError, KeyError, TypeError) as error:
+            raise ValueError(f"{str(path)!r} line {number} is not an event: {error!r}") from None
+    return tuple(sorted(events, key=lambda event: event.t))
+
+
+def _read_arrays(path: Path) -> dict[str, Any]:
+    _require(path)
+    try:
+        with np.load(path, allow_pickle=False) as log:
+            arrays = dict(log)
+    except Exception as error:  # a damaged archive raises BadZipFile, EOFError, OSError, zlib.error or ValueError
+        raise ValueError(f"{str(path)!r} cannot be read as an array archive: {error}") from None
+    names = ("t", "truth.x", "command.u")
+    if missing := [name for name in names if name not in arrays]:
+        raise ValueError(f"{str(path)!r} lacks {', '.join(missing)}: only the run of a single vehicle can be drawn")
+    t, x, u = (arrays[name] for name in names)
+    if not (t.ndim == 1 and len(t) >= 2 and all(rows.ndim == 2 and len(rows) == len(t) for rows in (x, u))):
+        raise ValueError(
+            f"{str(path)!r}: t {t.shape}, truth.x {x.shape} and command.u {u.shape} are not (n,), (n, nx) and (n, nu) "
+            "with n at least 2"
+        )
+    if not (np.isfinite(t).all() and np.isfinite(x).all()):
+        raise ValueError(f"{str(path)!r}: t or truth.x is not finite")
+    return {"t": t, "x": x, "u": u, "plans": _plans(arrays, path), "adopted": arrays.get("plan.adopted", np.empty(0))}
+
+
+def _plans(arrays: Mapping[str, Array], path: Path) -> tuple[Plan, ...]:
+    if "plan.offsets" not in arrays:
+        return ()
+    try:
+        t, x, u, phase = (arrays[f"plan.{name}"] for name in ("t", "x", "u", "phase"))
+        offsets: Sequence[int] = arrays["plan.offsets"].astype(int).tolist()
+        return tuple(
+            Plan(t[a:b], x[a:b], u[a : b - 1], phase[a : b - 1].astype(np.int64), cost=float(cost))
+            for a, b, cost in zip(offsets[:-1], offsets[1:], arrays["plan.cost"], strict=True)
+        )
+    except (KeyError, ValueError) as error:
+        raise ValueError(f"{str(path)!r}: the plans do not fit together: {error}") from None

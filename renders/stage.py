@@ -1,0 +1,199 @@
+"""What every scene needs of MuJoCo's renderer: a camera, lines of a width in pixels, where things are in the picture.
+
+Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from renders.palette import Colour, Picture
+from sim.signals import Array
+
+MAX_GEOMS = 4000
+DASH = 11.0  # [pixels] at a picture 720 pixels high: length of a dash and of the gap after it
+MOST_PIXELS = 300.0  # that a piece of a line counts for: behind the camera it would count for any number
+HORIZON, ZENITH, NADIR = (0.82, 0.88, 0.93), (0.20, 0.42, 0.74), (0.46, 0.55, 0.66)  # sky; fog is as the horizon
+
+
+@dataclass(frozen=True)
+class View:
+    """Where the camera looks: MuJoCo's free camera."""
+
+    lookat: Array  # (3,) [m] in the world that is drawn
+    distance: float  # [m]
+    azimuth: float  # [degrees] of the line of sight, from east, counter-clockwise
+    elevation: float  # [degrees] of the line of sight, negative downwards
+
+    @staticmethod
+    def between(eye: Array, lookat: Array) -> View:
+        """From one point (3,) [m] to another."""
+        sight = lookat - eye
+        distance = float(np.linalg.norm(sight))
+        azimuth = math.degrees(math.atan2(sight[1], sight[0]))
+        return View(lookat, distance, azimuth, math.degrees(math.asin(sight[2] / distance)))
+
+
+@dataclass(frozen=True)
+class Optics:
+    """How the camera sees."""
+
+    field_of_view: float  # [degrees] vertical
+    near: float  # plane, in units of the model's extent
+    far: float  # plane, likewise
+
+
+class Stage:
+    """A model, and the picture of it that is being drawn; close it, or OSMesa complains when the process ends."""
+
+    def __init__(self, model: Any, width: int, height: int, glow: float) -> None:
+        """``glow`` is the emission of what is added to the pictures: with the light of the model it makes up 1."""
+        self.model, self.data = model, mujoco.MjData(model)
+        self.width, self.height = width, height
+        self._glow = glow
+        self._camera = mujoco.MjvCamera()
+        self._options = mujoco.MjvOption()
+        self._renderer: Any = mujoco.Renderer(model, height, width, max_geom=MAX_GEOMS)
+
+    def close(self) -> None:
+        self._renderer.close()
+
+    @property
+    def unit(self) -> float:
+        """What a pixel of a picture 720 pixels high is here."""
+        return self.height / 720.0
+
+    def look(self, view: View, optics: Optics, groups: Sequence[int]) -> None:
+        """Put the camera in its place and show these groups of geoms; ``place`` what moves before the scene begins."""
+        self._camera.lookat[:] = view.lookat
+        self._camera.distance = view.distance
+        self._camera.azimuth, self._camera.elevation = view.azimuth, view.elevation
+        visual = self.model.vis
+        visual.global_.fovy, visual.map.znear, visual.map.zfar = optics.field_of_view, optics.near, optics.far
+        self._options.geomgroup[:] = 0
+        self._options.geomgroup[list(groups)] = 1
+
+    def begin(self, *, fog: bool, shadows: bool = False) -> None:
+        """The geoms of the model; what is added from now on is of this picture only."""
+        mujoco.mj_forward(self.model, self.data)
+        self._renderer.update_scene(self.data, self._camera, self._options)
+        flags = self._renderer.scene.flags
+        flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+        flags[mujoco.mjtRndFlag.mjRND_FOG] = fog
+
+    def end(self, *, sky: bool) -> Picture:
+        """The picture; with ``sky``, which needs fog, it is blue above the horizon."""
+        picture: Picture = self._renderer.render()
+        if sky:
+            self._clear_sky(picture)
+        return picture
+
+    def _clear_sky(self, picture: Picture) -> None:
+        """Blue above the horizon: MuJoCo's fog covers its own sky wholly, so the sky is what has exactly its colour."""
+        _, forward, up = self.eye()
+        rows = (1.0 - (2.0 * np.arange(picture.shape[0]) + 1.0) / picture.shape[0]) * self.tangent()
+        sight = forward + rows[:, None] * up
+        sine = sight[:, 2] / np.linalg.norm(sight, axis=1)
+        above = picture[: np.count_nonzero(sine > 0.0)]
+        clear = (np.clip(sine[: len(above)] / 0.5, 0.0, 1.0) ** 0.8)[:, None]
+        colours = (255.0 * (np.array(HORIZON) * (1.0 - clear) + np.array(ZENITH) * clear)).astype(np.uint8)
+        haze = np.round(255.0 * np.array(HORIZON)).astype(np.uint8)
+        sky = ((above >= haze - 1) & (above <= haze + 1)).all(axis=-1)
+        above[sky] = np.broadcast_to(colours[:, None], above.shape)[sky]
+
+    # ---- where things are in the picture
+
+    def eye(self) -> tuple[Array, Array, Array]:
+        """Position [m], line of sight and upward direction of the camera of the picture drawn last."""
+        left, right = self._renderer.scene.camera
+        return 0.5 * (left.pos + right.pos).astype(float), left.forward.astype(float), left.up.astype(float)
+
+    def tangent(self) -> float:
+        """Half the picture's height over the distance, for the picture drawn last."""
+        return math.tan(math.radians(float(self.model.vis.global_.fovy)) / 2.0)
+
+    def pixels(self, points: Array) -> Array:
+        """(n, 3) column, row and depth [m] of points (n, 3) in the picture drawn last; depth <= 0 is behind."""
+        eye, forward, up = self.eye()
+        ahead = points - eye
+        depth = ahead @ forward
+        scale = self.height / (2.0 * self.tangent()) / np.maximum(depth, 1e-6)
+        column = self.width / 2.0 + ahead @ np.cross(forward, up) * scale
+        row = self.height / 2.0 - ahead @ up * scale
+        return np.column_stack([column, row, depth])
+
+    def inside(self, points: Array) -> Array:
+        """(m, 2) column and row of those of the points (n, 3) that are in the picture."""
+        column, row, depth = self.pixels(points).T
+        shown = (depth > 0.0) & (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
+        found: Array = np.column_stack([column, row])[shown]
+        return found
+
+    def metres_per_pixel(self, points: Array) -> Array:
+        """(n,) [m] that a pixel spans at points (n, 3)."""
+        eye, forward, _ = self.eye()
+        depth = np.maximum((points - eye) @ forward, 1.0)
+        span: Array = 2.0 * depth * self.tangent() / self.height
+        return span
+
+    # ---- what is added to a picture
+
+    def line(self, points: Array, colour: Colour, width: float, *, dashed: bool = False) -> None:
+        """A line through points (n, 3), ``width`` pixels wide wherever it runs, in a picture 720 pixels high."""
+        if dashed:
+            points = _resample(points, self.metres_per_pixel(points), DASH * self.unit)
+        radii = 0.5 * width * self.metres_per_pixel(0.5 * (points[:-1] + points[1:])) * self.unit
+        for k, (a, b) in enumerate(pairwise(points)):
+            if not dashed or k % 2 == 0:
+                self.capsule(a, b, float(radii[k]), colour)
+
+    def capsule(self, a: Array, b: Array, radius: float, colour: Colour) -> None:
+        """From one point (3,) to another, of a radius [m]."""
+        geom = self._geom(mujoco.mjtGeom.mjGEOM_CAPSULE, a, b, (*colour, 1.0))
+        if geom is not None:
+            mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)
+            geom.emission = self._glow
+
+    def arrow(self, a: Array, b: Array, radius: float, colour: Colour) -> None:
+        """From one point (3,) to another, its shaft of a radius [m]."""
+        geom = self._geom(mujoco.mjtGeom.mjGEOM_ARROW, a, b, (*colour, 1.0))
+        if geom is not None:
+            mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_ARROW, radius, a, b)
+            geom.emission = self._glow
+
+    def ellipsoid(self, centre: Array, axis: Array, radii: tuple[float, float], colour: Sequence[float]) -> None:
+        """A glowing one around ``axis`` (3,), of unit length, with radii [m] across and along; red to opacity."""
+        geom = self._geom(mujoco.mjtGeom.mjGEOM_ELLIPSOID, centre, centre + axis, colour)
+        if geom is not None:
+            quaternion, rotation = np.empty(4), np.empty(9)
+            mujoco.mju_quatZ2Vec(quaternion, axis)
+            mujoco.mju_quat2Mat(rotation, quaternion)
+            geom.size[:] = (radii[0], radii[0], radii[1])
+            geom.pos[:], geom.mat[:] = centre, rotation.reshape(3, 3)
+            geom.emission = 0.8
+
+    def _geom(self, kind: Any, a: Array, b: Array, colour: Sequence[float]) -> Any:
+        """A new geom of the picture, or None where there is no room or nothing to draw."""
+        scene = self._renderer.scene
+        if scene.ngeom >= scene.maxgeom or float(np.linalg.norm(b - a)) < 1e-3:
+            return None
+        geom = scene.geoms[scene.ngeom]
+        rgba = np.array(colour, np.float32)
+        mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
+        scene.ngeom += 1
+        return geom
+
+
+def _resample(points: Array, span: Array, step: float) -> Array:
+    """The line through points (n, 3), where a pixel spans ``span`` (n,) [m], ``step`` pixels from point to point."""
+    pixels = np.linalg.norm(np.diff(points, axis=0), axis=1) / (0.5 * (span[:-1] + span[1:]))
+    along = np.concatenate([[0.0], np.cumsum(np.minimum(pixels, MOST_PIXELS))])
+    stops = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / step) + 1))
+    return np.column_stack([np.interp(stops, along, points[:, k]) for k in range(3)])

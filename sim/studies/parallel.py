@@ -1,0 +1,44 @@
+"""A computation for each of several arguments, spread over worker processes, and told as it goes."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from typing import TypeVar
+
+from sim.studies.study import Setup
+from sim.sweep.execution import Progress
+
+Argument = TypeVar("Argument")
+Result = TypeVar("Result")
+
+
+def computed(setup: Setup, function: Callable[[Argument], Result], arguments: Sequence[Argument]) -> list[Result]:
+    """``function`` of each argument, in their order, by ``setup.workers`` processes; by this one if that is one.
+
+    Function, arguments and results have to be picklable where there are several processes. What a call raises is
+    raised here, and the calls that have not begun are dropped.
+    """
+    total = len(arguments)
+    if setup.workers == 1 or total < 2:
+        results: list[Result] = []
+        for argument in arguments:
+            _tell(setup, total, len(results))
+            results.append(function(argument))
+        return results
+    context = multiprocessing.get_context("spawn")  # a fork would copy the threads of the libraries half
+    with ProcessPoolExecutor(min(setup.workers, total), context) as pool:
+        futures = [pool.submit(function, argument) for argument in arguments]
+        try:
+            for done, _ in enumerate(as_completed(futures)):
+                _tell(setup, total, done)
+            return [future.result() for future in futures]
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _tell(setup: Setup, total: int, done: int) -> None:
+    if setup.progress is not None:
+        setup.progress(Progress(total, 0, done, 0, 0, compiling=False))

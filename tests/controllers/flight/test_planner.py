@@ -1,0 +1,112 @@
+"""The receding-horizon planner on stretched grids: what it plans, what it starts from, and that it arrives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controllers.flight import plugin
+from controllers.flight.certificate import Certificate, pass_time
+from controllers.flight.cost_to_go import REFERENCE_SPEED
+from controllers.flight.planner import RecedingHorizon, Solver
+from controllers.flight.plugin import FlightConfig, SafeFlight
+from controllers.flight.problem import Problem, Solution
+from controllers.flight.tracker import tracking_bound
+from models.aerial.dynamics import input_at, state_at
+from sim.protocols import Planner
+from sim.signals import Array, Estimate, Phase, Plan, PlanRequest
+from tests import flight
+
+MISSION = flight.mission()
+CERTIFICATE = Certificate.of(MISSION, tracking_bound(0.8, MISSION))
+CONFIGS = {
+    "uniform": FlightConfig(),
+    "stretched": FlightConfig(horizon=40.0, stretch=1.2),
+    "stretched, replanned within the first arc": FlightConfig(nodes=9, horizon=25.0, stretch=1.2, period=0.5),
+    "stretched, replanned after several arcs": FlightConfig(horizon=30.0, stretch=1.3, period=3.0),
+    "shrinking": FlightConfig(nodes=9, horizon=15.0, stretch=0.9, period=1.0),
+}
+Asked = list[tuple[Problem, Array]]
+
+
+class Recorder:
+    """A solver that remembers what it was asked, with the guess."""
+
+    def __init__(self, solver: Solver, asked: Asked) -> None:
+        self._solver, self._asked = solver, asked
+
+    def solve(self, problem: Problem, guess: Array) -> Solution | str:
+        self._asked.append((problem, guess.copy()))
+        return self._solver.solve(problem, guess)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> Asked:
+    """What the solver of every planner built from now on is asked."""
+    asked: Asked = []
+    build = plugin.solver
+    monkeypatch.setattr(plugin, "solver", lambda config: Recorder(build(config), asked))
+    return asked
+
+
+def following(planner: Planner, current: Plan | None, t: float) -> Plan:
+    """The answer to a request at ``t``, the vehicle where its plan says."""
+    if current is None:
+        return planner.plan(PlanRequest(t, t, Estimate(t, flight.at_rest(MISSION.start)), None))
+    return planner.plan(PlanRequest(t, t + planner.period, Estimate(t, state_at(current, t)), current))
+
+
+@pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
+def test_a_plan_begins_with_the_arcs_of_the_grid_and_is_certified(config: FlightConfig) -> None:
+    planner, _ = SafeFlight.build(config, MISSION)
+    plan = following(planner, None, 0.0)
+    optimised = plan.phase == Phase.OPTIMISED
+    np.testing.assert_allclose(np.diff(plan.t)[optimised], config.lengths, rtol=1e-9)
+    flight.assert_well_formed(plan)
+    assert CERTIFICATE.refuse(plan) is None
+
+
+@pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
+def test_the_cost_of_a_plan_is_effort_time_and_cost_to_go(config: FlightConfig) -> None:
+    planner, _ = SafeFlight.build(config, MISSION)
+    assert isinstance(planner, RecedingHorizon)
+    plan = following(planner, None, 0.0)
+    n = config.nodes - 1
+    effort = np.diff(plan.t)[:n] @ (plan.u[:n] ** 2).sum(axis=1)
+    to_go = config.beta / REFERENCE_SPEED * float(planner._landscape.cost(plan.x[n, :3])[0])
+    assert plan.cost == pytest.approx(effort + config.beta * config.duration + to_go)
+
+
+@pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
+def test_a_solver_starts_from_what_the_plan_being_flown_does_at_the_same_time(
+    config: FlightConfig, asked: Asked
+) -> None:
+    planner, _ = SafeFlight.build(config, MISSION)
+    current, period = following(planner, None, 0.0), planner.period
+    for k in range(1, 6):
+        del asked[:]
+        plan = following(planner, current, k * period)
+        optimised_until = current.t[1:][current.phase == Phase.OPTIMISED][-1]
+        for problem, guess in asked:
+            middles = (k + 1) * period + problem.stencil.middles
+            wanted = [input_at(current, t) if t < optimised_until else np.zeros(3) for t in middles]
+            np.testing.assert_array_equal(guess, [*np.ravel(wanted), 0.0])
+        assert asked
+        current = plan if plan.ok else current
+
+
+@pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
+def test_a_target_within_the_horizon_is_met_at_a_node_and_the_time_of_that_is_kept(config: FlightConfig) -> None:
+    planner, _ = SafeFlight.build(config, MISSION)
+    current, t = following(planner, None, 0.0), 0.0
+    arrivals: list[float] = []
+    while t + 2.0 * planner.period < (arrivals[-1] if arrivals else 100.0):
+        t += planner.period
+        plan = following(planner, current, t)
+        if plan.ok and CERTIFICATE.refuse(plan) is None:
+            current = plan
+            arrival = pass_time(plan, CERTIFICATE.target, t)
+            if arrival < t + planner.period + config.duration + config.lengths[0]:
+                arrivals.append(arrival)
+    assert len(arrivals) > 1
+    np.testing.assert_allclose(arrivals, arrivals[0], rtol=1e-9)

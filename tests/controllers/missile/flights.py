@@ -1,0 +1,55 @@
+"""Missions and plans that the tests of the missile's controllers share."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from controllers.missile.plugin import MissileConfig, MissileGuidance
+from models.missile.coordinates import PLANAR, SPATIAL, Coordinates
+from models.missile.mission import CASES, MissileMission, Target
+from sim.protocols import Planner, Tracker
+from sim.signals import Array, Estimate, Plan, PlanRequest
+
+INPUT_MAX = {PLANAR: (20e3, 60e3, 3e3), SPATIAL: (20e3, 60e3, 60e3, 3e3, 3e3)}
+
+
+def mission(coordinates: Coordinates = PLANAR, case: str = "SM2", **changes: Any) -> MissileMission:
+    """The dive of the design study."""
+    start = {"u": CASES[case].speed, "z_e": -10.0}
+    fields: dict[str, Any] = {
+        "start": tuple(start.get(name, 0.0) for name in coordinates.states),
+        "target": Target((700.0, 0.0, 0.0)),
+        "case": CASES[case],
+        "coordinates": coordinates,
+        "input_max": INPUT_MAX[coordinates],
+    }
+    return MissileMission(**fields | changes)
+
+
+def built(of: MissileMission, **fields: Any) -> tuple[Planner, Tracker]:
+    """Planner and autopilot; in CasADi's virtual machine, which starts sooner."""
+    return MissileGuidance.build(MissileConfig(**{"backend": "fatrop"} | fields), of)
+
+
+def first_plan(of: MissileMission, **fields: Any) -> Plan:
+    """The plan at the start."""
+    planner, _ = built(of, **fields)
+    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, of.start_state), None))
+    assert plan.ok, plan.message
+    return plan
+
+
+def miss(plan: Plan, of: MissileMission) -> float:
+    """[m] between the end of a plan and the target then."""
+    place = of.coordinates.place(plan.x[-1])
+    return math.dist(place.tolist(), of.target.at(plan.t_end).tolist())
+
+
+def deviation(of: MissileMission, size: float, seed: int = 0) -> Array:
+    """(nx,) of a state: metres, metres a second, hundredths of a radian."""
+    unit = {"m": 1.0, "m/s": 1.0, "rad": 0.01, "rad/s": 0.01}
+    scale = np.array([unit[name] for name in of.coordinates.units])
+    return size * scale * np.random.default_rng(seed).standard_normal(len(scale))

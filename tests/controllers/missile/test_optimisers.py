@@ -1,0 +1,152 @@
+"""The flights that the optimisers find: optimal, exact, and the same where two of them see the same problem."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from controllers.missile.aim import Aim
+from controllers.missile.pitch_and_yaw import PitchAndYaw
+from controllers.missile.shooting import Failed
+from controllers.missile.trajectory import Optimiser, Trajectory
+from controllers.missile.whole import WholeFlight
+from controllers.ocp.distribution import Equidistributed, Fixed
+from controllers.ocp.methods.direct import solve
+from controllers.ocp.problems.missile import missile
+from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from models.missile.coordinates import PLANAR, SPATIAL
+from models.missile.dynamics import NOMINAL
+from models.missile.mission import CASES
+from sim.signals import Array
+from tests.controllers.missile.flights import INPUT_MAX
+
+DOWN = -0.5 * math.pi
+NODES = 25
+
+
+def planar(case: str) -> WholeFlight:
+    return WholeFlight(CASES[case], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Fixed())
+
+
+def joint(case: str) -> WholeFlight:
+    return WholeFlight(CASES[case], NOMINAL, SPATIAL, INPUT_MAX[SPATIAL], NODES, "fatrop", Fixed())
+
+
+def pitch_and_yaw(case: str) -> PitchAndYaw:
+    axial, normal, _, moment, _ = INPUT_MAX[SPATIAL]
+    return PitchAndYaw(CASES[case], NOMINAL, (axial, normal, normal, moment, moment), NODES, "fatrop", Fixed())
+
+
+def aim(x: float = 700.0, y: float = 0.0, z: float = 0.0, velocity: tuple[float, float, float] = (0, 0, 0)) -> Aim:
+    return Aim(np.array([x, y, z]), np.array(velocity, float), DOWN)
+
+
+def level(case: str, heading: float = 0.0) -> Array:
+    """The spatial start at 10 m."""
+    x = np.zeros(10)
+    x[[0, 6, 9]] = CASES[case].speed, math.radians(heading), -10.0
+    return x
+
+
+def found(optimiser: Optimiser, start: Array, at: Aim, t: float = 0.0) -> Trajectory:
+    flight = optimiser.optimise(t, start, at)
+    assert isinstance(flight, Trajectory), flight
+    return flight
+
+
+@pytest.mark.parametrize("case", ["SM", "FAST"])
+def test_the_pitch_plane_is_the_problem_of_the_design_study(case: str) -> None:
+    start = level(case)[[0, 2, 3, 5, 7, 9]]
+    flight = found(planar(case), start, aim())
+    wanted = solve(missile(case), NODES, scheme=MultipleShooting(2))
+    assert flight.cost == pytest.approx(wanted.cost, rel=1e-6)
+    assert flight.duration == pytest.approx(wanted.duration, rel=1e-5)
+    np.testing.assert_allclose(flight.u, wanted.u[:, 0], rtol=0.0, atol=5.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "start", "at"),
+    [
+        (planar, level("SM2")[[0, 2, 3, 5, 7, 9]], aim(velocity=(30.0, 0.0, 0.0))),
+        (joint, level("SM2", 20.0), aim(y=150.0, velocity=(20.0, -20.0, 0.0))),
+        (pitch_and_yaw, level("SM2", 20.0), aim(y=150.0, velocity=(20.0, -20.0, 0.0))),
+        (pitch_and_yaw, level("SM2", -40.0), aim(y=100.0)),
+    ],
+)
+def test_a_flight_starts_where_it_should_joins_and_ends_on_the_target(
+    make: Callable[[str], Optimiser], start: Array, at: Aim
+) -> None:
+    flight = found(make("SM2"), start, at)
+    coordinates = PLANAR if len(start) == 6 else SPATIAL
+    np.testing.assert_array_equal(flight.x[0], start)
+    for k in range(0, len(flight.u), 7):
+        after = coordinates.flow(flight.x[k], flight.u[k], flight.t[k + 1] - flight.t[k])
+        np.testing.assert_allclose(flight.x[k + 1], after, rtol=0.0, atol=1e-9)
+    assert at.missed_by(flight.x[-1], flight.duration, coordinates).size < 5e-3
+
+
+@pytest.mark.parametrize(("case", "heading", "y"), [("SM2", 0.0, 150.0), ("SM2", 30.0, 0.0), ("FAST", 0.0, 100.0)])
+def test_pitch_and_yaw_taking_turns_come_to_the_optimum_of_the_whole(case: str, heading: float, y: float) -> None:
+    start, at = level(case, heading), aim(y=y)
+    apart, whole = found(pitch_and_yaw(case), start, at), found(joint(case), start, at)
+    assert apart.cost == pytest.approx(whole.cost, rel=5e-3)
+    assert np.abs(whole.x[:, 6]).max() > math.radians(5.0)  # the nose has to yaw
+
+
+def test_in_the_pitch_plane_pitch_and_yaw_are_the_pitch_planner() -> None:
+    start = level("SM2")
+    apart, plane = found(pitch_and_yaw("SM2"), start, aim()), found(planar("SM2"), start[[0, 2, 3, 5, 7, 9]], aim())
+    assert apart.duration == pytest.approx(plane.duration, rel=1e-4)
+    assert apart.cost == pytest.approx(plane.cost, rel=1e-4)
+    np.testing.assert_allclose(apart.x[:, [1, 4, 6, 8]], 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("make", [joint, pitch_and_yaw])
+def test_left_and_right_are_alike(make: Callable[[str], Optimiser]) -> None:
+    one, other = (found(make("SM2"), level("SM2", side * 20.0), aim(y=side * 100.0)) for side in (1.0, -1.0))
+    assert one.cost == pytest.approx(other.cost, rel=1e-6)
+    mirrored = np.array([1, -1, 1, 1, -1, 1, -1, 1, -1, 1])
+    np.testing.assert_allclose(one.x[-1], mirrored * other.x[-1], atol=1e-3)
+
+
+def test_a_plan_from_the_last_one_is_the_plan_from_nothing() -> None:
+    start, at = level("SM2", 10.0), aim(y=50.0)
+    warm = pitch_and_yaw("SM2")
+    first = found(warm, start, at)
+    later = first.x[30]
+    t = float(first.t[30])
+    again, fresh = found(warm, later, at, t), found(pitch_and_yaw("SM2"), later, at)
+    assert again.cost == pytest.approx(fresh.cost, rel=2e-3)
+    assert at.missed_by(again.x[-1], again.duration, SPATIAL).size < 2e-3
+
+
+def test_limits_are_kept() -> None:
+    limits = (2e3, 8e3, 80.0)
+    flight = found(
+        WholeFlight(CASES["SM2"], NOMINAL, PLANAR, limits, NODES, "fatrop", Fixed()),
+        level("SM2")[[0, 2, 3, 5, 7, 9]],
+        aim(),
+    )
+    reached = np.abs(flight.u).max(axis=0)
+    assert (reached <= np.array(limits) * (1.0 + 1e-6)).all()
+    assert (reached >= 0.99 * np.array(limits)).any()  # or the test says nothing
+
+
+def test_nodes_may_be_equidistributed_while_it_flies() -> None:
+    optimiser = WholeFlight(CASES["FAST"], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Equidistributed())
+    flight = found(optimiser, level("FAST")[[0, 2, 3, 5, 7, 9]], aim())
+    again = found(optimiser, flight.x[5], aim(), float(flight.t[5]))
+    assert np.ptp(np.diff(again.t)) > 0.01
+    assert aim().missed_by(again.x[-1], again.duration, PLANAR).size < 2e-3
+
+
+@pytest.mark.parametrize("make", [joint, pitch_and_yaw])
+def test_where_there_is_no_flight_the_reason_is_told(make: Callable[[str], Optimiser]) -> None:
+    start = level("SM2")
+    start[6] = math.radians(89.0)  # beyond the yaw that is allowed
+    failed = make("SM2").optimise(0.0, start, aim())
+    assert isinstance(failed, Failed)
+    assert failed.message

@@ -1,0 +1,131 @@
+"""Every solver finds the same optimum, from the same guess the same way, and says so where it finds none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+
+from controllers import compilation
+from controllers.ocp.backend import Backend, NumericalSolver, Options
+from controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
+from controllers.ocp.nlp import programme
+from controllers.ocp.problems.missile import missile
+from controllers.ocp.solution import Outcome, Solution
+from controllers.ocp.solver import transcription
+from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+
+NODES = 12
+COMPILED = pytest.mark.skipif(compilation.compiler() is None, reason="there is no C compiler named cc")
+BACKENDS = [
+    pytest.param(backend, marks=COMPILED if backend.endswith("compiled") else ()) for backend in get_args(Backend)
+]
+
+
+def solution(backend: Backend, distribution: NodeDistribution, guess: Solution | None = None) -> Solution:
+    options = Options(backend, tolerance=1e-8, warm=guess is not None)
+    return transcription(missile("SM2"), MultipleShooting(1), NODES, distribution, options).solve(guess)
+
+
+@pytest.fixture(scope="module")
+def uniform() -> Solution:
+    return solution("ipopt", Fixed())
+
+
+@pytest.fixture(scope="module")
+def adaptive(uniform: Solution) -> Solution:
+    return solution("ipopt", Equidistributed(), uniform)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_the_optimum_is_the_same(backend: Backend, uniform: Solution) -> None:
+    found = solution(backend, Fixed(), uniform)
+    assert found.ok, found.message
+    assert found.cost == pytest.approx(uniform.cost, rel=1e-7)
+    np.testing.assert_allclose(
+        found.u / found.problem.control_scale, uniform.u / uniform.problem.control_scale, atol=1e-4
+    )
+    np.testing.assert_allclose(found.costates, uniform.costates, rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_so_is_the_grid_where_the_nodes_are_unknowns(backend: Backend, uniform: Solution, adaptive: Solution) -> None:
+    found = solution(backend, Equidistributed(), uniform)
+    assert found.ok, found.message
+    assert found.cost == pytest.approx(adaptive.cost, rel=1e-6)
+    np.testing.assert_allclose(found.grid.nodes, adaptive.grid.nodes, atol=1e-4)
+    assert np.ptp(np.diff(found.grid.nodes)) > 0.01
+
+
+@pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
+def test_the_same_call_gives_the_same_answer_whatever_was_solved_before(backend: Backend) -> None:
+    nlp = programme(missile("SM2"), MultipleShooting(1), Fixed(), NODES)
+    known = np.concatenate([nlp.layout.problem.nominal, np.ones(NODES - 1)])
+    guess = transcription(missile("SM2"), MultipleShooting(1), NODES).solve()
+    z = np.hstack([guess.x, np.full((NODES, 1), guess.duration)])
+    x_0 = nlp.layout.join(z, guess.u[:, 0], np.empty(0))
+    solver = NumericalSolver(nlp, Options(backend, warm=True))
+    first = solver.solve(x_0, known)
+    elsewhere = solver.solve(1.1 * x_0, known, first.multipliers)
+    again = solver.solve(x_0, known)
+    assert first.ok
+    assert elsewhere.iterations != again.iterations
+    np.testing.assert_array_equal(first.x, again.x)
+    np.testing.assert_array_equal(first.multipliers[1], again.multipliers[1])
+
+
+def test_an_answer_stays_as_it_was(uniform: Solution) -> None:
+    nlp = programme(missile("SM2"), MultipleShooting(1), Fixed(), NODES)
+    solver = NumericalSolver(nlp, Options("fatrop"))
+    known, x_0 = np.ones(nlp.p.numel()), np.ones(nlp.x.numel())
+    first = solver.solve(x_0, known)
+    kept = first.x.copy()
+    solver.solve(2.0 * x_0, known)
+    np.testing.assert_array_equal(first.x, kept)
+
+
+@pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_refused(backend: Backend, value: float) -> None:
+    nlp = programme(missile("SM2"), MultipleShooting(1), Fixed(), NODES)
+    solver = NumericalSolver(nlp, Options(backend))
+    x_0, known = np.ones(nlp.x.numel()), np.ones(nlp.p.numel())
+    x_0[3] = value
+    answer = solver.solve(x_0, known)
+    assert answer.status is Outcome.NOT_FINITE
+    assert not answer.ok
+
+
+@pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
+def test_a_limit_of_iterations_is_a_status(backend: Backend) -> None:
+    found = transcription(missile("SM2"), MultipleShooting(1), NODES, options=Options(backend, iterations=2)).solve()
+    assert not found.ok
+    assert found.iterations <= 3
+
+
+def test_fatrop_refuses_a_scheme_that_is_not_explicit() -> None:
+    with pytest.raises(ValueError, match=r"Hermite-Simpson.*allowed: forward Euler, multiple shooting"):
+        transcription(missile("SM2"), HermiteSimpson(), NODES, options=Options("fatrop"))
+
+
+def test_without_a_compiler_the_compiled_solver_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    nlp = programme(missile("SM2"), MultipleShooting(1), Fixed(), NODES)
+    with pytest.raises(FileNotFoundError, match="no C compiler named cc"):
+        NumericalSolver(nlp, Options("fatrop-compiled"))
+
+
+@COMPILED
+def test_a_programme_is_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    nlp = programme(missile("SM2"), MultipleShooting(1), Fixed(), 3)
+    NumericalSolver(nlp, Options("fatrop-compiled"))
+    (library,) = (tmp_path / "mathnavi").iterdir()
+    made = library.stat().st_mtime_ns
+    NumericalSolver(
+        programme(missile("SM2"), MultipleShooting(1), Fixed(), 3), Options("fatrop-compiled", tolerance=1e-5)
+    )
+    assert [file.stat().st_mtime_ns for file in (tmp_path / "mathnavi").iterdir()] == [made]

@@ -1,0 +1,57 @@
+"""The residual is nothing where a polynomial solves the equation, and leads to layers that a coarse grid cannot see."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controllers.ocp.methods.direct import solve
+from controllers.ocp.methods.redistribution import redistribute, redistributed
+from controllers.ocp.problems.double_integrator import double_integrator_energy
+from controllers.ocp.problems.hypersensitive import hypersensitive_short
+from controllers.ocp.problems.library import PROBLEMS
+from controllers.ocp.residual import RESIDUAL, cost_errors, local_errors
+from controllers.ocp.solution import Outcome
+from controllers.ocp.transcriptions.euler import Euler
+from controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from controllers.ocp.transcriptions.scheme import Scheme
+
+
+def test_a_polynomial_solution_leaves_no_residual() -> None:
+    solution = solve(double_integrator_energy(), 5)
+    assert local_errors(solution).max() < 1e-12
+    # u is a straight line, so L is a parabola: what Hermite-Simpson integrates is L itself.
+    assert cost_errors(solution).max() < 1e-12
+
+
+@pytest.mark.parametrize(("scheme", "power"), [(LegendreGaussLobatto(2), 4), (LegendreGaussLobatto(3), 5)])
+def test_errors_fall_with_one_power_more_than_there_are_points(scheme: Scheme, power: int) -> None:
+    problem = PROBLEMS["Rayleigh"].problem()
+    halves = [
+        (local_errors(solution).sum() / count, cost_errors(solution).sum() / count)
+        for count in (100, 200)
+        for solution in (solve(problem, count + 1, scheme=scheme),)
+    ]
+    for coarse, fine in zip(*halves, strict=True):
+        assert np.log2(coarse / fine) == pytest.approx(power, abs=0.8)
+
+
+def test_redistribution_by_it_goes_where_the_layers_are() -> None:
+    current = solve(hypersensitive_short(), 20)
+    for _ in range(3):
+        current = solve(hypersensitive_short(), redistributed(current, 20, RESIDUAL), guess=current)
+    widths = current.grid.widths
+    assert 20.0 * max(widths[0], widths[-1]) < widths.max()
+
+
+def test_it_finds_layers_a_thousandth_of_the_time_wide() -> None:
+    known = PROBLEMS["hypersensitive"]
+    solution = redistribute(known.problem(), 60, RESIDUAL, rounds=10)
+    assert solution.status is Outcome.OPTIMAL
+    assert known.error(solution.cost) <= known.tolerance
+    assert known.error(solve(known.problem(), 60).cost) > 1.0
+
+
+def test_a_scheme_without_a_polynomial_is_refused() -> None:
+    with pytest.raises(ValueError, match="forward Euler"):
+        local_errors(solve(double_integrator_energy(), 5, scheme=Euler()))

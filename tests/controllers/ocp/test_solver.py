@@ -1,0 +1,110 @@
+"""What reaches the user from a solver is a status, and what cannot be solved is refused before."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from controllers.ocp.backend import Options
+from controllers.ocp.grid import uniform
+from controllers.ocp.methods.direct import solve
+from controllers.ocp.problems.missile import missile
+from controllers.ocp.solution import Outcome
+from controllers.ocp.solver import transcription
+from controllers.ocp.statement import OptimalControlProblem, Statement
+from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+
+SHOOTING = MultipleShooting(1)
+
+
+def reaching(end: float) -> OptimalControlProblem:
+    """x' = u, |u| <= 1, from 0 to ``end`` within a second."""
+    ocp = Statement(f"reaching {end}")
+    x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u)
+    ocp.start(x, 0.0)
+    ocp.end(x, end)
+    return ocp.problem()
+
+
+@pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
+def test_boundary_conditions_out_of_reach_are_a_status(backend: str) -> None:
+    options = Options(backend=backend)  # type: ignore[arg-type]
+    failed = solve(reaching(5.0), 11, scheme=SHOOTING, options=options)
+    assert failed.status in (Outcome.INFEASIBLE, Outcome.FAILED, Outcome.LIMIT)
+    assert not failed.ok
+    assert failed.message
+
+
+@pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
+def test_dynamics_that_are_not_finite_are_a_status(backend: str, capfd: pytest.CaptureFixture[str]) -> None:
+    ocp = Statement("root of a negative number")
+    x, u = ocp.state("x"), ocp.control("u")
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, ca.sqrt(x - 1.0) + u)
+    ocp.start(x, 0.0)
+    failed = solve(ocp.problem(), 11, scheme=SHOOTING, options=Options(backend=backend))  # type: ignore[arg-type]
+    assert failed.status in (Outcome.NOT_FINITE, Outcome.FAILED)
+    assert "casadi" not in failed.message
+    assert "NaN" not in "".join(capfd.readouterr())
+
+
+def test_a_parameter_that_is_not_finite_is_a_status() -> None:
+    ocp = Statement("parameter")
+    x, u = ocp.state("x"), ocp.control("u")
+    k = ocp.parameter("k", 1.0)
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, k * u)
+    ocp.start(x, 0.0)
+    ocp.end(x, 1.0)
+    problem = ocp.problem()
+    assert solve(problem, 5, parameters=np.array([np.nan])).status is Outcome.NOT_FINITE
+    assert solve(problem, 5, parameters=problem.values(k=2.0)).cost == pytest.approx(0.25)
+    with pytest.raises(ValueError, match=r"parameters: shape \(2,\)"):
+        solve(problem, 5, parameters=np.array([1.0, 2.0]))
+
+
+def test_a_limit_of_iterations_is_a_status() -> None:
+    assert solve(missile("SM"), 20, options=Options(iterations=2)).status is Outcome.LIMIT
+
+
+def test_both_backends_find_the_same_optimum() -> None:
+    one, other = (
+        solve(missile("FAST"), 25, scheme=SHOOTING, options=Options(backend=backend))  # type: ignore[arg-type]
+        for backend in ("ipopt", "fatrop")
+    )
+    assert one.cost == pytest.approx(other.cost, rel=1e-8)
+    assert np.allclose(one.x, other.x, atol=1e-3)
+    assert np.allclose(one.costates, other.costates, atol=1e-4)
+
+
+def test_a_warm_start_needs_fewer_iterations() -> None:
+    cold = solve(missile("SM2"), 25)
+    warm = solve(missile("SM2"), 25, guess=cold, options=Options(warm=True))
+    assert warm.ok
+    assert warm.iterations < cold.iterations
+
+
+def test_fatrop_refuses_what_is_not_explicit() -> None:
+    with pytest.raises(ValueError, match="cannot solve Hermite-Simpson"):
+        transcription(missile("SM2"), HermiteSimpson(), 11, options=Options(backend="fatrop"))
+
+
+def test_a_grid_or_a_guess_of_another_size_is_refused() -> None:
+    made = transcription(missile("SM2"), HermiteSimpson(), 11)
+    with pytest.raises(ValueError, match="grid: 12 nodes; allowed: the 11"):
+        made.solve(grid=uniform(12))
+    with pytest.raises(ValueError, match="guess: a solution of reaching"):
+        made.solve(guess=solve(reaching(0.5), 11))
+
+
+@pytest.mark.parametrize("wrong", [{"backend": "snopt"}, {"tolerance": 0.0}, {"tolerance": np.nan}, {"iterations": 0}])
+def test_options_that_make_no_sense_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match="allowed"):
+        Options(**wrong)  # type: ignore[arg-type]

@@ -1,0 +1,128 @@
+"""Pictures of a missile show it, its way and its target; stills, videos and the report are written whole."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from renders import opengl
+from renders.missile import figures
+from renders.missile.ground import PIXELS, ground_picture
+from renders.missile.report import report
+from renders.missile.run_data import MissileRun
+from renders.report import write_report
+from renders.run_log import described
+from renders.video import write_still, write_video
+from sim.metrics import label
+from tests.renders.reading import Page, check_identifiers, check_stands_alone
+
+needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
+
+
+@needs_opengl
+def test_the_missile_is_in_sight_of_every_camera_and_where_it_should_be(missile_dir: Path, tmp_path: Path) -> None:
+    script = Path(__file__).with_name("draw_with_and_without_missile.py")
+    environment = opengl.environment() | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(
+        [sys.executable, str(script), str(missile_dir), str(tmp_path / "out.npz")],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""  # an unclosed renderer complains at exit
+    pictures = np.load(tmp_path / "out.npz")
+    for camera, least in (("chase", 400), ("side", 25), ("target", 12)):
+        shown = pictures[f"{camera}.with"].astype(int)
+        assert shown.std() > 15.0
+        column, row, depth = pictures[f"{camera}.pixel"]
+        assert depth > 0.0
+        assert 0 < column < 320
+        assert 0 < row < 180
+        rows, columns = np.nonzero(np.abs(shown - pictures[f"{camera}.without"]).max(axis=-1) > 12)
+        assert len(rows) > least
+        assert np.median(np.hypot(rows - row, columns - column)) < 60  # its shadow may lie elsewhere
+        assert (pictures[f"{camera}.before"] != pictures[f"{camera}.without"]).mean() > 0.001
+    assert {"target", "100 m"} <= set(pictures["side.labels"].tolist())
+
+
+@needs_opengl
+def test_a_still_is_not_blank(missile_dir: Path, tmp_path: Path) -> None:
+    picture = np.asarray(Image.open(write_still(missile_dir, None, tmp_path / "side.png", width=320, height=180)))
+    assert picture.shape == (180, 320, 3)
+    assert picture.astype(float).std() > 20.0
+
+
+@needs_opengl
+def test_a_video_has_the_size_rate_and_length_asked_for(missile_dir: Path, tmp_path: Path) -> None:
+    path = write_video(missile_dir, path=tmp_path / "dive.mp4", width=160, height=90, fps=2, progress=False)
+    assert [file.name for file in tmp_path.iterdir()] == ["dive.mp4"]
+    with av.open(str(path)) as container:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert 12 * 2 <= len(pictures) <= 20 * 2
+    assert min(picture.std() for picture in pictures) > 10.0
+    assert all((a != b).any() for a, b in pairwise(pictures[:20]))
+
+
+def test_the_ground_fits_together_at_its_edges() -> None:
+    picture = ground_picture().astype(float)
+    assert picture.shape == (PIXELS, PIXELS, 3)
+    plain = picture.mean(axis=-1)[10:-10:20, 10:-10:20]  # off the lines
+    assert plain.std() > 10.0
+    for one, other, inner in ((picture[3], picture[-1], picture[5]), (picture[:, 3], picture[:, -1], picture[:, 5])):
+        seam, step = (np.abs(one - neighbour).mean() for neighbour in (other, inner))
+        assert seam < 3.0 * step
+
+
+def test_the_report_stands_alone_and_shows_every_figure_and_event(
+    missile_dir: Path, missile_run: MissileRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    source = write_report(missile_dir).read_text(encoding="utf-8")
+    (missile_dir / "report.html").unlink()
+    check_stands_alone(source)
+    check_identifiers(source)
+    page = Page(source)
+    for key in missile_run.log.summary:
+        assert any(label(key)[0] in word for word in page.words)
+    for event in missile_run.log.events:
+        assert described(event)[0] in page.words
+    assert opengl.HOW_TO_INSTALL in page.text
+    assert "The missile hit" in page.text
+
+
+def test_the_report_of_a_flight_in_space_has_what_is_beside_the_plane(
+    spatial_run: MissileRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    text = Page(report(spatial_run)).text
+    for words in ("v, to the right", "N, yawing", "to the left [m]"):
+        assert words in text
+
+
+def test_a_flight_that_never_had_a_plan_is_reported_too(
+    missile_run: MissileRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disable")
+    bare = replace(missile_run, log=replace(missile_run.log, plans=(), adopted=np.empty(0), events=()))
+    source = report(bare)
+    check_stands_alone(source)
+    assert "Nothing happened" in Page(source).text
+
+
+def test_limits_are_drawn_where_they_are_near(missile_run: MissileRun) -> None:
+    tight = replace(missile_run, input_max=1.05 * np.abs(missile_run.log.u).max(axis=0))
+    near, far = (figures.inputs_figure(run) for run in (tight, replace(missile_run, input_max=np.full(3, 1e9))))
+    for axes in near.axes:
+        assert sum(line.get_linestyle() == ":" for line in axes.lines) == 2
+    assert all(line.get_linestyle() != ":" for axes in far.axes for line in axes.lines)

@@ -1,0 +1,51 @@
+"""What the study of monitor functions measures."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from controllers.ocp.methods.direct import solve
+from controllers.ocp.problems.bryson_denham import bryson_denham
+from controllers.ocp.problems.missile import missile
+from sim.studies.monitors import BOOKS, MONITORS, NAMES, _claim, _measured
+
+
+def test_every_problem_is_known() -> None:
+    assert set(NAMES) <= BOOKS.keys()
+
+
+@pytest.mark.parametrize("monitor", MONITORS, ids=lambda monitor: monitor.name)
+def test_every_monitor_function_is_finite_and_positive(monitor: object) -> None:
+    for problem in (missile("FAST"), bryson_denham()):
+        solution = solve(problem, 12)
+        w = monitor.density(solution, np.linspace(0.0, 1.0, 501), monitor.epsilon)  # type: ignore[attr-defined]
+        assert w.shape == (501,)
+        assert np.isfinite(w).all()
+        assert (w > 0.0).all()
+
+
+def test_the_uniform_monitor_function_changes_nothing() -> None:
+    rows = {(row["monitor"], row["redistributions"]): row for row in _measured("missile, FAST", 12, 61)}
+    for rounds in (1, 3):
+        assert rows["uniform", rounds]["control_error_ratio"] == pytest.approx(1.0, rel=1e-3)
+        assert rows["local error", rounds]["control_error_ratio"] < 0.5
+    assert rows["uniform grid", 0]["control_error_ratio"] == 1.0
+
+
+def test_a_miss_that_is_rounding_has_no_ratio() -> None:
+    rows = _measured("Bryson-Denham", 10, 61)
+    assert all(np.isnan(row["replay_miss_ratio"]) for row in rows)
+    assert all(np.isfinite(row["control_error_ratio"]) for row in rows)
+
+
+@pytest.mark.parametrize(("arclength", "holds"), [(0.1, True), (0.9, False), (float("nan"), False)])
+def test_the_claim_holds_only_where_arclength_is_the_least_everywhere(arclength: float, holds: bool) -> None:
+    rows = [
+        {"problem": name, "monitor": monitor.name, "redistributions": 3,
+         "control_error_ratio": arclength if monitor.name == "arclength" and name == "second" else
+         0.1 if monitor.name == "arclength" else 0.5}
+        for name in ("first", "second")
+        for monitor in MONITORS
+    ]  # fmt: skip
+    assert _claim(rows, ("first", "second")).holds is holds

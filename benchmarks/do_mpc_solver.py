@@ -1,6 +1,6 @@
 """The flight planner's problem as do-mpc has it, a peer for ``flight_solvers.py``; do-mpc is in the extra ``[bench]``.
 
-How it differs from ours is said in benchmarks/README.md.
+It takes uniform grids only. How it differs from ours is said in benchmarks/README.md.
 """
 
 from __future__ import annotations

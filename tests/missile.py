@@ -10,7 +10,8 @@ import numpy as np
 from models.missile.mission import MissileMission, Target
 from sim.plugins import Part
 from sim.scenarios.experiment import Outcome
-from sim.scenarios.missile_guidance import MissileGuidance, MissileGuidanceConfig
+from sim.scenarios.missile_fields import MissileGuidanceConfig
+from sim.scenarios.missile_guidance import MissileGuidance
 from sim.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
 
 ARC = 0.02  # [s] of a plan

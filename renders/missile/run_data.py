@@ -103,6 +103,10 @@ class MissileRun:
         between: Array = (1.0 - share) * self.log.x[i] + share * self.log.x[i + 1]
         return between
 
+    def place(self, t: float) -> Array:
+        """(3,) [m] world frame: the missile at ``t`` [s], linear between looks."""
+        return _world(self.coordinates.place(self.coordinates.from_joints(self.joints(t))))
+
     def plan(self, t: float) -> Plan | None:
         """The plan being flown at ``t`` [s]; None before the first."""
         i = last_at(self.log.adopted, t)

@@ -17,25 +17,23 @@ import numpy as np
 
 from models.missile.entity import build_spec
 from renders.caption import Label
+from renders.missile.cameras import OPTICS, chase_view, side_view, target_view
 from renders.missile.ground import PIXELS, TILE, ground_picture
 from renders.missile.run_data import TO_WORLD, MissileRun
 from renders.palette import COLOURS, Part, Picture
-from renders.stage import HORIZON, NADIR, Optics, Stage, View
+from renders.stage import HORIZON, NADIR, Stage
 from sim.signals import Array
 
 GROUND, DRAWN = 1, 2  # geom groups
 EXTENT = 500.0  # [m]
-OPTICS = {"chase": Optics(40.0, 1e-3, 40.0), "side": Optics(22.0, 0.05, 60.0), "target": Optics(48.0, 1e-3, 40.0)}
 SPAN = 3.81  # [m] of the missile
 SIDE_SPAN = 0.11  # of the picture's height: the missile as it is drawn from the side
-SIDE_BOX = (0.07, 0.93, 0.13, 0.60)  # left, right, top and bottom of what the path takes of the picture
-SIDE_ELEVATION = -5.0  # [degrees]
-CHASE_DISTANCE = 11.5  # [m]
-ARROW = {"chase": 4.2, "side": 9.0, "target": 6.0}  # [m], in the side view in spans of the missile: the largest force
+ARROW = {"chase": 4.2, "side": 9.0, "target": 6.0}  # [m] where the missile is to scale: the largest force
 PLUME = 0.8  # [m] at a thrust of m g; it grows with the square root
 LONGEST_PLUME = 3.2  # [m]
 NOSE, TAIL = 1.1, -1.85  # [m] along X_b: where plumes leave
 PLAN_POINTS = 90
+NEAR = 60  # looks back up to which the path flown is drawn through each
 MINUTE = {"chase": 3.0, "side": 3.2, "target": 3.4}  # [pixels] width of lines at a picture 720 pixels high
 RULER = 50.0  # [m] of height between the lines in the side view
 FLAME, CORE = (1.0, 0.42, 0.05), (1.0, 0.88, 0.55)
@@ -48,7 +46,7 @@ class Scene:
         self.run = run
         self.model = _model(run, width, height, samples)
         self.stage = Stage(self.model, width, height, glow=0.2)
-        self._side = self._side_view()
+        self._side = side_view(run, width / height)
         drawn = [g for g in range(self.model.ngeom) if self.model.geom(g).name.startswith("missile/")]
         rings = [g for g in range(self.model.ngeom) if self.model.geom(g).name.startswith("ring_")]
         self._scaled = [_Scaled(self.model, np.array(geoms)) for geoms in (drawn, rings)]
@@ -66,7 +64,9 @@ class Scene:
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the chase camera."""
         run, stage = self.run, self.stage
-        view = {"chase": self._chase_view, "side": lambda *_: self._side, "target": self._target_view}[camera](t, turn)
+        view = self._side
+        if camera != "side":
+            view = chase_view(run, t, turn) if camera == "chase" else target_view(run, t)
         stage.look(view, OPTICS[camera], (GROUND, DRAWN))
         missile, rings = self._scaled
         scale = self._scale(camera)
@@ -100,7 +100,7 @@ class Scene:
         lift = 26.0 * self.stage.unit * float(self.stage.metres_per_pixel(target[None])[0])
         if camera != "target":
             named.append((Part.TARGET.value, target + _up(lift), False))
-        here = self._here(t)
+        here = self.run.place(t)
         if camera == "side" and float(np.linalg.norm(here - target)) > 0.5 * RULER:
             named.append((f"{here[2]:.0f} m", here, False))
         found = [self.stage.inside(place[None]) for _, place, _ in named]
@@ -110,56 +110,6 @@ class Scene:
             for (text, place, small), at in zip(named, found, strict=True)
             if len(at)
         ]
-
-    # ---- cameras
-
-    def _here(self, t: float) -> Array:
-        """(3,) [m] world frame: the missile."""
-        run = self.run
-        joints = dict(zip(run.coordinates.joints, run.joints(t), strict=False))
-        return np.array([joints["x"], joints.get("y", 0.0), joints["z"]])
-
-    def _chase_view(self, t: float, turn: float) -> View:
-        """Behind and beside the missile; the steeper it flies, the more from above."""
-        run = self.run
-        window = np.linspace(max(0.0, t - 0.5), min(run.duration, t + 0.5), 11)
-        pitch = float(np.mean([run.joints(s)[run.coordinates.joints.index("theta")] for s in window]))
-        down = max(0.0, -pitch) / (0.5 * math.pi)
-        elevation = -8.0 - 54.0 * down
-        return View(self._here(t) + np.array([0.9, 0.0, -0.2 * down]), CHASE_DISTANCE, 58.0 + turn, elevation)
-
-    def _target_view(self, t: float, turn: float) -> View:
-        """Beside the target, from the ground: what comes down on it, and the target too once both fit."""
-        target, here = self.run.target_at(t), self._here(t)
-        away = float(np.linalg.norm(here - target))
-        lookat = here + (target - here) * min(0.5, 17.0 / max(away, 1.0))
-        return View.between(target + np.array([-24.0, -33.0, 4.0]), lookat + _up(4.0 * max(0.0, 1.0 - away / 30.0)))
-
-    def _side_view(self) -> View:
-        """From the side, so that path and target fill the picture's free part."""
-        run = self.run
-        ends = np.array([run.target_at(t) for t in (0.0, run.duration)])
-        points = np.vstack([run.path, ends, *(run.plan_ahead(plan.t_start, 40) for plan in run.log.plans[:1])])
-        low, high = points.min(axis=0), points.max(axis=0)
-        box = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, high[2])])
-        tangent = math.tan(math.radians(OPTICS["side"].field_of_view) / 2.0)
-        aspect = self.stage.width / self.stage.height
-        left, right, top, bottom = SIDE_BOX
-        e = math.radians(SIDE_ELEVATION)
-        forward, upward = np.array([0.0, math.cos(e), math.sin(e)]), np.array([0.0, -math.sin(e), math.cos(e)])
-        lookat, distance = box.mean(axis=0), 1000.0
-        for _ in range(12):
-            ahead = box - (lookat - distance * forward)
-            depth = ahead @ forward
-            across, along = ahead[:, 0] / depth / (tangent * aspect), ahead @ upward / depth / tangent
-            wide = np.ptp(across) / (2.0 * (right - left))
-            tall = np.ptp(along) / (2.0 * (bottom - top))
-            middle = 0.5 * (across.min() + across.max()) - (left + right - 1.0)
-            # What is wide leaves room above: it lies on the lower edge of its part of the picture.
-            foot = along.min() - (1.0 - 2.0 * bottom)
-            lookat = lookat + distance * tangent * (aspect * middle * np.array([1.0, 0.0, 0.0]) + foot * upward)
-            distance *= max(wide, tall)
-        return View(lookat, distance, 90.0, SIDE_ELEVATION)
 
     def _scale(self, camera: str) -> float:
         """How much larger than it is the missile is drawn."""
@@ -171,11 +121,11 @@ class Scene:
 
     def _add_lines(self, t: float, camera: str) -> None:
         run, width = self.run, MINUTE[camera]
-        here = self._here(t)
+        here = self.run.place(t)
         now = run.index(t)
         if now > 0:
-            count = 160 if camera == "side" else 400
-            flown = run.path[np.unique(np.linspace(0, now, count).astype(int))]
+            near = max(now - NEAR, 0)
+            flown = run.path[np.unique(np.r_[np.linspace(0, near, 160).astype(int), near : now + 1])]
             clear = np.linalg.norm(flown - here, axis=1) > 2.2  # beside it the line must not run through the missile
             flown = flown[clear] if camera == "chase" else np.vstack([flown, here])
             self.stage.line(flown, COLOURS[Part.FLOWN], width)
@@ -218,14 +168,14 @@ class Scene:
         force = self._axes(t) @ self._input(t)[:3]
         if float(np.linalg.norm(force)) < 0.01 * self._largest_force or t >= self.run.approach.t:
             return
-        long = ARROW[camera] * (scale if camera == "side" else 1.0) * force / self._largest_force
-        here = self._here(t)
+        long = ARROW[camera] * scale * force / self._largest_force
+        here = self.run.place(t)
         start = here + 0.35 * scale * force / float(np.linalg.norm(force))
         self.stage.arrow(start, start + long, 0.07 * scale * (1.6 if camera == "side" else 1.0), COLOURS[Part.FORCE])
 
     def _add_plumes(self, t: float) -> None:
         """Gas leaves on the side from which the thrusters push."""
-        axes, here = self._axes(t), self._here(t)
+        axes, here = self._axes(t), self.run.place(t)
         ahead, right, down = axes.T
         F_x, F_y, F_z, M, N = self._input(t) / self.run.weight
         arm = 1.5  # [m] of the thrusters that turn

@@ -182,7 +182,10 @@ def falls(sequence: Sequence[float]) -> bool:
 
 
 def node_spacing(outcome: Outcome) -> dict[str, Any]:
-    """A measure: d of (A.8) [m], the longest way between two subsequent sampling instants of the planner."""
+    """A measure: d of (A.8) [m], the longest way between two subsequent sampling instants of a planner.
+
+    Its grid is uniform, and it plans again after each arc.
+    """
     fields = outcome.config["controller"]["fields"]
     h = (fields["horizon"] or (fields["nodes"] - 1) * 5.0 / 3.0) / (fields["nodes"] - 1)  # [s]
     recording = outcome.recording

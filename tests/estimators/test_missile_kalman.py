@@ -126,7 +126,7 @@ def test_commands_beyond_the_limits_count_as_the_limits() -> None:
         filter_ = MissileKalman(MissileKalmanConfig(), bounded)
         filter_.update(0.0, [Measurement("full_state", 0.0, bounded.start_state)], command)
         answers.append(filter_.update(0.1, [], command).x)
-    np.testing.assert_array_equal(*answers)
+    np.testing.assert_array_equal(answers[0], answers[1])
 
 
 def test_declared_gusts_make_it_listen_more() -> None:

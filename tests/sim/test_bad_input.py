@@ -129,6 +129,7 @@ FLOATS = [
     *("--clearance-min", "--speed-max", "--acceleration-max", "--deadline-factor", "--arrival-radius", "--radar-time"),
     *("--noise.position", "--faults.solver-failure-rate", "--faults.gust-rms", "--faults.position-jump"),
     *("--planner.horizon", "--planner.beta", "--planner.margin", "--planner.tolerance", "--planner.bandwidth"),
+    "--planner.period",
     "--estimator.timeout",
 ]
 
@@ -138,6 +139,24 @@ FLOATS = [
 def test_numbers_must_be_finite(refused: Refusal, mission: Words, flag: str, value: str) -> None:
     line = refused("run", *mission, flag, value, "--out", "former")
     assert f"{flag} = {value}; allowed:" in line
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "5"])
+def test_a_stretch_leaves_no_arc_a_thousand_times_as_long_as_another(
+    refused: Refusal, mission: Words, value: str
+) -> None:
+    line = refused("run", *mission, "--planner.nodes", "13", "--planner.stretch", value)
+    assert "--planner.stretch = " in line
+    assert "allowed at nodes = 13" in line
+
+
+@pytest.mark.parametrize(("period", "named"), [("0.03", "a whole number of control periods"), ("21", "the horizon")])
+def test_a_replan_period_fits_the_loop_and_the_horizon(
+    refused: Refusal, mission: Words, period: str, named: str
+) -> None:
+    line = refused("run", *mission, "--planner.nodes", "13", "--planner.period", period)
+    assert "period = " in line
+    assert named in line
 
 
 @pytest.mark.parametrize("flags", ["--start 3000 nan 800", "--target inf 3000 800", "--radar 5000 6000 nan 1"])

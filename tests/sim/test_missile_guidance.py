@@ -11,15 +11,8 @@ import pytest
 from estimators.missile_kalman import MissileKalman
 from sim.plugins import Part
 from sim.scenarios.experiment import Outcome
-from sim.scenarios.missile_guidance import (
-    Actuator,
-    Faults,
-    Gust,
-    Mismatch,
-    MissileGuidance,
-    MissileGuidanceConfig,
-    Noise,
-)
+from sim.scenarios.missile_fields import Actuator, Faults, Gust, Mismatch, MissileGuidanceConfig, Noise
+from sim.scenarios.missile_guidance import MissileGuidance
 from tests.missile import fly, glide
 
 NEAR = (300.0, 0.0, 0.0)

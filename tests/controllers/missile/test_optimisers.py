@@ -136,8 +136,8 @@ def test_limits_are_kept() -> None:
 
 
 def test_nodes_may_be_equidistributed_while_it_flies() -> None:
-    optimiser = WholeFlight(CASES["FAST"], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Equidistributed())
-    flight = found(optimiser, level("FAST")[[0, 2, 3, 5, 7, 9]], aim())
+    optimiser = WholeFlight(CASES["SM3"], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Equidistributed())
+    flight = found(optimiser, level("SM3")[[0, 2, 3, 5, 7, 9]], aim())
     again = found(optimiser, flight.x[5], aim(), float(flight.t[5]))
     assert np.ptp(np.diff(again.t)) > 0.01
     assert aim().missed_by(again.x[-1], again.duration, PLANAR).size < 2e-3

@@ -58,8 +58,8 @@ def test_a_run_says_by_whom_it_is_drawn(missile_dir: Path, run_dir: Path, tmp_pa
 def test_what_does_not_describe_a_missile_is_refused(missile_dir: Path, tmp_path: Path) -> None:
     copy = shutil.copytree(missile_dir, tmp_path / "run")
     config = json.loads((copy / "config.json").read_text())
-    for broken in ({"mission": {}}, {"mission": config["mission"] | {"dimension": "flat"}}):
-        (copy / "config.json").write_text(json.dumps(config | broken))
+    for mission in ({}, config["mission"] | {"dimension": "flat"}):
+        (copy / "config.json").write_text(json.dumps(config | {"mission": mission}))
         with pytest.raises(ValueError, match=r"config\.json.* does not describe a missile"):
             load_run(copy)
     (copy / "config.json").write_text(json.dumps(config | {"mission": config["mission"] | {"dimension": "spatial"}}))

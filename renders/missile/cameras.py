@@ -1,0 +1,59 @@
+"""From where a missile is filmed: from beside it, from the side of its whole path, from beside its target.
+
+Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renders.missile.run_data import MissileRun
+from renders.stage import Optics, View
+
+OPTICS = {"chase": Optics(40.0, 1e-3, 40.0), "side": Optics(22.0, 0.05, 60.0), "target": Optics(48.0, 1e-3, 40.0)}
+SIDE_BOX = (0.07, 0.93, 0.13, 0.60)  # left, right, top and bottom of what the path takes of the picture
+SIDE_ELEVATION = -5.0  # [degrees]
+CHASE_DISTANCE = 11.5  # [m]
+
+
+def chase_view(run: MissileRun, t: float, turn: float) -> View:
+    """Behind and beside the missile; the steeper it flies, the more from above. ``turn`` is in degrees."""
+    window = np.linspace(max(0.0, t - 0.5), min(run.duration, t + 0.5), 11)
+    pitch = float(np.mean([run.joints(s)[run.coordinates.joints.index("theta")] for s in window]))
+    down = max(0.0, -pitch) / (0.5 * math.pi)
+    lookat = run.place(t) + np.array([0.9, 0.0, -0.2 * down])
+    return View(lookat, CHASE_DISTANCE, 58.0 + turn, -8.0 - 54.0 * down)
+
+
+def target_view(run: MissileRun, t: float) -> View:
+    """Beside the target, from the ground: what comes down on it, and the target too once both fit."""
+    target, here = run.target_at(t), run.place(t)
+    away = float(np.linalg.norm(here - target))
+    lookat = here + (target - here) * min(0.5, 17.0 / max(away, 1.0))
+    lookat[2] += 4.0 * max(0.0, 1.0 - away / 30.0)
+    return View.between(target + np.array([-24.0, -33.0, 4.0]), lookat)
+
+
+def side_view(run: MissileRun, aspect: float) -> View:
+    """From the side, so that path and target fill the free part of a picture of that width over height."""
+    ends = np.array([run.target_at(t) for t in (0.0, run.duration)])
+    points = np.vstack([run.path, ends, *(run.plan_ahead(plan.t_start, 40) for plan in run.log.plans[:1])])
+    low, high = points.min(axis=0), points.max(axis=0)
+    box = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, high[2])])
+    tangent = math.tan(math.radians(OPTICS["side"].field_of_view) / 2.0)
+    left, right, top, bottom = SIDE_BOX
+    e = math.radians(SIDE_ELEVATION)
+    forward, upward = np.array([0.0, math.cos(e), math.sin(e)]), np.array([0.0, -math.sin(e), math.cos(e)])
+    lookat, distance = box.mean(axis=0), 1000.0
+    for _ in range(12):  # centre, then fill; perspective couples the two only weakly
+        ahead = box - (lookat - distance * forward)
+        depth = ahead @ forward
+        across, along = ahead[:, 0] / depth / (tangent * aspect), ahead @ upward / depth / tangent
+        wide, tall = np.ptp(across) / (2.0 * (right - left)), np.ptp(along) / (2.0 * (bottom - top))
+        middle = 0.5 * (across.min() + across.max()) - (left + right - 1.0)
+        foot = along.min() - (1.0 - 2.0 * bottom)  # a low path lies on the lower edge of its part of the picture
+        lookat = lookat + distance * tangent * (aspect * middle * np.array([1.0, 0.0, 0.0]) + foot * upward)
+        distance *= max(wide, tall)
+    return View(lookat, distance, 90.0, SIDE_ELEVATION)

@@ -17,6 +17,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -148,8 +149,10 @@ def complaints(events: list[dict[str, Any]], url: str) -> list[str]:
     return found
 
 
-def examine(browser: Browser, report: Path, theme: str, screenshots: Path | None) -> tuple[list[str], str]:
-    """What is wrong with a report, and what was found in it."""
+def examine(
+    browser: Browser, report: Path, theme: str, screenshots: Path | None, wanted: Sequence[str]
+) -> tuple[list[str], str]:
+    """What is wrong with a report, and what was found in it; of each kind ``wanted`` it has at least one."""
     url = report.resolve().as_uri()
     browser.events.clear()
     browser.ask("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
@@ -166,7 +169,7 @@ def examine(browser: Browser, report: Path, theme: str, screenshots: Path | None
         for part in found[kind]
         if not part["drawn"]
     ]
-    wrong += [f"it has no {kind}" for kind in ("drawings", "views") if not found[kind]]
+    wrong += [f"it has no {kind}" for kind in wanted if not found[kind]]
     for view in found["views"]:
         seen = browser.screenshot(**{side: view[side] for side in ("x", "y", "width", "height")})
         pixels = np.asarray(Image.open(io.BytesIO(seen)).convert("RGB")).reshape(-1, 3)
@@ -184,6 +187,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("program", help="the Chromium to open the reports with")
     parser.add_argument("reports", nargs="+", type=Path, metavar="REPORT.html")
+    parser.add_argument("--flat", nargs="*", default=[], type=Path, metavar="REPORT.html", help="without a terrain")
     parser.add_argument("--screenshots", type=Path, metavar="FOLDER", help="keep a picture of each page here")
     arguments = parser.parse_args()
     failed = False
@@ -192,9 +196,10 @@ def main() -> int:
         tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile,
         Browser(arguments.program, profile) as browser,
     ):
-        for report in arguments.reports:
+        for report in (*arguments.reports, *arguments.flat):
+            wanted = ("drawings",) if report in arguments.flat else ("drawings", "views")
             for theme in ("light", "dark"):
-                wrong, counts = examine(browser, report, theme, arguments.screenshots)
+                wrong, counts = examine(browser, report, theme, arguments.screenshots, wanted)
                 print(
                     f"{report}, {theme}: {counts}, {report.stat().st_size / 1e6:.1f} MB"
                     if not wrong

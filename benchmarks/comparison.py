@@ -125,7 +125,7 @@ class Machine:
 
     def plain(self) -> dict[str, Any]:
         packages = ["mathnavi", "mujoco", "dm-control", "casadi", "numpy", "numba"]
-        packages += ["do-mpc"] * bool(find_spec("do_mpc"))
+        packages += [name for name in ("do-mpc", "maptor", "dymos") if find_spec(name.replace("-", "_"))]
         versions = {name: version(name) for name in packages} | {"python": platform.python_version()}
         return {
             "processor": self.processor,

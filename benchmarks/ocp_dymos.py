@@ -62,6 +62,7 @@ def _quietly() -> Iterator[None]:
         tempfile.TemporaryDirectory() as folder,
         contextlib.chdir(folder),
         contextlib.redirect_stdout(io.StringIO()),
+        contextlib.redirect_stderr(io.StringIO()),
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("ignore")
@@ -104,16 +105,16 @@ def _dynamics(problem: OptimalControlProblem) -> Any:
     import openmdao.api as om
 
     x, u, t = ca.SX.sym("x", problem.nx), ca.SX.sym("u", problem.nu), ca.SX.sym("t")
-    along = [x * problem.state_scale, u * problem.control_scale, t, ca.DM(problem.nominal)]
-    result = ca.vertcat(
-        problem.dynamics(*along) / problem.state_scale, problem.running_cost(*along), problem.path(*along)
-    )
+    scale, p = ca.DM(problem.state_scale), ca.DM(problem.nominal)
+    X, U = x * scale, u * ca.DM(problem.control_scale)
+    rates, running, path = (f(X, U, t, p) for f in (problem.dynamics, problem.running_cost, problem.path))
+    result = ca.vertcat(rates / scale, running, path)
     known = ca.vertcat(x, u, t)
     slope = ca.jacobian(result, known)
     where = list(zip(*slope.sparsity().get_triplet(), strict=True))
     values, slopes = (
         ca.Function("values", [known], [result]),
-        ca.Function("slopes", [known], [ca.vcat(slope.nonzeros())]),
+        ca.Function("slopes", [known], [slope.nz[:]]),
     )
     inputs = [*(f"x{i}" for i in range(problem.nx)), *(f"u{i}" for i in range(problem.nu)), "t"]
     outputs = [*(f"f{i}" for i in range(problem.nx)), "L", *(f"d{k}" for k in range(len(problem.path_bounds.lower)))]

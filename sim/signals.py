@@ -77,10 +77,10 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Plan:
-    """The whole future, to rest, as arcs with constant input stamped in absolute time.
+    """The whole future, to rest or onto the target, as arcs with constant input stamped in absolute time.
 
     Arc k holds the input ``u[k]`` over [t[k], t[k+1]] and starts at the state ``x[k]``; ``x[-1]`` is the state of
-    rest in which the vehicle stays. A plan whose ``status`` is not ``OK`` is a recorded failure and is never flown;
+    rest in which the vehicle stays, or that in which it meets its target. A plan whose ``status`` is not ``OK`` is a recorded failure and is never flown;
     its arrays may be empty.
     """
 

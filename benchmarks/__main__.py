@@ -30,7 +30,7 @@ def parts(quick: bool) -> dict[str, Callable[[Console], Findings]]:
     """The benchmarks by name."""
     solvers = flight_solvers.Arguments(problems=60, repetitions=2) if quick else flight_solvers.Arguments()
     loop = loop_overhead.Arguments(repetitions=5, seconds=60.0) if quick else loop_overhead.Arguments()
-    ocp = ocp_peers.Arguments(ocp_peers.SMALL[:2], repetitions=1) if quick else ocp_peers.Arguments()
+    ocp = ocp_peers.Arguments(ocp_peers.SMALL[:1], repetitions=1) if quick else ocp_peers.Arguments()
     sweep = sweep_scaling.Arguments(trials=12, repetitions=1) if quick else sweep_scaling.Arguments()
     return {
         "flight_solvers": lambda console: flight_solvers.run(solvers, console),

@@ -29,13 +29,12 @@ from rich.table import Table
 from benchmarks import ocp_dymos, ocp_maptor
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
-from controllers.ocp.methods.redistribution import redistribute
 from controllers.ocp.methods.refinement import refine
 from controllers.ocp.problems.library import PROBLEMS, KnownOptimum
-from controllers.ocp.residual import RESIDUAL
 from controllers.ocp.solution import Outcome, Solution
 from controllers.ocp.statement import OptimalControlProblem
 from sim.signals import Array
+from sim.studies.ocp_problems import ADAPTIVE, Method
 
 OURS = "ours"
 NODES = 60  # that ours may use
@@ -88,16 +87,17 @@ def softwares() -> list[Software]:
 
 
 def our_settings() -> dict[str, Prepare]:
-    """Refinement from a coarse tolerance to a fine one, then what finds boundary layers."""
+    """Refinement from a coarse tolerance to a fine one, then the other adaptive methods of the study, in its order."""
 
     def refined(tolerance: float, problem: OptimalControlProblem) -> Solve:
         return lambda: accepted(problem, refine(_unknown(problem), most_nodes=NODES, tolerance=tolerance))
 
-    def redistributed(problem: OptimalControlProblem) -> Solve:
-        return lambda: accepted(problem, redistribute(_unknown(problem), NODES, RESIDUAL, rounds=10))
+    def otherwise(method: Method, problem: OptimalControlProblem) -> Solve:
+        return lambda: accepted(problem, method(_unknown(problem), NODES))
 
     settings: dict[str, Prepare] = {f"refinement, {t:g}": partial(refined, t) for t in MESH_TOLERANCES}
-    return settings | {"redistribution, residual": redistributed}
+    others = {name: method for name, method in ADAPTIVE.items() if name != "refinement"}
+    return settings | {name: partial(otherwise, method) for name, method in others.items()}
 
 
 def _by_tolerance(prepared: Callable[[OptimalControlProblem, float], Solve]) -> dict[str, Prepare]:

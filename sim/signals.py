@@ -80,8 +80,8 @@ class Plan:
     """The whole future, to rest or onto the target, as arcs with constant input stamped in absolute time.
 
     Arc k holds the input ``u[k]`` over [t[k], t[k+1]] and starts at the state ``x[k]``; ``x[-1]`` is the state of
-    rest in which the vehicle stays, or that in which it meets its target. A plan whose ``status`` is not ``OK`` is a recorded failure and is never flown;
-    its arrays may be empty.
+    rest in which the vehicle stays, or that in which it meets its target. A plan whose ``status`` is not ``OK`` is a
+    recorded failure and is never flown; its arrays may be empty.
     """
 
     t: Array  # (K + 1,) [s] absolute, increasing

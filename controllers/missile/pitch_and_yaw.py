@@ -28,7 +28,7 @@ from controllers.missile.aim import Aim
 from controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
 from controllers.missile.plane_problems import Limits, kept, pitch_problem, yaw_problem
 from controllers.missile.planes import inputs_between, split
-from controllers.missile.problem import weights
+from controllers.missile.problem import out_of_bounds, weights
 from controllers.missile.profile import fitted
 from controllers.missile.shooting import Failed, Shooting, Solved
 from controllers.missile.trajectory import Trajectory, flown
@@ -76,46 +76,48 @@ class PitchAndYaw:
         self._last: tuple[float, _Turn] | None = None  # when it starts [s], and it
 
     def optimise(self, t: float, start: Array, aim: Aim) -> Trajectory | Failed:
+        if (reason := out_of_bounds(start, SPATIAL)) is not None:
+            return Failed(reason, infeasible=True)
         found: Trajectory | Failed = Failed("nothing was tried", infeasible=False)
         if self._last is not None and t - self._last[0] < self._last[1].pitch.duration:
             shift = t - self._last[0]
             shifted = _Turn(self._last[1].pitch.after(shift), self._last[1].yaw.after(shift))
-            found = self._alternated(t, start, aim, shifted, TURNS, settle=False)
+            found = self._alternated(t, start, aim, shifted, first=False)
         in_pitch, in_yaw = split(start)
         for tangent in TANGENTS:
             if isinstance(found, Trajectory):
                 break
             pitch = pitch_guess(in_pitch, aim, self._body, self._nodes, tangent)
             guess = _Turn(pitch, yaw_guess(in_yaw, aim, self._body, pitch))
-            found = self._alternated(t, start, aim, guess, FIRST_TURNS, settle=True)
+            found = self._alternated(t, start, aim, guess, first=True)
         return found
 
-    def _alternated(
-        self, t: float, start: Array, aim: Aim, now: _Turn, turns: int, *, settle: bool
-    ) -> Trajectory | Failed:
-        """Turns until the flight is exact and, to ``settle``, until they gain nothing any more."""
+    def _alternated(self, t: float, start: Array, aim: Aim, now: _Turn, *, first: bool) -> Trajectory | Failed:
+        """Turns until the flight is exact and, of a ``first`` guess, until they gain nothing any more."""
         aimed, best = aim, math.inf
         found: Trajectory | Failed = Failed("no turn was taken", infeasible=False)
-        for _ in range(turns):
-            after = self._turn(start, aimed, now)
+        for turn in range(FIRST_TURNS if first else TURNS):
+            after = self._turn(start, aimed, now, first=first and turn == 0)
             if isinstance(after, Failed):  # what the turns before led to is a flight as well
                 return found if isinstance(found, Trajectory) else after
             now = after
             self._last = t, now
             found = self._together(start, now)
             miss = aim.missed_by(found.x[-1], found.duration, SPATIAL)
-            if miss.size < EXACT and not (settle and found.cost < best * (1.0 - SETTLED)):
+            if miss.size < EXACT and not (first and found.cost < best * (1.0 - SETTLED)):
                 break
             aimed, best = aimed.less(miss), found.cost
         return found
 
-    def _turn(self, start: Array, aim: Aim, now: _Turn) -> _Turn | Failed:
+    def _turn(self, start: Array, aim: Aim, now: _Turn, *, first: bool) -> _Turn | Failed:
         """The pitch planner's answer to a motion, and the yaw planner's to that."""
         in_pitch, in_yaw = split(start)
         V_0, v_y = float(in_yaw[0]), float(aim.velocity[1])
         end = [aim.place[0], aim.velocity[0], aim.place[2], aim.velocity[2], aim.theta, aim.w]
         held = _held(now.yaw, V_0, v_y, self._body)
-        pitch = self._pitch.solve(now.pitch, np.concatenate([self._weights, held, [V_0, v_y], in_pitch, end]))
+        pitch = self._pitch.solve(
+            now.pitch, np.concatenate([self._weights, held, [V_0, v_y], in_pitch, end]), first=first
+        )
         if isinstance(pitch, Failed):
             return dataclasses.replace(pitch, message=f"pitch: {pitch.message}")
         T, U = pitch.duration, pitch.x[:, 0]
@@ -123,7 +125,7 @@ class PitchAndYaw:
         lateral = aim.v * math.cos(aim.psi) + U[-1] * math.sin(aim.psi)
         known = [self._weights, [T], fitted(pitch.nodes, [U]), fitted(middle, [pitch.u[:, 0]]), in_yaw]
         guess = dataclasses.replace(now.yaw, nodes=pitch.nodes, duration=T)
-        yaw = self._yaw.solve(guess, np.concatenate([*known, [lateral, aim.psi, aim.after(T)[1]]]))
+        yaw = self._yaw.solve(guess, np.concatenate([*known, [lateral, aim.psi, aim.after(T)[1]]]), first=first)
         if isinstance(yaw, Failed):
             return dataclasses.replace(yaw, message=f"yaw: {yaw.message}")
         return _Turn(pitch, yaw)

@@ -41,6 +41,15 @@ END = ("x_e", "y_e", "z_e", "theta", "psi", "v", "w")
 """the states that the end fixes"""
 
 
+def out_of_bounds(x: Array, coordinates: Coordinates) -> str | None:
+    """Why no flight starts at a state (nx,); None if one may."""
+    for name, value in zip(coordinates.states, x.tolist(), strict=True):
+        lower, upper = STATE_LIMITS.get(name, (-math.inf, math.inf))
+        if not lower <= value <= upper:
+            return f"the flight would start with {name} = {value:.6g}; allowed: {lower:.6g} to {upper:.6g}"
+    return None
+
+
 def input_scales(body: Body) -> dict[str, float]:
     """Typical magnitudes of forces [N] and moments [N m]."""
     force, moment = 5.0 * body.mass * body.gravity, 2.0 * body.inertia

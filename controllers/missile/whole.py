@@ -10,7 +10,7 @@ import numpy as np
 from controllers.missile.aim import Aim
 from controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
 from controllers.missile.planes import inputs_between, split, together
-from controllers.missile.problem import guidance_problem, weights
+from controllers.missile.problem import guidance_problem, out_of_bounds, weights
 from controllers.missile.shooting import Failed, Shooting, Solved
 from controllers.missile.trajectory import Trajectory, flown
 from controllers.ocp.backend import Backend
@@ -42,8 +42,10 @@ class WholeFlight:
     def optimise(self, t: float, start: Array, aim: Aim) -> Trajectory | Failed:
         parameters = np.concatenate([self._weights, aim.parameters(start, self._coordinates)])
         failed = Failed("nothing was tried", infeasible=False)
-        for guess in self._guesses(t, start, aim):
-            solved = self._shooting.solve(guess, parameters)
+        if (reason := out_of_bounds(start, self._coordinates)) is not None:
+            return Failed(reason, infeasible=True)
+        for guess, first in self._guesses(t, start, aim):
+            solved = self._shooting.solve(guess, parameters, first=first)
             if isinstance(solved, Solved):
                 self._last = t, solved
                 x = flown(start, solved.times, solved.u, self._coordinates, self._body)
@@ -51,15 +53,15 @@ class WholeFlight:
             failed = solved
         return failed
 
-    def _guesses(self, t: float, start: Array, aim: Aim) -> Iterator[Solved]:
+    def _guesses(self, t: float, start: Array, aim: Aim) -> Iterator[tuple[Solved, bool]]:
         if self._last is not None and t - self._last[0] < self._last[1].duration:
-            yield self._last[1].after(t - self._last[0])
+            yield self._last[1].after(t - self._last[0]), False
         for tangent in TANGENTS:
             if self._coordinates is PLANAR:
-                yield pitch_guess(start, aim, self._body, self._nodes, tangent)
+                yield pitch_guess(start, aim, self._body, self._nodes, tangent), True
                 continue
             in_pitch, in_yaw = split(start)
             pitch = pitch_guess(in_pitch, aim, self._body, self._nodes, tangent)
             yaw = yaw_guess(in_yaw, aim, self._body, pitch)
             _, u = inputs_between(pitch, yaw, 1, self._body)
-            yield dataclasses.replace(pitch, x=together(pitch.x, yaw.x), u=u)
+            yield dataclasses.replace(pitch, x=together(pitch.x, yaw.x), u=u), True

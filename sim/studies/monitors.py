@@ -173,7 +173,7 @@ def _claim(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Claim:
     told = ", ".join(f"{name} {mean:.2f}" for name, mean in means.items())
     return Claim(
         "B.arclength-best-problems", "printed",
-        "The arclength monitor function is the most efficient among all choices, on any problem.", "B.3",
+        "The arclength monitor function is the most efficient among all choices.", "B.3",
         f"the least control error of {len(others)} monitor functions on each of {len(names)} problems",
         f"the least on {first} of {len(names)}; geometric mean of the ratio to uniform after {max(ROUNDS)} "
         f"redistributions: {told}",

@@ -112,7 +112,8 @@ class OcpProblems:
             tables=(_table(best),),
             figure=_figure(rows, best),
             caption="Larger of the errors of J and of the replayed J, over the tolerance, for every method: blue where "
-            "it is reached. Grey: no solution, or none that the replay gate passed. Framed: what is reported.",
+            "it is reached. Grey: not tried, no solution, or none that passed the replay gate. Framed: what is "
+            "reported.",
             claims=(_claim(best, reached, config),),
         )
 
@@ -187,8 +188,7 @@ def _claim(best: Mapping[str, Mapping[str, Any]], reached: Sequence[str], config
 
 def _table(best: Mapping[str, Mapping[str, Any]]) -> Table:
     columns = (
-        "problem", "quantity", "optimum", "source", "value", "replayed", "error", "replayed", "violation", "N",
-        "method", "time",
+        "problem", "optimum", "source", "value", "replayed", "error", "violation", "N", "method", "time",
     )  # fmt: skip
     cells = []
     for name, row in best.items():
@@ -196,13 +196,13 @@ def _table(best: Mapping[str, Mapping[str, Any]]) -> Table:
         mark = " *" if row["replay_by_intervals"] else ""
         cells.append(
             (
-                name, known.quantity, f"{row['optimum']:.8g}", known.source, f"{row['value']:.8g}",
-                f"{row['value_replayed']:.8g}{mark}", f"{row['error']:.1e}", f"{row['error_replayed']:.1e}",
-                f"{row['replay_violation']:.0e}", str(row["nodes"]),
+                name if known.quantity == "J" else f"{name}: {known.quantity}", f"{row['optimum']:.8g}", known.source,
+                f"{row['value']:.8g}", f"{row['value_replayed']:.8g}{mark}",
+                f"{max(row['error'], row['error_replayed']):.0e}", f"{row['replay_violation']:.0e}", str(row["nodes"]),
                 row["method"] + ("" if row["reached"] else " (not reached)"), f"{row['solve_ms']:.0f} ms",
             )
         )  # fmt: skip
-    return Table("Optimal control problems (* replayed interval by interval)", columns, cells)
+    return Table("The larger of both errors; * replayed interval by interval", columns, cells)
 
 
 def _figure(rows: Sequence[Mapping[str, Any]], best: Mapping[str, Mapping[str, Any]]) -> Figure:

@@ -56,9 +56,7 @@ PROBLEMS: dict[str, KnownOptimum] = {
     "double integrator, energy": KnownOptimum(double_integrator_energy, 6.0, "analytic"),
     "double integrator, energy, v(T) free": KnownOptimum(partial(double_integrator_energy, False), 1.5, "analytic"),
     "double integrator, time": KnownOptimum(double_integrator_time, 3.4641016, "2 √3, analytic", "T"),
-    "Goddard": KnownOptimum(
-        goddard, 1.0128369, "thrust, singular arc, coast; COPS 3 prints 1.01283", "h(T)", sign=-1.0, origin=1.0
-    ),
+    "Goddard": KnownOptimum(goddard, 1.0128369, "Pontryagin; COPS 3 prints 1.01283", "h(T)", sign=-1.0, origin=1.0),
     "van der Pol": KnownOptimum(van_der_pol, 3.1749892, "dense grid; JModelica prints 3.1761958"),
     "Rayleigh": KnownOptimum(rayleigh, 44.804444, "SOS"),
     "cart-pole": KnownOptimum(cart_pole, 58.808, "Kelly 2017"),

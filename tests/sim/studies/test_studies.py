@@ -29,6 +29,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "flight-grids": {"seeds": 1, "faulted": 1},
     "ocp-problems": {"problems": 2, "nodes": 12, "exhaustive": False},
     "missile-nodes": {"repeats": 1, "cases": 1, "grids": 5, "reference_nodes": 61},
+    "missile-closed-loop": {"cases": 1, "seeds": 1, "replans": 1},
     "monitors": {"problems": 1, "nodes": 8, "reference_nodes": 41},
 }
 CLAIMS = {
@@ -46,9 +47,10 @@ CLAIMS = {
         *("missile.indirect", "missile.redistribute", "missile.equidistribute", "missile.gate"),
         *("B.more-accurate", "B.no-extra-time", "B.arclength-best", "B.minimum-at-25"),
     },
+    "missile-closed-loop": {"missile.replan", "missile.open-loop", "missile.feedback", "missile.moving-target"},
     "monitors": {"B.arclength-best-problems"},
 }
-TIMED = {"cost-to-go", "missile-nodes"}  # which measure times
+TIMED = {"cost-to-go", "missile-nodes", "missile-closed-loop"}  # which measure times
 UNMEASURED = {"noise", "ocp-problems"}  # over these hills no mission may arrive; not all problems are solved
 PRINTED = ("A.", "B.")  # the thesis' papers
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))

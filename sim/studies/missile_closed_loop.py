@@ -1,0 +1,282 @@
+"""The missile in MuJoCo: what its planner, its autopilots and its estimators are worth (B.4).
+
+The print stops at the reference trajectory and assumes an autopilot. Here the plan is flown: open loop, by feedback
+linearisation with an integral term, and by a time-varying linear-quadratic regulator; with a plan once and for all or
+with a new one ten times a second; against a body that is heavier than told, weak thrusters, wind, limits, delay, noise,
+and a target that moves. The miss is the closest approach to the true target, the aspect error that of the nose then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+from controllers.compilation import compiler
+from renders.claims import Claim
+from renders.figures import STYLE
+from renders.study_report import Table
+from renders.sweep_data import figures
+from sim.signals import Array
+from sim.statistics import rate
+from sim.store import Record
+from sim.studies.study import Findings, Setup, check_counts
+from sim.sweep.trial import Trial, trial
+
+CASES = ("SM", "SM2", "SM3", "FAST")
+VEHICLE = "missile"
+ONCE = 1e3  # [s] replan period: one plan is flown to its end
+HEAVIER = {"mismatch.mass": 1.1, "mismatch.inertia": 1.1}
+ROUGH = {**HEAVIER, "mismatch.force": 0.95, "gust.force": (400.0, 0.0, 0.0), "gust.torque": (0.0, 20.0, 0.0)}
+NOISY = {"noise.position": 1.0, "noise.velocity": 0.5, "noise.angle": 0.5, "noise.rate": 0.5}
+AUTOPILOTS = {"open-loop": "#6b7785", "feedback-linearisation": "#c2183b", "tvlqr": "#1b7fbd"}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Flights of one kind: the same fields over cases or seeds."""
+
+    name: str
+    fields: Mapping[str, Any] = field(default_factory=dict)
+    autopilot: str = "feedback-linearisation"
+    period: float | None = ONCE  # [s] None: the planner's own
+    estimator: str = "full_state"
+    seeded: bool = False  # flown over seeds, in the case SM; otherwise once in every case
+
+    def trials(self, cases: int, seeds: int) -> list[Trial]:
+        flights = [("SM", seed) for seed in range(seeds)] if self.seeded else [(case, 0) for case in CASES[:cases]]
+        planner: dict[str, Any] = {"planner.autopilot": self.autopilot}
+        if self.period is not None:
+            planner["planner.replan_period"] = self.period
+        return [
+            trial("missile-guidance", seed, estimator=self.estimator, fields={"case": case, **planner, **self.fields})
+            for case, seed in flights
+        ]
+
+
+def _each(name: str, fields: Mapping[str, Any]) -> tuple[Kind, ...]:
+    return tuple(Kind(f"{name}, {autopilot}", fields, autopilot) for autopilot in AUTOPILOTS)
+
+
+OPEN_LOOP = Kind("as told, open-loop, 1 kHz", {"control_rate": 1000.0}, "open-loop")
+HEAVIER_KINDS, ROUGH_KINDS = _each("mass and inertia +10 %", HEAVIER), _each("and force -5 %, gust", ROUGH)
+TOWARDS = Kind("target at +30 m/s", {"target_velocity": (30.0, 0.0, 0.0)}, period=None)
+AWAY = Kind("target at -30 m/s", {"target_velocity": (-30.0, 0.0, 0.0)}, period=None)
+WITHOUT_LEAD = Kind("target at +30 m/s, without lead", {**TOWARDS.fields, "planner.lead": False}, period=None)
+KINDS = (
+    OPEN_LOOP,
+    *HEAVIER_KINDS,
+    *ROUGH_KINDS,
+    Kind("the same, planned again", ROUGH, period=None),
+    TOWARDS,
+    AWAY,
+    WITHOUT_LEAD,
+    Kind("target turns at 2 s, told .5 s late", {"target_change": ((2.0, 20.0, 0.0, 0.0),), "target_told": 0.5},
+         period=None),
+    Kind("normal force limited to 2.5 kN", {"actuator.normal": 2500.0}, period=None),
+    Kind("thrusters 20 ms late", {"actuator.delay": 0.02}, period=None),
+    Kind("noise, raw", NOISY, period=None, seeded=True),
+    Kind("noise, missile_kalman", NOISY, period=None, estimator="missile_kalman", seeded=True),
+    Kind("noise, rough, missile_kalman", {**NOISY, **ROUGH}, period=None, estimator="missile_kalman", seeded=True),
+    Kind("in space, 20° off, target at 30 m/s across, rough",
+         {**ROUGH, "dimension": "spatial", "start_heading": 20.0, "target_velocity": (0.0, 30.0, 0.0)}, period=None),
+    Kind("30 % of the solves fail, rough", {**ROUGH, "faults.solver_failure_rate": 0.3}, period=None, seeded=True),
+)  # fmt: skip
+REPLANNED: tuple[Mapping[str, Any], ...] = ({}, ROUGH, TOWARDS.fields)  # flights whose replans are timed
+
+
+@dataclass(frozen=True)
+class MissileClosedLoopConfig:
+    """How much is flown."""
+
+    cases: int = 4
+    """how many of SM, SM2, SM3, FAST are flown"""
+    seeds: int = 20
+    """flights of each kind with noise or failures"""
+    replans: int = 200
+    """at least so many are timed with each solver"""
+
+    def __post_init__(self) -> None:
+        check_counts(self)
+        if self.cases > len(CASES):
+            raise ValueError(f"cases = {self.cases}; allowed: a whole number from 1 to {len(CASES)}")
+
+
+class MissileClosedLoop:
+    """The missile's planner, autopilots and estimators in MuJoCo (B.4)."""
+
+    Config = MissileClosedLoopConfig
+    quick = MissileClosedLoopConfig(seeds=2, replans=60)
+    title = "The dive, flown: planner and autopilots of the missile in MuJoCo"
+    on_terrain = False
+
+    @staticmethod
+    def run(config: MissileClosedLoopConfig, setup: Setup) -> Findings:
+        asked = {kind.name: kind.trials(config.cases, config.seeds) for kind in KINDS}
+        flown = iter(setup.fly([each for trials in asked.values() for each in trials]))
+        records = {name: [next(flown) for _ in trials] for name, trials in asked.items()}
+        backend = "fatrop-compiled" if compiler() is not None else "fatrop"
+        replans = {name: _replans(name, config.replans) for name in (backend, "ipopt")}
+        paths = {kind.autopilot: setup.flown(kind.trials(1, 1)[0]).recording for kind in ROUGH_KINDS}
+        return Findings(
+            summary=(
+                f"Flights in the cases {', '.join(CASES[: config.cases])}, and {config.seeds} seeds of SM where there "
+                "is noise or failure. The state is exact where no estimator is named. Times are thread CPU times of "
+                "one replan, the first plan of a flight left out.",
+            ),
+            rows=[_row(kind, records[kind.name]) for kind in KINDS],
+            tables=(_flights(records), _times(replans)),
+            figure=_figure(paths, records, replans),
+            caption="(a) The case SM with mass and inertia +10 %, force -5 % and a steady gust, one plan, by autopilot."
+            " (b) Miss of every flight. (c) Times of one replan.",
+            claims=_claims(records, replans, backend),
+        )
+
+
+def _replans(backend: str, least: int) -> dict[str, Any]:
+    """Times [ms] of at least so many replans with a solver, and how many failed."""
+    times: list[float] = []
+    failures, flights = 0, 0
+    while len(times) < least:
+        fields = {"planner.backend": backend, **REPLANNED[flights % len(REPLANNED)]}
+        case = CASES[(flights // len(REPLANNED)) % len(CASES)]
+        outcome = trial("missile-guidance", flights, fields={"case": case, **fields}).build().run()
+        agent = outcome.recording.agents[VEHICLE]
+        times += [float(t) for t in agent.solve_ms[1:] if np.isfinite(t)]
+        failures += int(outcome.summary["solver_failures"])
+        flights += 1
+    return {"ms": np.array(times), "failures": failures, "flights": flights}
+
+
+def _row(kind: Kind, records: Sequence[Record]) -> dict[str, Any]:
+    miss, aspect = figures(records, "miss_m"), figures(records, "aspect_error_deg")
+    return {
+        "kind": kind.name,
+        "autopilot": kind.autopilot,
+        "estimator": kind.estimator,
+        "flights": len(records),
+        "hits": sum(bool(record.summary["hit"]) for record in records),
+        "miss_median_m": float(np.median(miss)),
+        "miss_max_m": float(miss.max()),
+        "aspect_error_max_deg": float(aspect.max()),
+        "cost_mean": float(figures(records, "cost").mean()),
+        "saturated_mean_s": float(figures(records, "saturated_s").mean()),
+        "solver_failures": int(figures(records, "solver_failures").sum()),
+    }
+
+
+def _worst(records: Mapping[str, Sequence[Record]], *kinds: Kind) -> tuple[float, float]:
+    """Largest miss [m] and aspect error [deg] over all flights of some kinds."""
+    some = [record for kind in kinds for record in records[kind.name]]
+    return float(figures(some, "miss_m").max()), float(figures(some, "aspect_error_deg").max())
+
+
+def _claims(
+    records: Mapping[str, Sequence[Record]], replans: Mapping[str, Mapping[str, Any]], backend: str
+) -> list[Claim]:
+    ours, ipopt = (np.percentile(replans[name]["ms"], 95) for name in (backend, "ipopt"))
+    failures, count = replans[backend]["failures"], len(replans[backend]["ms"])
+    compiled = backend.endswith("compiled")
+    miss, _ = _worst(records, OPEN_LOOP)
+    moving, _ = _worst(records, TOWARDS, AWAY)
+    blind, _ = _worst(records, WITHOUT_LEAD)
+    linearised, regulated = (
+        _worst(records, *(kind for kind in (*HEAVIER_KINDS, *ROUGH_KINDS) if kind.autopilot == autopilot))
+        for autopilot in ("feedback-linearisation", "tvlqr")
+    )
+    return [
+        Claim(
+            "missile.replan", "target", "A new plan is made within milliseconds, every time.", "B.3, B.4",
+            "N = 25: no failure, and with a C compiler the 95th percentile at most 5 ms and half of IPOPT's",
+            f"{failures} of {count} failed; {backend} {ours:.2f} ms, IPOPT {ipopt:.2f} ms (95th percentiles): "
+            f"{ours / ipopt:.2f}",
+            failures == 0 and (not compiled or bool(ours <= 5.0 and ours <= 0.5 * ipopt)),
+        ),
+        Claim(
+            "missile.open-loop", "target", "Undisturbed, the plan's inputs alone hit the target.", "B.4",
+            "MuJoCo at 1 kHz, every case: miss <= .02 m", f"at most {miss:.2g} m", miss <= 0.02,
+        ),
+        Claim(
+            "missile.feedback", "target", "An autopilot makes up for what was not told.", "B.4, Figure B.3",
+            "one plan, +10 % mass and inertia, then also -5 % force, 400 N, 20 N m, every case: feedback linearisation "
+            "<= .05 m and .1°, TVLQR <= .15 m and .2°",
+            f"at most {linearised[0]:.3f} m and {linearised[1]:.3f}°; {regulated[0]:.3f} m and {regulated[1]:.3f}°",
+            linearised[0] <= 0.05 and linearised[1] <= 0.1 and regulated[0] <= 0.15 and regulated[1] <= 0.2,
+        ),
+        Claim(
+            "missile.moving-target", "target", "A moving target is met where it will be.", "B.4",
+            "target at ±30 m/s, every case: miss <= .1 m",
+            f"at most {moving:.2g} m; without lead at most {blind:.1f} m", moving <= 0.1,
+        ),
+    ]  # fmt: skip
+
+
+def _flights(records: Mapping[str, Sequence[Record]]) -> Table:
+    columns = ("flights", "hits", "miss, median [m]", "largest [m]", "aspect error, largest [°]", "cost, mean")
+    rows = []
+    for kind in KINDS:
+        row = _row(kind, records[kind.name])
+        hits = f"{row['hits']} of {row['flights']}"
+        if kind.seeded:
+            hits = rate(row["hits"], row["flights"]).text()
+        rows.append(
+            (kind.name, hits, f"{row['miss_median_m']:.2g}", f"{row['miss_max_m']:.2g}",
+             f"{row['aspect_error_max_deg']:.2g}", f"{row['cost_mean']:.1f}")
+        )  # fmt: skip
+    return Table("Every kind of flight", columns, rows)
+
+
+def _times(replans: Mapping[str, Mapping[str, Any]]) -> Table:
+    columns = ("solver", "replans", "failures", "median [ms]", "95th percentile [ms]", "largest [ms]")
+    rows = [
+        (name, str(len(found["ms"])), str(found["failures"]), f"{np.median(found['ms']):.2f}",
+         f"{np.percentile(found['ms'], 95):.2f}", f"{found['ms'].max():.2f}")
+        for name, found in replans.items()
+    ]  # fmt: skip
+    return Table("One replan, N = 25, multiple shooting", columns, rows)
+
+
+def _figure(
+    paths: Mapping[str, Any], records: Mapping[str, Sequence[Record]], replans: Mapping[str, Mapping[str, Any]]
+) -> Figure:
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(10.4, 7.6), layout="constrained")
+        axes = figure.subplot_mosaic([["path", "miss"], ["time", "miss"]], width_ratios=(1.0, 1.15))
+        styles = {"open-loop": "-", "feedback-linearisation": "-", "tvlqr": "--"}
+        for autopilot, recording in paths.items():
+            x = recording.truths[VEHICLE]
+            axes["path"].plot(
+                x[:, 0], x[:, 1], color=AUTOPILOTS[autopilot], ls=styles[autopilot], lw=1.6, label=autopilot
+            )
+        axes["path"].plot(700.0, 0.0, "x", color="#101824", ms=8, mew=2)
+        axes["path"].set(xlabel="x [m]", ylabel="altitude [m]", title="(a) heavier, weaker, gust: one plan")
+        axes["path"].legend(fontsize=8)
+        _misses(axes["miss"], records)
+        for (name, found), colour in zip(replans.items(), ("#c2183b", "#6b7785"), strict=True):
+            ms: Array = np.sort(found["ms"])
+            axes["time"].step(ms, np.arange(1, len(ms) + 1) / len(ms), where="post", color=colour, label=name)
+        axes["time"].set_xscale("log")
+        axes["time"].xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes["time"].xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes["time"].xaxis.set_minor_formatter(NullFormatter())
+        axes["time"].axvline(5.0, color="#101824", ls=":", lw=1.2)
+        axes["time"].set(xlabel="CPU time [ms]", ylabel="share of the replans", title="(c) one replan, N = 25")
+        axes["time"].legend(fontsize=8)
+    return figure
+
+
+def _misses(axes: Axes, records: Mapping[str, Sequence[Record]]) -> None:
+    for k, kind in enumerate(KINDS):
+        miss = np.maximum(figures(records[kind.name], "miss_m"), 1e-9)
+        axes.plot(miss, np.full(len(miss), k), "o", color=AUTOPILOTS[kind.autopilot], ms=4.5, alpha=0.55, mew=0)
+    axes.set_yticks(range(len(KINDS)), [kind.name for kind in KINDS], fontsize=7.5)
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    axes.axvline(1.0, color="#101824", ls=":", lw=1.2)
+    axes.set(xlabel="miss [m]", title="(b) every flight")

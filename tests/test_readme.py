@@ -34,11 +34,21 @@ def test_a_planner_of_ones_own_flies_certified(tmp_path: Path, monkeypatch: pyte
     assert outcome.summary["min_clearance_m"] >= 50.0
 
 
+def test_a_problem_written_as_on_paper_is_solved_and_replayed(capsys: pytest.CaptureFixture[str]) -> None:
+    exec(BLOCKS[2], {})
+    for line, method in zip(capsys.readouterr().out.splitlines(), ("direct", "refinement"), strict=True):
+        name, status, cost, miss, violation = line.split()
+        assert (name, status) == (method, "OPTIMAL")
+        assert float(cost) == pytest.approx(4.0, abs=1e-3)
+        assert float(miss) < 1e-9
+        assert float(violation) < 1e-4
+
+
 def test_a_sweep_in_python_tells_its_rate_and_flies_nothing_twice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    exec(BLOCKS[2], {})
+    exec(BLOCKS[3], {})
     assert capsys.readouterr().out.startswith("0 of 6 (at most ")
     with Store.open("sweep.db") as store:
         assert len(store.keys()) == 6

@@ -21,7 +21,7 @@ from sim.signals import Array
 
 TOLERANCE = 1e-6
 """of the scaled optimality conditions: a tenth of a millimetre at the target"""
-ITERATIONS, FIRST_ITERATIONS = 40, 200
+ITERATIONS, FIRST_ITERATIONS = 20, 200
 """after which a solve is given up: from the last solution it takes 3 to 10, from a first guess 10 to 50"""
 
 CLOCK = "T"
@@ -102,7 +102,7 @@ class Shooting:
         self._timed = problem.free_duration or CLOCK in problem.states
 
     def solve(self, guess: Solved, parameters: Array, *, first: bool = False) -> Solved | Failed:
-        """The solution for the parameters (np,) from the last one, or a ``first`` guess; a fixed grid is the guess's."""
+        """The solution for the parameters (np,) from the last one, or a ``first`` guess, which gives a fixed grid."""
         transcribed = self._first if first else self._again
         layout, count, nx, nu = transcribed.layout, transcribed.nodes - 1, self._size, transcribed.problem.nu
         widths = np.diff(guess.nodes) * count

@@ -18,13 +18,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+import models.missile.dynamics
 from models.aerial.dynamics import TICK, state_at
 from models.aerial.mission import FlightMission
+from models.missile.mission import MissileMission, Target
 from models.terrain.visibility import Radar
 from sim.loop import whole_ticks
 from sim.protocols import ControllerPlugin, Planner
 from sim.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
 from tests import flight
+from tests.controllers.missile import flights
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.controllers")}
 PERIODS = 12  # requests of a sequence
@@ -36,7 +39,7 @@ class Bench:
 
     mission: Any
     dt: float  # [s] tick
-    start: Array  # (nx,) at rest
+    start: Array  # (nx,)
     hopeless: Sequence[Array]  # (nx,) states from which there is no way on
     message: Message  # news that matters
     assert_well_formed: Callable[[Plan], None]
@@ -64,7 +67,35 @@ def flight_bench() -> Bench:
     )
 
 
-BENCHES: dict[type, Callable[[], Bench]] = {FlightMission: flight_bench}
+def missile_bench() -> Bench:
+    mission = flights.mission(case="SM")
+    start = mission.start_state
+    nowhere = start.copy()
+    nowhere[0] = -100.0  # flying backwards, which its attack angle has no value for
+    return Bench(
+        mission,
+        models.missile.dynamics.TICK,
+        start,
+        (nowhere, np.full(len(start), math.nan)),
+        Message(0.0, "target watch", "target", Target((700.0, 0.0, 0.0), (20.0, 0.0, 0.0))),
+        lambda plan: assert_meets_target(plan, mission),
+        lambda plan, t: mission.coordinates.state_at(plan, t, mission.body),
+    )
+
+
+def assert_meets_target(plan: Plan, mission: MissileMission) -> None:
+    """Finite arcs that join, and end on the target."""
+    assert len(plan.t) == len(plan.x) == len(plan.u) + 1
+    assert (np.diff(plan.t) > 0.0).all()
+    assert np.isfinite(plan.x).all()
+    assert np.isfinite(plan.u).all()
+    for k, (u, d) in enumerate(zip(plan.u, np.diff(plan.t), strict=True)):
+        reached = mission.coordinates.flow(plan.x[k], u, float(d), mission.body)
+        np.testing.assert_allclose(reached, plan.x[k + 1], atol=1e-5)
+    assert flights.miss(plan, mission) < 1e-2
+
+
+BENCHES: dict[type, Callable[[], Bench]] = {FlightMission: flight_bench, MissileMission: missile_bench}
 
 
 @pytest.fixture(params=sorted(PLUGINS))
@@ -153,7 +184,7 @@ def test_the_first_plan_starts_at_once_and_at_the_estimate(planner: Planner, ben
     np.testing.assert_array_equal(plan.x[0], bench.start)
 
 
-def test_a_plan_is_well_formed_and_leads_to_rest(planner: Planner, bench: Bench) -> None:
+def test_a_plan_is_well_formed_and_leads_to_its_end(planner: Planner, bench: Bench) -> None:
     plans = [plan for _, plan in sequence(planner, bench) if plan.ok]
     assert len(plans) >= PERIODS // 2
     for plan in plans:

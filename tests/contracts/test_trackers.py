@@ -15,13 +15,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import models.missile.dynamics
 from models.aerial.dynamics import TICK, flow, state_at
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from models.missile.mission import MissileMission
 from sim.faults import Gusts
 from sim.loop import whole_ticks
 from sim.protocols import ControllerPlugin, Tracker
 from sim.signals import Array, Estimate, Phase, Plan
 from tests import flight
+from tests.controllers.missile import flights
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.controllers")}
 GUST = GustModel(1.5, 3.0, 4.0)
@@ -35,6 +38,8 @@ class Bench:
     plan: Plan
     input_max: float  # on the Euclidean norm
     reference: Callable[[Plan, float], Array]
+    dt: float = TICK  # [s]
+    tolerance: float = 1e-6  # of an input
 
 
 def slalom() -> Plan:
@@ -56,7 +61,22 @@ def flight_bench() -> Bench:
     return Bench(mission, slalom(), mission.acceleration_max, state_at)
 
 
-BENCHES: dict[type, Callable[[], Bench]] = {FlightMission: flight_bench}
+def missile_bench() -> Bench:
+    mission = flights.mission()
+
+    def reference(plan: Plan, t: float) -> Array:
+        return mission.coordinates.state_at(plan, t, mission.body)
+
+    return Bench(mission, flights.first_plan(mission), math.inf, reference, models.missile.dynamics.TICK, 1e-3)
+
+
+BENCHES: dict[type, Callable[[], Bench]] = {FlightMission: flight_bench, MissileMission: missile_bench}
+CERTIFIED = sorted(
+    name
+    for name, entry in PLUGINS.items()
+    if typing.get_type_hints(entry.load().build)["mission"] is FlightMission  # which is flown within a stated bound
+)
+certified = pytest.mark.parametrize("plugin", CERTIFIED, indirect=True)
 
 
 @pytest.fixture(params=sorted(PLUGINS), scope="module")
@@ -89,22 +109,23 @@ def on_plan(bench: Bench, t: float, error: Array | None = None) -> Estimate:
     return Estimate(t, x if error is None else x + error)
 
 
-def test_conforms_to_the_protocol(tracker: BoundedTracker) -> None:
+def test_conforms_to_the_protocol(tracker: BoundedTracker, bench: Bench) -> None:
     assert isinstance(tracker, Tracker)
-    assert whole_ticks(tracker.period, TICK, "period") >= 1
+    assert whole_ticks(tracker.period, bench.dt, "period") >= 1
 
 
+@certified
 def test_states_the_bound_that_it_keeps(tracker: BoundedTracker) -> None:
     stated = dataclasses.asdict(tracker.bound)
     assert stated.keys() >= {"horizontal", "vertical", "speed", "feedback"}
     assert all(math.isfinite(value) and value > 0.0 for value in stated.values())
 
 
-def test_on_the_plan_it_commands_the_plans_acceleration(tracker: BoundedTracker, bench: Bench) -> None:
+def test_on_the_plan_it_commands_the_plans_input(tracker: BoundedTracker, bench: Bench) -> None:
     for k, (t, end) in enumerate(zip(bench.plan.t[:-1], bench.plan.t[1:], strict=True)):
         middle = 0.5 * float(t + end)
         command = tracker.command(middle, on_plan(bench, middle), bench.plan)
-        np.testing.assert_allclose(command, bench.plan.u[k], rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(command, bench.plan.u[k], rtol=0.0, atol=bench.tolerance)
 
 
 def test_across_the_end_of_an_arc_it_commands_the_mean(tracker: BoundedTracker, bench: Bench) -> None:
@@ -112,9 +133,10 @@ def test_across_the_end_of_an_arc_it_commands_the_mean(tracker: BoundedTracker, 
         before = float(t) - 0.25 * tracker.period
         command = tracker.command(before, on_plan(bench, before), bench.plan)
         mean = 0.25 * bench.plan.u[k] + 0.75 * bench.plan.u[k + 1]
-        np.testing.assert_allclose(command, mean, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(command, mean, rtol=0.0, atol=bench.tolerance)
 
 
+@certified
 def test_after_the_end_of_the_plan_it_holds_the_rest(tracker: BoundedTracker, bench: Bench) -> None:
     for late in (0.0, 1.0, 1e6):
         t = bench.plan.t_end + late
@@ -126,6 +148,7 @@ def test_after_the_end_of_the_plan_it_holds_the_rest(tracker: BoundedTracker, be
 direction = st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array).filter(lambda d: float(np.linalg.norm(d)) > 1e-3)
 
 
+@certified
 @given(direction=direction, size=st.floats(1e-3, 1e4), of_speed=st.booleans(), part=st.floats(0.01, 0.99))
 def test_the_feedback_points_against_the_error_and_keeps_its_bound(
     tracker: BoundedTracker, bench: Bench, direction: Array, size: float, of_speed: bool, part: float
@@ -140,6 +163,7 @@ def test_the_feedback_points_against_the_error_and_keeps_its_bound(
     assert feedback @ unit <= -0.999 * length < 0.0
 
 
+@certified
 def test_an_input_that_leaves_room_for_the_feedback_keeps_the_vehicles_bound(
     tracker: BoundedTracker, bench: Bench
 ) -> None:
@@ -155,6 +179,7 @@ def test_an_input_that_leaves_room_for_the_feedback_keeps_the_vehicles_bound(
         assert np.linalg.norm(tracker.command(float(t), estimate, plan)) <= bench.input_max + 1e-6
 
 
+@certified
 @pytest.mark.parametrize("seed", range(3))
 def test_in_gusts_it_keeps_its_stated_bound(tracker: BoundedTracker, bench: Bench, seed: int) -> None:
     plant, bound = flight.PointMass(bench.plan.x[0], TICK), tracker.bound
@@ -181,6 +206,7 @@ def test_an_estimate_of_another_shape_is_refused_and_not_read_beyond_its_end(
         tracker.command(1.0, Estimate(1.0, wrong), bench.plan)
 
 
+@certified
 def test_a_plan_of_whole_numbers_is_flown_as_any_other(tracker: BoundedTracker, bench: Bench) -> None:
     x = np.array([[0, 0, 500, 0, 0, 0], [0, 0, 500, 3, 0, 0]])
     whole = Plan(np.array([0.0, 1.0]), x, np.array([[3, 0, 0]]), np.zeros(1, np.int64))

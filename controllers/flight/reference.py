@@ -13,21 +13,15 @@ and points and size of the splines, in milliseconds.
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
 import math
-import os
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
+from controllers.compilation import compiled as compiled_functions
 from controllers.flight import kernels
 from controllers.flight.cost_to_go import TARGET_LENGTH
 from controllers.flight.problem import POINTS_ON_MANOEUVRE, Problem, Solution
@@ -337,7 +331,7 @@ class _Solver:
         self._accelerations = begin[:, None] + _STATE + np.arange(_INPUT)  # (n, 3) where they stand
         function = ca.nlpsol("flight", backend, functions, options)
         if compiled:
-            function = ca.nlpsol("flight", backend, str(_compile(function)), options)
+            function = ca.nlpsol("flight", backend, str(compiled_functions(function)), options)
         self._in = {name: np.zeros(function.nnz_in(name)) for name in function.name_in()}
         self._out = {name: np.zeros(function.nnz_out(name)) for name in ("x", "f", "lam_x", "lam_g")}
         self._buffer, self._evaluate = _wired(function, self._in, self._out)
@@ -395,22 +389,3 @@ def _lifted(problem: Problem, unknowns: Array) -> Array:
         x = np.concatenate([x[:3] + h * x[3:] + 0.5 * h * h * a, x[3:] + h * a])
     approach = 0 if problem.hold is not None else 1
     return np.concatenate([*out, x, unknowns[-1:], np.zeros(POINTS_ON_MANOEUVRE + approach)])
-
-
-def _compile(solver: ca.Function) -> Path:
-    """The solver's functions as a shared library; compiled once per source text and kept in the user's cache folder."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        raise FileNotFoundError("no C compiler named cc was found; install one, or use the virtual machine")
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mathnavi"
-    cache.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=cache) as folder:
-        source, built = Path(folder) / "flight.c", Path(folder) / "flight.so"
-        with contextlib.chdir(folder):  # CasADi takes no folder here
-            solver.generate_dependencies(source.name)
-        library = cache / f"{hashlib.sha256(source.read_bytes()).hexdigest()}.so"
-        if not library.exists():
-            command = [compiler, "-O2", "-fPIC", "-shared", str(source), "-o", str(built), "-lm"]
-            subprocess.run(command, check=True, capture_output=True)
-            built.replace(library)  # at once, so that a process beside this one never loads half a file
-    return library

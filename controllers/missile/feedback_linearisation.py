@@ -50,14 +50,19 @@ class FeedbackLinearisation:
         return u
 
     def predict(self, estimate: Estimate, plan: Plan, t: float) -> Array:
-        """The error decays as (s + omega)^2 says: the integral is there against what nobody predicts."""
+        """The error decays as its poles say; the integral already holds what lasts.
+
+        With e'' = -k_d e' - k_p e at first, e = (e + c_1 tau + c_2 tau^2) exp(-omega tau).
+        """
         coordinates, body = self._mission.coordinates, self._mission.body
         now, then = coordinates.state_at(plan, np.array([estimate.t, t]), body)
         e, e_rate = self._error(checked_state(estimate, self._mission), now)
         omega, tau = self._omega, t - estimate.t
-        slope = e_rate + omega * e
-        decayed = np.concatenate([e + tau * slope, e_rate - omega * tau * slope]) * math.exp(-omega * tau)
-        return coordinates.from_joints(coordinates.to_joints(then) + decayed)
+        c_1, c_2 = e_rate + omega * e, -0.5 * omega * e_rate - omega**2 * e
+        decay = math.exp(-omega * tau)
+        after = (e + (c_1 + c_2 * tau) * tau) * decay
+        rate = (c_1 + 2.0 * c_2 * tau) * decay - omega * after
+        return coordinates.from_joints(coordinates.to_joints(then) + np.concatenate([after, rate]))
 
     def _error(self, x: Array, reference: Array) -> tuple[Array, Array]:
         """e and e' (nj,)."""

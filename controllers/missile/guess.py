@@ -20,7 +20,8 @@ from models.missile.dynamics import Body
 from sim.signals import Array
 
 TANGENTS = (1.0, 0.5, 2.0)
-"""lengths of the tangents over the straight way between, in the order in which they are tried"""
+"""lengths of the tangents over the straight way between, in the order in which they are tried; in flight only the first
+is, for there is another plan soon"""
 
 _DENSE = 400  # points of the path whose length is measured
 

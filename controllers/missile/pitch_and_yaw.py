@@ -43,8 +43,8 @@ PART = 0.04
 """[s] longest time that a spatial input is held"""
 FIRST_TURNS, TURNS = 10, 3
 """most turns of a first flight, and of one that starts from the last"""
-EXACT = 1e-3
-"""[m] of a miss that needs no further turn"""
+EXACT, ACCEPTED = 1e-3, 0.1
+"""[m] of a miss that needs no further turn, and of one that is worth flying: the next plan makes it good"""
 SETTLED = 1e-3
 """share of J that a turn must gain to be followed by another"""
 
@@ -84,7 +84,7 @@ class PitchAndYaw:
             shifted = _Turn(self._last[1].pitch.after(shift), self._last[1].yaw.after(shift))
             found = self._alternated(t, start, aim, shifted, first=False)
         in_pitch, in_yaw = split(start)
-        for tangent in TANGENTS:
+        for tangent in TANGENTS if self._last is None else TANGENTS[:1]:
             if isinstance(found, Trajectory):
                 break
             pitch = pitch_guess(in_pitch, aim, self._body, self._nodes, tangent)
@@ -94,20 +94,21 @@ class PitchAndYaw:
 
     def _alternated(self, t: float, start: Array, aim: Aim, now: _Turn, *, first: bool) -> Trajectory | Failed:
         """Turns until the flight is exact and, of a ``first`` guess, until they gain nothing any more."""
-        aimed, best = aim, math.inf
+        aimed, best, off = aim, math.inf, math.inf
         found: Trajectory | Failed = Failed("no turn was taken", infeasible=False)
         for turn in range(FIRST_TURNS if first else TURNS):
             after = self._turn(start, aimed, now, first=first and turn == 0)
-            if isinstance(after, Failed):  # what the turns before led to is a flight as well
-                return found if isinstance(found, Trajectory) else after
+            if isinstance(after, Failed):  # what the turns before led to may be a flight as well
+                return found if off < ACCEPTED else after
             now = after
             self._last = t, now
             found = self._together(start, now)
             miss = aim.missed_by(found.x[-1], found.duration, SPATIAL)
-            if miss.size < EXACT and not (first and found.cost < best * (1.0 - SETTLED)):
+            off = miss.size
+            if off < EXACT and not (first and found.cost < best * (1.0 - SETTLED)):
                 break
             aimed, best = aimed.less(miss), found.cost
-        return found
+        return found if off < ACCEPTED else Failed(f"pitch and yaw together miss by {off:.3g} m", infeasible=False)
 
     def _turn(self, start: Array, aim: Aim, now: _Turn, *, first: bool) -> _Turn | Failed:
         """The pitch planner's answer to a motion, and the yaw planner's to that."""

@@ -54,14 +54,13 @@ class MissilePlanner:
     def plan(self, request: PlanRequest) -> Plan:
         self._listen(request.messages)
         current, t = request.current, request.t_start
-        if current is None:
-            start = checked_state(request.estimate, self._mission)
-        elif current.t_end - t < self._commit:
+        if current is not None and current.t_end - t < self._commit:
             return self._rest(current, t)
-        else:
-            start = self._autopilot.predict(request.estimate, current, t)
+        start = checked_state(request.estimate, self._mission)
         if not np.isfinite(start).all():
-            return Plan.failure(Status.NOT_FINITE, f"the start of the plan is {start.tolist()}")
+            return Plan.failure(Status.NOT_FINITE, f"the estimate is {start.tolist()}")
+        if current is not None:
+            start = self._autopilot.predict(request.estimate, current, t)
         began = time.thread_time()
         aim = Aim.at(self._target, t, self._mission.aspect_angle, lead=self._lead)
         found = self._optimiser.optimise(t, start, aim)

@@ -21,7 +21,7 @@ from sim.signals import Array
 
 TOLERANCE = 1e-6
 """of the scaled optimality conditions: a tenth of a millimetre at the target"""
-ITERATIONS, FIRST_ITERATIONS = 20, 200
+ITERATIONS, FIRST_ITERATIONS = 20, 100
 """after which a solve is given up: from the last solution it takes 3 to 10, from a first guess 10 to 50"""
 
 CLOCK = "T"

@@ -56,7 +56,7 @@ class WholeFlight:
     def _guesses(self, t: float, start: Array, aim: Aim) -> Iterator[tuple[Solved, bool]]:
         if self._last is not None and t - self._last[0] < self._last[1].duration:
             yield self._last[1].after(t - self._last[0]), False
-        for tangent in TANGENTS:
+        for tangent in TANGENTS if self._last is None else TANGENTS[:1]:
             if self._coordinates is PLANAR:
                 yield pitch_guess(start, aim, self._body, self._nodes, tangent), True
                 continue

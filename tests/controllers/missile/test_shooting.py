@@ -29,7 +29,7 @@ def solved(distribution: NodeDistribution) -> Solved:
     start = mission().start_state
     guess = pitch_guess(start, AIM, NOMINAL, np.linspace(0.0, 1.0, NODES), 1.0)
     parameters = np.concatenate([weights(CASES["SM2"]), AIM.parameters(start, PLANAR)])
-    found = shooting(distribution).solve(guess, parameters)
+    found = shooting(distribution).solve(guess, parameters, first=True)
     assert isinstance(found, Solved), found
     return found
 
@@ -75,7 +75,7 @@ def test_a_start_that_is_out_of_reach_is_a_failure_that_says_so() -> None:
     guess = pitch_guess(start, AIM, NOMINAL, np.linspace(0.0, 1.0, NODES), 1.0)
     start[0] = -5.0  # u below its bound
     parameters = np.concatenate([weights(CASES["SM2"]), AIM.parameters(start, PLANAR)])
-    failed = shooting(Fixed()).solve(guess, parameters)
+    failed = shooting(Fixed()).solve(guess, parameters, first=True)
     assert isinstance(failed, Failed)
     assert failed.message
 

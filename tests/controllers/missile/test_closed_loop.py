@@ -1,0 +1,75 @@
+"""Planner and autopilots in MuJoCo: what they make of a body that is not as told, and of a target that moves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controllers.missile.plugin import MissileGuidance
+from sim.plugins import Part
+from sim.scenarios.missile_fields import MissileGuidanceConfig
+from sim.scenarios.missile_guidance import MissileGuidance as Scenario
+from sim.sweep.trial import trial
+
+ROUGH = {
+    **{"mismatch.mass": 1.1, "mismatch.inertia": 1.1, "mismatch.force": 0.95},
+    **{"gust.force": (400.0, 0.0, 0.0), "gust.torque": (0.0, 20.0, 0.0)},
+}
+
+
+def summary(**fields: Any) -> dict[str, Any]:
+    """Of a flight in CasADi's virtual machine, named with two underscores for a dot."""
+    named = {name.replace("__", "."): value for name, value in fields.items()}
+    outcome = trial("missile-guidance", 0, fields={"case": "SM2", "planner.backend": "fatrop", **named}).build().run()
+    return dict(outcome.summary)
+
+
+@pytest.mark.parametrize(("autopilot", "miss", "aspect"), [("feedback-linearisation", 0.05, 0.1), ("tvlqr", 0.15, 0.2)])
+def test_an_autopilot_makes_up_for_mass_thrust_and_wind(autopilot: str, miss: float, aspect: float) -> None:
+    found = summary(planner__autopilot=autopilot, planner__replan_period=1e3, **ROUGH)
+    assert found["miss_m"] <= miss
+    assert found["aspect_error_deg"] <= aspect
+
+
+def test_without_an_autopilot_the_same_flight_misses_by_far() -> None:
+    assert summary(planner__autopilot="open-loop", planner__replan_period=1e3, **ROUGH)["miss_m"] > 10.0
+
+
+def test_the_plans_inputs_alone_hit_where_everything_is_as_told() -> None:
+    found = summary(planner__autopilot="open-loop", planner__replan_period=1e3, control_rate=1000.0)
+    assert found["miss_m"] <= 0.02
+
+
+def test_a_replanned_open_loop_is_a_closed_one() -> None:
+    assert summary(planner__autopilot="open-loop", **{"mismatch.mass": 1.1})["miss_m"] < 5.0
+
+
+@pytest.mark.parametrize("speed", [30.0, -30.0])
+def test_a_moving_target_is_met_where_it_will_be(speed: float) -> None:
+    assert summary(target_velocity=(speed, 0.0, 0.0))["miss_m"] <= 0.1
+
+
+def test_without_lead_a_moving_target_is_missed() -> None:
+    assert summary(target_velocity=(30.0, 0.0, 0.0), planner__lead=False)["miss_m"] > 1.0
+
+
+def test_when_plans_fail_the_last_one_is_flown_on() -> None:
+    found = summary(faults__solver_failure_rate=0.8, **ROUGH)
+    assert found["solver_failures"] > 20
+    assert found["hit"]
+    assert found["miss_m"] < 0.1
+
+
+def test_in_space_pitch_and_yaw_planners_meet_a_target_that_moves_across() -> None:
+    found = summary(dimension="spatial", start_heading=20.0, target_velocity=(0.0, 30.0, 0.0))
+    assert found["miss_m"] < 0.01
+    assert found["aspect_error_deg"] < 0.1
+
+
+def test_the_same_seed_gives_the_same_flight() -> None:
+    config = MissileGuidanceConfig(case="FAST")
+    one, other = (Scenario.build(config, 3, Part.of(MissileGuidance, backend="fatrop")).run().arrays for _ in range(2))
+    for name, array in one.items():
+        np.testing.assert_array_equal(array, other[name], err_msg=name)

@@ -42,7 +42,11 @@ _RESULTS = ("x", "f", "g", "lam_x", "lam_g")
 
 @dataclass(frozen=True)
 class Options:
-    """How to solve."""
+    """How to solve.
+
+    FATROP raises its regularisation without end on some problems without a feasible point, and then does not return
+    before its limit of iterations counts: keep ``iterations`` small where that may be, or use IPOPT.
+    """
 
     backend: Backend = "ipopt"
     tolerance: float = 1e-9  # of the scaled optimality conditions

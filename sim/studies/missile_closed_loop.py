@@ -244,7 +244,7 @@ def _figure(
         axes["time"].xaxis.set_minor_formatter(NullFormatter())
         axes["time"].axvline(5.0, color="#101824", ls=":", lw=1.2)
         axes["time"].set(xlabel="CPU time [ms]", ylabel="share of the replans", title="(c) one replan, N = 25")
-        axes["time"].set_xlim(left=0.3)  # room for the names
+        axes["time"].set_xlim(left=0.05)  # room for the names
         axes["time"].legend(fontsize=8, loc="center left")
     return figure
 

@@ -23,7 +23,7 @@ its own, and so is a constant that is to be found. ``Statement`` is the sheet of
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -332,8 +332,8 @@ class Statement:
         return times, spread(self._states), spread(self._controls)
 
 
-def _column(symbols: object) -> ca.SX:
-    parts = list(symbols)  # type: ignore[call-overload]
+def _column(symbols: Iterable[ca.SX]) -> ca.SX:
+    parts = list(symbols)
     return ca.vertcat(*parts) if parts else ca.SX(0, 1)
 
 

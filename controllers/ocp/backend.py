@@ -44,8 +44,8 @@ _RESULTS = ("x", "f", "g", "lam_x", "lam_g")
 class Options:
     """How to solve.
 
-    FATROP raises its regularisation without end on some problems without a feasible point, and then does not return
-    before its limit of iterations counts: keep ``iterations`` small where that may be, or use IPOPT.
+    FATROP raises its regularisation without end on some problems without a feasible point: it may not return, whatever
+    the limit of iterations. Use IPOPT where there may be no feasible point.
     """
 
     backend: Backend = "ipopt"

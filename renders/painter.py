@@ -1,0 +1,36 @@
+"""What draws the frames of a run: its scene, and the caption over it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from renders.caption import Caption
+from renders.film import Frame
+from renders.palette import Picture
+
+
+@dataclass(frozen=True)
+class Painter:
+    """Draws any frame of one run."""
+
+    run: Any
+    scene: Any  # its draw() paints a frame, its labels() name what is in sight
+    caption: Caption
+    words: Callable[[Any, Frame, Any], Any]  # what the caption says
+
+    def paint(self, frame: Frame) -> Picture:
+        picture = self.scene.draw(frame.t, frame.camera, frame.turn)
+        labels = self.scene.labels(frame.t, frame.camera)
+        return self.caption.write(picture, self.words(self.run, frame, labels))
+
+
+@contextmanager
+def painting(
+    scene: type[Any], words: Callable[[Any, Frame, Any], Any], run: Any, width: int, height: int, samples: int
+) -> Iterator[Painter]:
+    """A painter, for as long as its scene is open."""
+    with scene(run, width, height, samples) as opened:
+        yield Painter(run, opened, Caption(width, height), words)

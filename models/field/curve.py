@@ -1,0 +1,232 @@
+"""Closed smooth curves that wall in a field: theta : S^1 -> R^2 of Paper C, as a finite Fourier series
+
+    theta(s) = sum_{k=0}^K a_k cos ks + b_k sin ks,   a_k, b_k in R^2 [m],
+
+so that an ellipse is K = 1 and every derivative is exact. The curve is simple, regular and runs counter-clockwise.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi
+import numpy as np
+
+from models.field.kernels import cast_rays, is_inside
+from sim.signals import Array
+
+Coefficients = tuple[tuple[float, float, float, float], ...]
+
+POINTS = 512  # of the polyline
+_CHECKED = 256  # points at which a curve is held to be simple
+_LARGEST = 1e6  # [m]
+_MOST_TURNS = 12  # order of rotational symmetry that is looked for
+_SAME = 1e-9  # of the size of the curve: two of its Fourier coefficients are the same
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A wall. ``coefficients`` are (a_x, b_x, a_y, b_y) [m] of k = 0, ..., K.
+
+    Raises ValueError unless the curve is finite, of order 1 at least, regular, simple and counter-clockwise.
+    """
+
+    coefficients: Coefficients
+    name: str = "curve"
+
+    def __post_init__(self) -> None:
+        table = np.array(self.coefficients, dtype=np.float64)
+        if table.ndim != 2 or table.shape[0] < 2 or table.shape[1] != 4:
+            raise ValueError(f"{self.name}: coefficients of shape {table.shape}; allowed: (K + 1, 4) with K >= 1")
+        if not (np.isfinite(table).all() and np.abs(table).max() <= _LARGEST):
+            raise ValueError(f"{self.name}: coefficients = {table.tolist()}; allowed: finite ones up to {_LARGEST:g}")
+        speed = np.linalg.norm(self.tangent(np.linspace(0.0, 2.0 * math.pi, 4 * POINTS)), axis=1)
+        if speed.min() <= 1e-6 * max(speed.max(), 1e-300):
+            raise ValueError(f"{self.name}: the curve stands still or has a cusp; allowed: a regular curve")
+        if crossing := _crossing(self.points(np.linspace(0.0, 2.0 * math.pi, _CHECKED, endpoint=False))):
+            raise ValueError(f"{self.name}: the curve crosses itself near {crossing}; allowed: a simple curve")
+        if self.area <= 0.0:
+            raise ValueError(f"{self.name}: the curve runs clockwise; allowed: counter-clockwise, so negate every b_k")
+
+    # ---- the curve
+
+    def points(self, s: Array) -> Array:
+        """theta(s) (..., 2) [m] at parameters (...,)."""
+        return self._series(s, 0)
+
+    def tangent(self, s: Array) -> Array:
+        """theta'(s) (..., 2) [m]."""
+        return self._series(s, 1)
+
+    def bend(self, s: Array) -> Array:
+        """theta''(s) (..., 2) [m]."""
+        return self._series(s, 2)
+
+    def symbolic(self, s: casadi.SX) -> casadi.SX:
+        """theta(s) (2,) as a CasADi expression."""
+        x, y = casadi.SX(self.coefficients[0][0]), casadi.SX(self.coefficients[0][2])
+        for k, (ax, bx, ay, by) in enumerate(self.coefficients[1:], start=1):
+            c, sn = casadi.cos(k * s), casadi.sin(k * s)
+            x, y = x + ax * c + bx * sn, y + ay * c + by * sn
+        return casadi.vertcat(x, y)
+
+    @cached_property
+    def table(self) -> Array:
+        """(K + 1, 4) coefficients as the kernels want them."""
+        return _fixed(np.array(self.coefficients, dtype=np.float64))
+
+    @cached_property
+    def polyline(self) -> Array:
+        """(n + 1, 2) [m] points at s = 2 pi k / n."""
+        return _fixed(self.points(np.linspace(0.0, 2.0 * math.pi, POINTS + 1)))
+
+    @property
+    def is_ellipse(self) -> bool:
+        return len(self.coefficients) == 2
+
+    @cached_property
+    def area(self) -> float:
+        """[m^2], of the chords; negative where the curve runs clockwise."""
+        x, y = self.polyline[:-1].T
+        return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+    # ---- what is within
+
+    def contains(self, p: Array, margin: float = 0.0) -> bool:
+        """Whether a point (2,) [m] is within the wall, and no nearer to it than ``margin`` [m]."""
+        if not is_inside(self.table, self.polyline, float(p[0]), float(p[1])):
+            return False
+        return margin <= 0.0 or self.distance(p) >= margin
+
+    def distance(self, p: Array) -> float:
+        """[m] from a point (2,) to the wall, as its chords have it."""
+        a, b = self.polyline[:-1], self.polyline[1:]
+        d = b - a
+        along = np.clip(((p - a) * d).sum(axis=1) / (d * d).sum(axis=1), 0.0, 1.0)
+        return float(np.linalg.norm(a + along[:, None] * d - p, axis=1).min())
+
+    def ranges(self, pose: Array, angles: Array) -> tuple[Array, Array]:
+        """rho (l,) [m] and s (l,) [rad] of sensors at ``angles`` (l,) off the heading of a pose (3,), (C.4)."""
+        rho, s = cast_rays(self.table, self.polyline, np.asarray(pose, np.float64), np.asarray(angles, np.float64))
+        return rho, s
+
+    def draw(self, rng: np.random.Generator, margin: float = 0.0) -> Array:
+        """A pose (3,) [m, m, rad], uniform over the points within that keep ``margin`` [m], and over headings.
+
+        ValueError if there seems to be no such point.
+        """
+        low, high = self.polyline.min(axis=0), self.polyline.max(axis=0)
+        for _ in range(10_000):
+            p = rng.uniform(low, high)
+            if self.contains(p, margin):
+                return np.array([*p, rng.uniform(-math.pi, math.pi)])
+        raise ValueError(f"{self.name}: no point keeps {margin!r} m from the wall; allowed: a smaller margin")
+
+    # ---- symmetry
+
+    @cached_property
+    def symmetry(self) -> int:
+        """How many rotations about the centre map the wall onto itself: 1 for none but the identity, 0 for a circle.
+
+        A pose and its images under them are indistinguishable: from each the same input gives the same ranges. What is
+        counted are rotations w for which theta(s + sigma) = w theta(s), so a curve whose parameter runs at another pace
+        on each of its equal parts has none.
+        """
+        c = self._complex()
+        size = max(abs(value) for value in c.values())
+        moved = {k: value for k, value in c.items() if k != 0 and abs(value) > _SAME * size}
+        orders = list(moved)
+        if len(orders) == 1:
+            return 0
+        # With w = e^{i 2 pi / m}, w theta(s) = theta(s + sigma) if w = e^{i k sigma} for every k that is there.
+        spread = math.gcd(*(k - orders[0] for k in orders[1:]))
+        return max(m for m in range(1, _MOST_TURNS + 1) if self._turns(m, orders[0], spread))
+
+    def _turns(self, m: int, order: int, spread: int) -> bool:
+        """Whether k sigma = 2 pi / m modulo 2 pi for k = order + multiples of spread has a solution sigma."""
+        # spread sigma = 2 pi j and order sigma = 2 pi / m modulo 2 pi: order j / spread = 1 / m modulo 1.
+        return any((order * j * m - spread) % (spread * m) == 0 for j in range(spread))
+
+    def _complex(self) -> dict[int, complex]:
+        """theta_x + i theta_y = sum_k c_k e^{iks}."""
+        c: dict[int, complex] = {}
+        for k, (ax, bx, ay, by) in enumerate(self.coefficients):
+            if k == 0:
+                c[0] = complex(ax, ay)
+                continue
+            c[k] = 0.5 * complex(ax + by, ay - bx)
+            c[-k] = 0.5 * complex(ax - by, ay + bx)
+        return c
+
+    @property
+    def centre(self) -> Array:
+        """(2,) [m] a_0, which the rotations of ``symmetry`` keep."""
+        return np.array([self.coefficients[0][0], self.coefficients[0][2]])
+
+    def images(self, pose: Array) -> Array:
+        """(m, 3) poses indistinguishable from a pose (3,), itself the first; itself only in a circle."""
+        turns = 2.0 * math.pi * np.arange(max(self.symmetry, 1)) / max(self.symmetry, 1)
+        offset = pose[:2] - self.centre
+        c, s = np.cos(turns), np.sin(turns)
+        return np.column_stack(
+            [
+                self.centre[0] + c * offset[0] - s * offset[1],
+                self.centre[1] + s * offset[0] + c * offset[1],
+                pose[2] + turns,
+            ]
+        )
+
+    def _series(self, s: Array, derivative: int) -> Array:
+        s = np.asarray(s, dtype=np.float64)
+        total = np.zeros((*s.shape, 2))
+        for k, (ax, bx, ay, by) in enumerate(self.coefficients):
+            if k == 0 and derivative:
+                continue
+            shift = 0.5 * math.pi * derivative  # cos and sin differentiate to themselves, a quarter on
+            c, sn = k**derivative * np.cos(k * s + shift), k**derivative * np.sin(k * s + shift)
+            total += np.stack([ax * c + bx * sn, ay * c + by * sn], axis=-1)
+        return total
+
+
+def _fixed(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
+
+
+def _crossing(points: Array) -> str:
+    """Where a closed polygon crosses itself, or ""."""
+    n = len(points)
+    a, b = points, np.roll(points, -1, axis=0)
+    d = b - a
+    for k in range(n - 2):
+        others = np.arange(k + 2, n - (k == 0))
+        r = a[others] - a[k]
+        cross = d[k, 0] * d[others, 1] - d[k, 1] * d[others, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (r[:, 0] * d[others, 1] - r[:, 1] * d[others, 0]) / cross
+            w = (r[:, 0] * d[k, 1] - r[:, 1] * d[k, 0]) / cross
+        hit = (t >= 0.0) & (t <= 1.0) & (w >= 0.0) & (w <= 1.0)
+        if hit.any():
+            x, y = a[k] + t[hit][0] * d[k]
+            return f"({x:.3g}, {y:.3g})"
+    return ""
+
+
+# ---- curves by name
+
+
+def ellipse(c_1: float, c_2: float) -> Curve:
+    """(c_1 cos s, c_2 sin s), Example C.1."""
+    for value, name in ((c_1, "c_1"), (c_2, "c_2")):
+        if not (math.isfinite(value) and 0.0 < value <= _LARGEST):
+            raise ValueError(f"half-axis {name} = {value!r}; allowed: a finite value > 0 and <= {_LARGEST:g}")
+    return Curve(((0.0, 0.0, 0.0, 0.0), (c_1, 0.0, 0.0, c_2)), f"ellipse of {c_1:g} by {c_2:g} m")
+
+
+EGG = Curve(((0.0, 0.0, 0.0, 0.0), (2.7, 0.0, 0.0, 1.7), (0.35, 0.0, 0.0, 0.22)), "egg")
+"""Convex, its own mirror image and nothing more."""
+
+BEAN = Curve(((0.0, 0.0, 0.0, 0.0), (2.8, 0.0, 0.0, 1.6), (0.0, 0.0, -0.75, 0.0), (0.12, 0.0, 0.0, 0.05)), "bean")
+"""Not convex, nearly its own mirror image."""

@@ -1,0 +1,134 @@
+"""The task of a unicycle robot with range sensors: to find itself within a wall that it knows (thesis C.4).
+
+A mission is what everybody may know: the wall, where the sensors point, how good they are, what the wheels can do, and
+what is known of the start. It holds no truth of a run. A pose is x = (x_1, x_2, phi) [m, m, rad], an input
+u = (u_1, u_2), the speed [m/s] and the turn rate [rad/s].
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from models.field.curve import Curve
+from models.unicycle.kernels import moved
+from sim.signals import Array
+
+TICK = 0.01
+"""[s] of the ideal robot; its motion under inputs that are held is exact whatever the tick"""
+
+LEAST_NOISE = 1e-4  # [m] that an estimator may trust a range with, however good it is said to be
+_SAME = 1e-9  # [rad]
+
+
+@dataclass(frozen=True)
+class RangeQuality:
+    """How a range errs: by a Gaussian of variance (relative rho)^2 + absolute^2, and now and then wholly."""
+
+    relative: float = 0.0  # of the range
+    absolute: float = 0.0  # [m]
+    dropout: float = 0.0  # fraction of single ranges that are lost, NaN in the reading
+    outliers: float = 0.0  # fraction of single ranges that are any value up to the longest in sight
+
+    def deviation(self, rho: Array) -> Array:
+        """(l,) [m] of ranges (l,), as an estimator may use it: never nought."""
+        return np.sqrt(np.square(self.relative * rho) + self.absolute**2 + LEAST_NOISE**2)
+
+
+@dataclass(frozen=True)
+class OdometryQuality:
+    """How what the wheels say errs: u_measured = (1 + bias) u + noise, per reading."""
+
+    noise: tuple[float, float] = (0.0, 0.0)  # [m/s, rad/s] standard deviations
+    bias: float = 0.0  # relative, of both; an estimator does not know its sign
+    slip: tuple[float, float] = (0.0, 0.0)  # [m/s, rad/s] standard deviations of what wheels miss, as declared
+
+    def deviation(self, u: Array) -> Array:
+        """(2,) [m/s, rad/s] of a reading near u (2,), as an estimator may use it."""
+        squares = np.square(self.noise) + np.square(self.slip) + np.square(self.bias * u)
+        return np.sqrt(squares + 1e-12)
+
+
+@dataclass(frozen=True)
+class KnownStart:
+    """A pose that estimators are told at t = 0, and how far it may be off."""
+
+    pose: tuple[float, float, float]  # [m, m, rad]
+    deviation: tuple[float, float, float] = (0.3, 0.3, 0.3)  # standard deviations
+
+
+@dataclass(frozen=True)
+class RangingMission:
+    """A robot within ``curve`` with range sensors at ``angles`` (l,) [rad] off its heading.
+
+    Raises ValueError without sensors, with two at the same angle, or with a known start that is not within the wall.
+    """
+
+    curve: Curve
+    angles: tuple[float, ...]  # (l,) [rad] alpha_i, counter-clockwise from the heading
+    ranging: RangeQuality = field(default_factory=RangeQuality)
+    odometry: OdometryQuality = field(default_factory=OdometryQuality)
+    start: KnownStart | None = None  # None: anywhere within the wall
+    speed_max: float = 1.0  # [m/s]
+    turn_rate_max: float = 2.0  # [rad/s]
+    margin: float = 0.3  # [m] that the robot shall keep from the wall
+    period: float = TICK  # [s] of sensors, estimator and tracker
+
+    def __post_init__(self) -> None:
+        if not self.angles:
+            raise ValueError("angles = (); allowed: one sensor or more")
+        if not all(math.isfinite(angle) for angle in self.angles):
+            raise ValueError(f"angles = {self.angles!r}; allowed: finite numbers")
+        turned = sorted(angle % (2.0 * math.pi) for angle in self.angles)
+        turned.append(turned[0] + 2.0 * math.pi)
+        if len(self.angles) > 1 and min(np.diff(turned)) < _SAME:
+            raise ValueError(f"angles = {self.angles!r} holds one direction twice; allowed: different directions")
+        if self.start is not None and not self.curve.contains(np.array(self.start.pose)):
+            raise ValueError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
+
+    @property
+    def sensors(self) -> int:
+        """l."""
+        return len(self.angles)
+
+    @property
+    def alpha(self) -> Array:
+        """(l,) [rad]."""
+        return np.array(self.angles)
+
+    @property
+    def start_pose(self) -> Array:
+        """(3,) what is known of the start; the centre of the wall where nothing is."""
+        if self.start is not None:
+            return np.array(self.start.pose)
+        return np.array([*self.curve.centre, 0.0])
+
+    def flow(self, x: Array, u: Array, dt: float) -> Array:
+        """The pose (3,) after the input u (2,) was held for dt [s] from x (3,)."""
+        after: Array = moved(np.asarray(x, np.float64), float(u[0]), float(u[1]), dt)
+        return after
+
+    def error(self, x: Array, truth: Array) -> tuple[float, float]:
+        """[m] and [rad] between an estimate (3,) and the truth (3,), modulo the symmetry of the wall.
+
+        Of the poses that are indistinguishable from the truth the one nearest in position, and among equals in heading,
+        is the one that counts. In a circle, where they are a continuum, only the distance from the centre and the heading
+        relative to the direction of the centre are compared.
+        """
+        if self.curve.symmetry == 0:
+            turn = _direction(truth, self.curve.centre) - _direction(x, self.curve.centre)
+            c, s = math.cos(turn), math.sin(turn)
+            offset = np.asarray(x)[:2] - self.curve.centre
+            offset = np.array([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]])
+            x = np.array([*(self.curve.centre + offset), x[2] + turn])
+        images = self.curve.images(np.asarray(truth, np.float64))
+        far = np.linalg.norm(images[:, :2] - np.asarray(x)[:2], axis=1)
+        turned = np.abs((images[:, 2] - x[2] + math.pi) % (2.0 * math.pi) - math.pi)
+        best = int(np.argmin(np.square(far) + np.square(turned)))
+        return float(far[best]), float(turned[best])
+
+
+def _direction(pose: Array, centre: Array) -> float:
+    return math.atan2(pose[1] - centre[1], pose[0] - centre[0])

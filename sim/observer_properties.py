@@ -1,0 +1,48 @@
+"""What an observer claims to be, in the terms of Table 2.1 of the thesis: each property with the space it lives in.
+
+A claim is held to account by measurement, so an estimator that converges in practice for many starts and not for all
+says ``LOCAL`` and tells the rest in its note.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Domain(Enum):
+    """Of attraction, of the observer's or of the system's operation."""
+
+    GLOBAL = "global"
+    SEMI_GLOBAL = "semi-global"  # on any compact set, with the parameters chosen for it
+    LOCAL = "local"
+
+
+class Rate(Enum):
+    """How the error decays without noise (Definition 2.2)."""
+
+    ASYMPTOTIC = "asymptotic"
+    EXPONENTIAL = "exponential"
+    FINITE_TIME = "finite-time"
+    BOUNDED = "bounded error"  # it does not decay to nought: Property 2.2 fails
+
+
+class InputDependence(Enum):
+    """For which inputs of the system the observer converges."""
+
+    UNIFORM = "uniform"  # all
+    SEMI_UNIFORM = "semi-uniform"  # all of any compact set, with the parameters chosen for it
+    NON_UNIFORM = "non-uniform"  # not all: some excite too little
+
+
+@dataclass(frozen=True)
+class ObserverProperties:
+    """Table 2.1 for one estimator."""
+
+    domain_of_attraction: Domain  # in Z
+    rate: Rate  # in Z or X
+    input_dependence: InputDependence  # in U
+    observer_domain: Domain  # in Z: how far its state may be from the truth's while it runs
+    system_domain: Domain  # in X: where the system may run
+    stays_on_truth: bool = True  # Property 2.1: started on the truth, without noise, it stays there
+    note: str = ""

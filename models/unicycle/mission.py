@@ -113,9 +113,8 @@ class RangingMission:
     def error(self, x: Array, truth: Array) -> tuple[float, float]:
         """[m] and [rad] between an estimate (3,) and the truth (3,), modulo the symmetry of the wall.
 
-        Of the poses that are indistinguishable from the truth the one nearest in position, and among equals in heading,
-        is the one that counts. In a circle, where they are a continuum, only the distance from the centre and the heading
-        relative to the direction of the centre are compared.
+        Of the poses that are indistinguishable from the truth the nearest one counts. In a circle, where they are a
+        continuum, the distances from the centre and the headings relative to its direction are compared.
         """
         if self.curve.symmetry == 0:
             turn = _direction(truth, self.curve.centre) - _direction(x, self.curve.centre)

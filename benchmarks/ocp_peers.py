@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import gc
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -114,7 +115,7 @@ def _unknown(problem: OptimalControlProblem) -> OptimalControlProblem:
 
 def accepted(problem: OptimalControlProblem, solution: Solution) -> float | None:
     """The farther from the optimum of J and the replayed J; None without a solution that the gate passed."""
-    if solution.status is not Outcome.OPTIMAL or solution.replay is None:
+    if solution.status is not Outcome.OPTIMAL or solution.replay is None or not math.isfinite(solution.replay.cost):
         return None
     known = next(known for known in PROBLEMS.values() if known.problem() is problem)
     return max((solution.cost, solution.replay.cost), key=known.error)

@@ -21,7 +21,7 @@ def compiler() -> str | None:
 def compiled(solver: ca.Function) -> Path:
     """The functions that an NLP solver evaluates, as a shared library.
 
-    Raises FileNotFoundError where there is no C compiler named cc.
+    Raises FileNotFoundError where there is no C compiler named cc, and OSError where it fails, with what it said.
     """
     cc = compiler()
     if cc is None:
@@ -36,6 +36,9 @@ def compiled(solver: ca.Function) -> Path:
         if not library.exists():
             # As fast as -O2 here, and compiled in half the time.
             command = [cc, "-O1", "-fPIC", "-shared", str(source), "-o", str(built), "-lm"]
-            subprocess.run(command, check=True, capture_output=True)
+            made = subprocess.run(command, capture_output=True, text=True, check=False)
+            if made.returncode != 0:
+                said = " ".join(made.stderr.split())[-400:] or "nothing"
+                raise OSError(f"the C compiler {cc} ended with {made.returncode} and said: {said}")
             built.replace(library)  # at once, so that a process beside this one never loads half a file
     return library

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +12,12 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from models.missile.coordinates import Coordinates
+from models.missile.dynamics import Body
 from models.missile.mission import MissileMission
 from models.missile.target import TargetMotion
-from sim.log import AgentRecorder, Recording
+from sim.log import Recording
 from sim.metrics import FAILURES, solve_times
-from sim.signals import Array
+from sim.signals import Array, Plan
 
 _ROUND_OFF = 1e-9  # relative excess of an input that does not count
 _SIMULTANEOUS = 1e-9  # [s]
@@ -63,13 +65,16 @@ def _between(t: Array, joints: Array, k: int, after: float) -> Array:
     return np.concatenate([q, v])
 
 
-def references(t: Array, agent: AgentRecorder, mission: MissileMission) -> Array:
-    """The state (n, nx) that the tracker was asked for at each time; NaN before the first plan."""
-    out = np.full((len(t), mission.coordinates.state_size), np.nan)
-    ends = [*(start for start, _ in agent.plans), math.inf][1:]  # none without a plan
-    for (adopted, plan), following in zip(agent.plans, ends, strict=True):
+def references(t: Array, plans: Sequence[tuple[float, Plan]], coordinates: Coordinates, body: Body) -> Array:
+    """The state (n, nx) that the tracker was asked for at each time, of plans and when each was adopted [s].
+
+    NaN before the first plan.
+    """
+    out = np.full((len(t), coordinates.state_size), np.nan)
+    ends = [*(start for start, _ in plans), math.inf][1:]  # none without a plan
+    for (adopted, plan), following in zip(plans, ends, strict=True):
         flown = (t >= adopted - _SIMULTANEOUS) & (t < following - _SIMULTANEOUS)
-        out[flown] = mission.coordinates.state_at(plan, t[flown], mission.body)
+        out[flown] = coordinates.state_at(plan, t[flown], body)
     return out
 
 
@@ -114,7 +119,7 @@ def missile_summary(
     applied = np.clip(command, -limits, limits)
     saturated = (np.abs(command[:-1]) / limits).max(axis=1) > 1.0 + _ROUND_OFF
     flown = np.flatnonzero(t <= end.t)
-    off = coordinates.place(x) - coordinates.place(references(t, agent, mission))
+    off = coordinates.place(x) - coordinates.place(references(t, agent.plans, coordinates, mission.body))
     velocity = coordinates.velocity(end.x)
     return {
         "miss_m": end.miss,

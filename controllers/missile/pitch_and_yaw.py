@@ -11,9 +11,11 @@ When T changes, the yaw motion shall keep its start and its end. With V_0 at the
 
     V = A(τ) + B(τ) / T,    F_2 / m = A'(τ) / T + B'(τ) / T^2,    A = V_0 (1 - 4 τ + 3 τ^2) + v_y (6 τ - 6 τ^2),
 
-and the pitch planner holds B. What the turns lead to is an optimum of the whole problem, but for the series' error and
-for what M and N have beside I_y a cos psi and I_y b. The inputs of both are flown through the dynamics in space after
-every turn, and what misses the aim is aimed off in the next, so that the flight does not depend on the decoupling.
+and the pitch planner holds B. What the turns lead to is near an optimum of the whole problem: but for the series'
+error, for what M and N have beside I_y a cos psi and I_y b, and for the turns not taken once they gain little. Where
+limits are active it is neither optimal nor complete: a flight may exist that the turns do not find, and one that asks
+for more than the thrusters have is refused. The inputs of both are flown through the dynamics in space after every
+turn, and what misses the aim is aimed off in the next, so that the flight does not depend on the decoupling.
 """
 
 from __future__ import annotations
@@ -45,6 +47,8 @@ FIRST_TURNS, TURNS = 10, 3
 """most turns of a first flight, and of one that starts from the last"""
 EXACT, ACCEPTED = 1e-3, 0.1
 """[m] of a miss that needs no further turn, and of one that is worth flying: the next plan makes it good"""
+ROUND_OFF = 1e-6
+"""relative excess over a limit that is none"""
 SETTLED = 1e-3
 """share of J that a turn must gain to be followed by another"""
 
@@ -65,12 +69,14 @@ class PitchAndYaw:
         case: Case,
         body: Body,
         limits: Limits,
+        most: Limits,
         nodes: int,
         backend: Backend,
         distribution: NodeDistribution,
     ) -> None:
+        """Plans within ``limits``; what M adds to the planes may come up to ``most``, what the thrusters have."""
         self._case, self._body, self._nodes = case, body, np.linspace(0.0, 1.0, nodes)
-        self._weights = weights(case)
+        self._weights, self._most = weights(case), np.array(most)
         self._pitch = Shooting(pitch_problem(body, limits), nodes, backend, distribution)
         self._yaw = Shooting(yaw_problem(body, limits), nodes, backend, steps=1)
         self._last: tuple[float, _Turn] | None = None  # when it starts [s], and it
@@ -96,8 +102,8 @@ class PitchAndYaw:
         """Turns until the flight is exact and, of a ``first`` guess, until they gain nothing any more."""
         aimed, best, off = aim, math.inf, math.inf
         found: Trajectory | Failed = Failed("no turn was taken", infeasible=False)
-        for turn in range(FIRST_TURNS if first else TURNS):
-            after = self._turn(start, aimed, now, first=first and turn == 0)
+        for _ in range(FIRST_TURNS if first else TURNS):
+            after = self._turn(start, aimed, now, first=first)
             if isinstance(after, Failed):  # what the turns before led to may be a flight as well
                 return found if off < ACCEPTED else after
             now = after
@@ -108,7 +114,15 @@ class PitchAndYaw:
             if off < EXACT and not (first and found.cost < best * (1.0 - SETTLED)):
                 break
             aimed, best = aimed.less(miss), found.cost
-        return found if off < ACCEPTED else Failed(f"pitch and yaw together miss by {off:.3g} m", infeasible=False)
+        if not off < ACCEPTED or isinstance(found, Failed):
+            return Failed(f"pitch and yaw together miss by {off:.3g} m", infeasible=False)
+        share = np.abs(found.u).max(axis=0) / self._most
+        if share.max() > 1.0 + ROUND_OFF:
+            name = SPATIAL.inputs[int(share.argmax())]
+            return Failed(
+                f"pitch and yaw together ask for {share.max():.3g} times the limit of {name}", infeasible=False
+            )
+        return found
 
     def _turn(self, start: Array, aim: Aim, now: _Turn, *, first: bool) -> _Turn | Failed:
         """The pitch planner's answer to a motion, and the yaw planner's to that."""
@@ -120,7 +134,7 @@ class PitchAndYaw:
             now.pitch, np.concatenate([self._weights, held, [V_0, v_y], in_pitch, end]), first=first
         )
         if isinstance(pitch, Failed):
-            return dataclasses.replace(pitch, message=f"pitch: {pitch.message}")
+            return Failed(f"pitch: {pitch.message}", infeasible=False)  # with the other plane's motion as it is
         T, U = pitch.duration, pitch.x[:, 0]
         middle = 0.5 * (pitch.nodes[:-1] + pitch.nodes[1:])
         lateral = aim.v * math.cos(aim.psi) + U[-1] * math.sin(aim.psi)
@@ -128,7 +142,7 @@ class PitchAndYaw:
         guess = dataclasses.replace(now.yaw, nodes=pitch.nodes, duration=T)
         yaw = self._yaw.solve(guess, np.concatenate([*known, [lateral, aim.psi, aim.after(T)[1]]]), first=first)
         if isinstance(yaw, Failed):
-            return dataclasses.replace(yaw, message=f"yaw: {yaw.message}")
+            return Failed(f"yaw: {yaw.message}", infeasible=False)
         return _Turn(pitch, yaw)
 
     def _together(self, start: Array, motion: _Turn) -> Trajectory:

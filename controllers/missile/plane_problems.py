@@ -12,6 +12,7 @@ from controllers.missile.planes import PITCH, YAW
 from controllers.missile.problem import (
     DURATIONS,
     STATE_LIMITS,
+    STATE_SCALES,
     TYPICAL_DURATION,
     declared_weights,
     input_scales,
@@ -40,7 +41,7 @@ def pitch_problem(body: Body, limits: Limits) -> OptimalControlProblem:
     x = {}
     for name in PITCH:
         lower, upper = STATE_LIMITS.get(name, (-math.inf, math.inf))
-        x[name] = ocp.state(name, lower=lower, upper=upper, scale=1.0 if name in ("q", "theta") else 100.0)
+        x[name] = ocp.state(name, lower=lower, upper=upper, scale=STATE_SCALES.get(name, 1.0))
     T = ocp.state(CLOCK, lower=DURATIONS[0], upper=DURATIONS[1], scale=TYPICAL_DURATION, guess=(TYPICAL_DURATION,))
     axial, _, normal, moment, _ = limits
     F_1, F_z, turn = (
@@ -83,7 +84,7 @@ def yaw_problem(body: Body, limits: Limits) -> OptimalControlProblem:
     m, I_z = body.mass, body.inertia
     ocp = Statement("missile, yaw beside pitch")
     cost = declared_weights(ocp)
-    scales, scale = input_scales(body), {"V": 100.0, "y_e": 100.0}
+    scales, scale = input_scales(body), {"V": STATE_SCALES["v"], **STATE_SCALES}
     x = {}
     for name in YAW:
         lower, upper = STATE_LIMITS.get(name, (-math.inf, math.inf))

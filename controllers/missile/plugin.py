@@ -39,9 +39,9 @@ class MissileConfig:
     bandwidth: float = 8.0
     """omega_n of the feedback linearisation [rad/s]"""
     replan_period: float = 0.1
-    """from one plan to the next [s]; if it is longer than the flight, one plan is flown to its end"""
+    """from one plan to the next [s], in whole control periods; if longer than the flight, only one is flown"""
     commit: float = 0.3
-    """time to go below which the last plan is flown out [s]"""
+    """time to go below which the last plan is flown out [s]; replan_period if that is longer"""
     lead: bool = True
     """whether to aim at where the target will be, and not at where it is"""
     nodes: int = 25
@@ -82,9 +82,16 @@ class MissileGuidance:
         autopilot = _autopilot(config, mission)
         period = max(1, round(config.replan_period / mission.control_period)) * mission.control_period
         backend, remark = _backend(config)
+        try:
+            optimiser = _optimiser(config, mission, backend)
+        except OSError as error:  # the compiler fails
+            if config.backend != "auto":
+                raise
+            optimiser = _optimiser(config, mission, "fatrop")
+            remark = f"{error}: the plans are optimised in CasADi's virtual machine"
         planner = MissilePlanner(
             mission,
-            _optimiser(config, mission, backend),
+            optimiser,
             autopilot,
             period,
             max(config.commit, period),
@@ -123,6 +130,8 @@ def _optimiser(config: MissileConfig, mission: MissileMission, backend: Backend)
     distribution: NodeDistribution = Fixed() if config.grid == "uniform" else Equidistributed()
     if mission.coordinates is not PLANAR and config.spatial == "pitch-and-yaw":
         axial, lateral, normal, pitching, yawing = limits
-        both = axial, lateral, normal, pitching, yawing
-        return PitchAndYaw(mission.case, mission.body, both, config.nodes, backend, distribution)
+        kept = axial, lateral, normal, pitching, yawing
+        axial, lateral, normal, pitching, yawing = mission.input_max
+        most = axial, lateral, normal, pitching, yawing
+        return PitchAndYaw(mission.case, mission.body, kept, most, config.nodes, backend, distribution)
     return WholeFlight(mission.case, mission.body, mission.coordinates, limits, config.nodes, backend, distribution)

@@ -209,13 +209,15 @@ class FrontLoaded:
         return ca.SX(0)
 
     def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        if nodes < 3:
+            raise ValueError(f"nodes = {nodes!r} cannot be front-loaded; allowed: 3 or more")
         lower, upper = _anywhere(nodes)
         upper[self._first(nodes - 1)] = self.share_of_time
         return lower, upper
 
     def _first(self, count: int) -> int:
         """Intervals of the first part, at least one and not all."""
-        return min(max(1, round(self.share_of_nodes * count)), count - 1) if count > 1 else 1
+        return min(max(1, round(self.share_of_nodes * count)), max(1, count - 1))
 
 
 def _check_positive(name: str, value: float) -> None:

@@ -8,7 +8,8 @@ With H(x, u, λ, t) = L + λ'f, minimised, and by automatic differentiation thro
 
 The thesis writes H = λ'f - L, maximised: its λ is minus ours. Solved by collocation with residual control
 (scipy.integrate.solve_bvp); the costates of the direct solution, its multipliers, are the guess. What it cannot do is
-said: a path constraint or a bound of a state that is active, controls that are bounded and not separable in H.
+said: a path constraint, a bound of a state or of T that is active, controls that are bounded and not separable in H,
+an end constraint whose limit is not 0.
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ from functools import lru_cache
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 
 from controllers.ocp.solution import Solution
-from controllers.ocp.statement import OptimalControlProblem
+from controllers.ocp.statement import Interval, OptimalControlProblem
 from sim.signals import Array
 
 _ACTIVE = 1e-6  # scaled distance to a limit that counts as touching it
@@ -101,12 +103,29 @@ def solve_indirect(solution: Solution, *, tolerance: float = 1e-8, most_nodes: i
 
 def _check_covered(solution: Solution) -> None:
     problem = solution.problem
-    for name, values, (lower, upper), scale in (
-        ("the bound of a state", solution.x[1:-1], problem.state_bounds, problem.state_scale),
-        ("a path constraint", _path_values(solution), problem.path_bounds, 1.0),
-    ):
-        if values.size and ((values - lower <= _ACTIVE * scale) | (upper - values <= _ACTIVE * scale)).any():
+    touched = _touched(solution.x, problem.state_bounds, problem.state_scale)
+    for row, ends in ((0, problem.initial), (-1, problem.final)):  # an end condition may put a state on its bound
+        touched[row, _pinned(ends, problem.nx)] = False
+    active = {
+        "the bound of a state": touched,
+        "a path constraint": _touched(_path_values(solution), problem.path_bounds, 1.0),
+    }
+    if problem.free_duration:
+        shortest, longest = (np.array([bound]) for bound in problem.duration_bounds)
+        active["the bound of T"] = _touched(np.array([solution.duration]), Interval(shortest, longest), shortest)
+    for name, there in active.items():
+        if there.any():
             raise ValueError(f"{problem.name}: {name} is active; allowed: problems without, for the indirect check")
+
+
+def _touched(values: Array, limits: Interval, scale: Array | float) -> NDArray[np.bool_]:
+    return (values - limits.lower <= _ACTIVE * scale) | (limits.upper - values <= _ACTIVE * scale)
+
+
+def _pinned(ends: ca.Function, nx: int) -> NDArray[np.bool_]:
+    """(nx,) which states have an end condition to themselves."""
+    depends = np.array(ca.DM(ends.jac_sparsity(0, 0), 1.0).full(), bool).reshape(-1, nx)
+    return np.asarray(depends[depends.sum(axis=1) == 1].any(axis=0))
 
 
 def _path_values(solution: Solution) -> Array:
@@ -125,14 +144,10 @@ def _active_ends(solution: Solution) -> tuple[tuple[int, ...], tuple[int, ...]]:
     final = problem.final(solution.x[-1], solution.duration, p).full()[:, 0]
     rows = []
     for values, (lower, upper) in ((initial, problem.initial_bounds), (final, problem.final_bounds)):
-        if ((lower == upper) & (lower != 0.0)).any() or (
-            np.isfinite(lower) & np.isfinite(upper) & (lower < upper)
-        ).any():
-            raise ValueError(
-                f"{problem.name}: an end constraint has limits other than 0; allowed: expressions that vanish"
-            )
-        touched = (values - lower <= _ACTIVE) | (upper - values <= _ACTIVE)
-        rows.append(tuple(int(k) for k in np.flatnonzero(touched)))
+        at_lower, at_upper = values - lower <= _ACTIVE, upper - values <= _ACTIVE
+        if (at_lower & (lower != 0.0)).any() or (at_upper & (upper != 0.0)).any():
+            raise ValueError(f"{problem.name}: an end constraint holds with a limit other than 0; allowed: limits of 0")
+        rows.append(tuple(int(k) for k in np.flatnonzero(at_lower | at_upper)))
     return rows[0], rows[1]
 
 

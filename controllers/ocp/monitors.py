@@ -79,11 +79,3 @@ LOCAL_ERROR = Monitor("local error", _local_error_density, None, epsilon=1.0)
 UNIFORM = Monitor(
     "uniform", lambda solution, tau, epsilon: np.ones(len(tau)), lambda mesh, epsilon: mesh.relative_width, epsilon=1.0
 )
-MONITORS = {monitor.name: monitor for monitor in (ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM)}
-
-
-def monitor(name: str) -> Monitor:
-    """The monitor function called ``name``; ValueError for one that is not known."""
-    if name not in MONITORS:
-        raise ValueError(f"monitor = {name!r} is not known; allowed: {', '.join(MONITORS)}, or a Monitor")
-    return MONITORS[name]

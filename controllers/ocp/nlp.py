@@ -301,12 +301,18 @@ def _end(layout: Layout) -> _Part:
     state = z * ca.DM(layout.state_scale)
     x = state[: problem.nx]
     duration = state[problem.nx] if layout.free_duration else ca.SX(problem.guess_duration)
-    rows, limits = [problem.final(x, duration, p)], [problem.final_bounds]
-    if layout.scheme.shared:  # with a zero-order hold there is no control at the last node
-        rows.append(problem.path(x, w * ca.DM(problem.control_scale), duration, p))
-        limits.append(problem.path_bounds)
-    lower, upper = (np.concatenate(side) for side in zip(*limits, strict=True))
-    return _Part(ca.vertcat(z, w), p, ca.vertcat(*rows), problem.terminal_cost(x, duration, p), lower, upper)
+    shared = layout.scheme.shared
+    u = w * ca.DM(problem.control_scale) if shared else ca.SX.zeros(problem.nu)
+    # With a zero-order hold there is no control at the last node, and what depends on it has held up to there.
+    free_of_u = set(range(len(problem.path_bounds.lower))) - set(problem.path.jac_sparsity(0, 1).row())
+    along = list(range(len(problem.path_bounds.lower))) if shared else sorted(free_of_u)
+    held = problem.path(x, u, duration, p)[along, :]
+    lower, upper = (
+        np.concatenate([final, path[along]])
+        for final, path in zip(problem.final_bounds, problem.path_bounds, strict=True)
+    )
+    rows = ca.vertcat(problem.final(x, duration, p), held)
+    return _Part(ca.vertcat(z, w), p, rows, problem.terminal_cost(x, duration, p), lower, upper)
 
 
 def _variable_bounds(layout: Layout, distribution: NodeDistribution) -> tuple[Array, Array]:

@@ -154,7 +154,7 @@ class Statement:
         self._controls: list[_Variable] = []
         self._parameters: list[tuple[str, ca.SX, float]] = []
         self._rates: dict[str, ca.SX] = {}
-        self._running, self._terminal = ca.SX(0), ca.SX(0)
+        self._running, self._terminal, self._stated = ca.SX(0), ca.SX(0), False
         self._path, self._initial, self._final = _Constraints(), _Constraints(), _Constraints()
         self._final_time = ca.SX.sym("T")
         self._duration: tuple[float, float, float] | None = None  # guess, lower, upper
@@ -203,11 +203,16 @@ class Statement:
                 f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
                 f"allowed: 0 < lower <= guess <= upper <= {_MOST_DURATION:g} s"
             )
+        if self._duration is not None:
+            raise StatementError(f"{self.name}: the duration is given twice; allowed: once")
         self._duration = guess, lower, upper
         return self._final_time
 
     def minimise(self, running: ca.SX | float = 0.0, terminal: ca.SX | float = 0.0) -> None:
-        """J = ∫ running dt + terminal."""
+        """J = ∫ running dt + terminal; said once."""
+        if self._stated:
+            raise StatementError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
+        self._stated = True
         for what, expression in (("running", running), ("terminal", terminal)):
             if ca.SX(expression).numel() != 1:
                 raise StatementError(f"{self.name}: the {what} cost has shape {ca.SX(expression).shape}; allowed: one")

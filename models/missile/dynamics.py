@@ -68,12 +68,10 @@ class Body:
     gravity: float = 9.8  # [m/s^2] g
 
     def __post_init__(self) -> None:
-        for name in ("mass", "inertia", "axial_inertia"):
+        for name in ("mass", "inertia", "axial_inertia", "gravity"):  # the cost weighs forces against the weight
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
-        if not (math.isfinite(self.gravity) and self.gravity >= 0.0):
-            raise ValueError(f"gravity = {self.gravity!r} m/s^2; allowed: a finite value >= 0")
         if self.axial_inertia > 2.0 * self.inertia:
             raise ValueError(
                 f"axial_inertia = {self.axial_inertia!r}; no body has more than twice inertia = {self.inertia!r}"

@@ -111,6 +111,8 @@ class MissileMission:
                 raise ValueError(f"{name} has {len(given)} numbers; allowed: {size} in {self.coordinates.name} flight")
         if not self.input_max:
             object.__setattr__(self, "input_max", (math.inf,) * self.coordinates.input_size)
+        if not all(limit > 0.0 for limit in self.input_max):  # NaN too
+            raise ValueError(f"input_max = {self.input_max!r}; allowed: numbers > 0, infinity for none")
 
     @property
     def start_state(self) -> Array:

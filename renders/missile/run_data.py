@@ -15,7 +15,7 @@ from models.missile.dynamics import NOMINAL
 from models.missile.mission import Target
 from models.missile.target import TargetMotion
 from renders.run_log import RunLog, last_at, read_log
-from sim.missile_metrics import Approach, attack_angles, closest_approach
+from sim.missile_metrics import Approach, attack_angles, closest_approach, references
 from sim.signals import Array, Plan
 
 TO_WORLD = np.array([1.0, -1.0, -1.0])  # from the Earth frame, whose z is down, and back
@@ -81,11 +81,8 @@ class MissileRun:
     @cached_property
     def reference(self) -> Array:
         """(n, nx) the state of the plan being flown; NaN before the first."""
-        out = np.full_like(self.x, np.nan)
-        flown = np.array([last_at(self.log.adopted, float(t)) for t in self.t])
-        for k, plan in enumerate(self.log.plans):
-            out[flown == k] = self.coordinates.state_at(plan, self.t[flown == k])
-        return out
+        plans = [(float(t), plan) for t, plan in zip(self.log.adopted, self.log.plans, strict=True)]
+        return references(self.t, plans, self.coordinates, NOMINAL)
 
     @cached_property
     def approach(self) -> Approach:

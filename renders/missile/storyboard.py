@@ -23,7 +23,7 @@ FORCED_LENGTH = 11.0  # [s of video] before the last shot, where one camera film
 
 
 def highlight(run: MissileRun) -> tuple[float, float]:
-    """From when to when [s] to look closely: the dive, from three quarters of the flight on."""
+    """From when to when [s] to look closely: the dive, which is the last third of the flight."""
     return 0.7 * run.duration, 0.94 * run.duration
 
 

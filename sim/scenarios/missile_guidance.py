@@ -96,17 +96,19 @@ class MissileGuidance:
 
 
 class _Referee:
-    """Ends a flight once the missile has passed the target or the ground."""
+    """Ends a flight once the missile has passed the target, and leaves it behind, or has reached the ground."""
 
     def __init__(self, mission: MissileMission, target: TargetMotion) -> None:
         self._coordinates, self._direction, self._target = mission.coordinates, mission.final_direction, target
-        self._was_before = False
+        self._was_before, self._distance = False, math.inf
 
     def ended(self, t: float, truths: Mapping[str, Array]) -> bool:
         """The plane through the target across the final direction is passed when it was ahead and is behind."""
         place = self._coordinates.place(self._coordinates.from_joints(truths[VEHICLE]))
-        ahead = float((self._target.at(t) - place) @ self._direction)
-        passed = self._was_before and ahead <= 0.0
+        offset = self._target.at(t) - place
+        ahead, distance = float(offset @ self._direction), float(np.linalg.norm(offset))
+        passed = self._was_before and ahead <= 0.0 and distance > self._distance
+        self._distance = distance
         self._was_before |= ahead > 0.0
         under_ground = bool(place[2] > 0.0)
         return passed or under_ground

@@ -169,7 +169,8 @@ def _claim(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Claim:
     others = [monitor for monitor in MONITORS if monitor is not UNIFORM]
     means = {m.name: _mean(_of(rows, m.name, max(ROUNDS), "control_error_ratio")) for m in others}
     every = np.array([_of(rows, m.name, max(ROUNDS), "control_error_ratio") for m in others])
-    first = int((np.nan_to_num(every, nan=np.inf).argmin(axis=0) == 0).sum())
+    ranked = np.nan_to_num(every, nan=np.inf)
+    first = int(((ranked.argmin(axis=0) == 0) & np.isfinite(ranked[0])).sum())
     told = ", ".join(f"{name} {mean:.2f}" for name, mean in means.items())
     return Claim(
         "B.arclength-best-problems", "printed",

@@ -31,7 +31,7 @@ def computed(setup: Setup, function: Callable[[Argument], Result], arguments: Se
     with ProcessPoolExecutor(min(setup.workers, total), context) as pool:
         futures = [pool.submit(function, argument) for argument in arguments]
         try:
-            for done, _ in enumerate(as_completed(futures)):
+            for done, _ in enumerate(as_completed(futures), 1):
                 _tell(setup, total, done)
             return [future.result() for future in futures]
         except BaseException:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import io
+import math
 
 import numpy as np
 import pytest
@@ -66,6 +67,8 @@ def test_ours_counts_with_the_worse_of_cost_and_replayed_cost_and_only_through_t
     worse = dataclasses.replace(solution, replay=dataclasses.replace(solution.replay, cost=3.9))
     assert accepted(problem, worse) == 3.9
     assert accepted(problem, dataclasses.replace(worse, status=Outcome.REFUSED)) is None
+    diverged = dataclasses.replace(solution.replay, cost=math.nan, value=math.inf)
+    assert accepted(problem, dataclasses.replace(solution, replay=diverged)) is None
 
 
 def test_who_did_not_come_to_the_tolerance_is_told_and_has_no_row() -> None:

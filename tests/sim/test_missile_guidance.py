@@ -80,6 +80,11 @@ def test_a_moving_target_is_hit_by_who_is_told_and_missed_by_who_is_not() -> Non
     assert blind.summary["miss_m"] > 100.0
 
 
+def test_a_target_that_rises_past_the_missile_while_far_away_is_not_passed() -> None:
+    outcome = fly(target_velocity=(0.0, 0.0, 50.0))
+    assert outcome.recording.t[-1] > 0.8 * outcome.summary["planned_time_s"]
+
+
 def test_a_target_that_turns_is_told_of_and_hit() -> None:
     outcome = fly(target_velocity=(20.0, 0.0, 0.0), target_change=((2.0, -20.0, 0.0, 0.0), (4.0, 0.0, 0.0, 0.0)))
     assert kinds(outcome).count("message") == 2

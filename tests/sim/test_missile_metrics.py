@@ -84,7 +84,7 @@ def test_a_reference_is_of_the_plan_being_flown() -> None:
     agent = AgentRecorder("missile", [], np.zeros((4, 3)), {})
     agent.adopted(0.5, first)
     agent.adopted(1.0, second)
-    speeds = references(np.array([0.0, 0.5, 0.75, 1.0]), agent, mission)[:, 0]
+    speeds = references(np.array([0.0, 0.5, 0.75, 1.0]), agent.plans, mission.coordinates, mission.body)[:, 0]
     np.testing.assert_allclose(speeds, [np.nan, 100.0, 100.0, 200.0])
 
 

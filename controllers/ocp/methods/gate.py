@@ -17,11 +17,15 @@ LEAST = 1e-8
 def gated(adaptive: Solution, uniform: Solution, method: str) -> Solution:
     """The adaptive solution under its method's name, or the uniform one with the status REFUSED and the reason.
 
-    Both carry a replay where they are solutions at all. The time of the adaptive one is the time of the answer.
+    Both carry a replay where they are solutions at all. The time of the adaptive one is the time of the answer. Where
+    the uniform solve failed there is nothing to compare with: the adaptive solution's message says so.
     """
     timing = adaptive.timing
-    if not uniform.ok or uniform.replay is None:  # there is nothing to compare with
-        return dataclasses.replace(adaptive if adaptive.ok else uniform, method=method, timing=timing)
+    if not uniform.ok or uniform.replay is None:
+        if not adaptive.ok:
+            return dataclasses.replace(uniform, method=method, timing=timing)
+        message = f"{adaptive.message}; not gated, for the uniform solve failed: {uniform.status.value}"
+        return dataclasses.replace(adaptive, message=message, method=method, timing=timing)
     if not adaptive.ok or adaptive.replay is None:
         reason = f"{method}: {adaptive.status.value} ({adaptive.message})"
     elif not adaptive.replay.value <= max(uniform.replay.value, LEAST):

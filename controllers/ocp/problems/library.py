@@ -18,7 +18,7 @@ from controllers.ocp.problems.double_integrator import double_integrator_energy,
 from controllers.ocp.problems.free_flying_robot import free_flying_robot
 from controllers.ocp.problems.goddard import goddard
 from controllers.ocp.problems.hypersensitive import hypersensitive, hypersensitive_short
-from controllers.ocp.problems.missile import CASES, missile
+from controllers.ocp.problems.missile import OPTIMA, missile
 from controllers.ocp.problems.rayleigh import rayleigh
 from controllers.ocp.problems.tumour import tumour
 from controllers.ocp.problems.van_der_pol import van_der_pol
@@ -67,7 +67,7 @@ PROBLEMS: dict[str, KnownOptimum] = {
 """the problems of the literature by name"""
 
 MISSILES: dict[str, KnownOptimum] = {
-    f"missile, {name}": KnownOptimum(partial(missile, name), case.cost, "independent code, N = 301")
-    for name, case in CASES.items()
+    f"missile, {name}": KnownOptimum(partial(missile, name), optimum.cost, "independent code, N = 301")
+    for name, optimum in OPTIMA.items()
 }
 """the thesis' own design study (B.4), whose objective the print leaves open"""

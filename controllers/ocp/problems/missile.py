@@ -14,28 +14,23 @@ from functools import cache
 import casadi as ca
 
 from controllers.ocp.statement import OptimalControlProblem, Statement
-
-MASS, INERTIA, GRAVITY = 204.02, 247.437, 9.8  # [kg], [kg m^2], [m/s^2]
+from models.missile.dynamics import NOMINAL
+from models.missile.mission import CASES
 
 
 @dataclass(frozen=True)
-class Case:
-    """Weights of J = ∫ 1 + a_x (F_x / mg)^2 + a_z (F_z / mg)^2 + b (M / I_y)^2 + k (w / u)^2 dt."""
+class Optimum:
+    """Of an independent computation."""
 
-    speed: float  # [m/s] V_0
-    a_x: float
-    a_z: float
-    b: float
-    k: float
-    cost: float  # J* of an independent computation
+    cost: float  # J*
     duration: float  # [s] T*
 
 
-CASES = {
-    "SM": Case(120.0, 1.0, 0.05, 0.1, 20.0, 13.01471, 8.06965),
-    "SM2": Case(120.0, 0.2, 0.05, 0.1, 20.0, 11.541173, 8.271096),
-    "SM3": Case(120.0, 0.1, 0.05, 0.1, 20.0, 10.733142, 8.0139),
-    "FAST": Case(200.0, 1.0, 0.01, 0.02, 100.0, 11.358341, 4.50558),
+OPTIMA = {
+    "SM": Optimum(13.01471, 8.06965),
+    "SM2": Optimum(11.541173, 8.271096),
+    "SM3": Optimum(10.733142, 8.0139),
+    "FAST": Optimum(11.358341, 4.50558),
 }
 
 
@@ -44,10 +39,9 @@ def missile(case: str = "SM2") -> OptimalControlProblem:
     """From (0, 10) at level flight to (700, 0) straight down."""
     if case not in CASES:
         raise ValueError(f"case = {case!r}; allowed: {', '.join(CASES)}")
-    c = CASES[case]
-    m, I_y, g, V_0 = MASS, INERTIA, GRAVITY, c.speed
+    c, T = CASES[case], OPTIMA[case].duration
+    m, I_y, g, V_0 = NOMINAL.mass, NOMINAL.inertia, NOMINAL.gravity, c.speed
     ocp = Statement(f"missile, {case}")
-    T = c.duration
 
     u = ocp.state("u", lower=1.0, scale=100.0, guess=(V_0, V_0))
     w = ocp.state("w", scale=100.0)

@@ -37,7 +37,8 @@ def joint(case: str) -> WholeFlight:
 
 def pitch_and_yaw(case: str) -> PitchAndYaw:
     axial, normal, _, moment, _ = INPUT_MAX[SPATIAL]
-    return PitchAndYaw(CASES[case], NOMINAL, (axial, normal, normal, moment, moment), NODES, "fatrop", Fixed())
+    limits = axial, normal, normal, moment, moment
+    return PitchAndYaw(CASES[case], NOMINAL, limits, limits, NODES, "fatrop", Fixed())
 
 
 def aim(x: float = 700.0, y: float = 0.0, z: float = 0.0, velocity: tuple[float, float, float] = (0, 0, 0)) -> Aim:
@@ -133,6 +134,20 @@ def test_limits_are_kept() -> None:
     reached = np.abs(flight.u).max(axis=0)
     assert (reached <= np.array(limits) * (1.0 + 1e-6)).all()
     assert (reached >= 0.99 * np.array(limits)).any()  # or the test says nothing
+
+
+def test_pitch_and_yaw_that_ask_for_more_than_the_thrusters_have_are_refused() -> None:
+    def optimiser(moment: float, most: float) -> PitchAndYaw:
+        limits, hard = (2e4, 6e4, 6e4, moment, moment), (2e4, 6e4, 6e4, most, most)
+        return PitchAndYaw(CASES["SM"], NOMINAL, limits, hard, NODES, "ipopt", Fixed())
+
+    start = level("SM", 40.0)
+    failed = optimiser(31.5, 35.0).optimise(0.0, start, aim())
+    assert isinstance(failed, Failed)
+    assert "times the limit of M" in failed.message
+    assert not failed.infeasible
+    flight = found(optimiser(31.5, 70.0), start, aim())
+    assert 35.0 < np.abs(flight.u[:, 3]).max() <= 70.0
 
 
 def test_nodes_may_be_equidistributed_while_it_flies() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from controllers.missile.plugin import MissileConfig, MissileGuidance
+from controllers.ocp.solver import transcription
 from models.missile.coordinates import SPATIAL
 from sim.signals import Estimate, PlanRequest
 from tests.controllers.missile.flights import built, first_plan, mission
@@ -56,6 +57,22 @@ def test_without_a_compiler_the_first_plan_says_so_and_is_the_same(
     assert plan.notes == ("backend",)
     assert "no C compiler named cc" in plan.message
     assert plan.cost == pytest.approx(wanted.cost)
+
+
+def test_a_compiler_that_fails_is_quoted_and_done_without(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    broken = tmp_path / "cc"
+    broken.write_text("#!/bin/sh\necho 'cc: out of order' >&2\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    transcription.cache_clear()  # or what was compiled before is at hand
+    of = mission()
+    planner, _ = MissileGuidance.build(MissileConfig(), of)
+    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, of.start_state), None))
+    assert plan.ok
+    assert "cc: out of order" in plan.message
+    with pytest.raises(OSError, match="cc: out of order"):
+        MissileGuidance.build(MissileConfig(backend="fatrop-compiled"), of)
 
 
 @pytest.mark.parametrize("spatial", ["pitch-and-yaw", "joint"])

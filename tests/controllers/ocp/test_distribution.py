@@ -18,7 +18,7 @@ from controllers.ocp.methods.equidistribution import distribute
 from controllers.ocp.methods.gate import gated
 from controllers.ocp.methods.redistribution import redistribute
 from controllers.ocp.methods.refinement import refine
-from controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor, monitor
+from controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
 from controllers.ocp.problems.missile import missile
 from controllers.ocp.residual import local_errors
 from controllers.ocp.solution import Outcome, Solution
@@ -153,7 +153,7 @@ def test_the_gate_prefers_the_uniform_solution_to_a_failed_one() -> None:
         lambda: EquidistantHorizon(np.nan),
         lambda: FrontLoaded(share_of_nodes=1.0),
         lambda: FrontLoaded(share_of_time=0.0),
-        lambda: monitor("jerk"),
+        lambda: distribute(missile("SM2"), 2, FrontLoaded()),
         lambda: distribute(missile("SM2"), 10, Fixed()),
         lambda: distribute(missile("SM2"), 1),
         lambda: redistribute(missile("SM2"), 10, rounds=0),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -72,7 +74,7 @@ def test_the_missile_of_both_methods_is_the_same() -> None:
     assert np.ptp(found.hamiltonian) < 1e-5
 
 
-def test_what_the_conditions_do_not_cover_is_refused() -> None:
+def test_controls_that_the_hamiltonian_is_linear_in_are_refused() -> None:
     ocp = Statement("bang-bang")
     x, v, u = ocp.state("x"), ocp.state("v"), ocp.control("u", lower=-1.0, upper=1.0)
     T = ocp.free_duration(guess=3.0)
@@ -86,15 +88,40 @@ def test_what_the_conditions_do_not_cover_is_refused() -> None:
         solve_indirect(solve(ocp.problem(), 20))
 
 
-def test_an_active_bound_of_a_state_is_refused() -> None:
-    ocp = Statement("bounded state")
-    x, v, u = ocp.state("x", upper=1.0 / 9.0), ocp.state("v"), ocp.control("u")
+def _held_by(what: str) -> Statement:
+    """A problem in which one thing is active that the conditions do not cover."""
+    ocp = Statement(what)
+    x, u = ocp.state("x", upper=0.5 if what == "the bound of a state" else math.inf), ocp.control("u")
+    ocp.dynamics(x, u)
+    ocp.start(x, 0.0)
+    if what == "the bound of T":
+        ocp.free_duration(guess=0.8, lower=0.1, upper=1.0)
+        ocp.minimise(running=u**2 + 0.01)
+        ocp.end(x, 1.0)
+        return ocp
     ocp.duration(1.0)
-    ocp.minimise(running=u**2 / 2)
-    ocp.dynamics(x, v)
-    ocp.dynamics(v, u)
-    for state, begin, end in ((x, 0.0, 0.0), (v, 1.0, -1.0)):
-        ocp.start(state, begin)
-        ocp.end(state, end)
-    with pytest.raises(ValueError, match="the bound of a state is active"):
-        solve_indirect(solve(ocp.problem(), 20))
+    ocp.minimise(running=(u - 1.0) ** 2)
+    if what == "an end constraint":
+        ocp.end_constraint(x, lower=-math.inf, upper=0.5)
+    elif what == "a path constraint":
+        ocp.constrain(x, upper=0.5)
+    return ocp
+
+
+@pytest.mark.parametrize("what", ["the bound of a state", "the bound of T", "an end constraint", "a path constraint"])
+def test_what_is_active_and_not_among_the_conditions_is_refused(what: str) -> None:
+    direct = solve(_held_by(what).problem(), 11)
+    assert direct.ok
+    with pytest.raises(ValueError, match=what):
+        solve_indirect(direct)
+
+
+def test_a_state_that_an_end_condition_puts_on_its_bound_is_covered() -> None:
+    ocp = Statement("to the bound")
+    x, u = ocp.state("x", lower=0.0, upper=1.0), ocp.control("u")
+    ocp.duration(1.0)
+    ocp.minimise(running=u**2)
+    ocp.dynamics(x, u)
+    ocp.start(x, 0.0)
+    ocp.end(x, 1.0)
+    assert solve_indirect(solve(ocp.problem(), 11)).converged

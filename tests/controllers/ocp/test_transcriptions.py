@@ -12,8 +12,6 @@ from controllers.ocp.methods.direct import solve
 from controllers.ocp.statement import OptimalControlProblem, Statement
 from controllers.ocp.transcriptions.euler import Euler
 from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from controllers.ocp.transcriptions.library import SCHEMES as SCHEMES_BY_NAME
-from controllers.ocp.transcriptions.library import scheme as scheme_called
 from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 from controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto, legendre_gauss_lobatto
 from controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
@@ -132,17 +130,22 @@ def test_two_nodes_are_enough(scheme: Scheme) -> None:
     assert solve(linear_quadratic(), uniform(2), scheme=scheme).ok
 
 
+@schemes
+def test_a_path_constraint_on_the_state_holds_at_the_last_node_too(scheme: Scheme) -> None:
+    ocp = Statement("wall")
+    x, u = ocp.state("x"), ocp.control("u")
+    ocp.duration(1.0)
+    ocp.minimise(running=(u - 1.0) ** 2)
+    ocp.dynamics(x, u)
+    ocp.start(x, 0.0)
+    ocp.constrain(x, upper=0.5)
+    ocp.constrain(x + 0.1 * u, lower=-5.0)  # depends on u, which a zero-order hold does not have there
+    found = solve(ocp.problem(), 6, scheme=scheme)
+    assert found.x[-1, 0] == pytest.approx(0.5, abs=1e-6)
+    assert found.cost == pytest.approx(0.25, rel=1e-3)
+
+
 @pytest.mark.parametrize("wrong", [lambda: LegendreGaussLobatto(0), lambda: MultipleShooting(0)])
 def test_a_scheme_of_nothing_is_refused(wrong: object) -> None:
     with pytest.raises(ValueError, match="allowed"):
         wrong()  # type: ignore[operator]
-
-
-@pytest.mark.parametrize("name", SCHEMES_BY_NAME)
-def test_every_scheme_has_a_name(name: str) -> None:
-    assert solve(linear_quadratic(), 11, scheme=scheme_called(name)).ok
-
-
-def test_an_unknown_scheme_is_named_with_those_that_exist() -> None:
-    with pytest.raises(ValueError, match=r"'simpson' is not known; allowed: euler, trapezoid, hermite-simpson"):
-        scheme_called("simpson")

@@ -49,3 +49,11 @@ def test_the_claim_holds_only_where_arclength_is_the_least_everywhere(arclength:
         for monitor in MONITORS
     ]  # fmt: skip
     assert _claim(rows, ("first", "second")).holds is holds
+
+
+def test_where_no_monitor_function_led_to_a_solution_none_is_the_best() -> None:
+    rows = [
+        {"problem": "first", "monitor": monitor.name, "redistributions": 3, "control_error_ratio": float("nan")}
+        for monitor in MONITORS
+    ]
+    assert not _claim(rows, ("first",)).holds

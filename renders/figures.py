@@ -156,7 +156,7 @@ def profile_figure(run: RunData) -> Figure:
         lower.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         lower.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         lower.yaxis.set_minor_formatter(NullFormatter())
-        lower.set_xlim(distance[0], distance[-1])
+        lower.set_xlim(distance[0], max(distance[-1], distance[0] + 1e-3))  # it may have stood still
         here = (run.travelled[lowest] / 1e3, max(float(run.above_ground[lowest]), LOWEST_DRAWN))
         late = here[0] > 0.8 * distance[-1]  # the label would leave the axes
         lower.plot(*here, "o", ms=4.0, color=INK)

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from sim.log import AgentRecorder, Recording
 from sim.protocols import Estimator, Planner, Plant, Tracker
-from sim.signals import Array, Estimate, Measurement, Message, Plan, PlanRequest, Status
+from sim.signals import Array, Estimate, Measurement, Message, Plan, PlanRequest, Status, where_raised
 
 _SIMULTANEOUS = 1e-9  # [s] two times closer than this are the same tick
 
@@ -81,6 +82,7 @@ class _Cockpit:
     estimate: Estimate | None = None
     plan: Plan | None = None
     usable: bool = True  # the tracker's last command
+    estimating: bool = True  # the estimator's last answer was usable
 
     def look(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
         """Do what falls due at tick k; ``row`` is that of the log."""
@@ -91,9 +93,7 @@ class _Cockpit:
     def _act(self, k: int, t: float, readings: Sequence[Measurement]) -> None:
         self.inbox.extend(readings)
         if k % self.estimator_ticks == 0:
-            self.estimate = self.agent.estimator.update(t, self.inbox, self.command)
-            self.inbox = []
-            self.record.estimate(self.estimate)
+            self._estimate(t)
         if self.estimate is None:
             return
         if k % self.planner_ticks == 0:
@@ -102,6 +102,24 @@ class _Cockpit:
             self._adopt(t)
         if self.plan is not None and k % self.tracker_ticks == 0:
             self._track(t, self.estimate, self.plan)
+
+    def _estimate(self, t: float) -> None:
+        """The estimator's answer, or what is left of the last one where it cannot be used."""
+        try:
+            estimate = self.agent.estimator.update(t, self.inbox, self.command)
+            complaint = _unusable(estimate, self.estimate)
+        except (Exception, SystemExit) as error:
+            complaint = f"{type(error).__name__}: {error}{where_raised(error)}"
+        self.inbox = []
+        if not complaint:
+            self.estimate = estimate
+        elif self.estimate is not None:
+            self.estimate = replace(self.estimate, status=Status.LOST)
+        if complaint and self.estimating:
+            self.record.event(t, "estimate-unusable", complaint)
+        self.estimating = not complaint
+        if self.estimate is not None:
+            self.record.estimate(self.estimate)
 
     def _ask(self, t: float, estimate: Estimate) -> None:
         while self.undelivered and self.undelivered[0].t <= t + _SIMULTANEOUS:
@@ -155,6 +173,18 @@ class _Cockpit:
         elif self.usable:
             self.record.event(t, "command-unusable", f"{complaint}; the last usable command is held")
         self.usable = usable
+
+
+def _unusable(estimate: Any, before: Estimate | None) -> str:
+    """What is wrong with an estimator's answer, "" for nothing."""
+    if not isinstance(estimate, Estimate):
+        return f"update() returned {type(estimate).__name__}; allowed: Estimate"
+    x = np.asarray(estimate.x)
+    if x.ndim != 1 or (before is not None and x.shape != before.x.shape):
+        allowed = "(nx,)" if before is None else f"{before.x.shape}, as before"
+        return f"the estimate's state has shape {x.shape}; allowed: {allowed}"
+    finite = np.isfinite(x).all() and math.isfinite(estimate.t)
+    return "" if finite else f"the estimate is {x.tolist()} at {estimate.t!r} s; allowed: finite numbers"
 
 
 def simulate(

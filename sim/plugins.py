@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from importlib.metadata import entry_points
 from numbers import Real
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
 from sim.protocols import Estimator, Planner, Sensor
 
@@ -146,12 +146,32 @@ def _at(name: str) -> Any:
 
 def _called(kind: str, part: Part, method: str, mission: Any) -> Any:
     """What a plug-in's method makes of its configuration and a mission."""
+    if wanted := _unfit(part.plugin, mission):
+        raise ValueError(
+            f"{kind}: {part.name!r} is for a {wanted} and this scenario has a {type(mission).__name__}; "
+            f"allowed: {', '.join(_fitting(kind, mission))}, or package.module:Class"
+        )
     try:
         return getattr(part.plugin, method)(part.config, mission)
     except Exception as error:
         if isinstance(error, ValueError) and "allowed" in str(error):
             raise  # it refuses its configuration or the mission, and says why
         raise ValueError(f"{kind}: {part.name!r}: {method}() failed: {_told(error)}") from error
+
+
+def _unfit(plugin: Any, mission: Any) -> str:
+    """The kind of mission that a plug-in says it is built for, where that is another one; else ""."""
+    try:
+        kind = get_type_hints(plugin.build).get("mission")
+        fits = not isinstance(kind, type) or isinstance(mission, kind)
+    except (NameError, TypeError):  # hints that mean nothing here, or a protocol that cannot be asked
+        return ""
+    return "" if fits or kind is None else kind.__name__
+
+
+def _fitting(kind: str, mission: Any) -> list[str]:
+    """Names of the installed plug-ins that a mission fits."""
+    return [name for name in names(kind) if not _unfit(load(kind, name), mission)]
 
 
 def _told(error: Exception) -> str:

@@ -55,6 +55,12 @@ class Phase(IntEnum):
     DESCENT = 5
 
 
+def where_raised(error: BaseException) -> str:
+    """" (FILE:LINE)" of the line that raised, or ""."""
+    last = traceback.extract_tb(error.__traceback__)[-1:]
+    return "".join(f" ({frame.filename}:{frame.lineno})" for frame in last)
+
+
 @dataclass(frozen=True)
 class Measurement:
     """One reading of one sensor."""
@@ -116,9 +122,7 @@ class Plan:
     @staticmethod
     def raised(error: BaseException) -> Plan:
         """What stands in for the answer of a planner that raised."""
-        last = traceback.extract_tb(error.__traceback__)[-1:]
-        where = "".join(f" ({frame.filename}:{frame.lineno})" for frame in last)
-        return Plan.failure(Status.RAISED, f"{type(error).__name__}: {error}{where}")
+        return Plan.failure(Status.RAISED, f"{type(error).__name__}: {error}{where_raised(error)}")
 
 
 @dataclass(frozen=True)

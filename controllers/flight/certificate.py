@@ -203,7 +203,9 @@ class Certified:
 
     def plan(self, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown; a failure that says why not otherwise."""
-        current = request.current
+        current, x = request.current, request.estimate.x
+        if x.shape != (6,):
+            return Plan.failure(Status.MALFORMED, f"the estimate's state has shape {x.shape}; allowed: (6,)")
         if current is None:
             plan = self._fresh(request)
             if plan.ok:
@@ -218,7 +220,7 @@ class Certified:
             notes = ("missed-pass",)
             left = max(current.t_end - request.t, self.period)
             self.deadline = max(self.deadline, request.t + self._factor * left)
-        error = request.estimate.x - state_at(current, request.t)
+        error = x - state_at(current, request.t)
         if request.estimate.status is not Status.OK:
             # Nobody knows where the vehicle is: its plan is the best guess, and no estimate to plan from anew.
             notes = (*notes, "guarantee-lost")

@@ -50,6 +50,8 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit:  # the help is printed
         return 0
     folder = order.options.out or Path("renders/out") / f"{order.name.replace(':', '.')}-seed{order.common.seed}"
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / "config.json").exists():
+        raise BadInputError(f"--out = {folder} holds other files than a run's; allowed: a new folder, or that of a run")
     errors = Console(stderr=True)
     with output_folder(folder), compilation_announced(errors):
         experiment = build(order, saved)

@@ -119,7 +119,7 @@ class OcpProblems:
 
 
 def _attempts(name: str, nodes: int, exhaustive: bool) -> list[dict[str, Any]]:
-    """A row for each method that was tried; the rest once one has reached the tolerance only where all are asked for."""
+    """A row for each method that was tried: up to the first that reaches the tolerance, or all of them."""
     rows: list[dict[str, Any]] = []
     for method in METHODS:
         rows.append(_row(name, method, METHODS[method](PROBLEMS[name].problem(), nodes)))

@@ -259,6 +259,29 @@ def test_a_controller_that_builds_the_wrong_thing_is_named(
         assert word in str(info.value)
 
 
+@pytest.mark.parametrize(
+    ("scenario", "flag", "name", "fitting"),
+    [
+        ("safe-flight", "--controller", "missile", "flight, literal"),
+        ("missile-guidance", "--controller", "flight", "missile"),
+        ("missile-guidance", "--estimator", "kalman", "full_state, missile_kalman"),
+        ("safe-flight", "--estimator", "missile_kalman", "full_state, kalman"),
+    ],
+)
+def test_a_plug_in_of_another_kind_of_mission_is_named_with_those_that_fit(
+    scenario: str, flag: str, name: str, fitting: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["run", scenario, flag, name]) == 2
+    assert f"allowed: {fitting}, or" in capsys.readouterr().err
+
+
+def test_a_run_is_not_written_among_other_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "thesis.tex").write_text("x")
+    assert main(["run", "safe-flight", "--out", str(tmp_path)]) == 2
+    assert "holds other files than a run's" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
 def test_an_estimator_that_builds_the_wrong_thing_is_named() -> None:
     class Wrong:
         Config = FullStateConfig

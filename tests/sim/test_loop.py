@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
@@ -312,6 +313,9 @@ class Pair:
     def displace(self, name: str, offset: Array) -> None:
         self._vehicles[name].displace("vehicle", offset)
 
+    def place(self, name: str, state: Array) -> None:
+        self._vehicles[name].place("vehicle", state)
+
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
         for name, vehicle in self._vehicles.items():
             vehicle.step({"vehicle": commands.get(name, np.zeros(3))}, ticks)
@@ -362,3 +366,45 @@ def test_how_often_the_loop_looks_does_not_change_what_is_flown() -> None:
 def test_a_duration_that_ends_between_two_looks_is_kept() -> None:
     agent = Agent(ReadsState(0.5), Answers(there_and_stop), Follows(0.5))
     assert simulate(flight.PointMass(START, DT), {"vehicle": agent}, 1.2).t.tolist() == pytest.approx([0, 0.5, 1, 1.2])
+
+
+@dataclass
+class Fails(ReadsState):
+    """An estimator whose answers are unusable from a call on."""
+
+    answer: Callable[[float], Any] = lambda t: 1 / 0
+    since: int = 20
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        estimate = super().update(t, measurements, command)
+        return self.answer(t) if len(self.calls) > self.since else estimate  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (lambda t: 1 / 0, "ZeroDivisionError"),
+        (lambda t: None, "update() returned NoneType; allowed: Estimate"),
+        (lambda t: Estimate(t, np.full(6, np.nan)), "allowed: finite numbers"),
+        (lambda t: Estimate(t, np.zeros(3)), "shape (3,); allowed: (6,), as before"),
+    ],
+)
+def test_an_estimator_that_fails_is_told_once_and_the_vehicle_keeps_its_plan(
+    answer: Callable[[float], Any], told: str
+) -> None:
+    flown = Flight(estimator=Fails(answer=answer))
+    recording = flown.run()
+    (event,) = [event for event in recording.events if event.kind == "estimate-unusable"]
+    assert event.t == pytest.approx(20 * DT)
+    assert told in event.message
+    statuses = [estimate.status for estimate in recording.agents["vehicle"].estimates]
+    assert statuses == [Status.OK] * 20 + [Status.LOST] * 21
+    assert recording.t[-1] == pytest.approx(flown.duration)
+    assert flown.tracker.flown[-1][1].ok
+
+
+def test_without_any_estimate_nothing_is_planned_and_nothing_raised() -> None:
+    recording = Flight(estimator=Fails(since=0)).run()
+    assert kinds(recording) == ["estimate-unusable"]
+    assert not recording.agents["vehicle"].plans
+    assert "estimate.x" not in recording.arrays()

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from sim.cli import main
@@ -34,8 +35,21 @@ def test_a_planner_of_ones_own_flies_certified(tmp_path: Path, monkeypatch: pyte
     assert outcome.summary["min_clearance_m"] >= 50.0
 
 
+def test_an_estimator_of_ones_own_flies_and_smooths(capsys: pytest.CaptureFixture[str]) -> None:
+    namespace: dict[str, Any] = {}
+    exec(BLOCKS[0].split("flight =")[0] + "from dataclasses import dataclass\n" + BLOCKS[2], namespace)
+    outcome, raw = namespace["outcome"], namespace["SafeFlight"].build(namespace["noisy"], seed=3).run()
+    assert float(capsys.readouterr().out) == outcome.summary["tracking_error_max_m"]
+    assert outcome.success
+
+    def error(run: Any) -> float:
+        return float(np.std((run.arrays["estimate.x"] - run.arrays["truth.x"])[:, :3]))
+
+    assert error(outcome) < 0.8 * error(raw)
+
+
 def test_a_problem_written_as_on_paper_is_solved_and_replayed(capsys: pytest.CaptureFixture[str]) -> None:
-    exec(BLOCKS[2], {})
+    exec(BLOCKS[3], {})
     for line, method in zip(capsys.readouterr().out.splitlines(), ("direct", "refinement"), strict=True):
         name, status, cost, miss, violation = line.split()
         assert (name, status) == (method, "OPTIMAL")
@@ -48,7 +62,7 @@ def test_a_sweep_in_python_tells_its_rate_and_flies_nothing_twice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    exec(BLOCKS[3], {})
+    exec(BLOCKS[4], {})
     assert capsys.readouterr().out.startswith("0 of 6 (at most ")
     with Store.open("sweep.db") as store:
         assert len(store.keys()) == 6

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 from sim.sweep.compilation import compilation_reported
 from sim.sweep.execution import Progress as Done
 
-COMPILING = "compiling the numerical kernels, once on this machine"
+COMPILING = "compiling the numerical kernels, once on this machine for each kind of planner"
 
 
 @contextmanager

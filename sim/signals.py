@@ -56,7 +56,7 @@ class Phase(IntEnum):
 
 
 def where_raised(error: BaseException) -> str:
-    """" (FILE:LINE)" of the line that raised, or ""."""
+    """The line that raised, as " (FILE:LINE)"; "" where that is not known."""
     last = traceback.extract_tb(error.__traceback__)[-1:]
     return "".join(f" ({frame.filename}:{frame.lineno})" for frame in last)
 

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement, Status
 
@@ -90,6 +91,14 @@ class FullState:
     def quality(config: FullStateConfig, mission: Mission) -> Any:
         """How good the readings are, as the mission has it."""
         return mission.full_state_quality()
+
+    @staticmethod
+    def properties(config: FullStateConfig) -> ObserverProperties:
+        """Table 2.1: the first reading is the state."""
+        return ObserverProperties(
+            Domain.GLOBAL, Rate.FINITE_TIME, InputDependence.UNIFORM, Domain.LOCAL, Domain.GLOBAL,
+            note="a reading is the state: there is nothing to observe",
+        )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         for reading in measurements:

@@ -24,6 +24,7 @@ from scipy.special import gammainc
 
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from models.aerial.sensors import PositionSensor
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.signals import Array, Estimate, Measurement, Status
 
 _SIMULTANEOUS = 1e-9  # [s]
@@ -117,6 +118,14 @@ class Kalman:
         before = 0.5 * (before + before.T)
         correction = before @ _H.T @ np.linalg.solve(_H @ before @ _H.T + R, _H @ before)
         return EstimateQuality(before, 0.5 * (correction + correction.T) / interval, estimates_gust=True)
+
+    @staticmethod
+    def properties(config: KalmanConfig) -> ObserverProperties:
+        """Table 2.1: the model is linear and observable from fixes, whatever the known input."""
+        return ObserverProperties(
+            Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
+            note="linear; gusts and noise leave an error of their size",
+        )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         for fix in measurements:

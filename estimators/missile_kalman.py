@@ -16,14 +16,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import casadi
 import numpy as np
 
+from estimators.carried_filter import carried_filter
 from models.missile.coordinates import STEP, Coordinates
 from models.missile.dynamics import Body, rotation
 from models.missile.mission import MissileMission
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement, Status
 
@@ -74,7 +75,7 @@ class MissileKalman:
             ]
         )
         self._intensity = 2.0 * disturbance**2 / config.time_constant  # (nu,) of the disturbance's noise
-        self._filter = _filter(self._size + len(disturbance), self._size)
+        self._filter = carried_filter(self._size + len(disturbance), self._size)
         self._filter.x = np.concatenate([mission.start_state, np.zeros(len(disturbance))])
         self._filter.P = np.diag([*(kinds[unit] for unit in coordinates.units), *disturbance]) ** 2
         self._filter.R = np.diag(np.maximum(mission.noise.deviations(coordinates), config.noise_floor) ** 2)
@@ -95,6 +96,14 @@ class MissileKalman:
     def quality(config: MissileKalmanConfig, mission: MissileMission) -> Array:
         """The covariance of a reading, which the filter's is below of."""
         return mission.full_state_covariance(0.0)
+
+    @staticmethod
+    def properties(config: MissileKalmanConfig) -> ObserverProperties:
+        """Table 2.1: the state is read, the disturbance is found along the linearisation."""
+        return ObserverProperties(
+            Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.LOCAL, Domain.LOCAL,
+            note="as far as the linearisation holds, which is not for a nose across the plane of the pitch",
+        )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """The estimate; its ``extra["disturbance"]`` (nu,) [N, N m] acts beside the input, along the body's axes."""
@@ -143,17 +152,6 @@ class MissileKalman:
         if self._t_read == -math.inf:
             return Status.INITIALISING
         return Status.OK if t - self._t_read <= self._timeout + _SIMULTANEOUS else Status.LOST
-
-
-def _filter(states: int, readings: int) -> Any:
-    """filterpy's filter, told where the equations of motion lead instead of multiplying by F."""
-    from filterpy.kalman import ExtendedKalmanFilter  # takes .7 s to import
-
-    class Carried(ExtendedKalmanFilter):
-        def predict_x(self, u: Array) -> None:
-            self.x = u
-
-    return Carried(states, readings)
 
 
 @lru_cache(maxsize=8)

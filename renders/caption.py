@@ -14,11 +14,14 @@ from renders.film import Frame
 from renders.palette import COLOURS, Part, Picture
 
 WHITE, SOFT, PANEL = (255, 255, 255, 255), (205, 214, 224, 255), (16, 24, 36, 176)
-DOTS, DASHES, ARROWS = (
-    (Part.RADAR,),
-    (Part.COMPLETION,),
+DOTS, DASHES, ARROWS, RINGS, CIRCLES = (
+    (Part.RADAR, Part.ESTIMATE, Part.HYPOTHESIS, Part.BELIEVED),
+    (Part.COMPLETION, Part.LOST_RAY),
     (Part.FORCE, Part.VELOCITY),
+    (Part.TARGET,),
+    (Part.SPREAD, Part.IMAGE),
 )  # how a part is drawn; else a line
+RING_COLOURS = ((242, 242, 237), (212, 33, 26), (242, 242, 237))  # of a target, from its edge to its middle
 
 
 @dataclass(frozen=True)
@@ -29,6 +32,7 @@ class Label:
     column: float  # [pixels]
     row: float  # [pixels]
     small: bool = False  # a scale, say
+    beside: bool = False  # to the right of its place, not above it
 
 
 @dataclass(frozen=True)
@@ -86,10 +90,10 @@ class Caption:
         draw.rounded_rectangle(box, radius=self._px(9), fill=PANEL)
 
     def _label(self, draw: ImageDraw.ImageDraw, label: Label) -> None:
-        """A name above its place, inside the picture and clear of the title."""
+        """A name above its place or beside it, inside the picture and clear of the title."""
         font = self._plain[13] if label.small else self._bold[16]
-        half, gap = font.getlength(label.text) / 2 + self._px(6), self._px(0 if label.small else 20)
-        middle = min(max(label.column, half), self.width - half)
+        half, gap = font.getlength(label.text) / 2 + self._px(6), self._px(0 if label.small or label.beside else 20)
+        middle = min(max(label.column + half * label.beside, half), self.width - half)
         right, bottom = self._title_corner
         least = bottom + gap if middle - half < right else gap
         draw.text(
@@ -135,6 +139,12 @@ class Caption:
         thick, long = self._px(4), self._px(30)
         if part in DOTS:
             draw.ellipse((x + long / 2 - 2 * thick, y - 2 * thick, x + long / 2 + 2 * thick, y + 2 * thick), colour)
+        elif part in RINGS:
+            for colour, radius in zip(RING_COLOURS, (2.2 * thick, 1.5 * thick, 0.7 * thick), strict=True):
+                draw.ellipse((x + long / 2 - radius, y - radius, x + long / 2 + radius, y + radius), colour)
+        elif part in CIRCLES:
+            box = (x + long / 2 - 2.3 * thick, y - 2.3 * thick, x + long / 2 + 2.3 * thick, y + 2.3 * thick)
+            draw.ellipse(box, outline=colour, width=max(1, thick // 2))
         elif part in DASHES:
             for k in range(3):
                 draw.line((x + k * long * 0.37, y, x + k * long * 0.37 + long * 0.24, y), colour, thick)

@@ -26,6 +26,8 @@ PHASES = {
 def phase_name(run: RunData, t: float) -> str:
     """What the plan being flown is doing at ``t`` [s]."""
     plan = run.plan(t)
+    if t >= run.duration:
+        return "arrived" if run.summary.get("arrived") else "the flight is over"
     if plan is None:
         return "no plan yet"
     if t >= plan.t_end:
@@ -41,6 +43,8 @@ def words(run: RunData, frame: Frame, labels: list[tuple[str, float, float]]) ->
     title = [f"mathnavi · {run.config['scenario']} · {run.terrain.name} · seed {run.config['seed']}"]
     if frame.camera != "chase":
         title.append(f"vehicle and heights not to scale: heights × {EXAGGERATION}")
+    if run.mission.radars:
+        title.append("radars weigh on the optimised plan, not on the completion path")
     return Words(
         title=title,
         numbers=(

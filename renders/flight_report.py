@@ -8,10 +8,11 @@ from models.terrain.visibility import Radar
 from renders import figures, page
 from renders.page import Markup, quantity
 from renders.palette import COLOURS, Part, hexadecimal
-from renders.report import again, events_card, rest, still_block, summary_cards
+from renders.report import again, events_card, rest, still_block, summary_cards, why
 from renders.run_data import RunData, plan_arcs
 from renders.storyboard import EXAGGERATION
 from renders.terrain_view import Track, script, terrain_view
+from sim.metrics import SHORTFALL
 
 PLAN_STEP = 0.5  # [s] between the points of a plan that is drawn
 
@@ -47,7 +48,8 @@ def _headline(run: RunData) -> tuple[Markup, Markup]:
         "path flown": f"{run.travelled[-1] / 1e3:.2f} km",
         "radar exposure": shown["radar_exposure_s"],
     }
-    return page.heading(run.title, f"The vehicle {verdict}.", arrived and safe), page.tiles(tiles)
+    good = arrived and safe and SHORTFALL not in summary
+    return page.heading(run.title, f"The vehicle {verdict}{why(summary)}.", good), page.tiles(tiles)
 
 
 def _terrain(run: RunData) -> Markup:
@@ -61,7 +63,8 @@ def _terrain(run: RunData) -> Markup:
     places = {Part.START.value: mission.start, Part.TARGET.value: mission.target}
     antennas = [Radar(site.x, site.y, site.radius, site.weight) for site in mission.radars]
     radars = [(*antenna.position(ground).tolist(), antenna.radius) for antenna in antennas]
-    return terrain_view(ground, tracks, places, radars)
+    note = "Radars weigh on the optimised part of a plan only; its way to rest may lead through one." if radars else ""
+    return terrain_view(ground, tracks, places, radars, note)
 
 
 def _overview(run: RunData) -> Markup:

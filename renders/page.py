@@ -82,11 +82,10 @@ def quantity(key: str, value: object) -> str:
     return shown if shown == UNKNOWN else f"{shown} {label(key)[1]}".strip()
 
 
-def heading(title: str, verdict: str, good: bool) -> Markup:
-    """The page's title and, in one sentence, what came out."""
-    return Markup(
-        f'<header><h1>{text(title)}</h1>\n<p class="{"good" if good else "bad"}">{text(verdict)}</p></header>\n'
-    )
+def heading(title: str, verdict: str, good: bool | None) -> Markup:
+    """The page's title and, in one sentence, what came out; None where that is neither good nor bad."""
+    tone = {True: ' class="good"', False: ' class="bad"', None: ""}[good]
+    return Markup(f"<header><h1>{text(title)}</h1>\n<p{tone}>{text(verdict)}</p></header>\n")
 
 
 def section(title: str, *blocks: Markup) -> Markup:

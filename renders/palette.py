@@ -26,6 +26,15 @@ class Part(Enum):
     PLAN = "plan ahead"
     FORCE = "force of the thrusters"
     VELOCITY = "velocity of the target"
+    DRIVEN = "path driven"
+    ESTIMATE = "estimate"
+    SPREAD = "1σ and 3σ of it"
+    HYPOTHESIS = "hypotheses"
+    BELIEVED = "ends of rays, as believed"
+    RAY = "rays and readings"
+    LOST_RAY = "lost ray"
+    IMAGE = "indistinguishable pose"
+    TARGET_PATH = "path of the target"
 
 
 COLOURS: dict[Part, Colour] = {
@@ -39,6 +48,15 @@ COLOURS: dict[Part, Colour] = {
     Part.PLAN: (0.05, 0.42, 0.95),
     Part.FORCE: (0.10, 0.78, 0.48),
     Part.VELOCITY: (0.86, 0.10, 0.72),
+    Part.DRIVEN: (1.00, 0.50, 0.05),
+    Part.ESTIMATE: (0.05, 0.42, 0.95),
+    Part.SPREAD: (0.05, 0.42, 0.95),
+    Part.HYPOTHESIS: (0.86, 0.10, 0.72),
+    Part.BELIEVED: (0.05, 0.42, 0.95),
+    Part.RAY: (0.02, 0.58, 0.47),
+    Part.LOST_RAY: (0.52, 0.57, 0.63),
+    Part.IMAGE: (0.42, 0.48, 0.55),
+    Part.TARGET_PATH: (1.00, 0.85, 0.05),
 }
 
 

@@ -18,7 +18,7 @@ from renders.page import Markup, quantity
 from renders.run_log import described
 from renders.video import write_still
 from sim.log import write_text
-from sim.metrics import SUMMARY_GROUPS, label
+from sim.metrics import SHORTFALL, SUMMARY_GROUPS, label
 from sim.signals import Event
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted
@@ -78,8 +78,13 @@ def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
     )
 
 
+def why(summary: Mapping[str, Any]) -> str:
+    """What a run did not do that it should have done, to follow the sentence that says so; "" if nothing."""
+    return f" ({summary[SHORTFALL]})" if SHORTFALL in summary else ""
+
+
 def rest(summary: Mapping[str, Any]) -> str:
     """What the summary's cards do not show: seed, version, how fast it ran."""
-    named = {key for keys in SUMMARY_GROUPS.values() for key in keys}
+    named = {key for keys in SUMMARY_GROUPS.values() for key in keys} | {SHORTFALL}
     others = (f" · {label(key)[0]} {quantity(key, summary[key])}" for key in summary if key not in named)
     return f"mathnavi{''.join(others)}"

@@ -76,7 +76,7 @@ class Scene:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""
         view = self._chase.view(t) if camera == "chase" else self._map_view(camera, turn)
         self.stage.look(view, OPTICS[camera], (TRUE_WORLD if camera == "chase" else TALL_WORLD, AIRFRAME))
-        self._place_airframe(t, camera, view.distance)
+        self._place_airframe(t, camera, view)
         self.stage.begin(fog=camera == "chase")
         self._add_lines(t, camera)
         self._add_beacons(camera)
@@ -149,7 +149,7 @@ class Scene:
 
     # ---- what is drawn
 
-    def _place_airframe(self, t: float, camera: str, distance: float) -> None:
+    def _place_airframe(self, t: float, camera: str, view: View) -> None:
         near = camera == "chase"
         x = self.run.state(t)
         # From afar it is drawn level: tilted, it could turn its edge to the camera and be lost to sight.
@@ -157,9 +157,11 @@ class Scene:
         position, quaternion = airframe_pose(x[:3], x[3:], u)
         position = self.world(position, camera)
         span = 0.16 if near else 0.055  # of the picture's height
-        scale = span * 2.0 * (CHASE_DISTANCE if near else distance) * self.stage.tangent() / TRUE_SPAN
+        scale = span * 2.0 * (CHASE_DISTANCE if near else view.distance) * self.stage.tangent() / TRUE_SPAN
         if not near:
-            position[2] += 0.35 * scale * TRUE_SPAN  # so that the enlarged airframe hovers over its place on the map
+            # Drawn so large it would stick in the ground: it is seen at the tip of its path, but nearer to the camera.
+            nearer = scale * TRUE_SPAN / float(np.linalg.norm(view.eye - position))
+            position, scale = position + nearer * (view.eye - position), (1.0 - nearer) * scale
         # The discs of the rotors, nearly clear beside the vehicle, are what is seen of it from afar.
         self.model.geom_rgba[self._airframe_geoms, 3] = self._airframe_alpha if near else 1.0
         self.stage.data.mocap_pos[0], self.stage.data.mocap_quat[0] = position, quaternion
@@ -191,7 +193,7 @@ class Scene:
             stops = np.concatenate([np.arange(0.0, near, coarse), np.arange(near, here, fine), [here]])
             yield Part.FLOWN, np.vstack([run.x[np.searchsorted(run.travelled, stops), :3], run.state(t)[:3]])
         plan = run.plan(t)
-        if plan is not None:
+        if plan is not None and t < run.duration:  # at the end nothing is ahead
             for part, arcs in groupby(plan_arcs(plan, t, step=0.6), lambda arc: part_of(arc[0])):
                 yield part, np.vstack([points for _, points in arcs])
 
@@ -276,9 +278,8 @@ def _model(run: RunData, width: int, height: int, samples: int) -> Any:
     spec.add_material(name="radar", emission=0.8, specular=0.0)
     for k, radar in enumerate(run.mission.radars):
         foot = float(terrain.height(radar.x, radar.y))
-        # Spheres in both worlds: seen from above it is the footprint that tells, and tall domes would hide the map.
         for group, name, factor in ((TRUE_WORLD, "true", 1.0), (TALL_WORLD, "tall", EXAGGERATION)):
-            mesh = spec.add_mesh(name=f"radar {k} {name}", scale=[radar.radius] * 3)
+            mesh = spec.add_mesh(name=f"radar {k} {name}", scale=[radar.radius, radar.radius, factor * radar.radius])
             mesh.make_sphere(subdivision=4)
             spec.worldbody.add_geom(
                 name=f"radar {k} {name}",

@@ -6,7 +6,7 @@ Import ``renders.opengl`` and choose the backend before this module, which impor
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -19,6 +19,8 @@ from sim.signals import Array
 
 MAX_GEOMS = 4000
 DASH = 11.0  # [pixels] at a picture 720 pixels high: length of a dash and of the gap after it
+DISC_HEIGHT = 5e-4  # [m]
+COPY_SIZE = 1.02  # of a copy: where it lies on the original it covers it
 MOST_PIXELS = 300.0  # that a piece of a line counts for: behind the camera it would count for any number
 HORIZON, ZENITH, NADIR = (0.82, 0.88, 0.93), (0.20, 0.42, 0.74), (0.46, 0.55, 0.66)  # sky; fog is as the horizon
 
@@ -31,6 +33,14 @@ class View:
     distance: float  # [m]
     azimuth: float  # [degrees] of the line of sight, from east, counter-clockwise
     elevation: float  # [degrees] of the line of sight, negative downwards
+
+    @property
+    def eye(self) -> Array:
+        """(3,) [m] where the camera is."""
+        a, e = math.radians(self.azimuth), math.radians(self.elevation)
+        return self.lookat - self.distance * np.array(
+            [math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)]
+        )
 
     @staticmethod
     def between(eye: Array, lookat: Array) -> View:
@@ -179,10 +189,34 @@ class Stage:
             geom.pos[:], geom.mat[:] = centre, rotation.reshape(3, 3)
             geom.emission = 0.8
 
+    def disc(self, centre: Array, half_axes: Array, angle: float, colour: Sequence[float]) -> None:
+        """A flat, level ellipse about ``centre`` (3,), its first half-axis [m] at ``angle`` [rad]; red to opacity."""
+        geom = self._added(mujoco.mjtGeom.mjGEOM_ELLIPSOID, colour)
+        if geom is not None:
+            c, s = math.cos(angle), math.sin(angle)
+            geom.size[:] = (*half_axes, DISC_HEIGHT)
+            geom.pos[:], geom.mat[:] = centre, ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
+            geom.emission = self._glow
+
+    def copy(self, geoms: Collection[int], rotation: Array, shift: Array, colour: Sequence[float]) -> None:
+        """Geoms of the model once more: what is at p at ``rotation`` p + ``shift``, in one colour, red to opacity."""
+        scene = self._renderer.scene
+        for original in scene.geoms[: scene.ngeom]:
+            if original.objtype == mujoco.mjtObj.mjOBJ_GEOM and original.objid in geoms:
+                geom = self._added(original.type, colour)
+                if geom is not None:
+                    geom.dataid = original.dataid  # of a mesh
+                    geom.size[:] = COPY_SIZE * original.size
+                    geom.pos[:], geom.mat[:] = rotation @ original.pos + shift, rotation @ original.mat
+
     def _geom(self, kind: Any, a: Array, b: Array, colour: Sequence[float]) -> Any:
         """A new geom of the picture, or None where there is no room or nothing to draw."""
+        return None if float(np.linalg.norm(b - a)) < 1e-3 else self._added(kind, colour)
+
+    def _added(self, kind: Any, colour: Sequence[float]) -> Any:
+        """A new geom of the picture, or None where there is no room."""
         scene = self._renderer.scene
-        if scene.ngeom >= scene.maxgeom or float(np.linalg.norm(b - a)) < 1e-3:
+        if scene.ngeom >= scene.maxgeom:
             return None
         geom = scene.geoms[scene.ngeom]
         rgba = np.array(colour, np.float32)

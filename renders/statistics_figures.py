@@ -25,6 +25,7 @@ ROW, PANEL = 0.24, 2.6  # [inches] of a row of a forest plot, of a panel of curv
 FORESTS, CURVES = 3, 2  # panels side by side
 MOST_STEPS = 400  # of a distribution
 BEYOND = 0.05  # of the range of what is finite: how far beyond it stands what is infinite
+FAR_OUT = 3.0  # quartile ranges above the upper quartile, from which on a distribution is cut off
 WHOLE = 0.35  # an axis of rates that would show more than this share of 0 to 100 % shows all of it
 
 
@@ -81,7 +82,10 @@ def bands_figure(
 
 
 def distribution_figure(samples: Mapping[str, Array], xlabel: str, bound: float | None, bound_name: str) -> Figure:
-    """Share of each sample at or below a value, on a log scale, so that the rare low ones can be seen, and a bound."""
+    """Share of each sample at or below a value, on a log scale, so that the rare low ones can be seen, and a bound.
+
+    What is far above the others is beyond the right edge, and counted there.
+    """
     with matplotlib.rc_context(STYLE):
         figure = canvas(WIDTH, 3.2)
         axes = figure.add_subplot()
@@ -100,6 +104,8 @@ def distribution_figure(samples: Mapping[str, Array], xlabel: str, bound: float 
         axes.set(xlabel=xlabel, ylabel="trials at or below [%]", yscale="log", ylim=(None, 100.0))
         if np.isneginf(everything).any():
             axes.set_xlim(left=float(_within_reach(everything).min()))
+        if samples:
+            _cut_off(axes, np.concatenate(list(samples.values())), bound)
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
         axes.yaxis.set_minor_formatter(NullFormatter())
@@ -108,33 +114,56 @@ def distribution_figure(samples: Mapping[str, Array], xlabel: str, bound: float 
     return figure
 
 
+def _cut_off(axes: Axes, values: Array, bound: float | None) -> None:
+    """End the axis where the bulk of the values does; what is beyond is told."""
+    finite = values[np.isfinite(values)]
+    lower, upper = np.quantile(finite, [0.25, 0.75]) if finite.size else (0.0, 0.0)
+    end = float(upper + FAR_OUT * (upper - lower))
+    beyond = finite[finite > end]
+    if upper == lower or not beyond.size:
+        return
+    axes.set_xlim(right=end)
+    if not np.isneginf(values).any():
+        least = float(finite.min()) if bound is None else min(float(finite.min()), bound)
+        axes.set_xlim(left=least - BEYOND * (end - least))
+    axes.annotate(
+        f"{len(beyond)} of {len(values)} beyond, up to {beyond.max():.4g} →", (1.0, 0.0), (-4, 4),
+        xycoords="axes fraction", textcoords="offset points", ha="right", fontsize=8.0,
+    )  # fmt: skip
+
+
 def scatter_figure(
-    x: Array, panels: Mapping[str, tuple[Array, Sequence[float], Sequence[Band]]], xlabel: str, log: bool = False
+    x: Array,
+    panels: Mapping[str, tuple[Array, Sequence[Band | None]]],
+    edges: Sequence[float],
+    xlabel: str,
+    log: bool = False,
 ) -> Figure:
     """Every trial's value over x, and medians of bins with their bands.
 
-    A panel has its values (n,), NaN where there is none, the middle of each bin on x, and the bin's band.
+    A panel has its values (n,), NaN where there is none, and the band of each bin, None where there is none; ``edges``
+    are the ends of the bins on x, one more than bins.
     """
     with matplotlib.rc_context(STYLE):
         rows = math.ceil(len(panels) / CURVES)
         figure = canvas(WIDTH, PANEL * rows)
-        for axes, (ylabel, (values, middles, bands)) in zip(
-            _grid(figure, len(panels), CURVES), panels.items(), strict=True
-        ):
+        for axes, (ylabel, (values, bands)) in zip(_grid(figure, len(panels), CURVES), panels.items(), strict=True):
             ends = _ends(bands)
             everything = np.append(values, ends)
             axes.plot(
                 x,
                 _within_reach(values, everything),
                 ".",
-                ms=float(np.clip(60.0 / math.sqrt(len(x)), 1.2, 3.2)),
+                ms=float(np.clip(60.0 / math.sqrt(len(x)), 1.2, 5.0)),
                 alpha=0.5,
                 color=SERIES[5],
                 rasterized=True,
             )
             low, median, high = _within_reach(ends, everything)
-            axes.fill_between(middles, low, high, color=SERIES[0], alpha=0.25, lw=0.0)
-            axes.plot(middles, median, "o-", ms=4.0, color=SERIES[0])
+            axes.fill_between(
+                edges, [*low, low[-1]], [*high, high[-1]], color=SERIES[0], alpha=0.25, lw=0.0, step="post"
+            )
+            axes.hlines(median, edges[:-1], edges[1:], color=SERIES[0], lw=2.0)
             axes.set(xlabel=xlabel, ylabel=ylabel, xscale="log" if log else "linear")
     return figure
 
@@ -167,6 +196,7 @@ def _grid(figure: Figure, count: int, across: int, sharey: bool = False) -> list
 
 def _forest_grid(rows: int, count: int) -> tuple[Figure, list[Axes]]:
     figure = canvas(WIDTH, math.ceil(count / FORESTS) * (0.8 + ROW * rows))
+    figure.set_layout_engine("constrained", wspace=0.06)  # or the numbers of one axis would touch those of the next
     return figure, _grid(figure, count, FORESTS, sharey=True)
 
 

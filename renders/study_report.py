@@ -37,6 +37,7 @@ class StudyPage:
     figures: Sequence[tuple[str, Figure, str]]  # name, drawing, caption
     claims: Sequence[Claim]
     command: str  # that does it again
+    first_look: str = ""  # what of it is smaller than in full
     terrain: HeightField | None = None  # what it was done on, if anything
     tracks: Sequence[Track] = ()
     places: Mapping[str, Array] = field(default_factory=dict)  # (3,) [m] map frame
@@ -52,12 +53,11 @@ def write_study_report(path: Path, study: StudyPage) -> Path:
 def report(study: StudyPage) -> Markup:
     """The page's HTML."""
     view = () if study.terrain is None else (_over(study.terrain, study),)
-    met = all(claim.holds is not False for claim in study.claims if claim.kind == "target")
     return page.document(
         study.title,
-        page.heading(study.title, f"{tally(study.claims)}.", met),
+        _headline(study),
         *(page.paragraph(words) for words in study.summary),
-        page.section("Claims", page.card(_claims(study.claims))),
+        page.section("Claims", page.card(_claims(study))),
         page.section("Numbers", *(page.card(page.table(t.columns, t.rows, t.title)) for t in study.tables)),
         page.section("Figures", *(page.figure_block(drawing, name, words) for name, drawing, words in study.figures)),
         *view,
@@ -66,11 +66,21 @@ def report(study: StudyPage) -> Markup:
     )
 
 
+def _headline(study: StudyPage) -> Markup:
+    """Good if every claim holds, bad if a target is missed; else neither, as where there is too little to judge."""
+    if study.first_look:
+        words = f"A first look, {study.first_look}: too little to judge by. {tally(study.claims)}."
+        return page.heading(study.title, words, None)
+    missed = any(claim.holds is False for claim in study.claims if claim.kind == "target")
+    good = False if missed else True if all(claim.holds for claim in study.claims) else None
+    return page.heading(study.title, f"{tally(study.claims)}.", good)
+
+
 def _over(terrain: HeightField, study: StudyPage) -> Markup:
     return page.section("Over the terrain", terrain_view(terrain, study.tracks, study.places, study.radars))
 
 
-def _claims(claims: Sequence[Claim]) -> Markup:
+def _claims(study: StudyPage) -> Markup:
     columns = ("claim", "statement", "where", "expected", "measured", "holds")
     return page.table(
         columns,
@@ -81,9 +91,9 @@ def _claims(claims: Sequence[Claim]) -> Markup:
                 claim.source,
                 claim.expected,
                 claim.measured,
-                _verdict(claim),
+                claim.verdict if study.first_look else _verdict(claim),
             )
-            for claim in claims
+            for claim in study.claims
         ],
     )
 

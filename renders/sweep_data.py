@@ -8,20 +8,23 @@ what a flight calls ``min_clearance_m`` and ``clearance_min`` is a clearance and
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import groupby
 from typing import Any, TypeGuard
 
 import numpy as np
 
 from sim.metrics import SUMMARY_GROUPS, label
 from sim.signals import Array
-from sim.statistics import Band, Rate, median_band, rate
+from sim.statistics import Band, Rate, rate, supported_band
 from sim.store import Record
 
 MOST_LISTED = 12  # values of a numeric field that still make groups
-BINS = 8  # of a continuous field
+MOST_BINS, LEAST_IN_BIN = 8, 10  # bins of a continuous field, and trials in each of several
+SMALL = 1e-3  # a number below which has a power of ten
 CLEARANCE, CLEARANCE_BOUND = "min_clearance_m", "clearance_min"
 PATH, STRAIGHT, PATH_RATIO = "path_length_m", "straight_line_m", "path_over_straight_line"
 # What matters first; the rest of a summary follows in its own order.
@@ -54,7 +57,7 @@ class Group:
         """
         known = figures(self.records, key)
         known = known[~np.isnan(known)]
-        return median_band(known, np.random.default_rng(0)) if len(known) else None
+        return supported_band(known, np.random.default_rng(0)) if len(known) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,25 +132,34 @@ class Sweep:
         return [_hashable(record.fields.get(name)) for record in self.records]
 
     def bins(self, name: str) -> list[Group]:
-        """The records by a continuous field, in order, with equally many of its values in each bin as far as that goes.
+        """The records by a continuous field, in order, with equally many in each bin as far as equal values allow.
 
-        A bin's ``values`` is the median of the field in it.
+        A bin's ``values`` are the least and the greatest of the field in it.
         """
-        at: dict[float, list[Record]] = {}
-        for value, record in sorted(zip(self.values(name), self.records, strict=True), key=lambda pair: pair[0]):
-            at.setdefault(value, []).append(record)
+        ordered = sorted(self.records, key=lambda record: record.fields[name])
+        size = max(LEAST_IN_BIN, math.ceil(len(ordered) / MOST_BINS))
+        parts: list[list[Record]] = [[]]
+        for _, same in groupby(ordered, key=lambda record: record.fields[name]):
+            if len(parts[-1]) >= size:
+                parts.append([])
+            parts[-1] += same
+        if len(parts) > 1 and len(parts[-1]) < LEAST_IN_BIN:
+            rest = parts.pop()
+            parts[-1] += rest
         found = []
-        for part in np.array_split(np.array(list(at)), min(BINS, len(at))):
-            low, high = part[0], part[-1]
+        for part in parts:
+            low, high = part[0].fields[name], part[-1].fields[name]
             title = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
-            found.append(Group(title, (float(np.median(part)),), [record for value in part for record in at[value]]))
+            found.append(Group(f"{title} (n = {len(part)})", (low, high), part))
         return found
 
     def _is_spread(self, values: Sequence[float]) -> bool:
         seeds: dict[float, set[int]] = {}
         for value, record in zip(values, self.records, strict=True):
             seeds.setdefault(value, set()).add(record.seed)
-        drawn = len(set.union(*seeds.values())) > 1 < len(seeds) and all(len(some) == 1 for some in seeds.values())
+        # A value that is listed is flown with the seeds of the others, one that is drawn with a seed of its own.
+        alone = [min(some) for some in seeds.values() if len(some) == 1]
+        drawn = 2 * len(alone) > len(seeds) > 1 and len(set(alone)) == len(alone)
         return drawn or len(seeds) > MOST_LISTED
 
     @cached_property
@@ -186,6 +198,19 @@ def format_value(value: object) -> str:
     if isinstance(value, (tuple, list)):
         return f"({', '.join(map(format_value, value))})"
     return str(value)
+
+
+def format_numbers(*values: float) -> list[str]:
+    """Numbers of one kind: four digits of the largest and enough to tell them apart; whole ones as they are."""
+    finite = [value for value in values if math.isfinite(value)]
+    largest = max(map(abs, finite), default=0.0)
+    if 0.0 < largest < SMALL:
+        return [f"{value:.3g}" for value in values]
+    spread = max(finite, default=0.0) - min(finite, default=0.0)
+    digits = [3 - math.floor(math.log10(largest))] if largest else [0]
+    digits += [1 - math.floor(math.log10(spread))] if spread else []
+    decimals = max(0, *digits)
+    return [f"{value:,.0f}" if float(value).is_integer() else f"{value:,.{decimals}f}" for value in values]
 
 
 def is_number(value: object) -> TypeGuard[float]:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,6 +29,7 @@ from renders.sweep_data import (
     Group,
     Sweep,
     figures,
+    format_numbers,
     format_value,
     grouped,
     is_number,
@@ -33,14 +37,13 @@ from renders.sweep_data import (
 )
 from renders.terrain_view import Track, script, terrain_view
 from sim.log import write_text
-from sim.metrics import label
+from sim.metrics import SHORTFALL, label
 from sim.statistics import Band, Rate, percent
 from sim.store import Record
 
 MOST_TILES = 5
 MOST_DRAWN = 30  # groups in a forest plot
 MOST_PANELS = 6  # figures of the summary that are drawn; the table has all
-ALWAYS_OVER = ("success", "below h_min")  # rates drawn over a continuous field even where they are the same in all bins
 MOST_FAILURES = 200  # in a list; the rest is counted
 DECADES = 20.0  # ratio of the 90th to the 10th percentile from which an axis has a log scale
 
@@ -107,16 +110,24 @@ def _limits(found: Rate) -> str:
     return f"{percent(found.low)} to {percent(found.high)} % ({confidence})"
 
 
-def _rates(sweep: Sweep) -> tuple[Markup, Markup]:
+def _rates(sweep: Sweep) -> list[Markup]:
     rates = {kind: [group.rate(happened) for group in sweep.groups] for kind, happened in sweep.events.items()}
     rows = {kind: [UNKNOWN if found is None else found.text() for found in row] for kind, row in rates.items()}
     table = _by_group(
         sweep, rows, "Exact (Clopper-Pearson) 95 % limits. A rate of zero states its one-sided 95 % upper bound."
     )
-    drawn = [group.name for group in sweep.groups[:MOST_DRAWN]]
-    known = {kind: [found for found in row[:MOST_DRAWN] if found is not None] for kind, row in rates.items()}
-    figure = rates_figure(drawn, {kind: row for kind, row in known.items() if len(row) == len(drawn)})
-    return table, page.figure_block(figure, "rates", _drawn("Rates with their 95 % limits", sweep))
+    drawn = {kind: row[:MOST_DRAWN] for kind, row in _undecided(rates).items()}
+    if not drawn:
+        return [table]
+    figure = rates_figure([group.name for group in sweep.groups[:MOST_DRAWN]], drawn)
+    words = _drawn("Rates, with their 95 % limits, of what happened in some trials and not in others", sweep)
+    return [table, page.figure_block(figure, "rates", words)]
+
+
+def _undecided(rates: Mapping[str, Sequence[Rate | None]]) -> dict[str, list[Rate]]:
+    """The rates that there is something to see of: known in every group, and neither 0 nor 1 in all of them."""
+    known = {kind: [found for found in row if found] for kind, row in rates.items() if None not in row}
+    return {kind: row for kind, row in known.items() if 0 < sum(r.events for r in row) < sum(r.trials for r in row)}
 
 
 def _drawn(what: str, sweep: Sweep) -> str:
@@ -134,7 +145,9 @@ def _medians(sweep: Sweep) -> list[Markup]:
         _named(key): [_band_text(band, size) for band, size in zip(row, sizes, strict=True)]
         for key, row in bands.items()
     }
-    table = _by_group(sweep, rows, "Medians with 95 % bootstrap bands; n where not every trial has the figure.")
+    table = _by_group(
+        sweep, rows, "Medians with 95 % bootstrap bands, from six trials on; n where not every trial has the figure."
+    )
     figure = _medians_drawn(sweep)
     caption = _drawn("Medians with their 95 % bootstrap bands", sweep) + _at_the_edge(sweep)
     return [table, page.figure_block(figure, "medians", caption)] if len(sweep.groups) > 1 else [table]
@@ -177,7 +190,7 @@ def _by_group(sweep: Sweep, rows: dict[str, list[str]], caption: str) -> Markup:
         heads = [f"{group.name} ({size})" for group, size in zip(sweep.groups, sizes, strict=True)]
         return page.card(page.table(["", *heads], [(name, *cells) for name, cells in rows.items()], caption))
     across = zip(sweep.groups, sizes, zip(*rows.values(), strict=True), strict=True)
-    lines = [(group.name, size, *cells) for group, size, cells in across]
+    lines = [(group.name, size.replace(" ", "\u00a0"), *cells) for group, size, cells in across]
     return page.card(page.table([", ".join(sweep.listed), "", *rows], lines, caption))
 
 
@@ -207,31 +220,24 @@ def _clearance(sweep: Sweep) -> list[Markup]:
 def _over(sweep: Sweep, name: str) -> list[Markup]:
     """What changes with a continuous field."""
     bins = sweep.bins(name)
-    rates = {kind: [part.rate(happened) for part in bins] for kind, happened in sweep.events.items()}
-    drawn = {
-        kind: [found for found in row if found]
-        for kind, row in rates.items()
-        if None not in row and (kind in ALWAYS_OVER or len({found.value for found in row if found}) > 1)
-    }
+    drawn = _undecided({kind: [part.rate(happened) for part in bins] for kind, happened in sweep.events.items()})
     ordered = [record for part in bins for record in part.records]
     x = np.array([float(record.fields[name]) for record in ordered])
-    panels = {}
-    for key in sweep.figures[:MOST_PANELS]:
-        known = [(part.values[0], band) for part in bins if (band := part.band(key)) is not None]
-        middles, bands = zip(*known, strict=True)
-        panels[_named(key)] = (figures(ordered, key), middles, bands)
-    blocks = [
-        page.figure_block(
-            rates_figure([part.name for part in bins], drawn),
-            f"rates-{name}",
-            f"Rates with their 95 % limits in {len(bins)} bins of {name}.",
-        )
-    ]
+    panels = {
+        _named(key): (figures(ordered, key), [part.band(key) for part in bins]) for key in sweep.figures[:MOST_PANELS]
+    }
+    blocks = []
+    if drawn:
+        figure = rates_figure([part.name for part in bins], drawn)
+        words = f"Rates, with their 95 % limits, in bins of {name}, of what happened in some trials and not in others."
+        blocks.append(page.figure_block(figure, f"rates-{name}", words))
     if panels:
-        words = f"Each trial over {name}, and medians of the bins with their 95 % bootstrap bands."
-        words += _at_the_edge(sweep)
-        blocks.append(page.figure_block(scatter_figure(x, panels, name, log=_spans_decades(x)), f"over-{name}", words))
-    return blocks
+        ends: list[Any] = [part.values for part in bins]
+        edges = [ends[0][0], *(0.5 * (below + above) for (_, below), (above, _) in pairwise(ends)), ends[-1][1]]
+        figure = scatter_figure(x, panels, edges, name, log=_spans_decades(x))
+        words = f"Each trial over {name}, and medians of bins with their 95 % bootstrap bands.{_at_the_edge(sweep)}"
+        blocks.append(page.figure_block(figure, f"over-{name}", words))
+    return blocks or [page.paragraph("Nothing differs from trial to trial.")]
 
 
 def _failures(sweep: Sweep) -> list[Markup]:
@@ -252,11 +258,12 @@ def _failures(sweep: Sweep) -> list[Markup]:
             (
                 str(record.seed),
                 *_varied(sweep, record),
+                str(record.summary.get(SHORTFALL, UNKNOWN)),
                 *(page.quantity(key, _whole(figures([record], key)[0])) for key in keys),
             )
             for record in missed[:MOST_FAILURES]
         ]
-        table = page.table(("seed", *sweep.varied, *(label(key)[0] for key in keys)), rows)
+        table = page.table(("seed", *sweep.varied, SHORTFALL, *(label(key)[0] for key in keys)), rows)
         blocks.append(page.section(f"Missions without success ({len(missed)})", page.card(table), *_more(missed)))
     return blocks
 
@@ -304,12 +311,14 @@ def _named(key: str) -> str:
 def _band_text(band: Band | None, size: int) -> str:
     if band is None:
         return UNKNOWN
-    limits = f" [{_counted(band.low)}, {_counted(band.high)}]" if band.n > 1 else ""
-    return f"{_counted(band.median)}{limits}{f' (n = {band.n})' if band.n != size else ''}"
+    return f"{_with_limits(band)}{f' (n = {band.n})' if band.n != size else ''}"
 
 
-def _counted(value: float) -> str:
-    return number(_whole(value))
+def _with_limits(band: Band) -> str:
+    if math.isnan(band.low):
+        return format_numbers(band.median)[0]
+    median, low, high = format_numbers(band.median, band.low, band.high)
+    return f"{median} [{low}, {high}]"
 
 
 def _whole(value: float) -> float:

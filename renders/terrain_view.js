@@ -29,8 +29,7 @@
   const inTheme = (view) => {
     const page = getComputedStyle(document.documentElement);
     const [ink, soft] = ["--ink", "--soft"].map((name) => page.getPropertyValue(name));
-    const scale = view.data.length - 1;
-    return Plotly.update(view, { "textfont.color": soft }, { "font.color": ink, "modebar.color": soft }, [scale]);
+    return Plotly.relayout(view, { "font.color": ink, "modebar.color": soft });
   };
 
   // The wheel scrolls the page until the view has been clicked into, then zooms, evenly, until the pointer leaves.

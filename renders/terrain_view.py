@@ -30,12 +30,15 @@ SIDE = 0.05  # of the longer side of the map: how far the block goes down below 
 EARTH = "#5d5145"  # of the block's sides
 LEVELS, SECTORS = 25, 73  # of a radar's dome
 ELEVATION = math.radians(40.0)  # of the camera over what it looks at
-DISTANCE = 1.14  # of the camera from there, in lengths of the map's longer side
-SOUTHWARD = 0.11  # how far what it looks at lies south of the map's middle, in the same lengths
-MARGIN = 0.06  # around the map for the numbers along its edges, in the same lengths
+TANGENT, ASPECT = math.tan(math.pi / 8.0), 16.0 / 9.0  # of half of plotly's field of view; of the view (page.css)
+FILL = 0.93  # share of the view that is filled
+MARGIN = 0.06  # around the map for the numbers along its edges, in lengths of the map's longer side
 LABELS = 5  # about as many along the map's longer side
 FLAT_LIGHT = {"ambient": 1.0, "diffuse": 0.0, "specular": 0.0, "fresnel": 0.0}  # the shade is in the colours
 POSITION = "%{x:.1f} km east, %{y:.1f} km north, %{z:,.0f} m high"
+
+
+Radar = tuple[float, float, float, float]  # x, y, z of the antenna and radius [m], map frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,11 +63,13 @@ def terrain_view(
     terrain: HeightField,
     tracks: Sequence[Track],
     places: Mapping[str, Array] | None = None,
-    radars: Sequence[tuple[float, float, float, float]] = (),
+    radars: Sequence[Radar] = (),
+    note: str = "",
 ) -> Markup:
     """The view: ``places`` are (3,) [m] by name; ``radars`` antennas (x, y, z) and radius [m], all in the map frame.
 
-    Tracks of one name share an entry of the legend. Raises ValueError for a track that is not (n, 3) or not finite.
+    ``note`` ends the caption. Tracks of one name share an entry of the legend. Raises ValueError for a track that is
+    not (n, 3) or not finite.
     """
     places = places or {}
     names = [track.name for track in tracks]
@@ -82,19 +87,19 @@ def terrain_view(
             *(_dome(radar, terrain, first=k == 0) for k, radar in enumerate(radars)),
             *(_line(track, first=names.index(track.name) == k) for k, track in enumerate(tracks)),
             _marks(places),
-            _scale(terrain, extent.low),  # last: terrain_view.js gives it the theme's colour
         ],
-        "layout": _layout(terrain, extent, places),
+        "layout": _layout(terrain, extent, places, [track.points for track in tracks], radars),
     }
     data = json.dumps(view, separators=(",", ":"), allow_nan=False)
     data = data.replace("<", "\\u003c")  # so that nothing in it ends the script
+    tall = f"heights{', those of the radars too,' if radars else ''} {EXAGGERATION} times as tall as they are"
     label = f"The terrain {terrain.name} in three dimensions with {', '.join(dict.fromkeys(names)) or 'no track'}"
     return Markup(
         f'<figure class="card"><div class="view" role="img" aria-label="{text(label)}"></div>'
         f'<script type="application/json">{data}</script>'
         "<noscript>The terrain that can be turned needs JavaScript, which this browser does not run.</noscript>"
-        f"<figcaption>{text(terrain.name)}, heights {EXAGGERATION} times as tall as they are. Drag to turn; "
-        "click, then scroll to zoom; drag with the right button to move.</figcaption></figure>\n"
+        f"<figcaption>{text(terrain.name)}, {tall}. Drag to turn; click, then scroll to zoom; drag with the right "
+        f"button to move.{f' {text(note)}' if note else ''}</figcaption></figure>\n"
     )
 
 
@@ -106,7 +111,7 @@ class _Extent:
     high: float
 
     @staticmethod
-    def around(terrain: HeightField, points: Sequence[Array], radars: Sequence[tuple[float, ...]]) -> _Extent:
+    def around(terrain: HeightField, points: Sequence[Array], radars: Sequence[Radar]) -> _Extent:
         tops = [
             float(terrain.z.max()),
             *(float(p[:, 2].max()) for p in points),
@@ -179,7 +184,7 @@ def _sides(terrain: HeightField, low: float) -> dict[str, Any]:
     return _mesh(np.vstack([middle, lower, upper]), 3, len(edge)) | {"color": EARTH, "lighting": FLAT_LIGHT}
 
 
-def _dome(radar: tuple[float, float, float, float], terrain: HeightField, *, first: bool) -> dict[str, Any]:
+def _dome(radar: Radar, terrain: HeightField, *, first: bool) -> dict[str, Any]:
     """The sphere that a radar sees, down to where the ground hides it."""
     x, y, z, radius = radar
     lowest = max(-1.0, (float(terrain.z.min()) - z) / radius)
@@ -229,34 +234,15 @@ def _marks(places: Mapping[str, Array]) -> dict[str, Any]:
     }
 
 
-def _scale(terrain: HeightField, low: float) -> dict[str, Any]:
-    """Distances along the southern and the western edge, and north."""
-    east, north = terrain.width, terrain.depth
-    step = 1e3 * _round_step(max(east, north) / 1e3 / LABELS)
-    along, up = (np.arange(step, side, step) for side in (east, north))
-    beside = 0.9 * MARGIN * max(east, north)
-    points = np.vstack(
-        [
-            np.column_stack([along, np.full_like(along, -0.5 * beside), np.full_like(along, low)]),
-            np.column_stack([np.full_like(up, -beside), up, terrain.height(np.zeros_like(up), up)]),
-            [[0.5 * east, north + 0.5 * beside, float(terrain.height(0.5 * east, north))]],
-        ]
-    )
-    return _points(points) | {
-        "mode": "text",
-        "text": [*(f"{value / 1e3:g} km" for value in (*along, *up)), "north"],
-        "textposition": "middle center",
-        "textfont": {"size": 12},
-        "hoverinfo": "skip",
-        "showlegend": False,
-    }
-
-
-def _layout(terrain: HeightField, extent: _Extent, places: Mapping[str, Array]) -> dict[str, Any]:
+def _layout(
+    terrain: HeightField,
+    extent: _Extent,
+    places: Mapping[str, Array],
+    paths: Sequence[Array],
+    radars: Sequence[Radar],
+) -> dict[str, Any]:
     longest = max(terrain.width, terrain.depth)
     tall = EXAGGERATION * (extent.high - extent.low) / longest
-    middle = 0.5 * (float(terrain.z.min()) + float(terrain.z.max()))
-    height = EXAGGERATION * (middle - 0.5 * (extent.low + extent.high)) / longest
     hidden = {"visible": False, "showspikes": False}
     margin = MARGIN * longest / 1e3
     sides = {"x": terrain.width, "y": terrain.depth}
@@ -272,26 +258,67 @@ def _layout(terrain: HeightField, extent: _Extent, places: Mapping[str, Array]) 
             "zaxis": hidden | {"range": [extent.low, extent.high]},
             "aspectmode": "manual",
             "aspectratio": {axis: side / longest + 2.0 * MARGIN for axis, side in sides.items()} | {"z": tall},
-            "camera": {
-                "center": {"x": 0.0, "y": -SOUTHWARD, "z": height},
-                "eye": {
-                    "x": 0.0,
-                    "y": -SOUTHWARD - DISTANCE * math.cos(ELEVATION),
-                    "z": height + DISTANCE * math.sin(ELEVATION),
-                },
-                "up": {"x": 0.0, "y": 0.0, "z": 1.0},
-            },
+            "camera": _camera(terrain, extent, paths, radars),
             "dragmode": "turntable",
-            "annotations": [
-                {
-                    "x": float(point[0]) / 1e3, "y": float(point[1]) / 1e3, "z": float(point[2]), "text": text(name),
-                    "ax": 0, "ay": -30, "arrowhead": 0, "arrowwidth": 1, "arrowcolor": "#101824",
-                    "bgcolor": "rgba(16,24,36,0.76)", "font": {"color": "#ffffff", "size": 13}, "borderpad": 3,
-                }
-                for name, point in places.items()
-            ],
+            "annotations": [*map(_named, places, places.values()), *_scale(terrain, extent.low)],
         },
     }  # fmt: skip
+
+
+def _place(point: Array) -> dict[str, float]:
+    x, y, z = point.tolist()
+    return {"x": x / 1e3, "y": y / 1e3, "z": z}
+
+
+def _named(name: str, point: Array) -> dict[str, Any]:
+    """An annotation on a place."""
+    return _place(point) | {
+        "text": text(name), "ax": 0, "ay": -30, "arrowhead": 0, "arrowwidth": 1, "arrowcolor": "#101824",
+        "bgcolor": "rgba(16,24,36,0.76)", "font": {"color": "#ffffff", "size": 13}, "borderpad": 3,
+    }  # fmt: skip
+
+
+def _scale(terrain: HeightField, low: float) -> list[dict[str, Any]]:
+    """Distances along the southern and the western edge, and north: annotations, which no mountain hides."""
+    east, north = terrain.width, terrain.depth
+    step = 1e3 * _round_step(max(east, north) / 1e3 / LABELS)
+    beside = 0.9 * MARGIN * max(east, north)
+    named = [(f"{along / 1e3:g} km", (along, -0.5 * beside, low)) for along in np.arange(step, east, step)]
+    for up in np.arange(step, north, step):
+        named.append((f"{up / 1e3:g} km", (-beside, up, float(terrain.height(0.0, up)))))
+    named.append(("north", (0.5 * east, north + beside, float(terrain.z[-1].max()))))
+    return [
+        _place(np.array(point)) | {"text": name, "showarrow": False, "font": {"size": 12}, "opacity": 0.75}
+        for name, point in named
+    ]
+
+
+def _camera(
+    terrain: HeightField, extent: _Extent, paths: Sequence[Array], radars: Sequence[Radar]
+) -> dict[str, dict[str, float]]:
+    """Plotly's camera, from the south, from where all that is drawn fills the view.
+
+    Its lengths are those of the map's longer side, its origin is the middle of the box that is drawn.
+    """
+    longest = max(terrain.width, terrain.depth)
+    edges = [(x, y) for x in (-MARGIN * longest, terrain.width) for y in (-0.5 * MARGIN * longest, terrain.depth)]
+    corners = [(x, y, z) for x, y in edges for z in (extent.low, float(terrain.z[-1 if y > 0.0 else 0].max()))]
+    domes = [(x, y, z + radius) for x, y, z, radius in radars]
+    points = np.vstack([np.array(corners + domes), *(path[thinned(len(path), 0)] for path in paths)])
+    middle = np.array([0.5 * terrain.width, 0.5 * terrain.depth, 0.5 * (extent.low + extent.high)])
+    points = (points - middle) * [1.0, 1.0, EXAGGERATION] / longest
+    forward = np.array([0.0, math.cos(ELEVATION), -math.sin(ELEVATION)])
+    upward = np.array([0.0, math.sin(ELEVATION), math.cos(ELEVATION)])
+    centre, distance = np.zeros(3), 1.0
+    for _ in range(12):  # centre, then fill; perspective couples the two only weakly
+        ahead = points - (centre - distance * forward)
+        depth = ahead @ forward
+        across, along = ahead[:, 0] / depth, ahead @ upward / depth
+        middle = 0.5 * np.array([across.min() + across.max(), along.min() + along.max()])
+        centre = centre + distance * (middle[0] * np.array([1.0, 0.0, 0.0]) + middle[1] * upward)
+        distance *= 0.5 * max(float(np.ptp(across)) / ASPECT, float(np.ptp(along))) / (FILL * TANGENT)
+    named = {"center": centre, "eye": centre - distance * forward, "up": np.array([0.0, 0.0, 1.0])}
+    return {name: dict(zip("xyz", vector.tolist(), strict=True)) for name, vector in named.items()}
 
 
 def _round_step(step: float) -> float:

@@ -21,6 +21,7 @@ COMMANDS = {
     "sweep": ("sim.commands.sweep", "fly a scenario over many seeds and variations, into a store that resumes"),
     "store": ("sim.commands.store", "show or export what a sweep has stored"),
     "study": ("sim.commands.study", "tables and figures of the thesis, and what holds of its claims"),
+    "estimate": ("sim.commands.estimate", "run an estimator over the measurements of a finished run"),
     "render": ("sim.commands.render", "a video or a still of a run"),
     "terrain": ("sim.commands.terrain", "import an elevation model, show a map"),
 }

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sim.protocols import Planner, Plant
+from sim.protocols import Planner, Plant, Sensor
 from sim.signals import Array, Event, Measurement, Plan, PlanRequest, Status
 
 
@@ -204,6 +204,9 @@ class Disturbed:
     def sensor_sizes(self, name: str) -> dict[str, int]:
         return self.plant.sensor_sizes(name)
 
+    def sensors(self, name: str) -> tuple[Sensor, ...]:
+        return self.plant.sensors(name)
+
     def sense(self, name: str) -> Sequence[Measurement]:
         return self.plant.sense(name)
 
@@ -212,6 +215,9 @@ class Disturbed:
 
     def displace(self, name: str, offset: Array) -> None:
         self.plant.displace(name, offset)
+
+    def place(self, name: str, state: Array) -> None:
+        self.plant.place(name, state)
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
         events = [event for disturbance in self.disturbances for event in disturbance.act(self.plant, ticks)]

@@ -20,12 +20,20 @@ from sim.signals import Array
 # The summary's figures as they are read, for every table that shows them.
 SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "impact": ("hit", "miss_m", "aspect_error_deg", "path_angle_error_deg", "impact_speed_m_s", "impact_time_s"),
-    "mission": ("arrived", "arrival_time_s", "deadline_s", "planned_time_s", "flight_time_s"),
+    "estimate": (
+        "converged", "position_rms_m", "heading_rms_deg", "convergence_time_s", "position_error_max_m",
+        "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "initialising_s", "lost_s",
+        "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped", "escape_time_s",
+    ),
+    "mission": ("arrived", "arrival_time_s", "deadline_s", "planned_time_s", "flight_time_s", "run_time_s"),
     "path": (
         "path_length_m", "straight_line_m", "mean_height_m", "apex_m", "attack_angle_max_deg",
         "cost", "planned_cost", "control_effort", "radar_exposure_s",
     ),
-    "safety": ("min_clearance_m", "ground_contacts", "speed_max_m_s", "missed_passes", "guarantee_lost"),
+    "safety": (
+        "min_clearance_m", "wall_clearance_min_m", "ground_contacts", "touched_wall", "speed_max_m_s",
+        "missed_passes", "guarantee_lost",
+    ),
     "tracking": (
         "tracking_breaches", "tracking_error_max_m", "tracking_bound_m", "rebased_plans",
         "saturated_s", "inputs_clipped",
@@ -33,7 +41,9 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "planning": ("replans", "plans_adopted", "plans_rejected", "manoeuvres_rejected", "late_plans", "fallback_steps"),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
 }  # fmt: skip
-UNITS = {"_m_s": "m/s", "_deg": "deg", "_ms": "ms", "_s": "s", "_m": "m"}  # by the end of a name; the longer first
+# By the end of a name; the longer first.
+UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_ms": "ms", "_s": "s", "_m": "m"}
+SHORTFALL = "shortfall"  # the summary's key of what a run did not do; without it the mission did what it should
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
 REJECTIONS = ("low-clearance", "off-map", "bounds", "deadline", "no-arrival", "wrong-start")
 

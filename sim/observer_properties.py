@@ -16,6 +16,7 @@ class Domain(Enum):
     GLOBAL = "global"
     SEMI_GLOBAL = "semi-global"  # on any compact set, with the parameters chosen for it
     LOCAL = "local"
+    NONE = "none"  # of attraction: it converges from nowhere
 
 
 class Rate(Enum):

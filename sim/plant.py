@@ -1,27 +1,31 @@
 """A plant whose physics is MuJoCo: named vehicles in one compiled model, with their sensors.
 
 A vehicle NAME is everything in the model whose name starts with ``NAME/``: its joints (slides and hinges) are its
-state, (qpos, qvel), and its actuators, in the order of the model, its input. The plant steps the ``mujoco.MjModel``
-itself and counts ticks in whole numbers, so that time does not drift.
+state, (qpos, qvel), and its actuators, in the order of the model, its input, unless a drive stands in between. The
+plant steps the ``mujoco.MjModel`` itself and counts ticks in whole numbers, so that time does not drift.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
+from sim.input_bounds import input_bound
 from sim.loop import whole_ticks
-from sim.protocols import Sensor
+from sim.own_sensors import OwnSensors
+from sim.protocols import Drive, Sensor
+from sim.sensing import mounted
 from sim.signals import Array, Event, Measurement
 
 _SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
 _GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
-_ROUND_OFF = 1e-9  # relative excess of an input that is not worth an event
 
 
 @dataclass(frozen=True)
@@ -32,6 +36,8 @@ class Equipment:
     sensors: tuple[Sensor, ...] = ()
     input_max: float | Array = math.inf  # on the Euclidean norm of the input, or (nu,) on the magnitude of each one
     delay: float = 0.0  # [s] from a command to what the actuators do
+    drive: Drive | None = None  # None: the input is that of the actuators
+    stands_on: tuple[str, ...] = ()  # geoms that it touches as a matter of course, which is no event
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,7 @@ class JointMotion:
     q: Array  # (nq,) joint positions
     v: Array  # (nv,) joint velocities
     acceleration: Array  # (nv,) joint accelerations over the last tick, disturbances included
+    sensed: Callable[[str], Array]  # the present reading of one of MuJoCo's sensors, by its name
 
     @property
     def x(self) -> Array:
@@ -48,20 +55,17 @@ class JointMotion:
         return np.concatenate((self.q, self.v))
 
 
-@dataclass(frozen=True)
-class _Mounted:
-    """A sensor with what the plant needs to read it."""
-
-    sensor: Sensor
-    every: int  # ticks; 0: whenever the loop looks
-    rng: np.random.Generator
-
-
 class _Vehicle:
     """One vehicle's views into the simulation."""
 
     def __init__(
-        self, name: str, equipment: Equipment, model: mujoco.MjModel, data: mujoco.MjData, rng: np.random.Generator
+        self,
+        name: str,
+        equipment: Equipment,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        rng: np.random.Generator,
+        sensed: Callable[[str], Array],
     ) -> None:
         self.name = name
         joints = [j for j in range(model.njnt) if model.joint(j).name.startswith(f"{name}/")]
@@ -73,39 +77,39 @@ class _Vehicle:
         if not set(kinds) <= {_SLIDE, _HINGE}:
             raise ValueError(f"vehicle {name!r} has joints other than slides and hinges")
         q, v = _slice(model.jnt_qposadr[joints]), _slice(model.jnt_dofadr[joints])
-        self.motion = JointMotion(data.qpos[q], data.qvel[v], data.qacc[v])
-        self.control = data.ctrl[_slice(np.array(actuators))] if actuators else data.ctrl[:0]
-        self.wrench = data.xfrc_applied[int(model.jnt_bodyid[joints[-1]])]  # force and torque, world frame
+        self.motion = JointMotion(data.qpos[q], data.qvel[v], data.qacc[v], sensed)
+        self.actuators = data.ctrl[_slice(np.array(actuators))] if actuators else data.ctrl[:0]
+        self.drive = equipment.drive
+        self.control = np.zeros(self.drive.input_size) if self.drive else self.actuators  # the input that acts
+        self.wrench = data.xfrc_applied[int(model.jnt_bodyid[joints[0]])]  # force and torque, world frame
         self.slides = [(i, model.jnt_axis[j].copy()) for i, j in enumerate(joints) if kinds[i] == _SLIDE]
         self.geoms = frozenset(
             g for g in range(model.ngeom) if model.body(int(model.geom_bodyid[g])).name.startswith(f"{name}/")
         )
         names = [model.joint(j).name.partition("/")[2] for j in joints]
         units = ["m" if kind == _SLIDE else "rad" for kind in kinds]
+        self.stands_on = frozenset(equipment.stands_on)
         self.state_names = (
             *(f"position_{joint} [{unit}]" for joint, unit in zip(names, units, strict=True)),
             *(f"velocity_{joint} [{unit}/s]" for joint, unit in zip(names, units, strict=True)),
         )
-        start = np.asarray(equipment.start, dtype=np.float64)
-        if start.shape != (2 * len(joints),) or not np.isfinite(start).all():
-            raise ValueError(f"vehicle {name!r}: start = {start.tolist()}; allowed: {2 * len(joints)} finite numbers")
-        self.motion.q[:], self.motion.v[:] = start[: len(joints)], start[len(joints) :]
-        self.bounded = _bound(name, equipment.input_max, len(actuators))
+        self.place(equipment.start, "start")
+        self.bounded = input_bound(name, equipment.input_max, len(self.control))
         self.delay = whole_ticks(equipment.delay, float(model.opt.timestep), "delay") if equipment.delay != 0.0 else 0
         self.underway: deque[tuple[int, Array]] = deque()  # (tick from which it acts, input), where there is a delay
-        sensors = equipment.sensors
-        if len({sensor.name for sensor in sensors}) != len(sensors):
-            raise ValueError(f"vehicle {name!r} carries two sensors of one name: {[s.name for s in sensors]}")
-        generators = rng.spawn(len(sensors))
-        self.sensors = [
-            _Mounted(sensor, _every(sensor, float(model.opt.timestep)), generator)
-            for sensor, generator in zip(sensors, generators, strict=True)
-        ]
+        self.sensors = mounted(name, equipment.sensors, float(model.opt.timestep), rng)
         self.readings: list[Measurement] = []  # since the last look
         self.touched: frozenset[str] = frozenset()  # what it touches now
         self.contacts = 0
         self.clipped = False
         self.disturbed = False
+
+    def place(self, state: Array, what: str) -> None:
+        """Set the joints; ValueError for a state that does not fit them."""
+        x, joints = np.asarray(state, dtype=np.float64), len(self.motion.q)
+        if x.shape != (2 * joints,) or not np.isfinite(x).all():
+            raise ValueError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {2 * joints} finite numbers")
+        self.motion.q[:], self.motion.v[:] = x[:joints], x[joints:]
 
 
 class MujocoPlant:
@@ -122,15 +126,18 @@ class MujocoPlant:
         self.model, self.data = model, mujoco.MjData(model)
         self.dt = float(model.opt.timestep)
         self._ticks = 0
+        self._sensors = OwnSensors(model, self.data)
         generators = rng.spawn(len(vehicles))
         self._vehicles = {
-            name: _Vehicle(name, equipment, model, self.data, generator)
+            name: _Vehicle(name, equipment, model, self.data, generator, partial(self._sensors.read, name))
             for (name, equipment), generator in zip(vehicles.items(), generators, strict=True)
         }
         self._names = tuple(self._vehicles)
         self._touching = False  # any vehicle anything
         self._read_between: dict[int, tuple[_Vehicle, ...]] = {}
         self._owner = {geom: vehicle for vehicle in self._vehicles.values() for geom in vehicle.geoms}
+        self._driven = [(vehicle, vehicle.drive) for vehicle in self._vehicles.values() if vehicle.drive is not None]
+        self._expected = _expected_contacts(model, self._vehicles.values())
         mujoco.mj_forward(model, self.data)
 
     @property
@@ -148,7 +155,10 @@ class MujocoPlant:
         return self._vehicle(name).state_names
 
     def sensor_sizes(self, name: str) -> dict[str, int]:
-        return {mounted.sensor.name: mounted.sensor.size for mounted in self._vehicle(name).sensors}
+        return {each.sensor.name: each.sensor.size for each in self._vehicle(name).sensors}
+
+    def sensors(self, name: str) -> tuple[Sensor, ...]:
+        return tuple(each.sensor for each in self._vehicle(name).sensors)
 
     def contacts(self, name: str) -> int:
         """How often the vehicle has begun to touch something."""
@@ -162,11 +172,11 @@ class MujocoPlant:
 
     def _read(self, vehicle: _Vehicle, *, looking: bool) -> None:
         """Read the sensors that fall due at this tick."""
-        for mounted in vehicle.sensors:
-            if self._ticks % mounted.every == 0 if mounted.every else looking:
-                value = mounted.sensor.read(vehicle.motion, mounted.rng)
+        for each in vehicle.sensors:
+            if each.due(self._ticks, looking):
+                value = each.sensor.read(vehicle.motion, each.rng)
                 if value is not None:
-                    vehicle.readings.append(Measurement(mounted.sensor.name, self._ticks * self.dt, value))
+                    vehicle.readings.append(Measurement(each.sensor.name, self._ticks * self.dt, value))
 
     def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
         vehicle = self._vehicle(name)
@@ -179,6 +189,13 @@ class MujocoPlant:
         vehicle = self._vehicle(name)
         for i, axis in vehicle.slides:
             vehicle.motion.q[i] += float(axis @ offset)
+        self._sensors.passed()
+
+    def place(self, name: str, state: Array) -> None:
+        self._vehicle(name).place(state, "state")
+        self._sensors.passed()
+        mujoco.mj_forward(self.model, self.data)  # what sensors read is that of the new place
+        self._sensors.passed()
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
         """Advance by so many ticks with inputs and forces held; a vehicle without a command gets none.
@@ -200,14 +217,18 @@ class MujocoPlant:
         between = self._between(ticks) if self._ticks % ticks == 0 else tuple(self._vehicles.values())
         for vehicle in between:
             vehicle.readings.clear()
-        model, data = self.model, self.data
+        model, data, sensors = self.model, self.data, self._sensors
         for left in range(ticks - 1, -1, -1):
             for vehicle in late:
                 while vehicle.underway and vehicle.underway[0][0] <= self._ticks:
                     vehicle.control[:] = vehicle.underway.popleft()[1]
+            for vehicle, drive in self._driven:
+                motion = vehicle.motion
+                drive.act(vehicle.control, motion.q, motion.v, vehicle.actuators, self.dt)
             mujoco.mj_step(model, data)
             self._ticks += 1
-            if data.ncon or self._touching:
+            sensors.passed()
+            if (data.ncon and not self._as_expected()) or self._touching:
                 self._touch(events)
             if left:
                 for vehicle in between:
@@ -248,6 +269,13 @@ class MujocoPlant:
         vehicle.clipped = bool(clipped)
         return control
 
+    def _as_expected(self) -> bool:
+        """Whether there is no contact but of vehicles with what they stand on."""
+        if self._expected is None:
+            return False
+        pairs = self.data.contact.geom
+        return bool(self._expected[pairs[:, 0], pairs[:, 1]].all())
+
     def _touch(self, events: list[Event]) -> None:
         """Contacts that began with this tick."""
         touching: dict[str, dict[str, str]] = {name: {} for name in self._names}  # vehicle -> what it touches -> kind
@@ -255,7 +283,7 @@ class MujocoPlant:
             pair = int(contact.geom1), int(contact.geom2)
             for own, other in (pair, pair[::-1]):
                 owner, stranger = self._owner.get(own), self._owner.get(other)
-                if owner is None or owner is stranger:
+                if owner is None or owner is stranger or self.model.geom(other).name in owner.stands_on:
                     continue
                 if stranger is not None:
                     touching[owner.name][stranger.name] = "vehicle-contact"
@@ -274,26 +302,22 @@ class MujocoPlant:
         self._touching = any(touching.values())
 
 
-def _bound(name: str, input_max: float | Array, size: int) -> Callable[[Array], tuple[Array, str]]:
-    """What brings an input back to its bound, and says so; "" where there is nothing to say."""
-    limits = np.asarray(input_max, dtype=np.float64)
-    if limits.shape not in ((), (size,)) or not (limits > 0.0).all():
-        raise ValueError(f"vehicle {name!r}: input_max = {input_max!r}; allowed: one number > 0, or {size} of them")
+def _expected_contacts(model: mujoco.MjModel, vehicles: Iterable[_Vehicle]) -> NDArray[np.bool_] | None:
+    """(ngeom, ngeom) which pairs of geoms touch as a matter of course; None where nothing does."""
+    expected = np.zeros((model.ngeom, model.ngeom), dtype=bool)
+    for vehicle in vehicles:
+        own = sorted(vehicle.geoms)
+        for name in vehicle.stands_on:
+            ground = _geom(model, vehicle.name, name)
+            expected[own, ground] = expected[ground, own] = True
+    return expected if expected.any() else None
 
-    def length_bounded(command: Array) -> tuple[Array, str]:
-        length, longest = math.sqrt(command.dot(command)), float(limits)
-        if length <= longest:
-            return command, ""
-        clipped = length > longest * (1.0 + _ROUND_OFF)
-        message = f"an input of length {length:.6g} was shortened to {longest:.6g}" if clipped else ""
-        return command * (longest / length), message
 
-    def each_bounded(command: Array) -> tuple[Array, str]:
-        excess = np.abs(command) > limits * (1.0 + _ROUND_OFF)
-        message = f"the input {np.round(command, 6).tolist()} is beyond {limits.tolist()}" if excess.any() else ""
-        return np.clip(command, -limits, limits), message
-
-    return each_bounded if limits.shape else length_bounded
+def _geom(model: mujoco.MjModel, vehicle: str, name: str) -> int:
+    try:
+        return int(model.geom(name).id)
+    except KeyError:
+        raise ValueError(f"vehicle {vehicle!r}: stands_on: there is no geom {name!r} in the model") from None
 
 
 def _slice(indices: Array) -> slice:
@@ -302,12 +326,3 @@ def _slice(indices: Array) -> slice:
     if last - first + 1 != len(indices):
         raise ValueError(f"the joints or actuators of a vehicle do not lie together in the model: {indices.tolist()}")
     return slice(first, last + 1)
-
-
-def _every(sensor: Sensor, dt: float) -> int:
-    """Ticks from one reading to the next, 0 for a sensor without a rate."""
-    if sensor.rate is None:
-        return 0
-    if not (math.isfinite(sensor.rate) and sensor.rate > 0.0):
-        raise ValueError(f"sensor {sensor.name!r}: rate = {sensor.rate!r} Hz; allowed: a finite rate > 0")
-    return whole_ticks(1.0 / sensor.rate, dt, f"the period of sensor {sensor.name!r} at {sensor.rate!r} Hz")

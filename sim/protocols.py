@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
+from sim.observer_properties import ObserverProperties
 from sim.signals import Array, Estimate, Event, Measurement, Plan, PlanRequest
 
 
@@ -25,6 +26,13 @@ class Motion(Protocol):
     @property
     def acceleration(self) -> Array:
         """(nx / 2,) the rate of the velocities over the last tick, disturbances included."""
+        ...
+
+    def sensed(self, name: str) -> Array:
+        """What the vehicle's own sensor of the physics reads now, a rangefinder or an encoder for one; a copy.
+
+        ValueError if the vehicle has none of that name, or none that follows from the positions alone.
+        """
         ...
 
 
@@ -48,6 +56,23 @@ class Sensor(Protocol):
 
     def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
         """A reading (size,) with its noise drawn from ``rng``, or None if it was lost."""
+        ...
+
+
+class Drive(Protocol):
+    """What stands between the input of a vehicle and its joints and actuators, where these are not the same."""
+
+    @property
+    def input_size(self) -> int:
+        """nu."""
+        ...
+
+    def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
+        """Before a tick of dt [s]: set, in place, what moves the vehicle under the input u (nu,).
+
+        That is the joint velocities v (nv,) of a vehicle that moves as it is told to, or the ``control`` (na,) of its
+        actuators. q (nq,) are the joint positions, which are not to be changed.
+        """
         ...
 
 
@@ -79,6 +104,10 @@ class Plant(Protocol):
         """Length of each sensor's reading, by sensor name."""
         ...
 
+    def sensors(self, name: str) -> tuple[Sensor, ...]:
+        """What the vehicle carries, in the order in which it is read."""
+        ...
+
     def sense(self, name: str) -> Sequence[Measurement]:
         """The readings that fell due since the last step began. Called once before each step."""
         ...
@@ -89,6 +118,10 @@ class Plant(Protocol):
 
     def displace(self, name: str, offset: Array) -> None:
         """Move a vehicle by (3,) [m] at once: the jumps w of Table A.3."""
+        ...
+
+    def place(self, name: str, state: Array) -> None:
+        """Put a vehicle into a state (nx,) at once; ValueError if it does not fit."""
         ...
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
@@ -162,4 +195,9 @@ class EstimatorPlugin(Protocol):
     @staticmethod
     def quality(config: Any, mission: Any) -> Any:
         """How good its estimates are, in the terms of the scenario (``EstimateQuality`` for an aerial mission)."""
+        ...
+
+    @staticmethod
+    def properties(config: Any) -> ObserverProperties:
+        """What it claims to be, as Table 2.1 has it. A stranger's plug-in may leave it out: "not declared"."""
         ...

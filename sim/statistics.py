@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +54,7 @@ class Band:
     """The median of n values, with the limits between which resampled medians lie."""
 
     median: float
-    low: float  # NaN of a single value
+    low: float  # NaN of too few values
     high: float
     n: int
     confidence: float = 0.95
@@ -106,6 +106,16 @@ def median_band(
     tails = [0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence)]
     low, high = np.quantile(_resampled_medians(x, rng, resamples), tails, method="inverted_cdf")
     return Band(float(np.median(x)), float(low), float(high), n, confidence)
+
+
+def supported_band(values: Sequence[float] | Array, rng: np.random.Generator, confidence: float = 0.95) -> Band:
+    """``median_band``, but without limits where the sample is too small for any.
+
+    All n values together span the median of what they are drawn from with probability 1 - 2^(1 - n) only; nothing
+    within them can do so with a higher one. For 95 % it takes six.
+    """
+    band = median_band(values, rng, confidence)
+    return band if 1.0 - 2.0 ** (1 - band.n) >= confidence else replace(band, low=math.nan, high=math.nan)
 
 
 def percent(p: float) -> str:

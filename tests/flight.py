@@ -107,6 +107,9 @@ class PointMass:
     def displace(self, name: str, offset: Array) -> None:
         self._x[:3] += offset
 
+    def place(self, name: str, state: Array) -> None:
+        self._x = np.array(state)
+
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
         for _ in range(ticks):
             self._x = flow(self._x, commands["vehicle"] + self._force, self.dt)

@@ -196,7 +196,6 @@ class Certified:
             raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
         self.period = planner.period
         self.deadline = np.inf  # [s] in force now
-        self.promised = np.inf  # [s] gamma V_0 after the first plan's start, whatever happens later
         self._planner, self._reserve = planner, reserve
         self._certificate, self._bound, self._factor = certificate, bound, deadline_factor
         self._next_pass = np.inf  # [s] of the plan that was being flown at the last request
@@ -209,7 +208,7 @@ class Certified:
         if current is None:
             plan = self._fresh(request)
             if plan.ok:
-                self.deadline = self.promised = request.t + self._factor * (plan.t_end - request.t)
+                self.deadline = request.t + self._factor * (plan.t_end - request.t)
                 self._next_pass = pass_time(plan, self._certificate.target, request.t)
             return plan
         notes: tuple[str, ...] = ()

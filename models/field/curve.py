@@ -42,8 +42,9 @@ class Curve:
             raise ValueError(f"{self.name}: coefficients of shape {table.shape}; allowed: (K + 1, 4) with K >= 1")
         if not (np.isfinite(table).all() and np.abs(table).max() <= _LARGEST):
             raise ValueError(f"{self.name}: coefficients = {table.tolist()}; allowed: finite ones up to {_LARGEST:g}")
-        speed = np.linalg.norm(self.tangent(np.linspace(0.0, 2.0 * math.pi, 4 * POINTS)), axis=1)
-        if speed.min() <= 1e-6 * max(speed.max(), 1e-300):
+        s = np.linspace(0.0, 2.0 * math.pi, 4 * POINTS)
+        speed, change = (np.linalg.norm(values, axis=1) for values in (self.tangent(s), self.bend(s)))
+        if speed.min() <= change.max() * s[1]:  # it may vanish in between
             raise ValueError(f"{self.name}: the curve stands still or has a cusp; allowed: a regular curve")
         if crossing := _crossing(self.points(np.linspace(0.0, 2.0 * math.pi, _CHECKED, endpoint=False))):
             raise ValueError(f"{self.name}: the curve crosses itself near {crossing}; allowed: a simple curve")

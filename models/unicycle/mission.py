@@ -14,6 +14,7 @@ import numpy as np
 
 from models.field.curve import Curve
 from models.unicycle.kernels import moved
+from models.unicycle.sensors import RangeSensor, WheelOdometry
 from sim.signals import Array
 
 TICK = 0.01
@@ -93,6 +94,13 @@ class RangingMission:
         """l."""
         return len(self.angles)
 
+    def sensors_carried(self) -> tuple[RangeSensor, WheelOdometry]:
+        """Fresh sensors for one run, of readings "ranges" (l,) and "odometry" (2,), that err as the mission has it."""
+        corners = self.curve.polyline[:-1:8]
+        longest = float(np.linalg.norm(corners[:, None] - corners, axis=2).max())
+        rate = 1.0 / self.period
+        return RangeSensor(self.sensors, self.ranging, longest, rate), WheelOdometry(self.odometry, rate)
+
     @property
     def alpha(self) -> Array:
         """(l,) [rad]."""
@@ -110,23 +118,28 @@ class RangingMission:
         after: Array = moved(np.asarray(x, np.float64), float(u[0]), float(u[1]), dt)
         return after
 
-    def error(self, x: Array, truth: Array) -> tuple[float, float]:
-        """[m] and [rad] between an estimate (3,) and the truth (3,), modulo the symmetry of the wall.
+    def difference(self, x: Array, truth: Array) -> Array:
+        """(3,) [m, m, rad] an estimate (3,) less the truth (3,), modulo the symmetry of the wall.
 
         Of the poses that are indistinguishable from the truth the nearest one counts. In a circle, where they are a
-        continuum, the distances from the centre and the headings relative to its direction are compared.
+        continuum, that is the one in the direction of the estimate from the centre.
         """
+        truth, centre = np.asarray(truth, np.float64), self.curve.centre
         if self.curve.symmetry == 0:
-            turn = _direction(truth, self.curve.centre) - _direction(x, self.curve.centre)
+            turn = _direction(x, centre) - _direction(truth, centre)
             c, s = math.cos(turn), math.sin(turn)
-            offset = np.asarray(x)[:2] - self.curve.centre
+            offset = truth[:2] - centre
             offset = np.array([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]])
-            x = np.array([*(self.curve.centre + offset), x[2] + turn])
-        images = self.curve.images(np.asarray(truth, np.float64))
-        far = np.linalg.norm(images[:, :2] - np.asarray(x)[:2], axis=1)
-        turned = np.abs((images[:, 2] - x[2] + math.pi) % (2.0 * math.pi) - math.pi)
-        best = int(np.argmin(np.square(far) + np.square(turned)))
-        return float(far[best]), float(turned[best])
+            truth = np.array([*(centre + offset), truth[2] + turn])
+        away = x - self.curve.images(truth)
+        away[:, 2] = (away[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+        nearest: Array = away[int(np.argmin(np.square(away).sum(axis=1)))]
+        return nearest
+
+    def error(self, x: Array, truth: Array) -> tuple[float, float]:
+        """[m] and [rad]: how long the two parts of ``difference`` are."""
+        away = self.difference(x, truth)
+        return math.hypot(away[0], away[1]), abs(float(away[2]))
 
 
 def _direction(pose: Array, centre: Array) -> float:

@@ -23,3 +23,8 @@ def figure_eight(t: float, speed: float, period: float) -> tuple[float, float]:
     """
     rate = 2.0 * math.pi / period
     return speed, _CLOSED * rate * math.cos(rate * t)
+
+
+def straight(t: float, speed: float, period: float) -> tuple[float, float]:
+    """u at t [s]: forth and back along a line, speed x period / 4 to either side of the start."""
+    return (-speed if 0.25 <= (t / period) % 1.0 < 0.75 else speed), 0.0

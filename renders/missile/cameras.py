@@ -16,6 +16,9 @@ OPTICS = {"chase": Optics(40.0, 1e-3, 40.0), "side": Optics(22.0, 0.05, 60.0), "
 SIDE_BOX = (0.07, 0.93, 0.13, 0.60)  # left, right, top and bottom of what the path takes of the picture
 SIDE_ELEVATION = -5.0  # [degrees]
 CHASE_DISTANCE = 11.5  # [m]
+TARGET_AZIMUTH, TARGET_ELEVATION = 54.0, -9.0  # [degrees]
+TARGET_DISTANCE = 24.0  # [m] at least
+TARGET_SHARE = 0.62  # of the picture's height: what lies between the target and the missile
 
 
 def chase_view(run: MissileRun, t: float, turn: float) -> View:
@@ -28,12 +31,11 @@ def chase_view(run: MissileRun, t: float, turn: float) -> View:
 
 
 def target_view(run: MissileRun, t: float) -> View:
-    """Beside the target, from the ground: what comes down on it, and the target too once both fit."""
-    target, here = run.target_at(t), run.place(t)
-    away = float(np.linalg.norm(here - target))
-    lookat = here + (target - here) * min(0.5, 17.0 / max(away, 1.0))
-    lookat[2] += 4.0 * max(0.0, 1.0 - away / 30.0)
-    return View.between(target + np.array([-24.0, -33.0, 4.0]), lookat)
+    """Beside the target, with it and the missile in the picture: the camera comes nearer as the missile does."""
+    tall = 2.0 * math.tan(math.radians(OPTICS["target"].field_of_view) / 2.0) * TARGET_SHARE
+    distance = max(run.away(t) / tall, TARGET_DISTANCE)
+    lookat = 0.5 * (run.target_at(t) + run.place(t)) + np.array([0.0, 0.0, 2.0])
+    return View(lookat, distance, TARGET_AZIMUTH, TARGET_ELEVATION)
 
 
 def side_view(run: MissileRun, aspect: float) -> View:

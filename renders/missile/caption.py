@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from renders.caption import Label, Words, pace
 from renders.film import Frame
 from renders.missile.run_data import MissileRun
-from renders.missile.storyboard import notices, verdict
+from renders.missile.storyboard import CLOSE, notices, verdict
 from renders.palette import Part
 
 LEGEND = (Part.FLOWN, Part.PLAN, Part.TARGET, Part.FORCE)
@@ -22,6 +22,8 @@ def words(run: MissileRun, frame: Frame, labels: Sequence[Label]) -> Words:
     title = [f"mathnavi · {config['scenario']} · {case} · seed {config['seed']}"]
     if frame.camera == "side":
         title.append("missile and target not to scale")
+    elif frame.camera == "target" and run.away(frame.t) > CLOSE:
+        title.append("missile not to scale")
     moves = any(any(leg.velocity) for leg in run.target.legs)
     return Words(
         title=title,
@@ -31,7 +33,7 @@ def words(run: MissileRun, frame: Frame, labels: Sequence[Label]) -> Words:
             ("HEIGHT", f"{max(run.path[i, 2], 0.0):.1f} m", f"attack {math.degrees(run.attack[i]):.1f}°"),
         ),
         state=_state(run, frame.t),
-        legend=[*LEGEND, *([Part.VELOCITY] if moves else [])],
+        legend=[*LEGEND, *((Part.TARGET_PATH, Part.VELOCITY) if moves else ())],
         notice=frame.notice,
         share=frame.t / run.duration,
         moments=[t / run.duration for t, _ in notices(run)],

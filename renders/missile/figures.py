@@ -12,12 +12,14 @@ from matplotlib.figure import Figure
 from models.missile.coordinates import Coordinates
 from renders.figures import BOUND, GRID, INK, STYLE, canvas, thinned
 from renders.missile.run_data import TO_WORLD, MissileRun
+from renders.page import number
 from renders.palette import COLOURS, Part, hexadecimal
 from sim.signals import Array
 
 TICKS = 16  # velocities marked along a path
-LAST = 1.0  # [s] before the closest approach: the end, looked at closely
-SMALLEST = 1e-5  # [m] that a logarithmic axis shows
+LAST = 1.0  # [s] before the closest approach: the end, as the target sees it
+CLOSE_BY = 10.0  # times what counts as a hit, or the miss: from there on the distance is shown
+LENGTHS = {"m": 1.0, "cm": 1e2, "mm": 1e3, "µm": 1e6, "nm": 1e9}  # units for what may be a metre or next to nothing
 NAMES = {  # (name, unit, factor) of what is drawn of a state
     "u": ("u, along the nose", "m/s", 1.0),
     "v": ("v, to the right", "m/s", 1.0),
@@ -145,28 +147,24 @@ def angles_figure(run: MissileRun) -> Figure:
         attack.plot(run.t[i], np.degrees(run.attack[i]), color=FLOWN)
         attack.set(ylabel="attack [deg]")
         off = np.linalg.norm(run.coordinates.place(run.x) - run.coordinates.place(run.reference), axis=1)
-        error.set(ylabel="off the plan [m]", xlabel="time [s]", xlim=(0.0, run.duration))
+        largest = float(np.nanmax(off, initial=0.0))
+        unit = next((unit for unit, factor in LENGTHS.items() if factor * largest >= 1.0), "m")
+        error.set(ylabel=f"off the plan [{unit}]", xlabel="time [s]", xlim=(0.0, run.duration))
         if run.log.plans:
-            error.plot(run.t[i], np.maximum(off[i], SMALLEST), color=FLOWN)
-            error.set_yscale("log")
+            i = thinned(len(run.t), int(np.nanargmax(off)))
+            error.plot(run.t[i], LENGTHS[unit] * off[i], color=FLOWN)
+            error.set_ylim(bottom=0.0)
     return figure
 
 
 def approach_figure(run: MissileRun) -> Figure:
-    """The last second: the distance to the target, and the path as the target sees it."""
+    """The last metres: the distance to the target; and the path of the last second as the target sees it."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 3.4)
         distance, path = figure.subplots(1, 2, width_ratios=(1.3, 1.0))
-        end = run.approach
-        late = run.t >= end.t - LAST
+        _draw_distance(distance, run)
+        late = run.t >= run.approach.t - LAST
         relative = run.path[late] - run.target.at(run.t[late]) * TO_WORLD
-        distance.plot(run.t[late] - end.t, np.maximum(np.linalg.norm(relative, axis=1), SMALLEST), color=FLOWN)
-        distance.plot(0.0, max(end.miss, SMALLEST), "o", color=INK, ms=4)
-        distance.axhline(run.miss_allowed, color=BOUND, ls=":", lw=1.1)
-        distance.annotate(f"a hit: {run.miss_allowed:g} m", (0.0, run.miss_allowed), (4, 4),
-                          xycoords=("axes fraction", "data"), textcoords="offset points", color=BOUND)  # fmt: skip
-        distance.set(yscale="log", xlabel="time before the closest approach [s]", ylabel="distance [m]")
-        distance.set_title(f"Distance to the target: {end.miss:.3g} m at last")
         path.plot(relative[:, 0], relative[:, 2], color=FLOWN, lw=2.0)
         path.plot(0.0, 0.0, "o", ms=8, mfc=_colour(Part.TARGET), mec=INK)
         direction = np.array([math.cos(run.aspect_angle), math.sin(run.aspect_angle)])
@@ -175,3 +173,22 @@ def approach_figure(run: MissileRun) -> Figure:
         path.set(xlabel="ahead of the target [m]", ylabel="above it [m]", title="As the target sees it")
         path.set_aspect("equal", adjustable="datalim")
     return figure
+
+
+def _draw_distance(axes: Axes, run: MissileRun) -> None:
+    """The distance to the target at the looks and, between two of them, where it is least."""
+    end = run.approach
+    away = np.linalg.norm(run.path - run.target.at(run.t) * TO_WORLD, axis=1)
+    k = int(np.searchsorted(run.t, end.t))
+    t, away = np.insert(run.t, k, end.t) - end.t, np.insert(away, k, end.miss)
+    limit = CLOSE_BY * max(run.miss_allowed, end.miss)
+    far = np.flatnonzero(away[: k + 1] > limit)
+    begin = float(t[far[-1]]) if len(far) else float(t[0])
+    axes.plot(t, away, color=FLOWN)
+    axes.plot(0.0, end.miss, "o", color=INK, ms=4, clip_on=False)
+    axes.axhline(run.miss_allowed, color=BOUND, ls=":", lw=1.1)
+    axes.annotate(f"a hit: {run.miss_allowed:g} m", (0.0, run.miss_allowed), (4, 4),
+                  xycoords=("axes fraction", "data"), textcoords="offset points", color=BOUND)  # fmt: skip
+    axes.set(xlabel="time to the closest approach [s]", ylabel="distance [m]", ylim=(0.0, limit))
+    axes.set_xlim(begin, max(float(t[-1]), -0.02 * begin))
+    axes.set_title(f"Distance to the target: {number(end.miss)} m at last")

@@ -10,7 +10,7 @@ from renders.missile import figures
 from renders.missile.run_data import MissileRun
 from renders.missile.storyboard import highlight, verdict
 from renders.page import Markup, quantity
-from renders.report import again, events_card, rest, still_block, summary_cards
+from renders.report import again, events_card, rest, still_block, summary_cards, why
 
 
 def report(run: MissileRun) -> Markup:
@@ -45,7 +45,7 @@ def _headline(run: MissileRun, title: str) -> tuple[Markup, Markup]:
         ),
         f"cost (planned {page.number(summary.get('planned_cost'))})": page.number(summary.get("cost")),
     }
-    return page.heading(title, f"The missile {verdict(run)}, {turned}.", good), page.tiles(tiles)
+    return page.heading(title, f"The missile {verdict(run)}, {turned}{why(summary)}.", good), page.tiles(tiles)
 
 
 def _path_words(run: MissileRun) -> str:
@@ -70,7 +70,7 @@ def _pictures(run: MissileRun) -> list[Markup]:
 
 def _figures(run: MissileRun) -> list[Markup]:
     log = run.log
-    end = f"The last second: the missile passes {quantity('miss_m', run.approach.miss)} from the target's middle."
+    end = f"The last metres: the missile passes {quantity('miss_m', run.approach.miss)} from the target's middle."
     drawn = [
         ("approach", figures.approach_figure(run), end),
         ("states", figures.states_figure(run), "Velocities along the body's axes, rates and angles, and the plan's."),

@@ -125,6 +125,10 @@ class MissileRun:
         """(3,) [m] world frame."""
         return _world(self.target.at(t))
 
+    def away(self, t: float) -> float:
+        """[m] between the missile and its target at ``t`` [s]."""
+        return float(np.linalg.norm(self.place(t) - self.target_at(t)))
+
     def target_velocity(self, t: float) -> Array:
         """(3,) [m/s] world frame."""
         return _world(self.target.velocity(t))

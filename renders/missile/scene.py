@@ -20,6 +20,7 @@ from renders.caption import Label
 from renders.missile.cameras import OPTICS, chase_view, side_view, target_view
 from renders.missile.ground import PIXELS, TILE, ground_picture
 from renders.missile.run_data import TO_WORLD, MissileRun
+from renders.missile.storyboard import CLOSE
 from renders.palette import COLOURS, Part, Picture
 from renders.stage import HORIZON, NADIR, Stage
 from sim.signals import Array
@@ -28,6 +29,8 @@ GROUND, DRAWN = 1, 2  # geom groups
 EXTENT = 500.0  # [m]
 SPAN = 3.81  # [m] of the missile
 SIDE_SPAN = 0.11  # of the picture's height: the missile as it is drawn from the side
+SIDE_RINGS = 1.6  # how much larger than it is the target is drawn there
+TARGET_RADIUS = 6.0  # [m]
 ARROW = {"chase": 4.2, "side": 9.0, "target": 6.0}  # [m] where the missile is to scale: the largest force
 PLUME = 0.8  # [m] at a thrust of m g; it grows with the square root
 LONGEST_PLUME = 3.2  # [m]
@@ -69,16 +72,16 @@ class Scene:
             view = chase_view(run, t, turn) if camera == "chase" else target_view(run, t)
         stage.look(view, OPTICS[camera], (GROUND, DRAWN))
         missile, rings = self._scaled
-        scale = self._scale(camera)
+        scale = self._scale(camera, t)
         missile.to(scale)
-        rings.to(1.6 if camera == "side" else 1.0)
+        rings.to(SIDE_RINGS if camera == "side" else 1.0)
         half = len(run.coordinates.joints)
         stage.data.qpos[:] = run.joints(t)[:half]
         stage.data.mocap_pos[0] = run.target_at(t)
         stage.begin(fog=True, shadows=camera != "side")
         if camera == "side":
             self._add_ruler()
-        self._add_lines(t, camera)
+        self._add_lines(t, camera, scale)
         self._add_target(t, camera)
         if camera != "side":
             self._add_plumes(t)
@@ -87,8 +90,9 @@ class Scene:
 
     def labels(self, t: float, camera: str) -> list[Label]:
         """Names beside what is in sight of the picture drawn last."""
-        run = self.run
-        named: list[tuple[str, Array, bool]] = []
+        run, unit = self.run, self.stage.unit
+        target, here = run.target_at(t), run.place(t)
+        named: list[tuple[str, Array, bool]] = []  # text, place, whether it is small
         if camera == "side":
             apex, left = float(run.path[:, 2].max()), self._ruler_ends()[0]
             heights = np.arange(RULER, apex + 0.6 * RULER, RULER)
@@ -96,43 +100,44 @@ class Scene:
             far = float(max(run.path[:, 0].max(), run.target_at(run.duration)[0]))
             steps = np.arange(100.0 * math.ceil(run.path[0, 0] / 100.0), far + 50.0, 100.0)
             named += [(f"{x:.0f} m", np.array([x, 0.0, 0.0]), True) for x in steps if len(steps) < 16]
-        target = run.target_at(t)
-        lift = 26.0 * self.stage.unit * float(self.stage.metres_per_pixel(target[None])[0])
-        if camera != "target":
+            named.append((Part.TARGET.value, target + np.array([SIDE_RINGS * TARGET_RADIUS, 0.0, 0.0]), False))
+            if float(np.linalg.norm(here - target)) > 0.5 * RULER:
+                named.append((f"{here[2]:.0f} m", here + _up(0.5 * self._scale(camera, t) * SPAN), False))
+        if camera == "chase":
+            lift = 26.0 * unit * float(self.stage.metres_per_pixel(target[None])[0])
             named.append((Part.TARGET.value, target + _up(lift), False))
-        here = self.run.place(t)
-        if camera == "side" and float(np.linalg.norm(here - target)) > 0.5 * RULER:
-            named.append((f"{here[2]:.0f} m", here, False))
         found = [self.stage.inside(place[None]) for _, place, _ in named]
-        below = 12.0 * self.stage.unit
         return [
-            Label(text, float(at[0, 0]), float(at[0, 1]) + below * (small and place[2] == 0.0), small)
+            Label(
+                text, float(at[0, 0]), float(at[0, 1]) + 12.0 * unit * (small and place[2] == 0.0), small,
+                beside=camera == "side" and text == Part.TARGET.value,
+            )
             for (text, place, small), at in zip(named, found, strict=True)
             if len(at)
-        ]
+        ]  # fmt: skip
 
-    def _scale(self, camera: str) -> float:
+    def _scale(self, camera: str, t: float) -> float:
         """How much larger than it is the missile is drawn."""
-        if camera != "side":
-            return 1.0
-        return SIDE_SPAN * 2.0 * self._side.distance * self.stage.tangent() / SPAN
+        if camera == "side":
+            return SIDE_SPAN * 2.0 * self._side.distance * self.stage.tangent() / SPAN
+        return 1.0 if camera == "chase" else max(1.0, self.run.away(t) / CLOSE)
 
     # ---- what is added
 
-    def _add_lines(self, t: float, camera: str) -> None:
+    def _add_lines(self, t: float, camera: str, scale: float) -> None:
         run, width = self.run, MINUTE[camera]
         here = self.run.place(t)
         now = run.index(t)
         if now > 0:
             near = max(now - NEAR, 0)
             flown = run.path[np.unique(np.r_[np.linspace(0, near, 160).astype(int), near : now + 1])]
-            clear = np.linalg.norm(flown - here, axis=1) > 2.2  # beside it the line must not run through the missile
-            flown = flown[clear] if camera == "chase" else np.vstack([flown, here])
+            clear = np.linalg.norm(flown - here, axis=1) > 2.2 * scale  # a line must not run through the missile
+            flown = np.vstack([flown, here]) if camera == "side" else flown[clear]
             self.stage.line(flown, COLOURS[Part.FLOWN], width)
         ahead = run.plan_ahead(t, PLAN_POINTS)
         if len(ahead) > 1:
-            if camera == "chase":
-                ahead = ahead[np.linalg.norm(ahead - here, axis=1) > 2.4]
+            if camera != "side":
+                ahead = ahead[np.linalg.norm(ahead - here, axis=1) > 2.4 * scale]
             self.stage.line(ahead, COLOURS[Part.PLAN], width)
         if camera == "side":  # a plumb line tells how high it is
             self.stage.line(np.array([here * (1.0, 1.0, 0.0), here]), COLOURS[Part.FLOWN], 1.2)
@@ -143,10 +148,7 @@ class Scene:
         lift = _up(0.3)
         moved = [run.target_at(s) for s in np.linspace(0.0, t, 30)]
         if float(np.linalg.norm(moved[-1] - moved[0])) > 1.0:
-            self.stage.line(np.array(moved) + lift, COLOURS[Part.TARGET], 2.0)
-        if camera == "side":
-            pixel = float(self.stage.metres_per_pixel(target[None])[0]) * self.stage.unit
-            self.stage.line(np.array([target, target + _up(24.0 * pixel)]), COLOURS[Part.TARGET], 2.4)
+            self.stage.line(np.array(moved) + lift, COLOURS[Part.TARGET_PATH], 2.0)
         if float(np.linalg.norm(velocity)) > 0.1:
             seconds, thick = (2.5, 0.0022 * self._side.distance) if camera == "side" else (0.4, 0.35)
             start = target + _up(1.5 * thick)

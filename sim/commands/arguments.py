@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import tyro
+from tyro.constructors import PrimitiveConstructorSpec
 
 from sim.commands.errors import BadInputError
 
@@ -91,7 +92,8 @@ def _leaves(of: type, prefix: str, above: str) -> Iterator[tuple[str, str, Any]]
     """Of each flag: itself, the dotted name of its field, and the type of that."""
     hints = get_type_hints(of, include_extras=True)
     for entry in dataclasses.fields(of):
-        hint, marks = hints[entry.name], ()
+        hint: Any = hints[entry.name]
+        marks: tuple[Any, ...] = ()
         if get_origin(hint) is Annotated:
             hint, marks = get_args(hint)[0], get_args(hint)[1:]
         if tyro.conf.Positional in marks:
@@ -100,7 +102,9 @@ def _leaves(of: type, prefix: str, above: str) -> Iterator[tuple[str, str, Any]]
         if isinstance(hint, type) and dataclasses.is_dataclass(hint):
             yield from _leaves(hint, name, field_name)
         else:
-            yield f"--{name.replace('_', '-')}", field_name, hint
+            # All the words of a field with a constructor of its own are one value, which is given once.
+            whole = any(isinstance(mark, PrimitiveConstructorSpec) for mark in marks)
+            yield f"--{name.replace('_', '-')}", field_name, Any if whole else hint
 
 
 def given(argv: Sequence[str]) -> list[str]:

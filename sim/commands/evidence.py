@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from renders.sweep_data import PATH_RATIO, Sweep, format_value
+from renders.sweep_data import PATH_RATIO, Group, Sweep, format_numbers, format_value
 from sim.metrics import label
 from sim.statistics import Band, Rate
 from sim.store import Record
 
-# What there is room for in 120 columns: of a flight these, of another scenario what comes first.
+# What is shown first: of a flight these, of another scenario what comes first.
 FLIGHT_EVENTS = ("success", "any ground contacts", "below h_min", "late or not arrived", "recorded failure")
 FIGURES = (
     PATH_RATIO, "arrival_time_s", "min_clearance_m", "control_effort",
@@ -24,12 +26,37 @@ FIGURES = (
 )  # fmt: skip
 MOST_COLUMNS = 5
 MOST_FAULTS = 5  # kinds of what went wrong
+GAP = 2  # [characters] between columns
+
+
+@dataclass(frozen=True)
+class Column:
+    """Cells of one or two lines under a name that may be broken between its words."""
+
+    name: str
+    cells: Sequence[str]
+
+    @property
+    def width(self) -> int:
+        """[characters] at least."""
+        lines = [line for cell in self.cells for line in cell.splitlines()]
+        return max(map(len, [*lines, *self.name.split()]), default=0)
 
 
 def print_evidence(console: Console, records: Sequence[Record], varied: Sequence[str]) -> None:
-    """The tables of a set of trials, one row for each combination of the values of the fields that were varied."""
+    """The tables of a set of trials: a row for each combination of the listed values of the fields that were varied,
+    and one for each bin of a continuous field.
+    """
     sweep = Sweep(records, varied)
-    for table in (_rates(sweep), *_medians(sweep), *_faults(records)):
+    named = [name.rpartition(".")[2].replace("_", " ") for name in sweep.listed]
+    values = zip(*(group.values for group in sweep.groups), strict=True)
+    lead = [Column(name, [*map(format_value, cells)]) for name, cells in zip(named, values, strict=False)]
+    _print_groups(console, sweep, sweep.groups, lead)
+    for name in sweep.continuous:
+        bins = sweep.bins(name)
+        if len(bins) > 1:
+            _print_groups(console, sweep, bins, [Column(name, [part.name.partition(" (")[0] for part in bins])])
+    for table in _faults(records):
         console.print()
         console.print(table)
 
@@ -42,26 +69,52 @@ def verdict(records: Sequence[Record]) -> str:
     return f"{len(records)} trials: {', '.join([f'{successes} did what they should', *ends])}"
 
 
-def _rates(sweep: Sweep) -> Table:
+def _print_groups(console: Console, sweep: Sweep, groups: Sequence[Group], lead: Sequence[Column]) -> None:
+    lead = [*lead, Column("trials", [str(len(group.records)) for group in groups])]
+    _print_table(console, "rates with 95 % limits (Clopper-Pearson)", lead, _rates(sweep, groups))
+    if medians := _medians(sweep, groups):
+        _print_table(console, "medians with 95 % bands (bootstrap, from six trials on)", lead, medians)
+
+
+def _print_table(console: Console, heading: str, lead: Sequence[Column], columns: Sequence[Column]) -> None:
+    """As many of the columns as there is room for beside those that lead; the rest is named."""
+    everything = [*lead, *columns]
+    ends = np.cumsum([column.width + GAP for column in everything])
+    count = max(int(np.searchsorted(ends, console.width, side="right")), len(lead) + 1)
+    room = max(console.width - int(ends[:count][-1]), 0)
+    table = Table(box=None, padding=(0, GAP, 0, 0))
+    for k, column in enumerate(everything[:count]):
+        wider = min(max(len(column.name) - column.width, 0), room)
+        room -= wider
+        table.add_column(Text(column.name), justify="left" if k < len(lead) else "right", width=column.width + wider)
+    for cells in zip(*(column.cells for column in everything[:count]), strict=True):
+        table.add_row(*map(Text, cells))
+    console.print()
+    console.print(heading, style="bold", highlight=False)
+    console.print(table)
+    if rest := [column.name for column in everything[count:]]:
+        console.print(Text(f"no room for: {', '.join(rest)}", style="dim"))
+
+
+def _rates(sweep: Sweep, groups: Sequence[Group]) -> list[Column]:
     shown = [name for name in FLIGHT_EVENTS if name in sweep.events]
     if len(shown) < len(FLIGHT_EVENTS):  # no flight
         shown = list(sweep.events)[:MOST_COLUMNS]
-    columns = {"trials": [str(len(group.records)) for group in sweep.groups]}
+    columns = []
     for name in shown:
-        rates = [group.rate(sweep.events[name]) for group in sweep.groups]
-        columns[f"{name.removeprefix('any ')} [%]"] = [_rate(rate) if rate else "-" for rate in rates]
-    return _table("rates with 95 % limits (Clopper-Pearson)", sweep, columns)
+        rates = [group.rate(sweep.events[name]) for group in groups]
+        columns.append(Column(f"{name.removeprefix('any ')} [%]", [_rate(rate) if rate else "-" for rate in rates]))
+    return columns
 
 
-def _medians(sweep: Sweep) -> Iterator[Table]:
+def _medians(sweep: Sweep, groups: Sequence[Group]) -> list[Column]:
     known = [*sweep.figures, *sweep.timings]
-    columns = {}
+    columns = []
     for key in [key for key in FIGURES if key in known] or known[:MOST_COLUMNS]:
         name, unit = label(key)
-        bands = [group.band(key) for group in sweep.groups]
-        columns[f"{name} [{unit}]" if unit else name] = [_band(band) if band else "-" for band in bands]
-    if columns:
-        yield _table("medians with 95 % bands (bootstrap)", sweep, columns)
+        bands = [group.band(key) for group in groups]
+        columns.append(Column(f"{name} [{unit}]" if unit else name, [_band(band) if band else "-" for band in bands]))
+    return columns
 
 
 def _faults(records: Sequence[Record]) -> Iterator[Table]:
@@ -74,7 +127,10 @@ def _faults(records: Sequence[Record]) -> Iterator[Table]:
             seen.setdefault((record.status, message), []).append(record.seed)
     if not seen:
         return
-    table = _empty("recorded failures", ("status", "trials", "seed", "message"))
+    table = Table(title="recorded failures", title_justify="left", title_style="bold", box=None, padding=(0, GAP, 0, 0))
+    for name in ("status", "trials", "seed"):
+        table.add_column(name, no_wrap=True)
+    table.add_column("message", overflow="fold")
     most = sorted(seen.items(), key=lambda item: -len(item[1]))
     for (status, message), seeds in most[:MOST_FAULTS]:
         table.add_row(status.replace("-", " "), str(len(seeds)), str(min(seeds)), Text(message))
@@ -83,37 +139,13 @@ def _faults(records: Sequence[Record]) -> Iterator[Table]:
     yield table
 
 
-def _table(heading: str, sweep: Sweep, columns: Mapping[str, Sequence[str]]) -> Table:
-    """One row for each group of the sweep."""
-    table = _empty(heading, sweep.listed)
-    for name in columns:
-        table.add_column(Text(name), justify="right")
-    for group, *cells in zip(sweep.groups, *columns.values(), strict=True):
-        table.add_row(*map(format_value, group.values), *cells)
-    return table
-
-
-def _empty(heading: str, columns: Sequence[str]) -> Table:
-    table = Table(title=heading, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
-    for column in columns:
-        table.add_column(column, overflow="fold")
-    return table
-
-
 def _rate(rate: Rate) -> str:
     value, low, high, upper = (f"{100.0 * p:.3g}" for p in (rate.value, rate.low, rate.high, rate.upper))
-    return f"{value} [{low}, {high}]" if rate.events else f"0 (<= {upper})"
+    return f"{value}\n[{low}, {high}]" if rate.events else f"0\n(<= {upper})"
 
 
 def _band(band: Band) -> str:
-    """On two lines, so that there is room for several."""
     if math.isnan(band.low):
-        return _number(band.median)
-    return f"{_number(band.median)}\n[{_number(band.low)}, {_number(band.high)}]"
-
-
-def _number(value: float) -> str:
-    if not math.isfinite(value):
-        return f"{value:g}"
-    digits = 3 - math.floor(math.log10(abs(value))) if value else 0
-    return f"{value:.{max(digits, 0)}f}"
+        return format_numbers(band.median)[0]
+    median, low, high = format_numbers(band.median, band.low, band.high)
+    return f"{median}\n[{low}, {high}]"

@@ -94,7 +94,7 @@ def read_order(
     ``options`` are the command's own flags; ``chosen`` are plug-ins ("controller", "estimator") that no flag names.
     """
     name, words = _scenario(argv, saved)
-    scenario = _plugin("scenarios", name)
+    scenario = loaded("scenarios", name)
     controller, observer = (
         (chosen or {}).get(part, value_of(f"--{part}", words)) for part in ("controller", "estimator")
     )
@@ -102,8 +102,12 @@ def read_order(
         controller = saved.controller if saved else scenario.controller
     if observer is None:
         observer = saved.estimator if saved else scenario.estimator
-    planner = _part("controllers", controller, saved, (saved.controller, saved.controller_fields) if saved else None)
-    estimator = _part("estimators", observer, saved, (saved.estimator, saved.estimator_fields) if saved else None)
+    planner = restored_part(
+        "controllers", controller, saved, (saved.controller, saved.controller_fields) if saved else None
+    )
+    estimator = restored_part(
+        "estimators", observer, saved, (saved.estimator, saved.estimator_fields) if saved else None
+    )
     config = _restored(scenario.Config, saved, words) if saved else scenario.Config()
     common = CommonOptions(saved.seed if saved else 0, controller, observer)
     groups = (
@@ -139,17 +143,18 @@ def _scenario(argv: Sequence[str], saved: Saved | None) -> tuple[str, Sequence[s
     return argv[0], argv[1:]
 
 
-def _plugin(kind: str, name: str) -> Any:
+def loaded(kind: str, name: str) -> Any:
+    """The plug-in called so; BadInputError says what stands where it is named on the command line."""
     try:
         return load(kind, name)
     except ValueError as error:
         raise BadInputError(str(error).replace(kind, PLACES[kind], 1)) from error
 
 
-def _part(kind: str, name: str, saved: Saved | None, before: tuple[str, dict[str, Any]] | None) -> Part:
+def restored_part(kind: str, name: str, saved: Saved | None, before: tuple[str, dict[str, Any]] | None) -> Part:
     """A plug-in with its default fields, or with the saved ones if it is the plug-in that was saved."""
-    plugin = _plugin(kind, name)
-    if saved is not None and before is not None and _plugin(kind, before[0]) is plugin:
+    plugin = loaded(kind, name)
+    if saved is not None and before is not None and loaded(kind, before[0]) is plugin:
         return Part(plugin, saved.restored(plugin.Config, before[1], f"{kind.removesuffix('s')}.fields"))
     return Part.of(plugin)
 

@@ -12,23 +12,28 @@ from rich.progress import BarColumn, Progress, TextColumn
 from sim.sweep.compilation import compilation_reported
 from sim.sweep.execution import Progress as Done
 
+SELDOM = 30.0  # [s] between lines where there is no terminal
 COMPILING = "compiling the numerical kernels, once on this machine for each kind of planner"
 
 
 @contextmanager
 def sweep_progress(errors: Console, name: str) -> Iterator[Callable[[Done], None]]:
-    """What ``run_trials`` reports its progress to; nothing is drawn where ``errors`` is no terminal."""
+    """What ``run_trials`` reports its progress to: a bar, or a line now and then where ``errors`` is no terminal."""
     bar = Progress(
         TextColumn(name), BarColumn(bar_width=12), TextColumn("{task.fields[status]}"),
         console=errors, disable=not errors.is_terminal, transient=True,
     )  # fmt: skip
-    began = time.perf_counter()
+    began = told = time.perf_counter()
 
     def update(progress: Done) -> None:
-        nonlocal began
+        nonlocal began, told
+        now = time.perf_counter()
         if progress.done == progress.found:  # a study runs several lists of trials
-            began = time.perf_counter()
+            began = now
         bar.update(task, total=progress.total, completed=progress.done, status=_status(progress, began))
+        if not errors.is_terminal and now - told >= SELDOM:
+            told = now
+            errors.print(f"{name}: {_status(progress, began)}", highlight=False, soft_wrap=True)
 
     with bar:
         task = bar.add_task(name, total=None, status="")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,7 @@ from sim.commands.order import Order, prepare, read_order, usage
 from sim.commands.output import output_folder
 from sim.commands.progress import compilation_announced
 from sim.commands.saved import Saved
-from sim.commands.summary import summary_table
+from sim.commands.summary import summary_table, verdict, warnings
 from sim.scenarios.experiment import Experiment, Outcome
 
 
@@ -67,10 +66,10 @@ def main(argv: Sequence[str]) -> int:
         picture.unlink(missing_ok=True)
 
     console = Console()
-    verdict = "the mission did what it should" if outcome.success else "the mission did NOT do what it should"
-    kinds = Counter(event.kind for event in outcome.recording.events)
-    console.print(f"{order.name}, seed {order.common.seed}: {verdict}", style="bold", highlight=False)
-    console.print(summary_table(outcome.summary, kinds))
+    console.print(f"{order.name}, seed {order.common.seed}: {verdict(outcome)}", style="bold", highlight=False)
+    for warning in warnings(outcome.recording):
+        console.print(f"warning: {warning}", style="bold", highlight=False)
+    console.print(summary_table(outcome.summary, outcome.recording.events))
     _draw(order.options, folder, errors)
     console.print(f"run     {folder}", soft_wrap=True, highlight=False)
     for made in ("video.mp4", "report.html"):

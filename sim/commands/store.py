@@ -12,7 +12,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from renders.sweep_data import grouped
+from renders.sweep_data import Sweep, grouped
 from sim.commands.arguments import Group, parse
 from sim.commands.errors import BadInputError, bad_input
 from sim.commands.evidence import print_evidence, verdict
@@ -68,7 +68,7 @@ def _show(argv: Sequence[str]) -> None:
         members = [record for record in records if (record.scenario, record.code) == (scenario, code)]
         console.print(f"{scenario}, {verdict(members)}", style="bold", highlight=False, soft_wrap=True)
         console.print(f"code {code}", style="dim", highlight=False, soft_wrap=True)
-        print_evidence(console, members, _compared(members))
+        print_evidence(console, members, _varied(members))
 
 
 def _export(argv: Sequence[str]) -> None:
@@ -85,6 +85,22 @@ def _export(argv: Sequence[str]) -> None:
                 "allowed: a file in a folder that is there and can be written to, with room for it"
             ) from error
     print(options.out)
+
+
+def _varied(records: Sequence[Record]) -> list[str]:
+    """The fields that sweeps have listed, and those that they have drawn: numbers that follow the seed."""
+    compared = _compared(records)
+    others = [name for name, values in _values(records).items() if len(values) > 1 and name not in compared]
+    return [*compared, *Sweep(records, others).continuous]
+
+
+def _values(records: Sequence[Record]) -> dict[str, set[str]]:
+    """What each field is, in any of the trials."""
+    values: dict[str, set[str]] = {}
+    for record in records:
+        for name, value in record.fields.items():
+            values.setdefault(name, set()).add(canonical_json(value))
+    return values
 
 
 def _compared(records: Sequence[Record]) -> list[str]:

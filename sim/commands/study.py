@@ -12,6 +12,7 @@ from typing import Any
 
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from models.terrain.library import load_terrain
 from renders.claims import Claim, ledger
@@ -23,7 +24,7 @@ from sim.commands.progress import sweep_progress
 from sim.log import write_text
 from sim.plugins import load, names
 from sim.store import Store, StoreError
-from sim.studies.study import Setup, StudyError, on_terrain, write_findings
+from sim.studies.study import Setup, StudyError, first_look, on_terrain, write_findings
 from sim.sweep.child import RefusedError
 from sim.sweep.execution import available_cores
 
@@ -83,7 +84,11 @@ def main(argv: Sequence[str]) -> int:
                 command = shlex.join(["mathnavi", "study", *argv])
                 print(f"mathnavi: interrupted, what was flown is stored; to go on: {command}", file=sys.stderr)
                 return INTERRUPTED
-        console.print(_table(site.where, claims[-1]))
+        console.print(f"Claims {site.where}", style="bold", highlight=False)
+        console.print(_table(claims[-1]))
+        for name, (_, config) in site.studies.items():
+            if small := first_look(config):
+                console.print(f"{name} is a first look, too little to judge by: {small}", highlight=False)
         console.print(f"studies  {site.folder}", soft_wrap=True, highlight=False)
     if argv[0] == ALL:
         path = (options.out or OUT) / LEDGER
@@ -179,7 +184,8 @@ def _study(
         except ValueError as error:  # the terrain does not do for its missions, say
             raise StudyError(str(error)) from error
         with bad_input():
-            write_findings(site.folder, name.replace(":", "."), plugin.title, findings, setup, command)
+            small = first_look(config)
+            write_findings(site.folder, name.replace(":", "."), plugin.title, findings, setup, command, small)
     claims: Sequence[Claim] = findings.claims
     return claims
 
@@ -193,11 +199,12 @@ def _samples(studies: Studies) -> str:
     )
 
 
-def _table(where: str, claims: Sequence[Claim]) -> Table:
-    table = Table(title=f"Claims {where}", title_justify="left", box=None, padding=(0, 2, 0, 0))
-    for column in ("claim", "kind", "expected", "measured", "holds"):
-        table.add_column(column, overflow="fold")
+def _table(claims: Sequence[Claim]) -> Table:
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    table.add_column("claim", no_wrap=True)
+    for column in ("expected", "measured", "holds"):
+        table.add_column(column, min_width=5, overflow="fold")
     for claim in claims:
         holds = "not measured" if claim.holds is None else "yes" if claim.holds else "NO"
-        table.add_row(claim.id, claim.kind, claim.expected, claim.measured, holds)
+        table.add_row(f"{claim.id}\n{claim.kind}", Text(claim.expected), Text(claim.measured), holds)
     return table

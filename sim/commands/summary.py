@@ -1,20 +1,41 @@
-"""The summary of a run as a table to read."""
+"""What came out of a run, to be read: the verdict, what there is to be warned of, the summary as a table."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.table import Table
+from rich.text import Text
 
-from sim.metrics import SUMMARY_GROUPS, label
+from sim.log import Recording
+from sim.metrics import SHORTFALL, SUMMARY_GROUPS, label
+from sim.scenarios.experiment import Outcome
+from sim.signals import Event
 
-UNTOLD = ("seed", "version")  # stand elsewhere
+UNTOLD = ("seed", "version", SHORTFALL)  # stand elsewhere
 
 
-def summary_table(summary: Mapping[str, Any], events: Mapping[str, int]) -> Table:
-    """One row a figure, in groups; keys of no group come last."""
+def verdict(outcome: Outcome) -> str:
+    """Whether the mission did what it should, and if not, why."""
+    if outcome.success:
+        return "the mission did what it should"
+    why = outcome.summary.get(SHORTFALL)
+    return f"the mission did NOT do what it should{f': {why}' if why else ''}"
+
+
+def warnings(recording: Recording) -> list[str]:
+    """What a good end may hide: a vehicle that the controller had no part in flying."""
+    found = []
+    for name, agent in recording.agents.items():
+        if agent.requests and all("reserve-plan" in plan.notes for _, plan in agent.plans):
+            found.append(f"{name}: not one of the controller's {agent.requests} answers was flown; see the events")
+    return found
+
+
+def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
+    """One row a figure, in groups; keys of no group come last. A kind of events has the message of its first."""
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
@@ -29,9 +50,12 @@ def summary_table(summary: Mapping[str, Any], events: Mapping[str, int]) -> Tabl
                 name, unit = label(key)
                 table.add_row(heading, name, _figure(summary[key]), unit)
                 heading = ""
+    kinds: dict[str, list[Event]] = {}
+    for event in events:
+        kinds.setdefault(event.kind, []).append(event)
     heading = "events"
-    for kind, count in sorted(events.items()):
-        table.add_row(heading, kind.replace("-", " "), str(count), "")
+    for kind, same in sorted(kinds.items()):
+        table.add_row(heading, kind.replace("-", " "), str(len(same)), Text(same[0].message, overflow="fold"))
         heading = ""
     return table
 

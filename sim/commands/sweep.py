@@ -70,17 +70,17 @@ def main(argv: Sequence[str]) -> int:
         return 0
     order, options = asked.order, asked.order.options
     errors = Console(stderr=True)
-    with order.bad_input():
-        made = keys(asked.trials)  # a file that a field names, and that is not there, comes to light here
-        _check_combinations(asked, made)
-        if options.cluster is not None:
-            check(options.cluster)
-        with compilation_announced(errors):
-            _build_combinations(asked)
-        store = Store.open(options.store)
     command = shlex.join(["mathnavi", "sweep", *argv])
-    state = Progress(len(asked.trials), 0, 0, 0, 0, False)
+    state: Progress | None = None  # before the store is looked into
     try:
+        with order.bad_input():
+            made = keys(asked.trials)  # a file that a field names, and that is not there, comes to light here
+            _check_combinations(asked, made)
+            if options.cluster is not None:
+                check(options.cluster)
+            with compilation_announced(errors):
+                _build_combinations(asked)
+            store = Store.open(options.store)
         with store, sweep_progress(errors, order.name.rpartition(":")[2]) as draw:
 
             def progress(now: Progress) -> None:
@@ -90,6 +90,10 @@ def main(argv: Sequence[str]) -> int:
 
             endings = store.endings()
             transient = sum(key in endings and endings[key].status in TRANSIENT for key in made)
+            found = sum(key in endings for key in made) - (transient if options.retry else 0)
+            state = Progress(len(made), found, found, 0, 0, False)
+            told = f"{found} of {len(made)} trials are already in {options.store}"
+            errors.print(told, style="dim", highlight=False, soft_wrap=True)
             records = run_trials(
                 asked.trials,
                 store,
@@ -107,7 +111,7 @@ def main(argv: Sequence[str]) -> int:
         return 1
     console = Console()
     console.print(f"{order.name}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
-    print_evidence(console, records, asked.listed)
+    print_evidence(console, records, [*asked.listed, *asked.drawn])
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
     if transient and not options.retry:
         console.print(
@@ -184,5 +188,5 @@ def _build_combinations(asked: Asked) -> None:
             continue
 
 
-def _stored(state: Progress) -> str:
-    return f"{state.done} of {state.total} trials are stored"
+def _stored(state: Progress | None) -> str:
+    return "before the first trial" if state is None else f"{state.done} of {state.total} trials are stored"

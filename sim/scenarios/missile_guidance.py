@@ -31,6 +31,7 @@ from sim.missile_metrics import missile_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
 from sim.protocols import Plant, Sensor
+from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.missile_fields import Mismatch, MissileGuidanceConfig, Point
 from sim.signals import Array, Estimate, Message, Plan, PlanRequest
@@ -87,12 +88,21 @@ class MissileGuidance:
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
             figures = missile_summary(recording, VEHICLE, mission, truth, first.t_end, first.cost, seed, wall_seconds)
-            hit = figures["miss_m"] <= config.miss_allowed
-            success = hit and figures["aspect_error_deg"] <= config.aspect_allowed
-            return {"hit": hit, **figures}, success
+            near = Demand("miss_m", most=config.miss_allowed)
+            turned = Demand("aspect_error_deg", most=config.aspect_allowed)
+            return judged({"hit": not near.missed(figures), **figures}, [near, turned])
 
         record = _record(config, seed, controller, estimator, mission, truth)
         return Experiment(plant, {VEHICLE: agent}, duration, _Referee(mission, truth).ended, summarise, record)
+
+    @staticmethod
+    def errors(config: MissileGuidanceConfig, x: Array, truth: Array) -> dict[str, Array]:
+        """The error of each state, named with its unit, of estimates (n, nx) to truths in joint coordinates (n, nx)."""
+        coordinates = COORDINATES[config.dimension]
+        off = x - coordinates.from_joints(truth)
+        off[:, coordinates.angles] = (off[:, coordinates.angles] + math.pi) % (2.0 * math.pi) - math.pi
+        named = zip(coordinates.states, coordinates.units, strict=True)
+        return {f"{state} [{unit}]": off[:, k] for k, (state, unit) in enumerate(named)}
 
 
 class _Referee:

@@ -36,6 +36,7 @@ from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, checked_sensors, load
 from sim.protocols import Planner, Plant, Sensor
 from sim.scenarios.checks import check, check_rate
+from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.signals import Array, Estimate, Message, Plan, PlanRequest
 
@@ -224,15 +225,14 @@ class SafeFlight:
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
             # The deadline counts from the plan that was flown first, which started from the estimate.
-            due = min(planner.promised, 2.0 * deadline) if isinstance(planner, Certified) else deadline
+            flown = recording.agents[VEHICLE].plans[:1]
+            promised = [t + config.deadline_factor * (plan.t_end - t) for t, plan in flown]
+            due = min([*promised, 2.0 * deadline]) if isinstance(planner, Certified) else deadline
             summary = flight_summary(recording, VEHICLE, mission, radars, tracker.bound, due, seed, wall_seconds)
-            success = (
-                summary["arrived"]
-                and summary["arrival_time_s"] <= due
-                and summary["ground_contacts"] == 0
-                and summary["min_clearance_m"] >= mission.clearance_min
-            )
-            return summary, bool(success)
+            in_time = [Demand("arrival_time_s", most=due)] if summary["arrived"] else []
+            safe = Demand("ground_contacts", most=0), Demand("min_clearance_m", least=mission.clearance_min)
+            demands = [Demand("arrived", least=True), *in_time, *safe]
+            return judged(summary, demands, told=[Demand("speed_max_m_s", most=mission.speed_max)])
 
         # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
         duration = math.ceil(2.0 * deadline / TICK) * TICK

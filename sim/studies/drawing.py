@@ -14,15 +14,21 @@ from sim.scenarios.experiment import Outcome
 from sim.studies.study import VEHICLE, ends
 
 RADAR = "#c2183b"
+THINNEST, WIDER = 1.2, 1.3  # [points] the last path, and how much wider each before it is
 
 
 def paths_on_map(axes: Axes, terrain: HeightField, flights: Mapping[str, tuple[Outcome, str]], title: str) -> None:
-    """The hill-shaded map with the path of each flight (its name: outcome and colour), radars, start and target."""
+    """The hill-shaded map with the path of each flight (its name: outcome and colour), radars, start and target.
+
+    Each path is wider than the next, so that it is seen on both sides of those that run along it.
+    """
     draw_map(axes, terrain)
-    outline = [patheffects.withStroke(linewidth=2.6, foreground="white", alpha=0.8)]
-    for name, (outcome, colour) in flights.items():
-        p = outcome.recording.truths[VEHICLE] / 1e3
-        axes.plot(p[:, 0], p[:, 1], color=colour, lw=1.3, label=name, path_effects=outline)
+    paths = {name: outcome.recording.truths[VEHICLE] / 1e3 for name, (outcome, _) in flights.items()}
+    widths = [THINNEST + WIDER * k for k in reversed(range(len(flights)))]
+    for p, width in zip(paths.values(), widths, strict=True):
+        axes.plot(p[:, 0], p[:, 1], color="white", lw=width + WIDER, alpha=0.8)
+    for (name, (_, colour)), width in zip(flights.items(), widths, strict=True):
+        axes.plot(paths[name][:, 0], paths[name][:, 1], color=colour, lw=width, label=name)
     first = next(iter(flights.values()))[0]
     for radar in first.config["mission"]["radars"]:
         centre = (radar["x"] / 1e3, radar["y"] / 1e3)

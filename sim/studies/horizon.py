@@ -7,6 +7,7 @@ m/s^2.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -94,8 +95,8 @@ class Horizon:
             rows=rows,
             tables=(_table(rows), _changes(changes)),
             figure=_figure(rows, of, shown, setup.ground),
-            caption="Paths of the first mission for each horizon, and medians with 95 % bootstrap bands over the "
-            "missions.",
+            caption="Paths of the first mission for each horizon, the shorter the wider, and medians over the missions "
+            "with their 95 % bootstrap bands, where there are six missions or more.",
             claims=claims,
             tracks=[track(f"T_p = {(n - 1) * H:.0f} s", shown[n], COLOURS[n]) for n in NODES],
             places=ends(shown[NODES[0]]),
@@ -144,7 +145,7 @@ def _table(rows: Sequence[dict[str, float]]) -> Table:
     cells = [
         (
             f"{r['T_p_s']:.0f}\u00a0s", int(r["N"]), f"{r['path_m']:,.0f}", f"{r['printed_path_m']:,.0f}",
-            f"{r['path_over_straight']:.4f} [{r['path_over_straight_low']:.4f}, {r['path_over_straight_high']:.4f}]",
+            _with_limits(*(r[f"path_over_straight{end}"] for end in ("", "_low", "_high"))),
             f"{r['effort']:.1f}", f"{r['printed_effort']:.2f}", f"{r['solve_ms_mean']:.3f}",
             f"{r['printed_mean_s']:.2f}",
             f"{r['solve_ms_max']:.2f}", f"{r['printed_max_s']:.2f}",
@@ -152,6 +153,10 @@ def _table(rows: Sequence[dict[str, float]]) -> Table:
         for r in rows
     ]  # fmt: skip
     return Table("Table A.1", columns, cells)
+
+
+def _with_limits(median: float, low: float, high: float) -> str:
+    return f"{median:.4f}" if math.isnan(low) else f"{median:.4f} [{low:.4f}, {high:.4f}]"
 
 
 def _changes(changes: Sequence[dict[str, float]]) -> Table:

@@ -8,6 +8,7 @@ is the most efficient of the monitor functions.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -35,6 +36,7 @@ from sim.studies.study import Findings, Setup
 
 ROUNDS = (1, 3)
 LEAST_MISS = 1e-9  # scaled: where the uniform solution replays better than this, there is no ratio to speak of
+FAILED, NO_MISS = "failed", "no miss"  # what stands where there is no ratio
 BOOKS = PROBLEMS | MISSILES
 NAMES = (
     "missile, FAST", "missile, SM2", "hypersensitive, short", "Bryson-Denham", "van der Pol", "cart-pole",
@@ -113,7 +115,7 @@ class Monitors:
             tables=(_table(rows),),
             figure=_figure(rows, names, config.nodes),
             caption="Errors over those of the uniform grid with as many nodes: blue is better, red is worse. Grey: the "
-            "solve failed, or the uniform grid's replay does not miss at all (linear dynamics).",
+            "solve failed, or there is no miss to compare with, as the dynamics are linear.",
             claims=(_claim(rows, names),),
         )
 
@@ -198,31 +200,41 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 def _figure(rows: Sequence[Mapping[str, Any]], names: Sequence[str], nodes: int) -> Figure:
     monitors = [monitor.name for monitor in MONITORS if monitor is not UNIFORM]
-    panels = {
-        f"({letter}) {what}, {rounds} redistribution{'s' * (rounds > 1)}": np.array(
-            [_of(rows, monitor, rounds, figure) for monitor in monitors]
-        ).T
-        for letter, (what, figure, rounds) in zip(
-            "abcd",
-            [(what, figure, rounds)
-             for what, figure in (("control error", "control_error_ratio"), ("replay miss", "replay_miss_ratio"))
-             for rounds in ROUNDS],
-            strict=True,
+    shown = [("control error", "control_error_ratio"), ("replay miss", "replay_miss_ratio")]
+    panels = {}
+    for letter, ((what, key), rounds) in zip("abcd", itertools.product(shown, ROUNDS), strict=True):
+        values, errors = (
+            np.array([_of(rows, monitor, rounds, name) for monitor in monitors]).T
+            for name in (key, "control_error_ratio")
         )
-    }  # fmt: skip
+        texts = [
+            [
+                _ratio(value) if math.isfinite(value) else NO_MISS if math.isfinite(error) else FAILED
+                for value, error in row
+            ]
+            for row in np.stack([values, errors], axis=-1)
+        ]
+        panels[f"({letter}) {what}, {rounds} redistribution{'s' * (rounds > 1)}"] = values, texts
     with matplotlib.rc_context(STYLE):
-        figure = canvas(10.2, 2.2 + 0.6 * len(names))
+        figure = canvas(10.2, 2.8 + 0.6 * len(names))
+        figure.suptitle(
+            f"What each monitor function makes of {nodes} nodes: errors over those of uniform nodes", x=0.01, ha="left",
+            size=11.0, weight="bold",
+        )  # fmt: skip
         cells = figure.subplots(2, 2, sharex=True, sharey=True)
-        for axes, (title, values) in zip(cells.ravel(), panels.items(), strict=True):
-            texts = [[_ratio(value) for value in row] for row in values]
-            shown = heat_map(axes, values, names, monitors, texts, decades=(2.0, 2.0))
+        for axes, (title, (values, texts)) in zip(cells.ravel(), panels.items(), strict=True):
+            colours = heat_map(axes, values, names, monitors, texts, decades=(2.0, 2.0))
             axes.set_title(title)
-        bar = figure.colorbar(shown, ax=cells, shrink=0.6, pad=0.015, aspect=32, extend="both")
+        bar = figure.colorbar(colours, ax=cells, shrink=0.6, pad=0.015, aspect=32, extend="both")
         bar.set_ticks([-2, -1, 0, 1, 2], labels=["0.01", "0.1", "1", "10", "100"])
         bar.set_label(f"ratio to uniform nodes, N = {nodes}")
         bar.outline.set_visible(False)
+        words = (
+            f"blue: better than uniform nodes, red: worse; {NO_MISS}: none to compare with, as the dynamics are linear"
+        )
+        figure.supxlabel(words, size=8.5)
     return figure
 
 
 def _ratio(value: float) -> str:
-    return "–" if not math.isfinite(value) else f"{value:.2g}" if value < 100.0 else f"{value:.0f}"
+    return f"{value:.2g}" if value < 100.0 else f"{value:.0f}"

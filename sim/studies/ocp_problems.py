@@ -19,6 +19,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from controllers.ocp.methods.direct import solve
 from controllers.ocp.methods.equidistribution import distribute
@@ -63,6 +64,8 @@ NOT_ADAPTIVE: dict[str, Method] = {
     "one polynomial": lambda problem, n: solve(problem, 2, scheme=LegendreGaussLobatto(min(n - 1, 40))),
 }
 METHODS = ADAPTIVE | NOT_ADAPTIVE
+REFUSED, UNSOLVED, UNTRIED = "#c9ced4", "#93a0ad", "none"  # what a cell without an error looks like
+KEY = {"refused: replays worse than uniform nodes": REFUSED, "no solution, and why": UNSOLVED, "not tried": UNTRIED}
 
 
 @dataclass(frozen=True)
@@ -111,9 +114,8 @@ class OcpProblems:
             rows=rows,
             tables=(_table(best),),
             figure=_figure(rows, best),
-            caption="Larger of the errors of J and of the replayed J, over the tolerance, for every method: blue where "
-            "it is reached. Grey: not tried, no solution, or none that passed the replay gate. Framed: what is "
-            "reported.",
+            caption="The larger of the errors of J and of the replayed J, over the problem's tolerance, for every "
+            "method: blue, below 1, where it is reached. Framed: what is reported.",
             claims=(_claim(best, reached, config),),
         )
 
@@ -207,25 +209,40 @@ def _table(best: Mapping[str, Mapping[str, Any]]) -> Table:
 
 def _figure(rows: Sequence[Mapping[str, Any]], best: Mapping[str, Mapping[str, Any]]) -> Figure:
     names, methods = list(best), list(METHODS)
+    lacking = {row["status"].replace("_", " "): UNSOLVED for row in rows} | {"": UNTRIED, "refused": REFUSED}
     values = np.full((len(names), len(methods)), np.nan)
     texts = [["" for _ in methods] for _ in names]
     for row in rows:
         i, j = names.index(row["problem"]), methods.index(row["method"])
         excess = _excess(row)
-        values[i, j] = max(excess, 1e-12) if math.isfinite(excess) else np.nan
         known = math.isfinite(excess)
-        texts[i][j] = f"{excess * row['tolerance']:.0e}" if known else row["status"].replace("_", " ")
+        values[i, j] = max(excess, 1e-12) if known else np.nan
+        texts[i][j] = _ratio(excess) if known else row["status"].replace("_", " ")
     framed = [(i, methods.index(best[name]["method"])) for i, name in enumerate(names) if best[name]["reached"]]
     with matplotlib.rc_context(STYLE):
-        figure = canvas(10.2, 1.9 + 0.29 * len(names))
+        figure = canvas(10.2, 2.5 + 0.29 * len(names))
         axes = figure.add_subplot()
-        shown = heat_map(axes, values, names, methods, texts, decades=(4.0, 4.0), framed=framed)
+        shown = heat_map(axes, values, names, methods, texts, decades=(4.0, 4.0), framed=framed, lacking=lacking)
+        axes.set_title("Distance from known optima: larger error of J and the replayed J, over the tolerance", pad=18)
         bar = figure.colorbar(shown, ax=axes, shrink=0.8, pad=0.015, aspect=28, extend="both")
         ticks = np.arange(-4, 5, 2)
         bar.set_ticks(ticks.tolist(), labels=["1" if k == 0 else f"$10^{{{k}}}$" for k in ticks])
-        bar.set_label("error over tolerance")
+        bar.set_label("error over tolerance, as in the cells")
         bar.outline.set_visible(False)
         axes.axvline(len(ADAPTIVE), color=STYLE["axes.edgecolor"], lw=1.4)
         middle = len(ADAPTIVE) + 0.5 * len(NOT_ADAPTIVE)
         axes.annotate("not adaptive", (middle, 0.0), (0, 4), textcoords="offset points", ha="center", fontsize=8)
+        key = [
+            Patch(facecolor="none", edgecolor="#16202a", lw=2.0, label="reported: the first to reach it"),
+            *(Patch(facecolor=colour, edgecolor="#8b95a0", label=words) for words, colour in KEY.items()),
+        ]
+        figure.legend(handles=key, loc="outside lower center", ncols=len(key), fontsize=8)
     return figure
+
+
+def _ratio(excess: float) -> str:
+    """Short: 0.036, 2.4, 71, 6e-4."""
+    if 1e-2 <= excess < 1e3:
+        return f"{excess:.2g}" if excess < 100.0 else f"{excess:.0f}"
+    mantissa, exponent = f"{excess:.0e}".split("e")
+    return f"{mantissa}e{int(exponent)}"

@@ -23,12 +23,13 @@ from matplotlib.figure import Figure
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain
 from renders.claims import Claim
+from renders.page import number
 from renders.study_report import StudyPage, Table, write_study_report
 from renders.sweep_data import figures
 from renders.terrain_view import Track
 from sim.log import write_bytes, write_json, write_text
 from sim.scenarios.experiment import Outcome
-from sim.statistics import Band, median_band
+from sim.statistics import Band, supported_band
 from sim.store import Record, Store
 from sim.sweep.execution import Progress, run_trials
 from sim.sweep.trial import Trial, trial
@@ -121,8 +122,25 @@ def on_terrain(plugin: Any) -> bool:
     return bool(getattr(plugin, "on_terrain", True))
 
 
-def write_findings(folder: Path, name: str, title: str, findings: Findings, setup: Setup, command: str) -> None:
-    """NAME.csv, NAME.png, NAME.html, and NAME.json last, so that a JSON means a whole study."""
+def first_look(config: Any) -> str:
+    """What of a study's configuration is smaller than in full, "seeds 2 instead of 20"; "" if nothing is."""
+    full = type(config)()
+    pairs = {entry.name: (getattr(config, entry.name), getattr(full, entry.name)) for entry in fields(config)}
+    smaller = [
+        f"{name.replace('_', ' ')} {number(value)} instead of {number(whole)}"
+        for name, (value, whole) in pairs.items()
+        if isinstance(value, (int, float)) and value < whole
+    ]
+    return ", ".join(smaller)
+
+
+def write_findings(
+    folder: Path, name: str, title: str, findings: Findings, setup: Setup, command: str, small: str = ""
+) -> None:
+    """NAME.csv, NAME.png, NAME.html, and NAME.json last, so that a JSON means a whole study.
+
+    ``small`` is what makes it a ``first_look`` only, if anything.
+    """
     ground = None if setup.terrain is None else setup.ground
     folder.mkdir(parents=True, exist_ok=True)
     (folder / f"{name}.json").unlink(missing_ok=True)
@@ -142,6 +160,7 @@ def write_findings(folder: Path, name: str, title: str, findings: Findings, setu
         places=findings.places,
         radars=findings.radars,
         command=command,
+        first_look=small,
     )
     write_study_report(folder / f"{name}.html", page)
     document = {
@@ -152,6 +171,7 @@ def write_findings(folder: Path, name: str, title: str, findings: Findings, setu
         "rows": list(findings.rows),
         "claims": [asdict(claim) for claim in findings.claims],
         "command": command,
+        "first_look": small,
     }
     write_json(folder / f"{name}.json", document)
 
@@ -167,8 +187,8 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def median(sample: np.ndarray) -> Band:
-    """The median with its bootstrap band, always from the same resamples; what is NaN is left out."""
-    return median_band(sample[np.isfinite(sample)], np.random.default_rng(0))
+    """The median with its bootstrap band, where the sample supports one; what is NaN is left out."""
+    return supported_band(sample[np.isfinite(sample)], np.random.default_rng(0))
 
 
 def effort_norm(records: Sequence[Record], h: float) -> np.ndarray:

@@ -48,7 +48,9 @@ def test_report_shows_the_flight_the_first_plan_and_the_radars_over_the_terrain(
         last = [traces[name][axis][-1] for axis in "xyz"]
         np.testing.assert_allclose(last, end * [1e-3, 1e-3, 1.0], atol=0.1)
     assert sum(trace.get("name") == "radar" for trace in view["traces"]) == len(run.mission.radars)
-    assert [mark["text"] for mark in view["layout"]["scene"]["annotations"]] == ["start", "target"]
+    marks = view["layout"]["scene"]["annotations"]
+    assert [mark["text"] for mark in marks if mark.get("showarrow", True)] == ["start", "target"]
+    assert "Radars weigh on the optimised part of a plan only" in Page(source).text
 
 
 def test_figures_have_sensible_digits_and_unknown_ones_a_dash(run: RunData, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -85,14 +85,25 @@ def test_a_distribution_shows_its_least_value_and_the_bound() -> None:
     assert [text.get_text() for text in axes.texts] == ["allowed 50 m"]
 
 
+@pytest.mark.parametrize("lost", [False, True])
+def test_what_is_far_above_the_others_does_not_squeeze_them(lost: bool) -> None:
+    sample = np.array([*RNG.uniform(75.0, 90.0, 18), 417.6, 500.0, *([-math.inf] if lost else [])])
+    axes = distribution_figure({"": sample}, "least clearance [m]", 50.0, "allowed 50 m").axes[0]
+    left, right = axes.get_xlim()
+    assert left < 50.0
+    assert sample[sample < 400.0].max() < right < 200.0
+    assert any(text.get_text().startswith(f"2 of {len(sample)} beyond, up to 500") for text in axes.texts)
+
+
 def test_a_scatter_shows_every_trial_and_the_bins_bands() -> None:
     x = RNG.uniform(0.0, 4.0, 300)
-    figure = scatter_figure(
-        x, {"error [m]": (x**2, [1.0, 3.0], [Band(1.0, 0.5, 1.5, 150), Band(9.0, 8.0, 10.0, 150)])}, "gust"
-    )
-    points, medians = figure.axes[0].lines
+    bands = [Band(1.0, 0.5, 1.5, 150), None, Band(9.0, 8.0, 10.0, 150)]
+    figure = scatter_figure(x, {"error [m]": (x**2, bands)}, [0.0, 2.0, 3.0, 4.0], "gust")
+    (points,) = figure.axes[0].lines
     assert len(points.get_xdata()) == 300
-    np.testing.assert_array_equal(medians.get_ydata(), [1.0, 9.0])
+    _, medians = figure.axes[0].collections
+    known = {tuple(segment.ravel()) for segment in medians.get_segments() if segment.size}
+    assert known == {(0.0, 1.0, 2.0, 1.0), (3.0, 9.0, 4.0, 9.0)}  # each over its bin, not joined to the next
 
 
 @pytest.mark.filterwarnings("error")
@@ -109,8 +120,8 @@ def test_what_is_infinite_stands_at_the_edge() -> None:
     assert ends[0, 0] < 10.0
     for figure in (
         bands_figure([1.0, 2.0], {"clearance [m]": {"": [half, half]}}, "gust [m/s^2]"),
-        scatter_figure(np.arange(4.0), {"clearance [m]": (sample, [1.0, 2.0], [half, half])}, "gust [m/s^2]"),
+        scatter_figure(np.arange(4.0), {"clearance [m]": (sample, [half, half])}, [0.0, 1.5, 3.0], "gust [m/s^2]"),
     ):
-        (area,) = figure.axes[0].collections
+        area = figure.axes[0].collections[0]
         assert np.isfinite(area.get_paths()[0].vertices).all()
         assert area.get_paths()[0].vertices[:, 1].min() < 20.0

@@ -64,11 +64,30 @@ def test_everything_that_was_found_is_shown(study: StudyPage, tmp_path: Path) ->
     assert len(source.encode()) < 8e6
 
 
-@pytest.mark.parametrize(("kind", "tone"), [("printed", "good"), ("target", "bad")])
-def test_only_a_target_that_fails_is_the_softwares_failure(study: StudyPage, kind: str, tone: str) -> None:
-    page = Page(report(replace(study, claims=[claim("x", kind, False)])))
-    (verdict,) = [attributes for tag, attributes in page.attributes if tag == "p" and "class" in attributes]
-    assert verdict["class"] == tone
+def tones(source: str) -> list[str | None]:
+    """Of the headline, then of each verdict in the table of claims."""
+    headline = next(attributes for tag, attributes in Page(source).attributes if tag == "p")
+    verdicts = [attributes for tag, attributes in Page(source).attributes if tag == "span"]
+    return [headline.get("class"), *(verdict.get("class") for verdict in verdicts if verdict.get("class") != "whole")]
+
+
+@pytest.mark.parametrize(
+    ("kind", "holds", "expected"),
+    [("printed", True, ["good", "good"]), ("printed", False, [None, "bad"]), ("printed", None, [None, None]),
+     ("target", False, ["bad", "bad"])],
+)  # fmt: skip
+def test_a_headline_is_good_where_all_holds_and_bad_where_a_target_fails(
+    study: StudyPage, kind: str, holds: bool | None, expected: list[str | None]
+) -> None:
+    assert tones(report(replace(study, claims=[claim("x", kind, holds)]))) == expected
+
+
+@pytest.mark.parametrize("holds", [True, False])
+def test_a_first_look_says_so_and_judges_nothing(study: StudyPage, holds: bool) -> None:
+    claims = [claim("x", "target", holds)]
+    source = report(replace(study, claims=claims, first_look="seeds 2 instead of 20"))
+    assert "A first look, seeds 2 instead of 20: too little to judge by." in Page(source).text
+    assert tones(source) == [None]
 
 
 def test_without_a_terrain_there_is_none_on_the_page(study: StudyPage) -> None:

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from renders.sweep_data import Group, Sweep
+from renders.sweep_data import Group, Sweep, format_numbers
 from renders.sweep_report import MOST_PANELS, report, write_sweep_report
 from renders.terrain_view import Track
 from sim.statistics import median_band, rate
@@ -66,17 +68,64 @@ def test_a_field_of_many_values_or_drawn_afresh_for_every_seed_is_continuous() -
     assert Sweep([flight(0, nodes, 0.0) for nodes in range(2, 16)], ["planner.nodes"]).continuous == ["planner.nodes"]
 
 
-def test_bins_share_the_trials_evenly_in_the_order_of_the_field() -> None:
-    bins = Sweep(DRAWN, ["faults.gust_rms"]).bins("faults.gust_rms")
-    assert [len(part.records) for part in bins] == [5] * 8
+def test_a_field_that_one_sweep_drew_and_another_left_alone_is_continuous_too() -> None:
+    alone = [flight(seed, 13, 0.0) for seed in range(6)]
+    assert Sweep([*DRAWN[:10], *alone], ["faults.gust_rms"]).continuous == ["faults.gust_rms"]
+
+
+@pytest.mark.parametrize(("count", "sizes"), [(40, [10] * 4), (20, [10] * 2), (29, [10, 19]), (7, [7])])
+def test_bins_share_the_trials_evenly_in_the_order_of_the_field(count: int, sizes: list[int]) -> None:
+    bins = Sweep(DRAWN[:count], ["faults.gust_rms"]).bins("faults.gust_rms")
+    assert [len(part.records) for part in bins] == sizes
+    assert [part.name.rpartition(" (")[2] for part in bins] == [f"n = {size})" for size in sizes]
     values = [record.fields["faults.gust_rms"] for part in bins for record in part.records]
     assert values == sorted(values)
 
 
 def test_trials_of_one_value_are_in_one_bin() -> None:
-    records = [flight(seed, nodes, 0.5 * seed) for seed in range(3) for nodes in (4, 13)]
+    records = [flight(seed, nodes, 0.5 * (seed // 6)) for seed in range(18) for nodes in (4, 13)]
     bins = Sweep(records, ["planner.nodes", "faults.gust_rms"]).bins("faults.gust_rms")
-    assert [(part.name, len(part.records)) for part in bins] == [("0", 2), ("0.5", 2), ("1", 2)]
+    assert [part.name for part in bins] == ["0 (n = 12)", "0.5 (n = 12)", "1 (n = 12)"]
+
+
+def test_too_few_trials_have_a_median_without_a_band() -> None:
+    for count, known in ((5, False), (6, True)):
+        band = Group("some", (), DRAWN[:count]).band("arrival_time_s")
+        assert band is not None
+        assert math.isnan(band.low) is not known
+
+
+@given(st.lists(st.floats(-1e7, 1e7).map(lambda value: round(value, 6)), min_size=2, max_size=3))
+def test_numbers_have_digits_enough_to_tell_them_apart(values: list[float]) -> None:
+    shown = format_numbers(*values)
+    assert (shown[values.index(max(values))] != shown[values.index(min(values))]) == (max(values) > min(values))
+    for value, words in zip(values, shown, strict=True):
+        assert float(words.replace(",", "")) == pytest.approx(value, rel=1e-2, abs=1e-2 * max(map(abs, values)))
+
+
+def test_a_ratio_near_one_is_not_rounded_to_nothing() -> None:
+    ratios = (0.9993, 1.0001, 1.0009, 1.0012, 1.0031, 1.0049)
+    records = [
+        flight(k, 13, 0.0, summary={**LISTED[0].summary, "path_length_m": 1e4 * ratio, "straight_line_m": 1e4})
+        for k, ratio in enumerate(ratios)
+    ]
+    page = Page(report(Sweep(records, []), None, [], COMMAND))
+    band = median_band(ratios, np.random.default_rng(0))
+    assert f"{band.median:.4f} [{band.low:.4f}, {band.high:.4f}]" in page.words
+
+
+def test_only_rates_that_are_neither_none_nor_all_are_drawn() -> None:
+    def drawings(records: list[Record]) -> int:
+        page = Page(report(Sweep(records, ["planner.nodes"]), None, [], COMMAND))
+        return sum(tag == "svg" and "Rates" in (a["aria-label"] or "") for tag, a in page.attributes)
+
+    assert drawings(LISTED) == 0
+    assert drawings([*LISTED, broken(90, 4)]) == 1
+
+
+def test_a_mission_without_success_says_what_it_did_not_do() -> None:
+    missed = flight(77, 4, 0.0, success=False, summary={**LISTED[0].summary, "shortfall": "not arrived"})
+    assert "not arrived" in Page(report(Sweep([*LISTED, missed], []), None, [], COMMAND)).words
 
 
 def test_a_recorded_failure_is_no_success_and_says_nothing_of_clearances() -> None:

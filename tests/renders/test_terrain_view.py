@@ -93,12 +93,40 @@ def test_tracks_of_one_name_share_an_entry_of_the_legend() -> None:
 def test_places_have_names_and_radars_reach_as_far_as_they_see() -> None:
     radar = (6e3, 6e3, 2100.0, 2.5e3)
     view = drawn(ridges(), [], {"start": PATH[0], "base & camp": PATH[-1]}, [radar])
-    names = [annotation["text"] for annotation in view["layout"]["scene"]["annotations"]]
+    annotations = view["layout"]["scene"]["annotations"]
+    names = [annotation["text"] for annotation in annotations if annotation.get("showarrow", True)]
     assert names == ["start", "base &amp; camp"]
+    assert "north" in {annotation["text"] for annotation in annotations}
     dome = next(trace for trace in view["traces"] if trace.get("name") == "radar")
     points = np.column_stack([1e3 * np.array(dome["x"]), 1e3 * np.array(dome["y"]), dome["z"]])
     np.testing.assert_allclose(np.linalg.norm(points - radar[:3], axis=1), radar[3], atol=0.2)
     assert max(dome["z"]) == pytest.approx(radar[2] + radar[3], abs=0.1)
+
+
+@pytest.mark.parametrize("radars", [[], [(6e3, 6e3, 2100.0, 3.5e3)]])
+@pytest.mark.parametrize("tall", [1.0, 0.02])
+def test_all_that_is_drawn_fills_the_view(radars: list[tuple[float, float, float, float]], tall: float) -> None:
+    terrain = HeightField(tall * ridges().z, ridges().spacing, "ridges")
+    path = PATH * [1.0, 1.0, tall]
+    view = drawn(terrain, [Track("flown", path, "#ff8000")], radars=radars)
+    scene = view["layout"]["scene"]
+    camera, ratio = scene["camera"], scene["aspectratio"]
+    shown = [trace for trace in view["traces"] if trace["x"]]
+    corners = [{"x": [0.0, terrain.width / 1e3], "y": [terrain.depth / 1e3] * 2, "z": terrain.z[-1, [0, -1]]}]
+    labels = [{axis: [each[axis]] for axis in "xyz"} for each in scene["annotations"]]
+    points = np.hstack([[each[axis] for axis in "xyz"] for each in (*shown, *corners, *labels)])
+    low, high = np.array([scene[f"{axis}axis"]["range"] for axis in "xyz"]).T
+    points = ((points.T - 0.5 * (low + high)) / (high - low)) * [ratio[axis] for axis in "xyz"]
+    eye, centre, up = (np.array([camera[name][axis] for axis in "xyz"]) for name in ("eye", "center", "up"))
+    forward = (centre - eye) / np.linalg.norm(centre - eye)
+    right = np.cross(forward, up) / np.linalg.norm(np.cross(forward, up))
+    depth = (points - eye) @ forward
+    half = np.tan(np.pi / 8.0) * depth  # of plotly's field of view of 45 degrees
+    across = (points - eye) @ right / half / (16.0 / 9.0)
+    along = (points - eye) @ np.cross(right, forward) / half
+    assert depth.min() > 0.0
+    assert max(np.abs(across).max(), np.abs(along).max()) < 1.0
+    assert max(np.ptp(across), np.ptp(along)) > 1.6
 
 
 @pytest.mark.parametrize("points", [np.zeros((0, 3)), np.zeros((4, 2)), np.zeros(3)])

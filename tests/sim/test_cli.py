@@ -246,7 +246,7 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_what_there_is_no_number_for_is_a_dash(capsys: pytest.CaptureFixture[str]) -> None:
-    Console(width=100).print(summary_table({"solve_ms_mean": math.nan, "arrival_time_s": None}, {}))
+    Console(width=100).print(summary_table({"solve_ms_mean": math.nan, "arrival_time_s": None}, []))
     shown = capsys.readouterr().out
     assert shown.split().count("-") == 2
     assert "nan" not in shown

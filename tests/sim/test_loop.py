@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from models.aerial.dynamics import state_at
 from sim.log import Recording
 from sim.loop import Agent, simulate, whole_ticks
-from sim.protocols import Plant
+from sim.protocols import Plant, Sensor
 from sim.signals import Array, Estimate, Event, Measurement, Message, Phase, Plan, PlanRequest, Status
 from tests import flight
 
@@ -303,6 +303,9 @@ class Pair:
 
     def sensor_sizes(self, name: str) -> dict[str, int]:
         return self._vehicles[name].sensor_sizes("vehicle")
+
+    def sensors(self, name: str) -> tuple[Sensor, ...]:
+        return self._vehicles[name].sensors("vehicle")
 
     def sense(self, name: str) -> Sequence[Measurement]:
         return self._vehicles[name].sense("vehicle")

@@ -63,7 +63,7 @@ def test_a_mission_that_fails_exits_with_1(tmp_path: Path) -> None:
         (("--actuator.delay", "0.0005"), ("--actuator.delay = 0.0005", "0.001 s")),
         (("--case", "SLOW"), ("SLOW", "SM, SM2, SM3")),
         (("--planner.reach", "100"), ("--target = ", "no first plan", "300 m is too far")),
-        (("--estimator", "kalman"), ("kalman", "failed")),
+        (("--estimator", "kalman"), ("kalman", "is for a FlightMission")),
     ],
 )
 def test_bad_input_is_one_line_that_names_the_flag(

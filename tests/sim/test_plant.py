@@ -353,3 +353,17 @@ def test_late_actuators_do_not_see_what_becomes_of_a_command_later() -> None:
 def test_a_delay_that_is_not_whole_ticks_is_refused(delay: float) -> None:
     with pytest.raises(ValueError, match="delay"):
         missile(delay=delay)
+
+
+def test_a_vehicle_goes_on_from_where_it_is_put(terrain: HeightField) -> None:
+    plant = plant_of(terrain, uav=Equipment(HIGH, (FullStateSensor(),)))
+    plant.step({"uav": np.ones(3)})
+    elsewhere = np.array([1000.0, 1500.0, 3500.0, -5.0, 3.0, 1.0])
+    plant.place("uav", elsewhere)
+    np.testing.assert_array_equal(plant.state("uav"), elsewhere)
+    np.testing.assert_array_equal(plant.sense("uav")[-1].value, elsewhere)
+    plant.step({"uav": np.ones(3)})
+    np.testing.assert_allclose(plant.state("uav"), flow(elsewhere, np.ones(3), TICK), rtol=0.0, atol=1e-12)
+    for state in (elsewhere[:5], elsewhere * np.nan):
+        with pytest.raises(ValueError, match=r"vehicle 'uav': state = .*; allowed: 6 finite numbers"):
+            plant.place("uav", state)

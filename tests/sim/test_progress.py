@@ -7,6 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
+from sim.commands import progress
 from sim.commands.progress import sweep_progress
 from sim.sweep.execution import Progress
 
@@ -32,5 +33,9 @@ def test_it_says_that_kernels_are_compiled_until_the_first_trial_has_ended(done:
     assert ("compiling the numerical kernels" in drawn(Progress(60, 0, done, 0, 0, True))) == (done == 0)
 
 
-def test_nothing_is_drawn_where_there_is_no_terminal() -> None:
-    assert not drawn(Progress(60, 0, 5, 0, 0, False), terminal=False)
+def test_where_there_is_no_terminal_a_line_is_told_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
+    states = [Progress(60, 10, done, 0, 0, False) for done in (10, 15, 20)]
+    assert not drawn(*states, terminal=False)
+    monkeypatch.setattr(progress, "SELDOM", 0.0)
+    lines = drawn(*states, terminal=False).splitlines()
+    assert [line.partition(",")[0] for line in lines] == [f"coins: {done} of 60" for done in (10, 15, 20)]

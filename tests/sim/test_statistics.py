@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest, bootstrap
 
-from sim.statistics import median_band, rate
+from sim.statistics import median_band, rate, supported_band
 
 counts = st.integers(1, 400).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
 confidences = st.floats(0.5, 0.999)
@@ -116,6 +116,20 @@ def test_the_order_of_the_values_changes_nothing(values: list[float], random: ob
     shuffled = values.copy()
     random.shuffle(shuffled)  # type: ignore[attr-defined]
     assert median_band(values, np.random.default_rng(0)) == median_band(shuffled, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    ("n", "confidence", "known"), [(5, 0.95, False), (6, 0.95, True), (2, 0.5, True), (7, 0.99, False)]
+)
+def test_a_sample_too_small_for_a_band_has_a_median_without_one(n: int, confidence: float, known: bool) -> None:
+    values = np.arange(float(n))
+    band = supported_band(values, np.random.default_rng(0), confidence)
+    whole = median_band(values, np.random.default_rng(0), confidence)
+    assert band.median == whole.median
+    assert (band == whole) is known
+    # Whether the whole range covers the median so often at all: each of n values is on one side of it or the other.
+    assert known == (1.0 - 2.0 * 0.5**n >= confidence)
+    assert math.isnan(band.low) is math.isnan(band.high) is not known
 
 
 def test_a_single_value_has_no_band() -> None:

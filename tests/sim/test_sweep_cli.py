@@ -7,6 +7,7 @@ import errno
 import json
 import os
 import random
+import re
 import resource
 import shlex
 import shutil
@@ -136,13 +137,15 @@ def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: p
     words = ("--trials", "12", "--vary", "bias=0,1", "--raise-at", "3", "--store", str(path))
     assert sweep(COIN, *words) == 0
     out, err = capsys.readouterr()
-    assert not err
+    assert err == f"0 of 24 trials are already in {path}\n"
     for told in (
         "24 trials: 11 did what they should, 2 raised",
         "Clopper-Pearson",
-        "0 (<= 22.1)",
-        "91.7 [61.5, 99.8]",
-        "8.33 [0.211, 38.5]",
+        "(<= 22.1)",
+        "91.7",
+        "[61.5, 99.8]",
+        "8.33",
+        "[0.211, 38.5]",
         "x [m]",
         "RuntimeError: seed 3 is out of order",
         str(path),
@@ -151,8 +154,45 @@ def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: p
     assert main(["store", "show", str(path)]) == 0
     shown = capsys.readouterr().out
     assert "24 trials: 11 did what they should, 2 raised" in shown
-    assert "91.7 [61.5, 99.8]" in shown
+    assert "[61.5, 99.8]" in shown
     assert records(path)[0].code in shown
+
+
+@pytest.mark.parametrize("width", [60, 80, 200])
+def test_no_word_of_a_table_is_broken_and_what_has_no_room_is_named(
+    width: int, path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", str(width))
+    words = ("--trials", "12", "--vary", "part.count=4,5", "--vary", "bias=0,1", "--vary", "part.share=0..1")
+    assert sweep(COIN, *words, "--store", str(path)) == 0
+    out = capsys.readouterr().out
+    names = set(re.findall(r"[A-Za-z]{3,}", out))
+    assert {"count", "bias", "trials", "success", "limits", "bootstrap", "share"} <= names
+    table = [line for line in out.splitlines() if not line.startswith("no room for")]
+    assert all(line.count(left) == line.count(right) for line in table for left, right in ("[]", "()"))
+    assert max(map(len, out.splitlines()[1:-1])) <= max(width, len(f"store   {path}"))
+    assert ("no room for: " in out) == (width < 200)
+
+
+def test_a_store_shows_a_drawn_field_in_bins(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert sweep(COIN, "--trials", "30", "--vary", "part.share=0..1", "--store", str(path)) == 0
+    assert sweep(COIN, "--trials", "5", "--store", str(path)) == 0  # of the same seeds, without a draw
+    capsys.readouterr()
+    assert main(["store", "show", str(path)]) == 0
+    shown = capsys.readouterr().out
+    rates = shown[shown.rindex("rates") :].splitlines()
+    rows = [line for line in rates if " to " in line and "0." in line]
+    assert 2 <= len(rows) <= 8
+    assert "part.share" in rates[1]
+
+
+def test_a_sweep_says_what_it_finds_in_the_store(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = (COIN, "--store", str(path), "--trials")
+    told = []
+    for count in ("4", "6", "6"):
+        assert sweep(*words, count) == 0
+        told.append(capsys.readouterr().err.partition(" are already")[0])
+    assert told == ["0 of 4 trials", "4 of 6 trials", "6 of 6 trials"]
 
 
 def test_a_store_is_exported(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -252,7 +292,10 @@ def test_an_interrupt_keeps_what_has_ended_and_says_how_to_go_on(path: Path) -> 
     kept = len(trials_of(path))
     assert 3 <= kept < 20
     command = shlex.join(["mathnavi", "sweep", *words])
-    assert err == f"mathnavi: interrupted, {kept} of 20 trials are stored; to go on: {command}\n"
+    assert err.splitlines() == [
+        f"0 of 20 trials are already in {path}",
+        f"mathnavi: interrupted, {kept} of 20 trials are stored; to go on: {command}",
+    ]
     assert sweep(*words[:3], "--wait", "0.2", "--store", str(path), "--workers", "2") == 0
     assert len(trials_of(path)) == 20
 
@@ -266,7 +309,7 @@ def test_a_full_disk_ends_in_one_line_and_keeps_what_was_committed(path: Path) -
     out, err = process.communicate()
     assert process.returncode == 1
     assert not out
-    assert len(err.splitlines()) == 1, err
+    assert len(err.splitlines()) == 2, err
     kept = len(trials_of(path))
     assert 0 < kept < 400
     for told in (str(path), "full", f"{kept} of 400 trials are stored", "to go on: mathnavi sweep"):

@@ -19,6 +19,7 @@ from renders.missile import figures
 from renders.missile.ground import PIXELS, ground_picture
 from renders.missile.report import report
 from renders.missile.run_data import MissileRun
+from renders.missile.storyboard import closing
 from renders.report import write_report
 from renders.run_log import described
 from renders.video import write_still, write_video
@@ -118,6 +119,41 @@ def test_a_flight_that_never_had_a_plan_is_reported_too(
     source = report(bare)
     check_stands_alone(source)
     assert "Nothing happened" in Page(source).text
+
+
+def test_the_figures_show_what_was_flown_however_small(missile_run: MissileRun) -> None:
+    off, end = missile_run.log.summary["tracking_error_max_m"], missile_run.approach
+    axes = figures.angles_figure(missile_run).axes[2]
+    (unit,) = [name for name in figures.LENGTHS if axes.get_ylabel() == f"off the plan [{name}]"]
+    (curve,) = axes.lines
+    assert axes.get_yscale() == "linear"
+    assert np.nanmax(curve.get_ydata()) == pytest.approx(figures.LENGTHS[unit] * off, rel=1e-6)
+    assert np.nanmax(curve.get_ydata()) >= 1.0
+    distance = figures.approach_figure(missile_run).axes[0]
+    curve, dot = distance.lines[:2]
+    assert distance.get_yscale() == "linear"
+    assert min(curve.get_ydata()) == pytest.approx(end.miss, abs=1e-12)
+    assert dot.get_ydata() == pytest.approx([end.miss], abs=1e-12)
+
+
+@pytest.mark.parametrize("run", ["missile_run", "spatial_run"])
+def test_the_last_shot_has_target_and_missile_in_the_picture(run: str, request: pytest.FixtureRequest) -> None:
+    from renders.missile.cameras import OPTICS, target_view  # imports mujoco
+
+    flown: MissileRun = request.getfixturevalue(run)
+    tangent = np.tan(np.radians(OPTICS["target"].field_of_view) / 2.0)
+    for t in np.linspace(closing(flown), flown.duration, 9):
+        view = target_view(flown, float(t))
+        forward = (view.lookat - view.eye) / view.distance
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        up = np.cross(right / np.linalg.norm(right), forward)
+        ahead = np.array([flown.target_at(float(t)), flown.place(float(t))]) - view.eye
+        depth = ahead @ forward
+        assert depth.min() > 5.0
+        assert np.abs(ahead @ up / depth / tangent).max() < 0.9
+        assert np.abs(ahead @ right / depth / tangent).max() < 1.3  # of 16:9
+        assert view.eye[2] > 0.5
+        assert np.ptp(ahead @ up / depth / tangent) > min(0.5, 0.01 * np.linalg.norm(ahead[0] - ahead[1]))
 
 
 def test_limits_are_drawn_where_they_are_near(missile_run: MissileRun) -> None:

@@ -8,7 +8,7 @@ import pytest
 from controllers.ocp.methods.direct import solve
 from controllers.ocp.problems.bryson_denham import bryson_denham
 from controllers.ocp.problems.missile import missile
-from sim.studies.monitors import BOOKS, MONITORS, NAMES, _claim, _measured
+from sim.studies.monitors import BOOKS, FAILED, MONITORS, NAMES, NO_MISS, _claim, _figure, _measured
 
 
 def test_every_problem_is_known() -> None:
@@ -31,6 +31,21 @@ def test_the_uniform_monitor_function_changes_nothing() -> None:
         assert rows["uniform", rounds]["control_error_ratio"] == pytest.approx(1.0, rel=1e-3)
         assert rows["local error", rounds]["control_error_ratio"] < 0.5
     assert rows["uniform grid", 0]["control_error_ratio"] == 1.0
+
+
+def test_a_figure_says_why_a_ratio_is_not_there() -> None:
+    nan = float("nan")
+    ratios = {"linear": (0.5, nan), "unsolved": (nan, nan), "known": (0.5, 0.25)}
+    rows = [
+        {"problem": name, "monitor": monitor.name, "redistributions": rounds,
+         "control_error_ratio": error, "replay_miss_ratio": miss}
+        for name, (error, miss) in ratios.items() for monitor in MONITORS for rounds in (1, 3)
+    ]  # fmt: skip
+    figure = _figure(rows, list(ratios), 20)
+    of_errors, of_misses = ({text.get_text() for text in figure.axes[k].texts} for k in (0, 2))
+    assert of_errors == {"0.5", FAILED}
+    assert of_misses == {NO_MISS, FAILED, "0.25"}
+    assert NO_MISS in figure.get_supxlabel()
 
 
 def test_a_miss_that_is_rounding_has_no_ratio() -> None:

@@ -31,6 +31,8 @@ SMALLEST: dict[str, dict[str, int]] = {
     "missile-nodes": {"repeats": 1, "cases": 1, "grids": 5, "reference_nodes": 61},
     "missile-closed-loop": {"cases": 1, "seeds": 1, "replans": 1},
     "monitors": {"problems": 1, "nodes": 8, "reference_nodes": 41},
+    "introduction-examples": {"grid": 2, "starts": 1, "pairs": 2},
+    "observability": {"starts": 1, "walls": 2, "states": 1, "places": 2, "headings": 1},
 }
 CLAIMS = {
     "horizon": {"A.path-falls", "A.effort-falls", "A.20-to-15"},
@@ -49,10 +51,19 @@ CLAIMS = {
     },
     "missile-closed-loop": {"missile.replan", "missile.open-loop", "missile.feedback", "missile.moving-target"},
     "monitors": {"B.arclength-best-problems"},
+    "introduction-examples": {
+        *("I.example-2-1-observable", "I.example-2-1-no-observer", "I.example-2-2-unobservable"),
+        *("I.example-2-2-observer", "I.linear-error-dynamics", "I.equation-2-4"),
+        *("introduction.example-2-1", "introduction.example-2-2", "introduction.equation-2-4"),
+    },
+    "observability": {
+        *("range.indistinguishable", "range.standing-still", "range.flags-ranks", "C.small-time", "C.proposition-1"),
+        *("C.singleton", "C.output-flow", "C.zero-input", "C.map"),
+    },
 }
 TIMED = {"cost-to-go", "missile-nodes", "missile-closed-loop"}  # which measure times
 UNMEASURED = {"noise", "ocp-problems"}  # over these hills no mission may arrive; not all problems are solved
-PRINTED = ("A.", "B.")  # the thesis' papers
+PRINTED = ("A.", "B.", "C.", "I.")  # the thesis' papers and its Introduction
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))
 
 

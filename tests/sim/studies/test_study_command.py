@@ -104,6 +104,21 @@ def test_its_sample_is_the_default_the_quick_one_or_what_is_asked_for(
     assert json.loads(document.read_text(encoding="utf-8"))["rows"] == [{"count": count}]
 
 
+@pytest.mark.parametrize(("words", "small"), [((), ""), (("--quick",), "count 1 instead of 3"), (("--count", "9"), "")])
+def test_a_study_smaller_than_in_full_says_that_it_is_a_first_look(
+    words: tuple[str, ...], small: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(tmp_path, "Printed", *words) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert ("is a first look, too little to judge by" in shown) is bool(small)
+    assert small in shown
+    (document,) = (tmp_path / "out").glob("*.json")
+    assert json.loads(document.read_text(encoding="utf-8"))["first_look"] == small
+    page = document.with_suffix(".html").read_text(encoding="utf-8")
+    assert ("too little to judge by" in page) is bool(small)
+    assert '<p class="good">' not in page  # for a claim that does not hold
+
+
 def test_all_of_them_write_the_ledger_over_every_terrain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     names = (f"{HERE}:Tiny", f"{HERE}:Printed")
     monkeypatch.setattr(study, "names", lambda kind: names)

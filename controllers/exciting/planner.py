@@ -1,0 +1,45 @@
+"""The planner: from what is believed of the pose to inputs that excite, a plan every period.
+
+A plan takes over one period after it is asked for, at the pose to which the plan being flown will have led from where
+the *estimate* says the robot is now. It holds its inputs for a horizon and then rests: a planner that falls silent
+leaves a robot that stands still within the wall.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+
+import numpy as np
+
+from controllers.exciting.belief import believed
+from controllers.exciting.excitation import Excitation
+from controllers.exciting.motion import planned, predicted
+from sim.signals import Plan, PlanRequest, Status
+
+
+class ExcitingPlanner:
+    """Asks an excitation for inputs every ``period`` [s].
+
+    An estimate without a covariance is taken to be off by ``deviation`` [m, rad] in every direction.
+    """
+
+    def __init__(self, excitation: Excitation, period: float, deviation: float) -> None:
+        self.period = period
+        self.deviation = deviation
+        self._excitation = excitation
+        self._noted = ""
+
+    def plan(self, request: PlanRequest) -> Plan:
+        began = time.thread_time()
+        belief = believed(request.estimate, self.deviation)
+        if not np.isfinite(belief.pose).all():
+            return Plan.failure(Status.NOT_FINITE, f"the estimate is {belief.pose.tolist()}")
+        if request.current is not None:
+            belief = predicted(belief, request.current, request.t, request.t_start)
+        drive = self._excitation.drive(request.t_start, belief)
+        plan = planned(drive, request.t_start, belief.pose, 1e3 * (time.thread_time() - began))
+        if drive.note and drive.note != self._noted:
+            plan = dataclasses.replace(plan, notes=(drive.note,), message=drive.message)
+        self._noted = drive.note
+        return plan

@@ -1,0 +1,102 @@
+"""The plug-in ``input_signal``: u(t) = constant + amplitude sin(frequency t), whatever the estimate says.
+
+A plan holds the signal's values, each over one period of the mission, and where they lead from the estimate.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.textbook.mission import TextbookMission
+from sim.number_lists import NumberList
+from sim.protocols import Planner, Tracker
+from sim.signals import Array, Estimate, Phase, Plan, PlanRequest
+
+_PERIODS = 100  # of the mission, from one plan to the next
+_SIMULTANEOUS = 1e-9  # [s]
+
+
+@dataclass(frozen=True)
+class InputSignalConfig:
+    """Fields of ``--planner``."""
+
+    constant: NumberList = ()
+    """of each input; the system's own if not given"""
+    amplitude: NumberList = ()
+    """of the sine on each input; the system's own if not given"""
+    frequency: float = 1.0
+    """of the sine [rad/s]"""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.frequency) and self.frequency > 0.0):
+            raise ValueError(f"frequency = {self.frequency!r}; allowed: a finite value > 0")
+
+
+class InputSignal:
+    """A constant and a sine on every input, whatever the estimate says."""
+
+    Config = InputSignalConfig
+
+    @staticmethod
+    def build(config: InputSignalConfig, mission: TextbookMission) -> tuple[Planner, Tracker]:
+        """ValueError for a signal with another number of inputs than the system has."""
+        signal = Signal(
+            _of_each_input(config.constant, mission.system.constant, mission, "constant"),
+            _of_each_input(config.amplitude, mission.system.amplitude, mission, "amplitude"),
+            config.frequency,
+        )
+        return SignalPlanner(signal, mission), PlanHolder(mission.period)
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """u(t) (nu,)."""
+
+    constant: Array  # (nu,)
+    amplitude: Array  # (nu,)
+    frequency: float  # [rad/s]
+
+    def __call__(self, t: float) -> Array:
+        return self.constant + self.amplitude * math.sin(self.frequency * t)
+
+
+class SignalPlanner:
+    """Estimate to the signal's next values."""
+
+    def __init__(self, signal: Signal, mission: TextbookMission) -> None:
+        self.period = _PERIODS * mission.period
+        self._signal, self._mission = signal, mission
+
+    def plan(self, request: PlanRequest) -> Plan:
+        h, flow = self._mission.period, self._mission.system.flow
+        lead = round((request.t_start - request.t) / h)  # periods until it takes over
+        t: Array = request.t + h * np.arange(lead + 2 * _PERIODS + 1, dtype=np.float64)
+        # The signal is held at its value in the middle of a period, which is the nearest to it.
+        u = np.array([self._signal(at + 0.5 * h) for at in t[:-1]])
+        x = [np.array(request.estimate.x)]
+        for held in u:
+            x.append(flow(x[-1], held, h))
+        phase = np.full(len(u), int(Phase.OPTIMISED), dtype=np.int64)
+        return Plan(t[lead:], np.array(x[lead:]), u[lead:], phase[lead:])
+
+
+class PlanHolder:
+    """Plan to the input that it holds now."""
+
+    def __init__(self, period: float) -> None:
+        self.period = period
+
+    def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        arc = int(np.searchsorted(plan.t, t + _SIMULTANEOUS, side="right")) - 1
+        held: Array = plan.u[min(max(arc, 0), len(plan.u) - 1)]
+        return held
+
+
+def _of_each_input(given: tuple[float, ...], own: tuple[float, ...], mission: TextbookMission, name: str) -> Array:
+    inputs = mission.system.inputs
+    if given and len(given) != len(inputs):
+        raise ValueError(f"{name} = {given!r}; allowed: one number for each of {', '.join(inputs) or 'no inputs'}")
+    return np.array(given or own, dtype=np.float64)

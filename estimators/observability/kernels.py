@@ -1,0 +1,82 @@
+"""What range sensors read along a motion, compiled, and the pose that fits what they read.
+
+A motion is what a given input makes of the unicycle in the frame that it starts in: d_k = (forward, left) [m] and the
+turn c_k [rad] at the instants k = 0, ..., K - 1. From the pose x = (p, phi) the robot is then at (p + R_phi d_k,
+phi + c_k), as if sensors were mounted along a rigid body, and reads
+
+    y_{k i}(x) = rho(p + R_phi d_k, phi + c_k + alpha_i).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from models.field.kernels import cast_ray, is_inside, range_gradient
+from sim.signals import Array
+
+_HALVINGS = 30  # of a step that leaves the field or does not fit better
+_LEAST_DAMPING = 1e-14  # relative; keeps the normal equations of a deficient fit solvable
+
+
+@njit(cache=True, nogil=True)
+def outputs_along(
+    coefficients: Array, polyline: Array, pose: Array, motion: Array, angles: Array
+) -> tuple[Array, Array]:
+    """y (K l,) [m] and its Jacobian (K l, 3) from a ``pose`` (3,) along a ``motion`` (K, 3); NaN outside the wall."""
+    n, sensors = len(motion), len(angles)
+    y, J = np.empty(n * sensors), np.empty((n * sensors, 3))
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for k in range(n):
+        dx, dy = c * motion[k, 0] - s * motion[k, 1], s * motion[k, 0] + c * motion[k, 1]
+        px, py = pose[0] + dx, pose[1] + dy
+        inside = is_inside(coefficients, polyline, px, py)
+        for i in range(sensors):
+            row = k * sensors + i
+            y[row], J[row] = math.nan, math.nan
+            if not inside:
+                continue
+            beta = pose[2] + motion[k, 2] + angles[i]
+            rho, at = cast_ray(coefficients, polyline, px, py, beta)
+            gx, gy, turn = range_gradient(coefficients, at, rho, beta)
+            y[row] = rho
+            J[row, 0], J[row, 1], J[row, 2] = gx, gy, turn + gy * dx - gx * dy
+    return y, J
+
+
+@njit(cache=True, nogil=True)
+def fit_pose(
+    coefficients: Array, polyline: Array, motion: Array, angles: Array, y: Array, start: Array, steps: int
+) -> tuple[Array, float]:
+    """The pose (3,) near ``start`` that fits the outputs ``y`` (K l,), by Levenberg and Marquardt's method, and its
+    largest residual [m].
+
+    Where fewer outputs than unknowns are given, it is nearly the nearest one that fits. Steps that leave the field are
+    shortened; NaN for a start from where the motion leaves it.
+    """
+    pose, damping = start.copy(), 1e-6
+    found, J = outputs_along(coefficients, polyline, pose, motion, angles)
+    r = found - y
+    cost = float(r @ r)
+    if not math.isfinite(cost):
+        return pose, math.nan
+    for _ in range(steps):
+        H, g = J.T @ J, J.T @ r
+        scale = H[0, 0] + H[1, 1] + H[2, 2]
+        improved = False
+        for _ in range(_HALVINGS):
+            A = H + (damping + _LEAST_DAMPING) * scale * np.eye(3)
+            trial = pose - np.linalg.solve(A, g)
+            found_, J_ = outputs_along(coefficients, polyline, trial, motion, angles)
+            r_ = found_ - y
+            cost_ = float(r_ @ r_)
+            if cost_ < cost:  # False for NaN
+                pose, r, J, cost, improved = trial, r_, J_, cost_, True
+                damping *= 0.03
+                break
+            damping = max(10.0 * damping, 1e-9)
+        if not improved or cost < 1e-28:
+            break
+    return pose, float(np.max(np.abs(r)))

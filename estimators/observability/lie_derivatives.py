@@ -1,0 +1,110 @@
+"""Observability ranks: the span of the differentials of outputs and of their Lie derivatives, differentiated by CasADi.
+
+For a control-affine system
+
+    x' = f(x) + sum_j g_j(x) u_j,   y = h(x, w),   0 = G(x, w),
+
+whose outputs may hang on x through variables w that G defines (where on the wall a ray ends), the derivative of a
+function F(x, w) along solutions of G = 0 is D F = F_x - F_w G_w^{-1} G_x, and L_X F = (D F) X is its Lie derivative.
+The codistribution of order k is spanned by D L_{X_1} ... L_{X_j} h, j = 0, ..., k, the X_i taken from given fields:
+
+- from f + g u with u held, for one input: d(h, y', ..., y^(k)), what an observer sees that drives with it;
+- from f and every g_j: what some input or other shows. If the rank is n the system is locally weakly observable there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import casadi
+import numpy as np
+
+from sim.signals import Array
+
+_RANK_TOLERANCE = 1e-9  # of the largest singular value
+
+
+Map = Callable[[casadi.SX, casadi.SX], casadi.SX]
+"""(x (n,), u (p,)) to an expression"""
+
+
+def _none() -> casadi.SX:
+    return casadi.SX(0, 1)
+
+
+@dataclass(frozen=True)
+class ControlAffineSystem:
+    """f, g, h as CasADi expressions in the symbols x and w."""
+
+    x: casadi.SX  # (n,) symbols
+    drift: casadi.SX  # (n,) f
+    input_fields: casadi.SX  # (n, p) g
+    output: casadi.SX  # (m,) h
+    w: casadi.SX = field(default_factory=_none)  # (q,) symbols
+    constraint: casadi.SX = field(default_factory=_none)  # (q,) G
+
+    @staticmethod
+    def of(f: Map, h: Map, states: int, inputs: int) -> ControlAffineSystem:
+        """x' = f(x, u), y = h(x, u), where f is affine in u and h does not hang on it; ValueError otherwise."""
+        x, u = casadi.SX.sym("x", states), casadi.SX.sym("u", inputs)
+        rate, output = f(x, u), h(x, u)
+        g = casadi.jacobian(rate, u)
+        if casadi.depends_on(g, u) or casadi.depends_on(output, u):
+            raise ValueError("f is not affine in u, or h hangs on it; allowed: f(x) + g(x) u and h(x)")
+        return ControlAffineSystem(x, casadi.substitute(rate, u, 0.0), g, output)
+
+    def held(self, u: Sequence[float]) -> casadi.SX:
+        """(n,) the vector field f + g u of an input u (p,) that is held."""
+        return self.drift + self.input_fields @ casadi.DM(list(u))
+
+    @property
+    def fields(self) -> tuple[casadi.SX, ...]:
+        """f, g_1, ..., g_p, each (n,)."""
+        return (self.drift, *casadi.horzsplit(self.input_fields))
+
+    def derivative(self, F: casadi.SX) -> casadi.SX:
+        """D F (k, n) of F (k,), through w."""
+        by_x = casadi.jacobian(F, self.x)
+        if not self.w.numel():
+            return by_x
+        w_by_x = casadi.solve(casadi.jacobian(self.constraint, self.w), casadi.jacobian(self.constraint, self.x))
+        return by_x - casadi.jacobian(F, self.w) @ w_by_x
+
+
+def codistribution(system: ControlAffineSystem, fields: Sequence[casadi.SX], order: int) -> casadi.Function:
+    """(x (n,), w (q,)) to the differentials (m (1 + r + ... + r^order), n) of h and its Lie derivatives along r fields.
+
+    ValueError for an order that is negative, and for no fields.
+    """
+    if order < 0 or not fields:
+        raise ValueError(f"order = {order}, {len(fields)} fields; allowed: an order >= 0 and a field or more")
+    functions, rows = [system.output], [system.derivative(system.output)]
+    for _ in range(order):
+        functions = [system.derivative(F) @ X for F in functions for X in fields]
+        rows += [system.derivative(F) for F in functions]
+    return casadi.Function("codistribution", [system.x, system.w], [casadi.vertcat(*rows)])
+
+
+def singular_values(differentials: casadi.Function, x: Array, w: Array | None = None) -> Array:
+    """(n,) singular values of a codistribution at x (n,), falling; not finite where it is not defined."""
+    matrix = np.array(differentials(x, [] if w is None else w))
+    if not np.isfinite(matrix).all():
+        return np.full(matrix.shape[1], np.nan)
+    values = np.zeros(matrix.shape[1])
+    found = np.linalg.svd(matrix, compute_uv=False)
+    values[: len(found)] = found
+    return values
+
+
+def rank(differentials: casadi.Function, x: Array, w: Array | None = None) -> int:
+    """The rank of a codistribution at x (n,): how many directions its functions tell apart there.
+
+    ValueError where it is not defined.
+    """
+    values = singular_values(differentials, x, w)
+    if not np.isfinite(values).all():
+        raise ValueError(
+            f"x = {np.asarray(x).tolist()}: the outputs have no derivative there; allowed: where they have"
+        )
+    return int((values > _RANK_TOLERANCE * values[0]).sum())

@@ -1,0 +1,101 @@
+"""States of one output flow, and whether they and the feasible ones leave one state only (Definition C.11, Prop. C.1).
+
+Under an input u(.) a state x_1 is output flow equivalent to x_0 if, for all t in some [0, T],
+
+    h(x(t, x_1, u)) - h(x_1) = h(x(t, x_0, u)) - h(x_0).
+
+``mismatch`` is the largest difference of the two sides over a given T; where the wall is analytic it vanishes for one T
+only if it does for all. Its derivative at t = 0 is y'(x_1) = y'(x_0), which the print's Q = 0 says:
+
+    Q_i = theta'(s_i)^T R_{phi + alpha_i} e_2 (y_i'(x_0) - y_i'(x_1)),
+
+so {Q = 0} contains the set and is larger: what follows of an output flow is more than its first derivative.
+
+States that are feasible and of the same output flow are those that read the same all along the motion.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.observability.continuation import Equations
+from estimators.observability.feasible_set import FeasibleSet
+from estimators.observability.range_outputs import DEFICIENT, RangeOutputs, different_poses, pose_difference
+from sim.signals import Array
+
+_SAME = 1e-5  # two states of the intersection are the same
+_DIFFERENCE = 1e-6  # step of central differences
+
+
+def mismatch(outputs: RangeOutputs, x_1: Array, x_0: Array, motion: Array) -> float:
+    """[m] the largest difference of the output flows of two states along a motion; infinite across the wall."""
+    largest = float(np.abs(_flow(outputs, x_1, motion) - _flow(outputs, x_0, motion)).max())
+    return largest if math.isfinite(largest) else math.inf
+
+
+def rate_mismatch(outputs: RangeOutputs, x_1: Array, x_0: Array, u: tuple[float, float]) -> float:
+    """[m/s] the largest difference of the output rates of two states: nought where Q is."""
+    largest = float(np.abs(outputs.rate(x_1, u) - outputs.rate(x_0, u)).max())
+    return largest if math.isfinite(largest) else math.inf
+
+
+def equal_rates(outputs: RangeOutputs, x_0: Array, u: tuple[float, float]) -> Equations:
+    """The equations y'(x) = y'(x_0) of {Q = 0} under the input u, with their derivative, to be followed from x_0."""
+    wanted = outputs.rate(x_0, u)
+
+    def equations(x: Array) -> tuple[Array, Array]:
+        columns = [
+            (outputs.rate(x + e, u) - outputs.rate(x - e, u)) / (2.0 * _DIFFERENCE) for e in _DIFFERENCE * np.eye(3)
+        ]
+        return outputs.rate(x, u) - wanted, np.column_stack(columns)
+
+    return equations
+
+
+@dataclass(frozen=True)
+class Intersection:
+    """FS_y and OF together, seen from x_0."""
+
+    others: Array  # (k, 3) its states but x_0, where they are isolated
+    nearest: float  # from x_0 to another of its states; infinite without one, nought where x_0 is not isolated
+    isolation: float  # least singular value of d(outputs along the motion) / dx at x_0 [m per metre or radian]
+
+    def is_singleton(self, radius: float = math.inf) -> bool:
+        """Whether x_0 is all of it within ``radius``: (C.1) with N(x_0) that ball."""
+        return self.nearest > 0.0 and self.nearest >= radius
+
+
+def intersection(outputs: RangeOutputs, x_0: Array, motion: Array, feasible: FeasibleSet) -> Intersection:
+    """FS_y and OF^u of a state, under the input that makes ``motion`` (K, 3), looked for all along FS_y.
+
+    ``feasible`` is the feasible set of h(x_0). States of it whose outputs follow nearly those of x_0 are moved to where
+    they do exactly; those that cannot be are none. ValueError where the motion from x_0 leaves the field.
+    """
+    y, J = outputs.along(x_0, motion)
+    if not np.isfinite(y).all():
+        raise ValueError(f"x_0 = {np.asarray(x_0).tolist()}: the motion leaves the field; allowed: one within it")
+    isolation = float(np.linalg.svd(J, compute_uv=False)[-1])
+    if isolation < DEFICIENT:
+        return Intersection(np.empty((0, 3)), 0.0, isolation)
+    starts = [feasible.points]
+    for curve in feasible.curves:
+        off = np.array([mismatch(outputs, x, x_0, motion) for x in curve.points])
+        before, after = np.roll(off, 1), np.roll(off, -1)
+        if not curve.closed:
+            before[0], after[-1] = math.inf, math.inf
+        starts.append(curve.points[(off <= before) & (off <= after) & np.isfinite(off)])
+    found = [x for start in np.vstack(starts) if (x := outputs.fit(y, start, motion)) is not None]
+    states = different_poses(np.array([np.asarray(x_0, np.float64), *found]), _SAME)
+    others = states[1:]
+    nearest = min((float(np.linalg.norm(pose_difference(x, x_0))) for x in others), default=math.inf)
+    return Intersection(others, nearest, isolation)
+
+
+def _flow(outputs: RangeOutputs, x: Array, motion: Array) -> Array:
+    """h(x(t)) - h(x) at the instants of a motion, (K, l) [m]."""
+    y = outputs.along(x, motion)[0].reshape(len(motion), outputs.sensors)
+    flow: Array = y - outputs.at(x)[0]
+    return flow

@@ -1,0 +1,111 @@
+"""The output map h of a unicycle with range sensors, y = h(x), with its derivative and along motions.
+
+    y_i = rho(p, phi + alpha_i),   i = 1, ..., l                                                   (thesis C.4)
+
+A pose is x = (p, phi) [m, m, rad]. Poses are compared with a radian counted as a metre, angles the short way round.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.observability.kernels import fit_pose, outputs_along
+from models.field.curve import Curve
+from models.unicycle.kernels import moved, wrapped
+from sim.signals import Array
+
+Input = Callable[[float], tuple[float, float]]
+"""t [s] to u = (u_1, u_2) [m/s, rad/s]"""
+
+STILL = np.zeros((1, 3))
+"""the motion that is none: one reading on the spot"""
+
+DEFICIENT = 1e-6
+"""a singular value of a derivative of outputs [m] by the pose, below which it is nought"""
+
+_FIT_STEPS = 60
+_FITTED = 1e-9  # [m] of the largest residual
+
+
+@dataclass(frozen=True)
+class RangeOutputs:
+    """h for sensors at ``angles`` (l,) [rad] off the heading within a wall."""
+
+    curve: Curve
+    angles: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not self.angles:
+            raise ValueError("angles = (); allowed: one sensor or more")
+
+    @property
+    def sensors(self) -> int:
+        """l."""
+        return len(self.angles)
+
+    @property
+    def alpha(self) -> Array:
+        """(l,) [rad]."""
+        return np.array(self.angles)
+
+    def at(self, x: Array) -> tuple[Array, Array]:
+        """h(x) (l,) [m] and h'(x) (l, 3); NaN outside the wall."""
+        return self.along(x, STILL)
+
+    def along(self, x: Array, motion: Array) -> tuple[Array, Array]:
+        """y (K l,) [m], instant after instant, and its derivative by x (K l, 3) along a motion (K, 3) from x (3,).
+
+        NaN where the robot is outside the wall.
+        """
+        y, J = outputs_along(self.curve.table, self.curve.polyline, np.asarray(x, np.float64), motion, self.alpha)
+        return y, J
+
+    def fit(self, y: Array, start: Array, motion: Array = STILL) -> Array | None:
+        """A pose (3,) that reads y (K l,) along a motion, found from ``start`` (3,); None where none is found."""
+        start = np.asarray(start, np.float64)
+        x, residual = fit_pose(self.curve.table, self.curve.polyline, motion, self.alpha, y, start, _FIT_STEPS)
+        x[2] = wrapped(x[2])
+        return x if residual <= _FITTED else None
+
+    def rate(self, x: Array, u: tuple[float, float]) -> Array:
+        """y' (l,) [m/s] under the input u: L_f h."""
+        _, J = self.at(x)
+        rate: Array = J @ np.array([u[0] * math.cos(x[2]), u[0] * math.sin(x[2]), u[1]])
+        return rate
+
+
+def motion_under(input_at: Input, duration: float, instants: int = 20) -> Array:
+    """The motion (instants, 3) under an input: forward, left [m], turned [rad] at equal times up to ``duration`` [s].
+
+    The first instant is 0; inputs are held in between, at their value in the middle. ValueError for a duration or a
+    number of instants that leaves nothing to read.
+    """
+    if not (math.isfinite(duration) and duration > 0.0 and instants >= 2):
+        raise ValueError(f"duration = {duration!r} s, instants = {instants!r}; allowed: > 0, and 2 or more")
+    dt = duration / (instants - 1)
+    x, motion = np.zeros(3), np.zeros((instants, 3))
+    for k in range(1, instants):
+        u_1, u_2 = input_at((k - 0.5) * dt)
+        x = moved(x, u_1, u_2, dt)
+        motion[k] = x
+    return motion
+
+
+def pose_difference(a: Array, b: Array) -> Array:
+    """a - b (..., 3), the headings the short way round."""
+    difference: Array = np.asarray(a, np.float64) - b
+    difference[..., 2] = (difference[..., 2] + math.pi) % (2.0 * math.pi) - math.pi
+    return difference
+
+
+def different_poses(poses: Array, tolerance: float) -> Array:
+    """(k, 3): the poses (n, 3) without those within ``tolerance`` of one before."""
+    kept: list[Array] = []
+    for x in poses:
+        if all(np.linalg.norm(pose_difference(x, other)) > tolerance for other in kept):
+            kept.append(x)
+    return np.array(kept).reshape(-1, 3)

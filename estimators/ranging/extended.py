@@ -1,0 +1,113 @@
+"""filterpy's extended Kalman filter for a robot that reads ranges: the yardstick of the other filters.
+
+State, motion and errors are those of ``kalman_kernels``, but for what the linearisation leaves out, which it knows
+nothing of. Where the start is unknown it begins at the centre with the covariance of a pose that may be anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.carried_filter import carried_filter
+from estimators.ranging.kalman_kernels import expected_ranges, move, step_within
+from estimators.ranging.model import STATES, Gate, RangeModel, Watch, check_positive, check_probability
+from models.unicycle.kernels import moved_slopes, wrapped
+from models.unicycle.mission import RangeQuality, RangingMission
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+from sim.signals import Array, Estimate, Measurement
+
+
+@dataclass(frozen=True)
+class RangeEkfConfig:
+    """Fields of the command line."""
+
+    gate: float = 1e-4
+    """probability with which a good range is refused"""
+    timeout: float = 0.5
+    """without a range after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        check_probability(self, "gate")
+        check_positive(self, "timeout")
+
+
+class RangeEkf:
+    """Ranges and odometry to the pose, by one extended Kalman filter."""
+
+    Config = RangeEkfConfig
+
+    def __init__(self, config: RangeEkfConfig, mission: RangingMission) -> None:
+        self.period = mission.period
+        self._model, self._watch = RangeModel(mission), Watch(config.timeout)
+        self._gate = Gate(config.gate, mission.sensors)
+        self._filter = carried_filter(STATES, mission.sensors)
+        self._filter.x, self._filter.P = self._model.start()
+        self._t: float | None = None  # [s] of the filter's state; None before the first call
+
+    @staticmethod
+    def build(config: RangeEkfConfig, mission: RangingMission) -> RangeEkf:
+        return RangeEkf(config, mission)
+
+    @staticmethod
+    def sensors(config: RangeEkfConfig, mission: RangingMission) -> tuple[Sensor, ...]:
+        """What the robot has to carry for this estimator."""
+        return mission.sensors_carried()
+
+    @staticmethod
+    def quality(config: RangeEkfConfig, mission: RangingMission) -> RangeQuality:
+        """How good the ranges are that it lives on."""
+        return mission.ranging
+
+    @staticmethod
+    def properties(config: RangeEkfConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            domain_of_attraction=Domain.LOCAL,
+            rate=Rate.ASYMPTOTIC,
+            input_dependence=InputDependence.NON_UNIFORM,
+            observer_domain=Domain.LOCAL,
+            system_domain=Domain.GLOBAL,
+        )
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """The estimate; ``extra["nis"]`` (2,) is NIS and how many rays it is of, NaN where there was no update."""
+        rho = self._model.ranges(measurements)
+        self._watch.look(t, rho)
+        if self._t is not None and t > self._t:
+            self._predict(self._model.input(measurements, command), t - self._t)
+        self._t = t
+        nis = self._condition(rho)
+        P = self._filter.P[:3, :3]
+        return Estimate(t, self._filter.x[:3].copy(), 0.5 * (P + P.T), self._watch.status(t), {"nis": nis})
+
+    def _predict(self, u: Array, dt: float) -> None:
+        x = self._filter.x.copy()
+        v = (1.0 - x[3]) * u
+        F, G = moved_slopes(x[:3], v[0], v[1], dt)
+        A, Q = np.eye(STATES), np.zeros((STATES, STATES))
+        A[:3, :3], A[:3, 3] = F, -G @ u
+        Q[:3, :3] = G * self._model.W @ G.T
+        move(x, u, *self._model.wall, dt)
+        self._filter.F, self._filter.Q = A, Q
+        self._filter.predict(x)
+
+    def _condition(self, rho: Array) -> Array:
+        """On the rays that are there and within the gate; NIS and their number."""
+        x, model = self._filter.x.copy(), self._model
+        h, H = expected_ranges(*model.wall, x[:3], model.angles)
+        H = np.column_stack((H, np.zeros(len(h))))
+        variance = model.range_variance(h)
+        good = self._gate.passes(np.square(rho - h) / (np.einsum("ij,jk,ik->i", H, self._filter.P, H) + variance))
+        if not good.any():
+            return np.full(2, np.nan)
+        R = np.diag(variance[good])
+        self._filter.update(rho[good], lambda _: H[good], lambda _: h[good], R=R)
+        step = step_within(*model.wall, x[0], x[1], *(self._filter.x - x)[:2])
+        self._filter.x = x + step * (self._filter.x - x)
+        self._filter.x[2] = wrapped(self._filter.x[2])
+        y = self._filter.y
+        return np.array([y @ self._filter.SI @ y, len(y)])

@@ -1,0 +1,222 @@
+"""The feasible-set bank: the set of feasible states (Definition C.9) as the start of a bank of Kalman filters.
+
+What a robot reads at first does not tell where it is, but on which set it is: FS_y, of dimension 3 - l for l sensors.
+So its first readings are averaged, random poses are projected onto FS_y, and those that are farthest from each other
+become the hypotheses, an extended Kalman filter each (``kalman_kernels``). What the rays tell while the robot moves
+decides between them (``bank_kernels``), and the best one's estimate is the estimate. Where the start is known there is
+but one.
+
+A hypothesis that is the best of all and still at odds with the rays, by the mean of NIS per ray over the last half
+second, is not believed: the robot was carried away, or no hypothesis was near the truth. Then the last readings make
+new ones, which the old one has to beat. The status of that estimate is ``INITIALISING``, so the log has an event.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from estimators.ranging.bank_kernels import condition_each, drop, predict_each
+from estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
+from estimators.ranging.model import (
+    STATES,
+    RangeModel,
+    Watch,
+    check_counts,
+    check_positive,
+    check_probability,
+    chi_square_gate,
+)
+from models.unicycle.mission import RangeQuality, RangingMission
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+from sim.signals import Array, Estimate, Measurement, Status
+
+_OF_MEDIAN = 0.5 * np.pi  # variance of the median of many Gaussian numbers over that of their mean
+_MOVED = 0.005  # of a range: between what is read on the way and what is read in the middle of it
+_FEASIBLE = 1e-4  # probability that a pose which is feasible is refused
+_NEAREST = 0.1  # [m, rad] between hypotheses at the start
+_REMEMBERED = 0.5  # [s] over which the misfit is averaged
+_TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
+
+
+@dataclass(frozen=True)
+class FeasibleSetBankConfig:
+    """Fields of the command line."""
+
+    hypotheses: int = 16
+    """at most so many"""
+    candidates: int = 300
+    """random poses that are projected onto the feasible set"""
+    readings: int = 10
+    """that are averaged for it"""
+    projections: int = 3
+    """steps of the projection"""
+    deviation: tuple[float, float, float] = (0.6, 0.4, 0.5)
+    """standard deviations of a hypothesis at the start, X Y HEADING [m, m, rad]"""
+    forgetting: float = 0.995
+    """what is left of a score after an update"""
+    lowest: float = -20.0
+    """score beside the best one's at which a hypothesis is dropped"""
+    misfit: float = 4.0
+    """mean of NIS per ray, beside what outliers are declared, from which the best hypothesis is not believed"""
+    gate: float = 1e-4
+    """probability with which a good range is refused"""
+    timeout: float = 0.5
+    """without a range after which the estimate is lost [s]"""
+    seed: int = 0
+    """of the random poses"""
+
+    def __post_init__(self) -> None:
+        check_counts(self, "hypotheses", "candidates", "readings", "projections")
+        check_positive(self, "timeout")
+        check_probability(self, "forgetting", "gate")
+        for value in self.deviation:
+            if not 0.0 < value <= 100.0:
+                raise ValueError(f"deviation = {self.deviation!r}; allowed: three values > 0 and <= 100")
+        if not self.lowest < 0.0:
+            raise ValueError(f"lowest = {self.lowest!r}; allowed: a value < 0")
+        if not self.misfit > 1.0:
+            raise ValueError(f"misfit = {self.misfit!r}; allowed: a value > 1, the mean of one that fits")
+        if self.seed < 0:
+            raise ValueError(f"seed = {self.seed!r}; allowed: a whole number >= 0")
+
+
+class FeasibleSetBank:
+    """Ranges and odometry to the pose, by Kalman filters that start on the set of feasible states."""
+
+    Config = FeasibleSetBankConfig
+
+    def __init__(self, config: FeasibleSetBankConfig, mission: RangingMission) -> None:
+        self.period = mission.period
+        self._config, self._model, self._watch = config, RangeModel(mission), Watch(config.timeout)
+        self._limit = chi_square_gate(config.gate)
+        self._misfit_limit = config.misfit + mission.ranging.outliers * self._limit  # an outlier counts as the gate
+        self._memory = max(0.0, 1.0 - mission.period / _REMEMBERED)
+        self._rotations = (max(mission.curve.symmetry, 1), *mission.curve.centre)
+        self._candidates = self._model.anywhere(np.random.default_rng(config.seed), config.candidates)
+        self._candidates[:, 3] = 0.0
+        self._nothing = mission.start_pose
+        count = config.hypotheses
+        self._x, self._P = np.zeros((count, STATES)), np.zeros((count, STATES, STATES))
+        self._score, self._misfit = np.full(count, np.nan), np.ones(count)  # NaN of a hypothesis that is none
+        self._best = 0
+        self._ranges = np.full((config.readings, mission.sensors), np.nan)  # the last ones
+        self._inputs = np.zeros((config.readings, 2))  # over the periods that ended with them
+        self._calls = 0
+        self._t = 0.0  # [s] of the hypotheses
+        if mission.start is not None:
+            self._x[0], self._P[0] = self._model.start()
+            self._score[0] = 0.0
+
+    @staticmethod
+    def build(config: FeasibleSetBankConfig, mission: RangingMission) -> FeasibleSetBank:
+        return FeasibleSetBank(config, mission)
+
+    @staticmethod
+    def sensors(config: FeasibleSetBankConfig, mission: RangingMission) -> tuple[Sensor, ...]:
+        """What the robot has to carry for this estimator."""
+        return mission.sensors_carried()
+
+    @staticmethod
+    def quality(config: FeasibleSetBankConfig, mission: RangingMission) -> RangeQuality:
+        """How good the ranges are that it lives on."""
+        return mission.ranging
+
+    @staticmethod
+    def properties(config: FeasibleSetBankConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            domain_of_attraction=Domain.GLOBAL,
+            rate=Rate.ASYMPTOTIC,
+            input_dependence=InputDependence.NON_UNIFORM,
+            observer_domain=Domain.GLOBAL,
+            system_domain=Domain.GLOBAL,
+            note="modulo the wall's symmetry",
+        )
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """The estimate: the best hypothesis' pose and covariance.
+
+        ``extra`` has the ``hypotheses`` (K, 3) and their ``scores`` (K,), NaN where there is none, and ``nis`` (2,),
+        that of the best and how many rays it is of, NaN where there was no update.
+        """
+        rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
+        self._watch.look(t, rho)
+        self._remember(rho, u)
+        nis, started = np.full(2, np.nan), False
+        if self._is_alive:
+            if t > self._t:
+                predict_each(self._x, self._P, self._score, u, self._model.W, *self._model.wall, t - self._t)
+            if not np.isnan(rho).all():
+                nis = self._condition(rho)
+        if not (self._is_alive and self._misfit[self._best] <= self._misfit_limit):
+            started = self._start()
+        self._t = t
+        return self._estimate(t, nis, started)
+
+    @property
+    def _is_alive(self) -> bool:
+        return not np.isnan(self._score[self._best])
+
+    def _remember(self, rho: Array, u: Array) -> None:
+        self._ranges[:-1], self._inputs[:-1] = self._ranges[1:], self._inputs[1:]
+        self._ranges[-1], self._inputs[-1] = rho, u
+        self._calls += 1
+
+    def _condition(self, rho: Array) -> Array:
+        model, config = self._model, self._config
+        self._best, nis, rays = condition_each(
+            self._x, self._P, self._score, self._misfit, self._best, rho, *model.wall, model.angles, model.relative,
+            model.absolute, self._limit, config.forgetting, self._memory,
+        )  # fmt: skip
+        drop(self._x, self._P, self._score, self._best, config.lowest, _TWIN, *self._rotations)
+        return np.array([nis, rays]) if rays else np.full(2, np.nan)
+
+    def _start(self) -> bool:
+        """New hypotheses from the last readings, beside the best one so far; whether the readings do for that."""
+        enough = 2 * np.isfinite(self._ranges).sum(axis=0) >= len(self._ranges)  # (l,) of each ray
+        if self._calls < len(self._ranges) or enough.sum() < min(2, len(enough)):
+            return False
+        states = self._feasible(enough)
+        x, P, alive = self._x[self._best].copy(), self._P[self._best].copy(), self._is_alive
+        count, self._best = len(states), 0
+        self._x[:count] = states
+        self._P[:count] = self._model.covariance(self._config.deviation)
+        self._score[:], self._misfit[:] = np.nan, 1.0
+        self._score[:count] = 0.0
+        if alive and len(self._x) > 1:
+            self._x[-1], self._P[-1], self._score[-1] = x, P, 0.0
+        return True
+
+    def _feasible(self, rays: Array) -> Array:
+        """States (k, 4) whose poses are feasible by the ``rays`` (l,) that there are enough of, far from each other.
+
+        The average is the median, so that it may hold outliers. The robot moved meanwhile: it is what the pose in the
+        middle of the readings would read, from where odometry leads to now.
+        """
+        config, model, wall = self._config, self._model, self._model.wall
+        y = np.full(len(rays), np.nan)
+        y[rays] = np.nanmedian(self._ranges[:, rays], axis=0)
+        v = _OF_MEDIAN * model.range_variance(y) / np.maximum(np.isfinite(self._ranges).sum(axis=0), 1)
+        v += np.square(_MOVED * y)
+        states, far = project(self._candidates, y, v, *wall, model.angles, config.projections)
+        near_enough = max(chdtri(rays.sum(), _FEASIBLE), np.sort(far)[: config.hypotheses][-1])
+        states, far = states[far <= near_enough], far[far <= near_enough]
+        chosen = farthest_points(states, int(np.argmin(far)), config.hypotheses, _NEAREST)
+        after = len(self._inputs) // 2  # inputs from the middle on; half of the first, if it lies between two readings
+        return pushed(
+            states[chosen], self._inputs[after:], *wall, self.period, 0.5 if len(self._inputs) % 2 == 0 else 0.0
+        )
+
+    def _estimate(self, t: float, nis: Array, started: bool) -> Estimate:
+        hypotheses = np.where(np.isnan(self._score)[:, None], np.nan, self._x[:, :3])
+        extra = {"hypotheses": hypotheses, "scores": self._score.copy(), "nis": nis}
+        if not self._is_alive:
+            return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra)
+        status = Status.INITIALISING if started else self._watch.status(t)
+        P = self._P[self._best, :3, :3]
+        return Estimate(t, self._x[self._best, :3].copy(), 0.5 * (P + P.T), status, extra)

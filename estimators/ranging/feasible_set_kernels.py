@@ -1,0 +1,111 @@
+"""Poses of the set of feasible states (Definition C.9), compiled.
+
+    FS_y = {x : h(x) = y}
+
+A pose is brought onto it by Gauss-Newton steps d, each the shortest that solves the linearised equations. Readings err,
+so y is an average with variances v_i, and the step solves them as well as the errors deserve:
+
+    d = argmin sum_i (y_i - h_i - H_i d)^2 / v_i + |d|^2   [m, rad],   which is the shortest one where v is small.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from estimators.ranging.kalman_kernels import expected_range, move, step_within
+from models.unicycle.kernels import wrapped
+from sim.signals import Array, Integers
+
+_LONGEST = 1.0  # [m, rad] of a step in any coordinate
+
+
+@njit(cache=True, nogil=True)
+def project(
+    states: Array, y: Array, v: Array, coefficients: Array, polyline: Array, angles: Array, steps: int
+) -> tuple[Array, Array]:
+    """States (m, 4) after so many steps to FS_y, and how far from it they then are, sum_i (y_i - h_i)^2 / v_i (m,).
+
+    y (l,) [m] is NaN where a ray was lost, v (l,) [m^2]. A pose from which a ray tells nothing is infinitely far.
+    """
+    projected, far = states.copy(), np.empty(len(states))
+    A, g, H, D = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
+    for m in range(len(states)):
+        x = projected[m]
+        for step in range(steps + 1):
+            far[m] = 0.0
+            A[:], g[:] = np.eye(3), 0.0
+            for i in range(len(y)):
+                if math.isnan(y[i]):
+                    continue
+                h, _, _ = expected_range(coefficients, polyline, x[0], x[1], x[2] + angles[i], H, D)
+                if math.isnan(h):
+                    far[m] = math.inf
+                    break
+                off = y[i] - h
+                far[m] += off * off / v[i]
+                for a in range(3):
+                    g[a] += H[a] * off / v[i]
+                    for b in range(3):
+                        A[a, b] += H[a] * H[b] / v[i]
+            if step == steps or math.isinf(far[m]):
+                break
+            _move(x, solved(A, g), coefficients, polyline)
+    return projected, far
+
+
+@njit(cache=True, nogil=True)
+def pushed(states: Array, inputs: Array, coefficients: Array, polyline: Array, dt: float, first: float) -> Array:
+    """States (m, 4) after inputs (n, 2), each held for dt [s] but the first, for the fraction ``first`` of it."""
+    after = states.copy()
+    for m in range(len(states)):
+        for k in range(len(inputs)):
+            move(after[m], inputs[k], coefficients, polyline, dt if k else first * dt)
+    return after
+
+
+@njit(cache=True, nogil=True)
+def farthest_points(states: Array, first: int, count: int, nearest: float) -> Integers:
+    """Indices of up to ``count`` of the states (m, 4), the ``first`` and then always the one farthest from all before.
+
+    Distances are sqrt(|dx|^2 [m^2] + dphi^2 [rad^2]); it ends where the farthest is no farther than ``nearest``.
+    """
+    far = np.full(len(states), np.inf)
+    chosen = np.empty(count, np.int64)
+    latest, n = first, 0
+    while n < count:
+        chosen[n] = latest
+        n += 1
+        for m in range(len(states)):
+            dx, dy = states[m, 0] - states[latest, 0], states[m, 1] - states[latest, 1]
+            turn = wrapped(states[m, 2] - states[latest, 2])
+            far[m] = min(far[m], dx * dx + dy * dy + turn * turn)
+        latest = int(np.argmax(far))
+        if far[latest] <= nearest * nearest:
+            break
+    return chosen[:n]
+
+
+@njit(cache=True, nogil=True)
+def _move(x: Array, d: Array, coefficients: Array, polyline: Array) -> None:
+    """Add a step to a pose, in place, shortened until it stays within the wall."""
+    scale = min(1.0, _LONGEST / max(abs(d[0]), abs(d[1]), abs(d[2]), 1e-300))
+    scale *= step_within(coefficients, polyline, x[0], x[1], scale * d[0], scale * d[1])
+    for a in range(3):
+        x[a] += scale * d[a]
+    x[2] = wrapped(x[2])
+
+
+@njit(cache=True, nogil=True)
+def solved(A: Array, g: Array) -> Array:
+    """A^-1 g of a positive definite A (3, 3), by its factor L D L'."""
+    l_10, l_20 = A[1, 0] / A[0, 0], A[2, 0] / A[0, 0]
+    d_1 = A[1, 1] - l_10 * A[1, 0]
+    l_21 = (A[2, 1] - l_20 * A[1, 0]) / d_1
+    d_2 = A[2, 2] - l_20 * A[2, 0] - l_21 * l_21 * d_1
+    y_1 = g[1] - l_10 * g[0]
+    y_2 = (g[2] - l_20 * g[0] - l_21 * y_1) / d_2
+    y_1 = y_1 / d_1 - l_21 * y_2
+    return np.array([g[0] / A[0, 0] - l_10 * y_1 - l_20 * y_2, y_1, y_2])

@@ -1,0 +1,182 @@
+"""The extended Kalman filter of a unicycle that reads ranges, compiled.
+
+The state is the pose with the scale error of the odometry, (x_1, x_2, phi, b): u = (1 - b) u_measured + white noise of
+variances W = diag(w_1, w_2) per reading, b constant. With F, G the derivatives of the exact motion f over dt,
+
+    x <- f(x, (1 - b) u),   P <- A P A' + G W G',   A = [F, -G u; 0, 1].
+
+Ray i reads rho_i = h_i(x) + noise of variance r_i = (relative h_i)^2 + absolute^2, independent of the others, so that
+conditioning on one ray after the other, all linearised at the prediction, is the update with all of them at once:
+
+    nu_i = rho_i - h_i - H_i (x - x_predicted),   s_i = H_i P H_i' + r_i + tr(h_i'' P h_i'' P) / 2,
+    x <- x + P H_i' nu_i / s_i,   P <- P - P H_i' H_i P / s_i,   NIS = sum nu_i^2 / s_i,   ln |S| = sum ln s_i.
+
+The last term of s_i is the variance of what the linearisation leaves out, for a Gaussian error of covariance P. It is
+nought next to r_i once the filter has locked, and until then keeps it from believing what it cannot know. A ray that
+was lost is passed over; one with nu_i^2 / s_i above the gate changes nothing and counts as one at the gate.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from models.field.kernels import cast_ray, curve_bend, curve_tangent, is_inside
+from models.unicycle.kernels import moved, moved_slopes, wrapped
+from sim.signals import Array
+
+_GRAZING = 1e-3  # sine of the angle between a ray and the wall below which it tells nothing
+_HALVINGS = 30  # of a step that leads out of the wall
+
+
+@njit(cache=True, nogil=True)
+def step_within(coefficients: Array, polyline: Array, x_1: float, x_2: float, d_1: float, d_2: float) -> float:
+    """How much of a step (d_1, d_2) [m] from a point within the wall stays within it, in [0, 1]."""
+    step = 1.0
+    for _ in range(_HALVINGS):
+        if is_inside(coefficients, polyline, x_1 + step * d_1, x_2 + step * d_2):
+            return step
+        step *= 0.5
+    return 0.0
+
+
+@njit(cache=True, nogil=True)
+def within(coefficients: Array, polyline: Array, points: Array) -> Array:
+    """Those of points (n, 2) [m] that are within the wall."""
+    inside = np.empty(len(points), np.bool_)
+    for n in range(len(points)):
+        inside[n] = is_inside(coefficients, polyline, points[n, 0], points[n, 1])
+    return points[inside]
+
+
+@njit(cache=True, nogil=True)
+def move(x: Array, u: Array, coefficients: Array, polyline: Array, dt: float) -> None:
+    """Carry x (4,) on, in place, over dt [s] under a reading u (2,), but not out of the wall."""
+    after = moved(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
+    d_1, d_2 = after[0] - x[0], after[1] - x[1]
+    step = step_within(coefficients, polyline, x[0], x[1], d_1, d_2)
+    x[0] += step * d_1
+    x[1] += step * d_2
+    x[2] = wrapped(after[2])
+
+
+@njit(cache=True, nogil=True)
+def predict(x: Array, P: Array, u: Array, W: Array, coefficients: Array, polyline: Array, dt: float) -> None:
+    """Carry x (4,) and P (4, 4) on, in place, over dt [s] under a reading u (2,) of variances W (2,)."""
+    F, G = moved_slopes(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
+    move(x, u, coefficients, polyline, dt)
+    for i in range(3):  # A is the identity but for these entries
+        by_heading = F[i, 2] if i < 2 else 0.0
+        by_scale = -G[i, 0] * u[0] - G[i, 1] * u[1]
+        for j in range(4):
+            P[i, j] += by_heading * P[2, j] + by_scale * P[3, j]
+    for i in range(3):
+        by_heading = F[i, 2] if i < 2 else 0.0
+        by_scale = -G[i, 0] * u[0] - G[i, 1] * u[1]
+        for j in range(4):
+            P[j, i] += by_heading * P[j, 2] + by_scale * P[j, 3]
+    for i in range(3):
+        for j in range(3):
+            P[i, j] += G[i, 0] * W[0] * G[j, 0] + G[i, 1] * W[1] * G[j, 1]
+    for i in range(4):
+        for j in range(i):
+            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
+
+
+@njit(cache=True, nogil=True)
+def expected_range(
+    coefficients: Array, polyline: Array, x_1: float, x_2: float, beta: float, H: Array, D: Array
+) -> tuple[float, float, float]:
+    """h [m] of the ray from (x_1, x_2) along ``beta`` [rad] and its derivatives; NaN if it tells nothing.
+
+    With a = (x_1, x_2, phi), writes H (3,) = dh/da and D (3,) = ds/da, s being the parameter of the wall where the ray
+    ends, and returns h, B, C of the second derivative h'' = C D D' - B (H e_3' + e_3 H') + h e_3 e_3'. From (C.4),
+
+        da_{1,2} + dh e + h e_perp dphi = theta' ds,   and its derivative,   each multiplied by e_perp or by the normal.
+    """
+    h, s = cast_ray(coefficients, polyline, x_1, x_2, beta)
+    if math.isnan(h):
+        return math.nan, 0.0, 0.0
+    t_x, t_y = curve_tangent(coefficients, s)
+    e_x, e_y = math.cos(beta), math.sin(beta)
+    across, along = e_x * t_y - e_y * t_x, e_x * t_x + e_y * t_y  # theta' in the axes of the ray
+    if across * across < _GRAZING**2 * (across * across + along * along):
+        return math.nan, 0.0, 0.0
+    H[0], H[1], H[2] = -t_y / across, t_x / across, h * along / across
+    D[0], D[1], D[2] = -e_y / across, e_x / across, h / across
+    b_x, b_y = curve_bend(coefficients, s)
+    return h, -along / across, (t_y * b_x - t_x * b_y) / across
+
+
+@njit(cache=True, nogil=True)
+def expected_ranges(coefficients: Array, polyline: Array, pose: Array, angles: Array) -> tuple[Array, Array]:
+    """h (l,) [m] and H (l, 3) of all rays from a pose (3,); NaN where a ray tells nothing."""
+    h, H, D = np.empty(len(angles)), np.full((len(angles), 3), np.nan), np.empty(3)
+    for i in range(len(angles)):
+        h[i], _, _ = expected_range(coefficients, polyline, pose[0], pose[1], pose[2] + angles[i], H[i], D)
+    return h, H
+
+
+@njit(cache=True, nogil=True)
+def condition(
+    x: Array,
+    P: Array,
+    z: Array,
+    coefficients: Array,
+    polyline: Array,
+    angles: Array,
+    relative: float,
+    absolute: float,
+    gate: float,
+) -> tuple[float, float, int, int]:
+    """Condition x (4,) and P (4, 4), in place, on ranges z (l,) [m], NaN where lost, of rays at ``angles`` (l,) [rad].
+
+    A step that would lead out of the wall is cut short. Returns NIS, ln |S|, how many rays told something and how many
+    of these were within the gate.
+    """
+    x_1, x_2, phi = x[0], x[1], x[2]
+    dx, H, D, PH = np.zeros(4), np.empty(3), np.empty(3), np.empty(4)
+    nis, log_det, told, used = 0.0, 0.0, 0, 0
+    for i in range(len(z)):
+        if not z[i] > 0.0:
+            continue
+        h, B, C = expected_range(coefficients, polyline, x_1, x_2, phi + angles[i], H, D)
+        if math.isnan(h):
+            continue
+        for j in range(4):
+            PH[j] = P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2]
+        HPH = H[0] * PH[0] + H[1] * PH[1] + H[2] * PH[2]
+        s = HPH + (relative * h) ** 2 + absolute**2 + 0.5 * _square_trace(P, D, PH, HPH, h, B, C, H)
+        nu = z[i] - h - H[0] * dx[0] - H[1] * dx[1] - H[2] * dx[2]
+        told += 1
+        log_det += math.log(s)
+        if nu * nu > gate * s:
+            nis += gate
+            continue
+        used += 1
+        nis += nu * nu / s
+        for j in range(4):
+            dx[j] += PH[j] * nu / s
+            for k in range(4):
+                P[j, k] -= PH[j] * PH[k] / s
+    step = step_within(coefficients, polyline, x_1, x_2, dx[0], dx[1])
+    for j in range(4):
+        x[j] += step * dx[j]
+    x[2] = wrapped(x[2])
+    return nis, log_det, told, used
+
+
+@njit(cache=True, nogil=True)
+def _square_trace(P: Array, D: Array, PH: Array, HPH: float, h: float, B: float, C: float, H: Array) -> float:
+    """tr(h'' P h'' P) with h'' = C D D' - B (H e_3' + e_3 H') + h e_3 e_3'."""
+    q_0 = P[0, 0] * D[0] + P[0, 1] * D[1] + P[0, 2] * D[2]
+    q_1 = P[1, 0] * D[0] + P[1, 1] * D[1] + P[1, 2] * D[2]
+    DPe = P[2, 0] * D[0] + P[2, 1] * D[1] + P[2, 2] * D[2]
+    DPD = D[0] * q_0 + D[1] * q_1 + D[2] * DPe
+    DPH = H[0] * q_0 + H[1] * q_1 + H[2] * DPe
+    HPe, ePe = PH[2], P[2, 2]
+    trace: float = (C * DPD) ** 2 + (h * ePe) ** 2 + 2.0 * B * B * (HPe * HPe + HPH * ePe)
+    trace += 2.0 * C * h * DPe * DPe - 4.0 * B * (C * DPH * DPe + h * ePe * HPe)
+    return trace

@@ -1,0 +1,155 @@
+"""What the filters take from a mission: the wall, the rays and the errors, as compiled code wants them.
+
+Their state is (x_1, x_2, phi, b), the pose and the scale error of the odometry, u = (1 - b) u_measured; see
+``kalman_kernels``. An error that lasts adds up where a new one at each reading averages out. To a filter that takes it
+for the latter it is what limits it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri
+
+from estimators.ranging.kalman_kernels import step_within, within
+from estimators.ranging.readings import measured_input, usable_ranges
+from models.unicycle.mission import LEAST_NOISE, RangingMission
+from sim.signals import Array, Measurement, Status
+
+STATES = 4
+
+_LEAST_VARIANCE = 1e-12  # [m^2/s^2, rad^2/s^2] of an input
+_DRAWN = 500  # poses that stand for "anywhere"
+_LASTING = 10  # readings in a row beyond the gate
+_SIMULTANEOUS = 1e-9  # [s]
+
+Flags = NDArray[np.bool_]
+
+
+class RangeModel:
+    """How a robot moves and what its rays read, with the errors that the mission declares."""
+
+    def __init__(self, mission: RangingMission) -> None:
+        ranging, odometry = mission.ranging, mission.odometry
+        self.wall = (mission.curve.table, mission.curve.polyline)
+        self.angles = mission.alpha  # (l,) [rad]
+        self.relative = ranging.relative
+        self.absolute = math.hypot(ranging.absolute, LEAST_NOISE)  # [m]
+        self.W = np.square(odometry.noise) + np.square(odometry.slip) + _LEAST_VARIANCE  # (2,) of what is new each time
+        self._scale = odometry.bias  # standard deviation of b
+        self._longest = mission.sensors_carried()[0].longest  # [m]
+        self._limits = np.array([mission.speed_max, mission.turn_rate_max])
+        self._mission = mission
+
+    def ranges(self, measurements: Sequence[Measurement]) -> Array:
+        """(l,) [m], NaN where a ray was lost."""
+        return usable_ranges(measurements, len(self.angles), self._longest)
+
+    def input(self, measurements: Sequence[Measurement], command: Array) -> Array:
+        """u (2,) over the period that ends now."""
+        return measured_input(measurements, command, self._limits)
+
+    def range_variance(self, rho: Array) -> Array:
+        """(l,) [m^2] of readings of ranges (l,)."""
+        variance: Array = np.square(self.relative * rho) + self.absolute**2
+        return variance
+
+    def covariance(self, deviation: tuple[float, float, float]) -> Array:
+        """(4, 4) of a pose known to standard deviations [m, m, rad], and of b as declared."""
+        return np.diag(np.square([*deviation, self._scale]))
+
+    def anywhere(self, rng: np.random.Generator, count: int) -> Array:
+        """States (count, 4): poses uniform over all that is within the wall, and b as declared."""
+        low, high = self.wall[1].min(axis=0), self.wall[1].max(axis=0)
+        points = np.empty((0, 2))
+        while len(points) < count:
+            points = np.concatenate((points, within(*self.wall, rng.uniform(low, high, (count, 2)))))
+        headings, scales = rng.uniform(-math.pi, math.pi, count), self._scale * rng.standard_normal(count)
+        return np.column_stack((points[:count], headings, scales))
+
+    def particles(self, count: int, rng: np.random.Generator) -> Array:
+        """States (count, 4) at t = 0: the start as it is known, but within the wall, or anywhere."""
+        known = self._mission.start
+        if known is None:
+            return self.anywhere(rng, count)
+        middle = np.array([*known.pose, 0.0])
+        x: Array = middle + np.sqrt(np.diag(self.covariance(known.deviation))) * rng.standard_normal((count, STATES))
+        for n in range(count):
+            off = x[n, :2] - middle[:2]
+            x[n, :2] = middle[:2] + step_within(*self.wall, *middle[:2], *off) * off
+        return x
+
+    def start(self) -> tuple[Array, Array]:
+        """x (4,) and P (4, 4) at t = 0: the start as it is known, or somewhere in the middle of all that may be."""
+        known = self._mission.start
+        if known is not None:
+            return np.array([*known.pose, 0.0]), self.covariance(known.deviation)
+        p = self.anywhere(np.random.default_rng(0), _DRAWN)[:, :2]
+        middle = p[np.argmin(np.square(p - p.mean(axis=0)).sum(axis=1))]  # the mean itself may be outside
+        P = self.covariance((0.0, 0.0, math.pi / math.sqrt(3.0)))
+        P[:2, :2] = (p - middle).T @ (p - middle) / _DRAWN
+        return np.array([*middle, 0.0, 0.0]), P
+
+
+class Watch:
+    """When the last usable range was, and what status that makes."""
+
+    def __init__(self, timeout: float) -> None:
+        self._timeout, self._seen = timeout, -math.inf  # [s]
+
+    def look(self, t: float, ranges: Array) -> None:
+        """Note the ranges (l,) of t [s], NaN where lost."""
+        if not np.isnan(ranges).all():
+            self._seen = t
+
+    def status(self, t: float) -> Status:
+        """At t [s]."""
+        if self._seen == -math.inf:
+            return Status.INITIALISING
+        return Status.OK if t - self._seen <= self._timeout + _SIMULTANEOUS else Status.LOST
+
+
+def chi_square_gate(probability: float) -> float:
+    """What nu^2 / s of a good ray exceeds with this probability: one degree of freedom."""
+    return float(chdtri(1, probability))
+
+
+class Gate:
+    """Refuses rays whose nu^2 / s says that they are outliers; what lasts is none but the filter's error."""
+
+    def __init__(self, probability: float, sensors: int) -> None:
+        self._limit = chi_square_gate(probability)
+        self._beyond = np.zeros(sensors, dtype=int)  # readings in a row
+
+    def passes(self, squares: Array) -> Flags:
+        """Whether each of nu^2 / s (l,), NaN where a ray was lost, is to be used."""
+        self._beyond = np.where(squares > self._limit, self._beyond + 1, np.where(np.isnan(squares), self._beyond, 0))
+        passed: Flags = np.isfinite(squares) & ((self._beyond == 0) | (self._beyond > _LASTING))
+        return passed
+
+
+def check_positive(config: object, *names: str) -> None:
+    """ValueError for a field that is not a finite value > 0."""
+    for name in names:
+        value = getattr(config, name)
+        if not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+
+
+def check_probability(config: object, *names: str) -> None:
+    """ValueError for a field that is not between 0 and 1."""
+    for name in names:
+        value = getattr(config, name)
+        if not 0.0 < value < 1.0:
+            raise ValueError(f"{name} = {value!r}; allowed: between 0 and 1")
+
+
+def check_counts(config: object, *names: str) -> None:
+    """ValueError for a field that is less than 1."""
+    for name in names:
+        value = getattr(config, name)
+        if value < 1:
+            raise ValueError(f"{name} = {value!r}; allowed: a whole number >= 1")

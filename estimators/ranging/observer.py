@@ -1,0 +1,183 @@
+"""The active observer of Paper C, (C.5), and what it needs to be one.
+
+    z' = feed-forward - k_V [dV_rho / dz]' - k_Q [dQ / dz]' Q,   x_hat = Phi(z),   z = (s_1, ..., s_l, phi),
+
+with V_rho and Q of ``value_function``. It is stiff, so a period dt is one linearly implicit step,
+z + feed-forward - dt (I + dt H)^-1 gradient. The print has no feed-forward and so does not stay on the truth;
+``feedforward_kernels`` has three that do. Phi is the print's vector average: the mean of where the rays say that the
+robot is. Range rates come from a window of readings, at the centre of which the observer runs (``range_rate``); from
+there the estimate is pushed forward with the inputs that odometry measured. What a ray that was lost cannot say is
+taken from that motion too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
+from estimators.ranging.model import Watch, check_positive
+from estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
+from estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
+from estimators.ranging.range_rate_kernels import innovated, measured
+from estimators.ranging.readings import measured_input, usable_ranges
+from models.unicycle.kernels import moved
+from models.unicycle.mission import RangeQuality, RangingMission
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+from sim.signals import Array, Estimate, Measurement, Status
+
+FeedForward = Literal["none", "s", "rho_dot", "manifold"]
+Fitted = Literal["innovation", "ranges"]
+
+FEED_FORWARDS: Mapping[FeedForward, Callable[..., Array]] = {
+    "none": stay,
+    "s": forward_s,
+    "rho_dot": forward_rho_dot,
+    "manifold": forward_manifold,
+}
+
+_LARGEST_GAIN = 1e6
+
+
+@dataclass(frozen=True)
+class RangeObserverConfig:
+    """Fields of the command line."""
+
+    feedforward: FeedForward = "s"
+    """what carries z along: none (the print), s, rho_dot or manifold"""
+    k_v: float = 1.0
+    """k_V, gain of V_rho [1/(m^2 s)]"""
+    k_q: float = 1.0
+    """k_Q, gain of |Q|^2 / 2 [s/m^4]"""
+    fitted: Fitted | None = None
+    """what range rates are fitted to: the innovation, or with the print the ranges, if not given"""
+    window: int | None = None
+    """readings to a fit; 101, or 3 of ranges that the mission says are exact, if not given"""
+    order: int | None = None
+    """of the polynomial; 1 for the innovation and 3, or 2 with a window of 3, for ranges, if not given"""
+    z_0: tuple[float, ...] | None = None
+    """S_1 ... S_L PHI [rad] at the start; from what the mission says of the start if not given"""
+    timeout: float = 0.5
+    """without a range after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        for name in ("k_v", "k_q"):
+            value = getattr(self, name)
+            if not 0.0 <= value <= _LARGEST_GAIN:
+                raise ValueError(f"{name} = {value!r}; allowed: a finite value from 0 to {_LARGEST_GAIN:g}")
+        check_positive(self, "timeout")
+        if self.z_0 is not None and not all(math.isfinite(value) for value in self.z_0):
+            raise ValueError(f"z_0 = {self.z_0!r}; allowed: finite numbers")
+        for exact in (False, True):
+            check_window(*self.fit(exact))
+
+    @property
+    def fits_innovation(self) -> bool:
+        return (self.fitted or ("ranges" if self.feedforward == "none" else "innovation")) == "innovation"
+
+    def fit(self, exact: bool) -> tuple[int, int]:
+        """Window and order, for a mission whose ranges are exact or not."""
+        fewest = (self.order or 1) // 2 * 2 + 3  # odd, and more than the order
+        window = self.window or (fewest if exact else 101)
+        return window, self.order or (1 if self.fits_innovation else min(3, window - 1))
+
+
+class RangeObserver:
+    """Ranges and odometry to the pose, by the observer of Paper C."""
+
+    Config = RangeObserverConfig
+
+    def __init__(self, config: RangeObserverConfig, mission: RangingMission) -> None:
+        exact = mission.ranging.relative == mission.ranging.absolute == 0.0
+        window, order = config.fit(exact)
+        curve, l = mission.curve, mission.sensors  # noqa: E741
+        if config.z_0 is not None and len(config.z_0) != l + 1:
+            raise ValueError(f"z_0 has {len(config.z_0)} numbers; allowed with {l} sensors: {l + 1}")
+        self.period = mission.period
+        self._watch, self._gains = Watch(config.timeout), (config.k_v, config.k_q)
+        self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation
+        # What is expected before there is a range rate must do without one.
+        self._foresee = forward_s if config.feedforward == "rho_dot" else self._advance
+        self._wall, self._alpha = (curve.table, curve.polyline), mission.alpha
+        self._longest = mission.sensors_carried()[0].longest
+        self._limits = np.array([mission.speed_max, mission.turn_rate_max])
+        self._weights = savitzky_golay(window, order)
+        self._spread = spread(window)
+        self._window = Window(window, l)
+        x, y, phi = mission.start_pose
+        self._pose = np.array([*kept_within(*self._wall, x, y), phi])  # (3,) at the window's centre, or at the start
+        self._z = seen_from(*self._wall, self._alpha, self._pose, np.zeros(l + 1))  # (l + 1,) likewise
+        if config.z_0 is not None:
+            self._z[:] = config.z_0
+        self._readings = np.full((2, l), np.nan)  # rho and rho_dot at the centre
+        self._value = np.zeros(2)  # V_rho and |Q|^2 / 2
+
+    @staticmethod
+    def build(config: RangeObserverConfig, mission: RangingMission) -> RangeObserver:
+        return RangeObserver(config, mission)
+
+    @staticmethod
+    def properties(config: RangeObserverConfig) -> ObserverProperties:
+        """Table 2.1."""
+        printed = config.feedforward == "none"
+        return ObserverProperties(
+            domain_of_attraction=Domain.LOCAL,
+            rate=Rate.BOUNDED if printed else Rate.EXPONENTIAL,
+            input_dependence=InputDependence.NON_UNIFORM,
+            observer_domain=Domain.GLOBAL,
+            system_domain=Domain.GLOBAL,
+            stays_on_truth=not printed,
+            note="",
+        )
+
+    @staticmethod
+    def sensors(config: RangeObserverConfig, mission: RangingMission) -> tuple[Sensor, ...]:
+        """What the robot has to carry for this estimator."""
+        return mission.sensors_carried()
+
+    @staticmethod
+    def quality(config: RangeObserverConfig, mission: RangingMission) -> RangeQuality:
+        """How good the ranges are that it lives on."""
+        return mission.ranging
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """The estimate; ``extra`` has z (l + 1,) at ``t``, and V_rho and |Q|^2 / 2 (2,) where the observer is."""
+        window = self._window
+        rho = usable_ranges(measurements, len(self._alpha), self._longest)
+        window.push(rho, measured_input(measurements, command, self._limits))
+        self._watch.look(t, rho)
+        status = self._watch.status(t) if window.has_centre else Status.INITIALISING
+        if window.has_centre:
+            self._observe()
+        z, x = pushed_forward(*self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)
+        return Estimate(t, x, None, status, {"z": z, "value": self._value.copy()})
+
+    def _observe(self) -> None:
+        """One period on, at the window's centre."""
+        wall, alpha, window = self._wall, self._alpha, self._window
+        u, begins = window.inputs[window.half - 1], window.is_at_start
+        predicted = self._pose if begins else moved(self._pose, u[0], u[1], self.period)
+
+        def forward(by: Callable[..., Array], there: Array) -> Array:
+            z: Array = self._z if begins else by(*wall, alpha, self._z, self._readings, there, u, self.period)
+            return z
+
+        if self._fits_innovation:
+            raw = np.stack([window.ranges[window.half], self._readings[1]])
+            foreseen = anchored(*wall, alpha, forward(self._foresee, raw), raw[0], predicted)
+            readings = innovated(
+                window.ranges, self._weights, self._spread, self.period,
+                *wall, alpha, foreseen, window.inputs, window.centre_input,
+            )  # fmt: skip
+        else:
+            readings = measured(window.ranges, self._weights, self.period)
+        z = forward(self._advance, readings)
+        self._z, self._pose, self._value = observed(
+            *wall, alpha, z, predicted, readings, window.centre_input, self._gains, self.period
+        )
+        self._readings = readings

@@ -1,0 +1,130 @@
+"""A particle filter for a robot that reads ranges, resampled by filterpy.
+
+Sampling importance resampling (``particle_kernels``): propagation and weights are compiled, and when N_eff falls below
+N / 2 filterpy's systematic resampling draws the particles anew, which are then roughened. Where the start is unknown
+the particles are uniform over all that is within the wall. The estimate is the mean of the particles around the place
+where there are most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.ranging.model import RangeModel, Watch, check_counts, check_positive, check_probability, chi_square_gate
+from estimators.ranging.particle_kernels import mode, propagate, roughen, weigh
+from models.unicycle.mission import RangeQuality, RangingMission
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+from sim.signals import Array, Estimate, Integers, Measurement
+
+_RADIUS = 0.4  # [m, rad] of the particles that count as one place
+_STARTS = 16  # places that are looked at
+
+
+@dataclass(frozen=True)
+class RangeParticleConfig:
+    """Fields of the command line."""
+
+    particles: int = 1000
+    """N"""
+    roughening: float = 0.1
+    """kappa: standard deviation of what is added after resampling, over the particles' extent and N^(-1/4)"""
+    gate: float = 1e-4
+    """probability of a good range beyond which no range is thought less likely"""
+    timeout: float = 0.5
+    """without a range after which the estimate is lost [s]"""
+    seed: int = 0
+    """of the particles"""
+
+    def __post_init__(self) -> None:
+        check_counts(self, "particles")
+        check_positive(self, "roughening", "timeout")
+        check_probability(self, "gate")
+        if self.seed < 0:
+            raise ValueError(f"seed = {self.seed!r}; allowed: a whole number >= 0")
+
+
+class RangeParticle:
+    """Ranges and odometry to the pose, by particles."""
+
+    Config = RangeParticleConfig
+
+    def __init__(self, config: RangeParticleConfig, mission: RangingMission) -> None:
+        self.period = mission.period
+        self._model, self._watch, self._gate = RangeModel(mission), Watch(config.timeout), chi_square_gate(config.gate)
+        self._rng, self._roughening = np.random.default_rng(config.seed), config.roughening
+        self._x = self._model.particles(config.particles, self._rng)
+        self._w = np.full(config.particles, 1.0 / config.particles)
+        self._mean, _ = self._model.start()
+        self._t: float | None = None  # [s] of the particles; None before the first call
+
+    @staticmethod
+    def build(config: RangeParticleConfig, mission: RangingMission) -> RangeParticle:
+        return RangeParticle(config, mission)
+
+    @staticmethod
+    def sensors(config: RangeParticleConfig, mission: RangingMission) -> tuple[Sensor, ...]:
+        """What the robot has to carry for this estimator."""
+        return mission.sensors_carried()
+
+    @staticmethod
+    def quality(config: RangeParticleConfig, mission: RangingMission) -> RangeQuality:
+        """How good the ranges are that it lives on."""
+        return mission.ranging
+
+    @staticmethod
+    def properties(config: RangeParticleConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            domain_of_attraction=Domain.SEMI_GLOBAL,
+            rate=Rate.BOUNDED,
+            input_dependence=InputDependence.NON_UNIFORM,
+            observer_domain=Domain.GLOBAL,
+            system_domain=Domain.GLOBAL,
+            stays_on_truth=False,
+            note="as many particles as the field is large; roughening keeps them from the truth",
+        )
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """The estimate; ``extra["effective"]`` (1,) is N_eff."""
+        model, rho = self._model, self._model.ranges(measurements)
+        self._watch.look(t, rho)
+        if self._t is not None and t > self._t:
+            u = model.input(measurements, command)
+            propagate(self._x, u, np.sqrt(model.W), *model.wall, t - self._t, self._rng)
+        self._t = t
+        if not np.isnan(rho).all():
+            self._condition(rho)
+        self._mean, P = mode(self._x, self._w, self._mean, _RADIUS, _STARTS)
+        effective = np.array([1.0 / np.square(self._w).sum()])
+        return Estimate(t, self._mean[:3].copy(), 0.5 * (P + P.T), self._watch.status(t), {"effective": effective})
+
+    def _condition(self, rho: Array) -> None:
+        model = self._model
+        effective = weigh(self._x, self._w, rho, *model.wall, model.angles, model.relative, model.absolute, self._gate)
+        if effective < 0.5 * len(self._w):
+            self._x = self._x[_systematic(self._w, self._rng)]
+            self._w[:] = 1.0 / len(self._w)
+            roughen(self._x, self._roughening, *model.wall, self._rng)
+
+
+def _systematic(w: Array, rng: np.random.Generator) -> Integers:
+    """filterpy's indices (N,) for weights (N,).
+
+    It draws from numpy's global generator, which is therefore seeded for it and then put back, and reads beyond the
+    last weight where round-off leaves their sum below one.
+    """
+    from filterpy.monte_carlo import systematic_resample  # takes .7 s to import
+
+    whole = w / w.sum()
+    whole[-1] += 1e-9
+    state = np.random.get_state()
+    np.random.seed(int(rng.integers(2**32)))
+    try:
+        chosen: Integers = systematic_resample(whole).astype(np.int64)
+    finally:
+        np.random.set_state(state)
+    return chosen

@@ -1,0 +1,90 @@
+"""From ranges to ranges and range rates: a Savitzky-Golay filter at the centre of a window.
+
+The output flow Q needs rho_dot. Of noisy ranges, which differ by .1 m from one to the next, no causal filter makes one
+that is good enough; the polynomial of order p that fits the 2 m + 1 readings around an instant best does, m periods
+later. The observer therefore runs at the window's centre, and its estimate is pushed forward with the inputs since.
+
+What is fitted are the ranges themselves, or the innovation: by how much they differ from those that a robot expects
+that moves through the window as the inputs say. Ranges bend within a second as no cubic does; the innovation on the
+truth is nought, so a straight line through it does, and whatever the window is, the truth stays the truth.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from sim.signals import Array
+
+LONGEST_WINDOW = 1001
+HIGHEST_ORDER = 7
+_STRIDE = 5  # readings at most between two at which rays are cast
+_LEAST_NODES = 4  # of them on either side
+
+
+def check_window(window: int, order: int) -> None:
+    """ValueError unless the window is an odd number of readings, and more than the polynomial needs."""
+    if not (window % 2 == 1 and 3 <= window <= LONGEST_WINDOW):
+        raise ValueError(f"window = {window!r}; allowed: an odd number of readings from 3 to {LONGEST_WINDOW}")
+    if not 1 <= order <= min(HIGHEST_ORDER, window - 1):
+        highest = min(HIGHEST_ORDER, window - 1)
+        raise ValueError(f"order = {order!r}; allowed with window = {window}: 1 to {highest}")
+
+
+@lru_cache(maxsize=16)
+def savitzky_golay(window: int, order: int) -> Array:
+    """(p + 1, 2 m + 1) from readings at tau = -1, ..., 1 to the coefficients of the polynomial that fits them best."""
+    tau = np.linspace(-1.0, 1.0, window)
+    weights: Array = np.ascontiguousarray(np.linalg.pinv(np.vander(tau, order + 1, increasing=True)))
+    weights.flags.writeable = False
+    return weights
+
+
+@lru_cache(maxsize=16)
+def spread(window: int) -> Array:
+    """(2 m + 1, 2 k + 1) from values at every so many readings, from end to end, to values at all (cubic spline)."""
+    m = window // 2
+    stride = max(step for step in range(1, _STRIDE + 1) if step == 1 or (m % step == 0 and m >= _LEAST_NODES * step))
+    at = np.arange(-m, m + 1, stride)
+    weights: Array = np.ascontiguousarray(CubicSpline(at, np.eye(len(at)))(np.arange(-m, m + 1)))
+    weights.flags.writeable = False
+    return weights
+
+
+class Window:
+    """The last 2 m + 1 readings of ranges, and the inputs between them."""
+
+    def __init__(self, window: int, sensors: int) -> None:
+        self.ranges = np.full((window, sensors), np.nan)  # (2 m + 1, l) [m], the oldest first
+        self.inputs = np.zeros((window - 1, 2))  # (2 m, 2) [m/s, rad/s]
+        self.count = 0  # readings so far
+        self.half = window // 2  # m
+
+    def push(self, rho: Array, u: Array) -> None:
+        """A reading (l,), NaN where a ray was lost, and the input (2,) since the one before."""
+        self.ranges[:-1], self.ranges[-1] = self.ranges[1:], rho
+        self.inputs[:-1], self.inputs[-1] = self.inputs[1:], u
+        self.count += 1
+
+    @property
+    def has_centre(self) -> bool:
+        """Whether there is a reading at the centre."""
+        return self.count > self.half
+
+    @property
+    def is_at_start(self) -> bool:
+        """Whether the reading at the centre is the first."""
+        return self.count == self.half + 1
+
+    @property
+    def inputs_since(self) -> Array:
+        """(n, 2) from the centre, or from the first reading while there is none at the centre, until now."""
+        return self.inputs[len(self.inputs) - min(self.count - 1, self.half) :]
+
+    @property
+    def centre_input(self) -> Array:
+        """(2,) the mean of the inputs before and after the centre, between which it jumps."""
+        mean: Array = 0.5 * (self.inputs[self.half - 1] + self.inputs[self.half])
+        return mean

@@ -1,0 +1,149 @@
+"""Ranges and range rates at the centre of a window of readings, compiled (see ``range_rate``)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from estimators.ranging.observer_kernels import kept_within
+from models.field.kernels import cast_ray, cast_rays, range_gradient
+from models.unicycle.kernels import moved
+from sim.signals import Array
+
+_FAR = 4.0  # root mean squares of the residuals: what is further off the polynomial is an outlier
+_EXACT = 1e-9  # [m] of a residual that is round-off
+
+
+@njit(cache=True, nogil=True)
+def centre_fit(samples: Array, weights: Array) -> tuple[float, float]:
+    """Value and slope by tau at tau = 0 of the polynomial that fits ``samples`` (2 m + 1,) at tau = -1, ..., 1 best.
+
+    ``weights`` (p + 1, 2 m + 1) give its coefficients where all samples are there. Samples that are NaN are left out,
+    and so is what is far off a first fit. NaN, NaN where too many are missing.
+    """
+    n, missing = len(samples), 0
+    for j in range(n):
+        missing += math.isnan(samples[j])
+    if missing == 0:
+        a = weights @ samples
+    elif _is_enough(samples, len(weights)):
+        a = _fit(samples, len(weights))
+    else:
+        return math.nan, math.nan
+    residual, squares = np.empty(n), 0.0
+    for j in range(n):
+        residual[j] = samples[j] - _polynomial(a, _tau(j, n))
+        if not math.isnan(residual[j]):
+            squares += residual[j] * residual[j]
+    limit, far = _FAR * math.sqrt(squares / (n - missing)) + _EXACT, 0
+    for j in range(n):
+        if abs(residual[j]) > limit:
+            residual[j], far = math.nan, far + 1
+        elif not math.isnan(residual[j]):
+            residual[j] = samples[j]
+    if far > 0 and _is_enough(residual, len(weights)):
+        a = _fit(residual, len(weights))
+    return a[0], a[1]
+
+
+@njit(cache=True, nogil=True)
+def measured(ranges: Array, weights: Array, period: float) -> Array:
+    """The readings (2, l) of rho and rho_dot at the centre of ``ranges`` (2 m + 1, l), taken every ``period`` [s].
+
+    Where the window has too few of a ray, rho is the reading at its centre, or NaN, and rho_dot is NaN.
+    """
+    n, l = ranges.shape  # noqa: E741
+    readings = np.empty((2, l))
+    for i in range(l):
+        value, slope = centre_fit(ranges[:, i].copy(), weights)
+        readings[0, i] = value if not math.isnan(value) else ranges[n // 2, i]
+        readings[1, i] = slope / (period * (n // 2))
+    return readings
+
+
+@njit(cache=True, nogil=True)
+def innovated(
+    ranges: Array,
+    weights: Array,
+    spread: Array,
+    period: float,
+    table: Array,
+    polyline: Array,
+    alpha: Array,
+    pose: Array,
+    inputs: Array,
+    u: Array,
+) -> Array:
+    """As ``measured``, but what is fitted is by how much the ranges differ from those expected.
+
+    Expected is what a robot sees that is at ``pose`` (3,) at the window's centre and has had, and will have, the
+    ``inputs`` (2 m, 2) between the readings; ``u`` (2,) is the one at the centre. Rays are cast at 2 k + 1 instants
+    only, from which ``spread`` (2 m + 1, 2 k + 1) interpolates.
+    """
+    n, l = ranges.shape  # noqa: E741
+    m, k = n // 2, spread.shape[1] // 2
+    cast = np.empty((2 * k + 1, l))
+    rho, s = cast_rays(table, polyline, pose, alpha)
+    cast[k] = rho
+    for way in (-1, 1):
+        at = pose
+        for j in range(m):
+            held = inputs[m + j] if way > 0 else inputs[m - 1 - j]
+            at = moved(at, held[0], held[1], way * period)
+            if (j + 1) % (m // k) == 0:
+                x, y = kept_within(table, polyline, at[0], at[1])
+                for i in range(l):
+                    cast[k + way * (j + 1) // (m // k), i], _ = cast_ray(table, polyline, x, y, at[2] + alpha[i])
+    expected = spread @ cast
+    readings = np.empty((2, l))
+    for i in range(l):
+        value, slope = centre_fit(ranges[:, i] - expected[:, i], weights)
+        by_x, by_y, by_phi = range_gradient(table, s[i], rho[i], pose[2] + alpha[i])
+        rate = u[0] * (by_x * math.cos(pose[2]) + by_y * math.sin(pose[2])) + u[1] * by_phi
+        readings[0, i] = rho[i] + value if not math.isnan(value) else ranges[m, i]
+        readings[1, i] = rate + slope / (period * m) if math.isfinite(rate) else math.nan
+    return readings
+
+
+@njit(cache=True, nogil=True)
+def _tau(j: int, n: int) -> float:
+    return (j - n // 2) / (n // 2)
+
+
+@njit(cache=True, nogil=True)
+def _polynomial(a: Array, tau: float) -> float:
+    value = 0.0
+    for k in range(len(a) - 1, -1, -1):
+        value = value * tau + a[k]
+    return value
+
+
+@njit(cache=True, nogil=True)
+def _is_enough(samples: Array, terms: int) -> bool:
+    """Whether a quarter of either half is there, and enough for so many terms."""
+    m = len(samples) // 2
+    before = after = 0
+    for j in range(m):
+        before += not math.isnan(samples[j])
+        after += not math.isnan(samples[m + 1 + j])
+    return 4 * min(before, after) >= m and before + after + (not math.isnan(samples[m])) >= terms
+
+
+@njit(cache=True, nogil=True)
+def _fit(samples: Array, terms: int) -> Array:
+    """(p + 1,) coefficients of the polynomial in tau that fits the samples that are there best."""
+    n = len(samples)
+    normal, right, powers = np.zeros((terms, terms)), np.zeros(terms), np.empty(terms)
+    for j in range(n):
+        if not math.isnan(samples[j]):
+            tau, power = _tau(j, n), 1.0
+            for k in range(terms):
+                powers[k] = power
+                power *= tau
+            for k in range(terms):
+                right[k] += powers[k] * samples[j]
+                for i in range(terms):
+                    normal[k, i] += powers[k] * powers[i]
+    return np.linalg.solve(normal, right).astype(np.float64)

@@ -1,0 +1,38 @@
+"""What a range estimator takes from its readings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.signals import Array, Measurement
+
+TOO_LONG = 2.0  # times the longest distance within the wall: no ray of it reads that, whatever its noise
+TOO_FAST = 10.0  # times the robot's limits
+
+
+def usable_ranges(measurements: Sequence[Measurement], sensors: int, longest: float) -> Array:
+    """The ranges (l,) [m], NaN where a ray was lost: no reading, or one that is not finite, not positive or too long.
+
+    ``longest`` [m] is the longest distance within the wall. ValueError for a reading of another length.
+    """
+    rho = np.full(sensors, np.nan)
+    for reading in measurements:
+        if reading.name == "ranges":
+            if reading.value.shape != (sensors,):
+                raise ValueError(f"a reading of ranges has shape {reading.value.shape}; allowed: ({sensors},)")
+            usable = (reading.value > 0.0) & (reading.value < TOO_LONG * longest)  # neither holds of NaN
+            rho = np.where(usable, reading.value, np.nan)
+    return rho
+
+
+def measured_input(measurements: Sequence[Measurement], command: Array, limits: Array) -> Array:
+    """The input u (2,) over the period that ends now: what odometry says, where it says anything, or the command.
+
+    Odometry that is not finite or far beyond the ``limits`` (2,) of the robot says nothing.
+    """
+    for reading in measurements:
+        if reading.name == "odometry" and (np.abs(reading.value) <= TOO_FAST * limits).all():
+            return reading.value
+    return command

@@ -1,0 +1,181 @@
+"""filterpy's unscented Kalman filter for a robot that reads ranges.
+
+State, motion and errors are those of ``kalman_kernels``. Headings are averaged on the circle and their differences
+wrapped. A sigma point that lies outside the wall, from where there is nothing to be read, reads what is read on its way
+there from the mean. The square root of a covariance that round-off made indefinite is that of the nearest one that is
+not. Where the start is unknown the filter begins at the centre with the covariance of a pose that may be anywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from estimators.ranging.kalman_kernels import expected_ranges, move, step_within
+from estimators.ranging.model import STATES, Gate, RangeModel, Watch, check_positive, check_probability
+from models.unicycle.kernels import moved_slopes, wrapped
+from models.unicycle.mission import RangeQuality, RangingMission
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+from sim.signals import Array, Estimate, Measurement
+
+_LEAST = 1e-12  # variance that a covariance keeps in every direction
+
+
+@dataclass(frozen=True)
+class RangeUkfConfig:
+    """Fields of the command line."""
+
+    alpha: float = 0.5
+    """spread of the sigma points, of van der Merwe's scaled set"""
+    beta: float = 2.0
+    """2 for a Gaussian"""
+    kappa: float = 0.0
+    """secondary scaling"""
+    gate: float = 1e-4
+    """probability with which a good range is refused"""
+    timeout: float = 0.5
+    """without a range after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "alpha", "timeout")
+        check_probability(self, "gate")
+        if not self.beta >= 0.0 or not self.kappa > -STATES:
+            raise ValueError(f"beta = {self.beta!r}, kappa = {self.kappa!r}; allowed: beta >= 0 and kappa > -{STATES}")
+
+
+class RangeUkf:
+    """Ranges and odometry to the pose, by one unscented Kalman filter."""
+
+    Config = RangeUkfConfig
+
+    def __init__(self, config: RangeUkfConfig, mission: RangingMission) -> None:
+        self.period = mission.period
+        self._model, self._watch = RangeModel(mission), Watch(config.timeout)
+        self._gate = Gate(config.gate, mission.sensors)
+        self._filter = self._made(config)
+        self._filter.x, self._filter.P = self._model.start()
+        self._filter.Q = np.zeros((STATES, STATES))
+        self._t: float | None = None  # [s] of the filter's state; None before the first call
+
+    @staticmethod
+    def build(config: RangeUkfConfig, mission: RangingMission) -> RangeUkf:
+        return RangeUkf(config, mission)
+
+    @staticmethod
+    def sensors(config: RangeUkfConfig, mission: RangingMission) -> tuple[Sensor, ...]:
+        """What the robot has to carry for this estimator."""
+        return mission.sensors_carried()
+
+    @staticmethod
+    def quality(config: RangeUkfConfig, mission: RangingMission) -> RangeQuality:
+        """How good the ranges are that it lives on."""
+        return mission.ranging
+
+    @staticmethod
+    def properties(config: RangeUkfConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            domain_of_attraction=Domain.LOCAL,
+            rate=Rate.BOUNDED,
+            input_dependence=InputDependence.NON_UNIFORM,
+            observer_domain=Domain.LOCAL,
+            system_domain=Domain.GLOBAL,
+            stays_on_truth=False,
+            note="what it expects to read is a mean over its covariance, so on the truth it is not what is read",
+        )
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """The estimate; ``extra["nis"]`` (2,) is NIS and how many rays it is of, NaN where there was no update."""
+        rho = self._model.ranges(measurements)
+        self._watch.look(t, rho)
+        dt = 0.0 if self._t is None else t - self._t
+        self._predict(self._model.input(measurements, command), dt)
+        self._t = t
+        nis = self._condition(rho)
+        P = self._filter.P[:3, :3]
+        return Estimate(t, self._filter.x[:3].copy(), 0.5 * (P + P.T), self._watch.status(t), {"nis": nis})
+
+    def _predict(self, u: Array, dt: float) -> None:
+        x = self._filter.x
+        _, G = moved_slopes(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
+        self._filter.Q[:3, :3] = G * self._model.W @ G.T
+        self._filter.predict(dt, u=u)
+        self._filter.x = self._kept_within(x, self._filter.x)
+
+    def _condition(self, rho: Array) -> Array:
+        """On the rays that are there and within the gate; NIS and their number."""
+        from filterpy.kalman import unscented_transform
+
+        model, x = self._model, self._filter.x.copy()
+        h = np.array([self._read(sigma) for sigma in self._filter.sigmas_f])
+        R = np.diag(model.range_variance(h[0]))
+        mean, S = unscented_transform(h, self._filter.Wm, self._filter.Wc, R)
+        good = self._gate.passes(np.square(rho - mean) / np.diag(S))
+        if not good.any():
+            return np.full(2, np.nan)
+        self._filter.update(rho[good], R=R[np.ix_(good, good)], hx=lambda sigma: self._read(sigma)[good])
+        self._filter.x = self._kept_within(x, self._filter.x)
+        y = self._filter.y
+        return np.array([y @ self._filter.SI @ y, len(y)])
+
+    def _read(self, sigma: Array) -> Array:
+        """The ranges (l,) from a sigma point (4,)."""
+        pose = self._kept_within(self._filter.x, sigma)[:3]
+        h, _ = expected_ranges(*self._model.wall, pose, self._model.angles)
+        return h
+
+    def _kept_within(self, inner: Array, x: Array) -> Array:
+        """x (4,), drawn back towards a state within the wall as far as it takes."""
+        step = step_within(*self._model.wall, inner[0], inner[1], x[0] - inner[0], x[1] - inner[1])
+        kept: Array = x.copy()
+        kept[:2] = inner[:2] + step * (x - inner)[:2]
+        return kept
+
+    def _made(self, config: RangeUkfConfig) -> Any:
+        from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter  # takes .7 s to import
+
+        points = MerweScaledSigmaPoints(
+            STATES, config.alpha, config.beta, config.kappa, sqrt_method=square_root, subtract=_difference
+        )
+        return UnscentedKalmanFilter(
+            STATES, len(self._model.angles), self.period, self._read, self._moved, points,
+            x_mean_fn=_mean, residual_x=_difference, state_add=_sum,
+        )  # fmt: skip
+
+    def _moved(self, sigma: Array, dt: float, u: Array) -> Array:
+        after: Array = sigma.copy()
+        move(after, u, *self._model.wall, dt)
+        return after
+
+
+def square_root(P: Array) -> Array:
+    """U (n, n) with U' U = P, upper triangular; of the nearest positive definite matrix where P is none."""
+    P = 0.5 * (P + P.T)
+    try:
+        lower: Array = np.asarray(np.linalg.cholesky(P), np.float64)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(P)
+        upper: Array = np.linalg.qr(np.sqrt(np.maximum(values, _LEAST))[:, None] * vectors.T)[1]
+        lower = np.asarray(upper.T, np.float64)
+    return lower.T
+
+
+def _difference(x: Array, y: Array) -> Array:
+    off: Array = np.subtract(x, y)
+    off[2] = wrapped(off[2])
+    return off
+
+
+def _sum(x: Array, y: Array) -> Array:
+    total: Array = np.add(x, y)
+    total[2] = wrapped(total[2])
+    return total
+
+
+def _mean(sigmas: Array, weights: Array) -> Array:
+    """Of sigma points (2 n + 1, n); the headings relative to the first, around which they lie."""
+    return _sum(sigmas[0], weights @ np.array([_difference(sigma, sigmas[0]) for sigma in sigmas]))

@@ -1,0 +1,70 @@
+"""The plug-in ``example_2_2``: the observer of Example 2.2, as printed. Its error is linear whatever the input."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import casadi
+
+from estimators.textbook.law import ObserverLaw, check_positive, check_system, identity
+from estimators.textbook.sampled_observer import SampledObserver
+from models.textbook.example_2_2 import EXAMPLE_2_2, observer
+from models.textbook.mission import TextbookMission
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+
+
+@dataclass(frozen=True)
+class Example22Config:
+    """Fields of ``--estimator``."""
+
+    alpha: float = 2.0
+    """of the correction of x_1; it converges for alpha > 0 and beta > 0"""
+    beta: float = 3.0
+    """of the correction of x_2"""
+    timeout: float = 0.5
+    """without a reading after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        for name in ("alpha", "beta"):
+            if not math.isfinite(getattr(self, name)):
+                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: a finite value")
+        check_positive(self.timeout, "timeout")
+
+
+class Example22:
+    """The observer of Example 2.2."""
+
+    Config = Example22Config
+
+    @staticmethod
+    def build(config: Example22Config, mission: TextbookMission) -> SampledObserver:
+        """ValueError for a system other than that of the example."""
+        check_system(mission.system is EXAMPLE_2_2, mission, EXAMPLE_2_2.name)
+
+        def rate(z: casadi.SX, u: casadi.SX, y: casadi.SX) -> casadi.SX:
+            return observer(z, u, y, config.alpha, config.beta)
+
+        return SampledObserver(ObserverLaw(3, rate, identity, identity), mission, config.timeout)
+
+    @staticmethod
+    def sensors(config: Example22Config, mission: TextbookMission) -> tuple[Sensor, ...]:
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: Example22Config, mission: TextbookMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: Example22Config) -> ObserverProperties:
+        """Table 2.1."""
+        if config.alpha > 0.0 and config.beta > 0.0:
+            return ObserverProperties(
+                Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
+                note="as long as the solution has not escaped",
+            )  # fmt: skip
+        return ObserverProperties(
+            Domain.NONE, Rate.BOUNDED, InputDependence.UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
+            note="alpha or beta is not positive: the error does not decay",
+        )  # fmt: skip

@@ -1,0 +1,167 @@
+"""The plug-in ``textbook_ekf``: the extended Kalman filter for any textbook system,
+
+    x' = F(x, u) + w,   y = h(x, u) + v,
+
+w white with one intensity on every component, v with the variance of the readings. The filter (filterpy's) carries x^
+on by the solution, its covariance by the Jacobian of one step of it, and conditions on what is read of the outputs that
+x^ says are in sight, with h linearised where that leads. A step that leaves every bound is not taken, and the estimate
+is lost until one can be.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi
+import numpy as np
+
+from estimators.carried_filter import carried_filter
+from estimators.textbook.law import check_positive
+from models.runge_kutta import dormand_prince
+from models.textbook.mission import TextbookMission
+from models.textbook.system import System
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+from sim.signals import Array, Estimate, Measurement, Status
+
+_SIMULTANEOUS = 1e-9  # [s]
+_SETTLED = 1e-10  # change of the estimate below which a linearisation is kept
+
+
+@dataclass(frozen=True)
+class TextbookEkfConfig:
+    """Fields of ``--estimator``."""
+
+    process: float = 0.01
+    """square root of the intensity of w on each component, in its unit a square root of a second"""
+    noise_floor: float = 1e-3
+    """least standard deviation that a reading is trusted with"""
+    iterations: int = 10
+    """linearisations of h for one reading, at most; 1 is the plain filter"""
+    timeout: float = 0.5
+    """without a reading after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.process) and self.process >= 0.0):
+            raise ValueError(f"process = {self.process!r}; allowed: a finite value >= 0")
+        if self.iterations < 1:
+            raise ValueError(f"iterations = {self.iterations!r}; allowed: a whole number >= 1")
+        for name in ("noise_floor", "timeout"):
+            check_positive(getattr(self, name), name)
+
+
+class TextbookEkf:
+    """The extended Kalman filter for any textbook system."""
+
+    Config = TextbookEkfConfig
+
+    def __init__(self, config: TextbookEkfConfig, mission: TextbookMission) -> None:
+        self.period = mission.period
+        self._config, self._system = config, mission.system
+        n, m = len(mission.system.states), len(mission.system.outputs)
+        self._transition, self._output = _transition(mission.system), _output(mission.system)
+        self._filter = carried_filter(n, m)
+        self._filter.x = mission.start_state
+        self._filter.P = np.diag(np.square(mission.deviation))
+        self._variance = max(mission.noise, config.noise_floor) ** 2
+        self._t: float | None = None  # [s] of the filter's state; None before the first call
+        self._t_read = -math.inf  # [s] of the last reading
+        self._followed = True  # the last step was taken
+
+    @staticmethod
+    def build(config: TextbookEkfConfig, mission: TextbookMission) -> TextbookEkf:
+        return TextbookEkf(config, mission)
+
+    @staticmethod
+    def sensors(config: TextbookEkfConfig, mission: TextbookMission) -> tuple[Sensor, ...]:
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: TextbookEkfConfig, mission: TextbookMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: TextbookEkfConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.NON_UNIFORM, Domain.LOCAL, Domain.LOCAL,
+            note="as far as the linearisation holds, and where the input makes the system observable",
+        )  # fmt: skip
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        for reading in measurements:
+            if reading.name == "output":
+                self._predict(reading.t, command)
+                self._condition(reading, command)
+        self._predict(t, command)
+        P = self._filter.P
+        return Estimate(t, self._filter.x.copy(), 0.5 * (P + P.T), self._status(t))
+
+    def _predict(self, t: float, u: Array) -> None:
+        """From the filter's time to t [s] with u (p,) held."""
+        if self._t is None:
+            self._t = t
+        h = t - self._t
+        if h < -_SIMULTANEOUS:
+            raise ValueError(f"a reading at {t:.6f} s reached a Kalman filter that is at {self._t:.6f} s already")
+        if h > _SIMULTANEOUS:
+            self._filter.F = np.array(self._transition(self._filter.x, u, h))
+            noise = h * self._config.process**2
+            self._filter.Q = noise * np.eye(len(self._filter.x))
+            x, P = self._filter.x, self._filter.P
+            after, reached = self._system.reach(x, u, h)
+            self._filter.predict(after)
+            self._followed = reached == h and bool(np.isfinite(self._filter.P).all())
+            if not self._followed:
+                self._filter.x, self._filter.P = x, P
+            self._t = t
+
+    def _condition(self, reading: Measurement, u: Array) -> None:
+        """On the outputs that are in sight, linearised at the estimate that this leads to, by Gauss and Newton."""
+        prior, P, at = self._filter.x, self._filter.P, self._filter.x
+        seen = np.isfinite(reading.value) & (np.abs(self._outputs(at, u)[0]) <= self._system.output_max)
+        if not seen.any():
+            return
+        # State, reading and expectation are flat: filterpy makes a square of a flat one and a column.
+        R = self._variance * np.eye(int(np.count_nonzero(seen)))
+        for _ in range(self._config.iterations):
+            expected, slope = (each[seen] for each in self._outputs(at, u))
+            self._filter.x, self._filter.P = prior, P
+            self._filter.update(
+                reading.value[seen], lambda _, H=slope: H, lambda _, y=expected + slope @ (prior - at): y, R
+            )
+            at, before = self._filter.x, at
+            if float(np.abs(at - before).max()) < _SETTLED:
+                break
+        self._t_read = reading.t
+
+    def _outputs(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """h(x, u) (m,) and its Jacobian (m, n)."""
+        y, slope = self._output(x, u)
+        return np.array(y).ravel(), np.array(slope)
+
+    def _status(self, t: float) -> Status:
+        if self._t_read == -math.inf:
+            return Status.INITIALISING
+        fresh = t - self._t_read <= self._config.timeout + _SIMULTANEOUS
+        return Status.OK if fresh and self._followed else Status.LOST
+
+
+@lru_cache(maxsize=16)
+def _transition(system: System) -> casadi.Function:
+    """(x, u, h) -> the Jacobian (n, n) of the state after h [s], by one step of Dormand and Prince."""
+    x, u = casadi.SX.sym("x", len(system.states)), casadi.SX.sym("u", len(system.inputs))
+    h = casadi.SX.sym("h")
+    after, _ = dormand_prince(system.f, x, u, h)
+    return casadi.Function("transition", [x, u, h], [casadi.jacobian(after, x)])
+
+
+@lru_cache(maxsize=16)
+def _output(system: System) -> casadi.Function:
+    """(x, u) -> y (m,) and its Jacobian (m, n)."""
+    x, u = casadi.SX.sym("x", len(system.states)), casadi.SX.sym("u", len(system.inputs))
+    y = system.h(x, u)
+    return casadi.Function("output", [x, u], [y, casadi.jacobian(y, x)])

@@ -1,0 +1,122 @@
+"""The plug-in ``kazantzis_kravaris``: an observer whose error is linear in the coordinates x~ = T(x) (2.4).
+
+With x~' = A x~ - g(y) and A Hurwitz, in these coordinates
+
+    z' = A z - g(y),   x^ = T^{-1}(z),          d/dt (z - x~) = A (z - x~),
+
+or in the original ones
+
+    x^' = F(x^, u) + [dT/dx^]^{-1} [g(h(x^)) - g(y)].
+
+The thesis prints (2.4) with the other sign, g(y) - g(h(x^)), which drives T(x^) away; that can be run, too. T is exact
+where coordinates are known that are linear up to output injection, and a power series where not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import casadi
+import numpy as np
+
+from estimators.textbook.law import ObserverLaw, check_positive, identity
+from estimators.textbook.sampled_observer import SampledObserver
+from models.textbook.maps import inverse, of_numbers
+from models.textbook.mission import TextbookMission
+from models.textbook.power_series import solved
+from models.textbook.system import System
+from sim.number_lists import NumberList
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+from sim.signals import Array
+
+Form = Literal["z", "corrected", "printed"]
+
+
+@dataclass(frozen=True)
+class KazantzisKravarisConfig:
+    """Fields of ``--estimator``."""
+
+    form: Form = "z"
+    """in the coordinates x~, or (2.4) with its sign put right, or as printed"""
+    poles: NumberList = (-2.0, -3.0)
+    """eigenvalues of A [1/s]"""
+    order: int = 9
+    """of the power series of T, where T is not known exactly"""
+    timeout: float = 0.5
+    """without a reading after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        if self.form not in get_args(Form):
+            raise ValueError(f"form = {self.form!r}; allowed: {', '.join(get_args(Form))}")
+        check_positive(self.timeout, "timeout")
+
+
+@dataclass(frozen=True, eq=False)
+class Immersion:
+    """x~ = T(x) with x~' = A x~ - g(y, u)."""
+
+    T: Callable[[casadi.SX], casadi.SX]  # (n,) -> (n,)
+    A: Array  # (n, n)
+    g: Callable[[casadi.SX, casadi.SX], casadi.SX]  # (y (m,), u (p,)) -> (n,)
+
+    @staticmethod
+    def of(system: System, poles: tuple[float, ...], order: int) -> Immersion:
+        """With these eigenvalues of A; ValueError for a system or for poles that do not fit."""
+        form = system.form
+        if form is None:
+            n = len(system.states)
+            return Immersion(solved(system, poles, order), np.diag(poles), lambda y, u: -casadi.repmat(y, n, 1))
+        L = casadi.DM(form.gain(poles))
+        return Immersion(form.T_1, form.A - np.array(L) @ form.C, lambda y, u: form.g(y, u) - L @ form.T_2(y))
+
+
+class KazantzisKravaris:
+    """The observer of Kazantzis and Kravaris, in z or as (2.4)."""
+
+    Config = KazantzisKravarisConfig
+
+    @staticmethod
+    def build(config: KazantzisKravarisConfig, mission: TextbookMission) -> SampledObserver:
+        """ValueError for a system or for poles that do not fit."""
+        system, n = mission.system, len(mission.system.states)
+        immersion = Immersion.of(system, config.poles, config.order)
+        T, A, g = immersion.T, casadi.DM(immersion.A), immersion.g
+        x, u = casadi.SX.sym("x", n), casadi.SX.sym("u", len(system.inputs))
+        y = casadi.SX.sym("y", len(system.outputs))
+        if config.form == "z":
+            F = casadi.Function("F", [x, u, y], [A @ x - g(y, u)])  # x stands for z
+            return SampledObserver(ObserverLaw(n, F, of_numbers(T, n), inverse(T, n)), mission, config.timeout)
+        correction = casadi.solve(casadi.jacobian(T(x), x), g(system.h(x, u), u) - g(y, u))
+        sign = -1.0 if config.form == "printed" else 1.0
+        F = casadi.Function("F", [x, u, y], [system.f(x, u) + sign * correction])
+        return SampledObserver(ObserverLaw(n, F, identity, identity), mission, config.timeout)
+
+    @staticmethod
+    def sensors(config: KazantzisKravarisConfig, mission: TextbookMission) -> tuple[Sensor, ...]:
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: KazantzisKravarisConfig, mission: TextbookMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: KazantzisKravarisConfig) -> ObserverProperties:
+        """Table 2.1."""
+        series = "where T is a series, only near the origin and to its truncation"
+        if config.form == "z":
+            return ObserverProperties(
+                Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.GLOBAL, Domain.LOCAL,
+                note=f"in Z with the rates of its poles; {series}",
+            )  # fmt: skip
+        if config.form == "corrected":
+            return ObserverProperties(
+                Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.LOCAL, Domain.LOCAL,
+                note=f"as long as dT/dx is regular along x^; {series}",
+            )  # fmt: skip
+        return ObserverProperties(
+            Domain.NONE, Rate.BOUNDED, InputDependence.NON_UNIFORM, Domain.LOCAL, Domain.LOCAL,
+            note="(2.4) as printed: a sign is wrong, and the error does not decay",
+        )  # fmt: skip

@@ -1,0 +1,39 @@
+"""What an observer in the sense of Definition 2.1 is made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi
+
+from models.textbook.mission import TextbookMission
+from sim.signals import Array
+
+
+@dataclass(frozen=True, eq=False)
+class ObserverLaw:
+    """z' = F^(z, u, y), x^ = Phi(z), and Psi, whose image of the state z tracks (Figure 2.1)."""
+
+    size: int  # of z
+    F: Callable[[casadi.SX, casadi.SX, casadi.SX], casadi.SX]  # (z, u, y) -> z'
+    Psi: Callable[[Array], Array]  # (n,) -> (size,)
+    Phi: Callable[[Array, Array], Array | None]  # (z, an x near by) -> x^ (n,); None where there is none
+
+
+def identity(x: Array, near: Array | None = None) -> Array:
+    """Psi and Phi of an identity observer (Definition 2.3)."""
+    return x.copy()
+
+
+def check_system(fits: bool, mission: TextbookMission, allowed: str) -> None:
+    """ValueError for a system that an observer is not made for."""
+    if not fits:
+        raise ValueError(f"system = {mission.system.name!r}; allowed with this observer: {allowed}")
+
+
+def check_positive(value: float, name: str) -> None:
+    """ValueError unless it is a finite number > 0."""
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")

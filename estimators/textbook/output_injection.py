@@ -1,0 +1,74 @@
+"""The plug-in ``output_injection``: Luenberger's observer in coordinates that are linear up to output injection (2.3).
+
+z' = A z - g(y, u) + L (y~ - C z),   x^ = T_1^{-1}(z),      d/dt (z - x~) = (A - L C)(z - x~)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi
+import numpy as np
+
+from estimators.textbook.law import ObserverLaw, check_positive, check_system
+from estimators.textbook.sampled_observer import SampledObserver
+from models.textbook.library import SYSTEMS
+from models.textbook.maps import of_numbers
+from models.textbook.mission import TextbookMission
+from sim.number_lists import NumberList
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+from sim.signals import Array
+
+
+@dataclass(frozen=True)
+class OutputInjectionConfig:
+    """Fields of ``--estimator``."""
+
+    poles: NumberList = (-2.0, -3.0)
+    """eigenvalues of A - L C [1/s]"""
+    timeout: float = 0.5
+    """without a reading after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        check_positive(self.timeout, "timeout")
+
+
+class OutputInjection:
+    """Luenberger's observer where the dynamics are linear up to output injection (2.3)."""
+
+    Config = OutputInjectionConfig
+
+    @staticmethod
+    def build(config: OutputInjectionConfig, mission: TextbookMission) -> SampledObserver:
+        """ValueError for a system that no such coordinates are known of, and for poles that do not fit."""
+        form = mission.system.form
+        check_system(form is not None, mission, ", ".join(name for name, other in SYSTEMS.items() if other.form))
+        assert form is not None
+        L, n = form.gain(config.poles), len(form.A)
+        to_x = of_numbers(form.T_1_inverse, n)
+
+        def rate(z: casadi.SX, u: casadi.SX, y: casadi.SX) -> casadi.SX:
+            return casadi.DM(form.A) @ z - form.g(y, u) + casadi.DM(L) @ (form.T_2(y) - casadi.DM(form.C) @ z)
+
+        def found(z: Array, near: Array) -> Array | None:
+            x = to_x(z)
+            return x if np.isfinite(x).all() else None
+
+        return SampledObserver(ObserverLaw(n, rate, of_numbers(form.T_1, n), found), mission, config.timeout)
+
+    @staticmethod
+    def sensors(config: OutputInjectionConfig, mission: TextbookMission) -> tuple[Sensor, ...]:
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: OutputInjectionConfig, mission: TextbookMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: OutputInjectionConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
+            note="in Z with the rates of its poles, where T_1 is a diffeomorphism of the whole space",
+        )  # fmt: skip

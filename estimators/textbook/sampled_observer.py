@@ -1,0 +1,97 @@
+"""An observer in continuous time, run on sampled outputs (Definition 2.1; the inputs are counted in y there).
+
+    z' = F^(z, u, y(t)),   x^ = Phi(z)
+
+Over each period y(t) is the polynomial through the last readings, four at most, the newest among them, and z follows
+its equation to the error of ``models.runge_kutta``: what sampling costs is of fourth order in the period, and x^ has no
+lag. Where the newest reading is missing x^ goes on as a copy of the system does, and z = Psi(x^). An observer that
+leaves every bound stays where it was last, and lost.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import casadi
+import numpy as np
+
+from estimators.textbook.law import ObserverLaw
+from models.runge_kutta import Flow
+from models.textbook.mission import TextbookMission
+from sim.signals import Array, Estimate, Measurement, Status
+
+_SIMULTANEOUS = 1e-9  # [s]
+_POINTS = 4  # that the polynomial goes through
+
+
+class SampledObserver:
+    """Readings of "output" to x^."""
+
+    def __init__(self, law: ObserverLaw, mission: TextbookMission, timeout: float) -> None:
+        """``timeout`` [s] without a reading after which the estimate is lost."""
+        self.period = mission.period
+        self._law, self._system, self._timeout = law, mission.system, timeout
+        self._flow = _flow(law, mission)
+        self._x = mission.start_state
+        self._z = law.Psi(self._x)
+        self._t: float | None = None  # [s] of z; None before the first call
+        self._readings: deque[tuple[float, Array]] = deque(maxlen=_POINTS)  # (time [s], y (m,))
+        self._followed = True  # z has stayed within bounds, and Phi has found an x^ for it
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """The estimate; its ``extra["z"]`` is the observer's state."""
+        for reading in measurements:
+            if reading.name == "output" and np.isfinite(reading.value).all():
+                self._readings.append((reading.t, np.array(reading.value)))
+        if self._t is not None and t > self._t:
+            self._advance(self._t, t - self._t, command)
+        self._t = t
+        return Estimate(t, self._x.copy(), None, self._status(t), {"z": self._z.copy()})
+
+    def _advance(self, begin: float, h: float, u: Array) -> None:
+        """From a time [s] on for h [s] with u (p,) held."""
+        if self._readings and self._readings[-1][0] > begin + _SIMULTANEOUS:
+            self._followed = self._observe(begin, h, u)
+            return
+        copied, reached = self._system.reach(self._x, u, h)
+        if reached == h:
+            self._x, self._z = copied, self._law.Psi(copied)
+
+    def _observe(self, begin: float, h: float, u: Array) -> bool:
+        """The same with the outputs of the period; whether z stays within bounds and there is an x^ for it."""
+        held = np.concatenate([u, self._output_after(begin).ravel()])
+        after, reached = self._flow.reach(np.append(self._z, 0.0), held, h)
+        if reached < h:
+            return False
+        self._z = after[:-1]
+        found = self._law.Phi(self._z, self._x)
+        self._x = self._system.flow(self._x, u, h) if found is None else found
+        return found is not None
+
+    def _output_after(self, begin: float) -> Array:
+        """(m, 4) the coefficients of y in powers of the periods after a time [s], by the readings that are not old."""
+        oldest = begin - (_POINTS - 1.5) * self.period
+        recent = [(t, y) for t, y in self._readings if t > oldest]
+        s = np.array([(t - begin) / self.period for t, _ in recent])
+        fitted = np.linalg.solve(np.vander(s, increasing=True), np.array([y for _, y in recent]))  # (k, m)
+        return np.pad(fitted, ((0, _POINTS - len(fitted)), (0, 0))).T
+
+    def _status(self, t: float) -> Status:
+        if not self._readings:
+            return Status.INITIALISING
+        fresh = t - self._readings[-1][0] <= self._timeout + _SIMULTANEOUS
+        return Status.OK if fresh and self._followed else Status.LOST
+
+
+def _flow(law: ObserverLaw, mission: TextbookMission) -> Flow:
+    """Of (z, seconds since the beginning) with (u, coefficients of y) held."""
+    p, m = len(mission.system.inputs), len(mission.system.outputs)
+
+    def rate(state: casadi.SX, held: casadi.SX) -> casadi.SX:
+        s = state[law.size] / mission.period
+        coefficients = casadi.reshape(held[p:], _POINTS, m)  # row by row of (m, 4)
+        y = coefficients.T @ casadi.vertcat(*(s**k for k in range(_POINTS)))
+        return casadi.vertcat(law.F(state[: law.size], held[:p], y), 1.0)
+
+    return Flow(rate, law.size + 1, p + _POINTS * m)

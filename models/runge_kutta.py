@@ -1,0 +1,82 @@
+"""Where an ordinary differential equation leads, to a stated error: x' = f(x, u) with the input held.
+
+Steps of Dormand and Prince (J. Comp. Appl. Math. 6, 1980), of order 5 with an error estimate of order 4, are as long as
+the tolerance allows: each is kept only if, in every component, its error is estimated at most
+
+    tolerance (1 + max |x_i|)        before and after the step.
+
+A solution that leaves every bound in finite time is followed until it is ``FARTHEST`` from the origin or its steps are
+``SHORTEST``; how far it was followed in time is then its escape time, to about 1 / ``FARTHEST`` of a solution like that
+of x' = x^2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi
+import numpy as np
+
+from sim.signals import Array
+
+TOLERANCE = 1e-10
+FARTHEST = 1e9  # of any component
+SHORTEST = 1e-14  # [s]
+
+_SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0  # of the length of a step
+_EXACT = 1e-10  # of the tolerance: an error below is none
+_A = (
+    (),
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+)
+_ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)  # order 5 less order 4
+
+
+def dormand_prince(
+    f: Callable[[casadi.SX, casadi.SX], casadi.SX], x: casadi.SX, u: casadi.SX, h: casadi.SX
+) -> tuple[casadi.SX, casadi.SX]:
+    """One step of h [s] from x (nx,): the state of order 5, and how far that of order 4 is from it."""
+    k: list[casadi.SX] = []
+    at = x
+    for row in _A:
+        at = x + h * sum(a * slope for a, slope in zip(row, k, strict=True)) if k else x
+        k.append(f(at, u))
+    return at, h * sum(e * slope for e, slope in zip(_ERROR, k, strict=True))
+
+
+class Flow:
+    """The solution of x' = f(x, u), of nx states and nu inputs that are held."""
+
+    def __init__(
+        self, f: Callable[[casadi.SX, casadi.SX], casadi.SX], nx: int, nu: int, tolerance: float = TOLERANCE
+    ) -> None:
+        x, u, h = casadi.SX.sym("x", nx), casadi.SX.sym("u", nu), casadi.SX.sym("h")
+        after, off = dormand_prince(f, x, u, h)
+        scale = 1.0 + casadi.fmax(casadi.fabs(x), casadi.fabs(after))
+        self._step = casadi.Function("step", [x, u, h], [after, casadi.mmax(casadi.fabs(off) / scale) / tolerance])
+
+    def __call__(self, x: Array, u: Array, dt: float) -> Array:
+        """The state (nx,) after dt [s]; the last finite one where it escapes before."""
+        return self.reach(x, u, dt)[0]
+
+    def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
+        """The state (nx,) and the time [s] from x (nx,) on: ``dt``, and less where the solution escapes before."""
+        x, t, h = np.array(x, dtype=np.float64), 0.0, dt
+        while t < dt:
+            h = min(h, dt - t)
+            after, off = self._step(x, u, h)
+            error = float(off)
+            if error <= 1.0:  # not where it is NaN
+                x, t = np.array(after).ravel(), dt if h == dt - t else t + h
+                if np.abs(x).max() > FARTHEST:
+                    break
+            elif h < SHORTEST:
+                break
+            best = _SAFETY * max(error, _EXACT) ** -0.2 if error < np.inf else _SHRINK
+            h *= min(max(best, _SHRINK), _GROW)
+        return x, t

@@ -1,0 +1,43 @@
+"""What an observer of a textbook system may know: the system, the noise of its readings, a belief of its start."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.textbook.sensors import OutputSensor
+from models.textbook.system import System
+from sim.signals import Array
+
+TICK = 1e-3
+"""[s] of a textbook plant; rates are whole multiples of it, its solutions do not depend on it"""
+
+
+@dataclass(frozen=True)
+class TextbookMission:
+    """Find the state of a system from its outputs. It holds no truth of a run."""
+
+    system: System
+    start: tuple[float, ...]  # (n,) x^(0)
+    deviation: tuple[float, ...]  # (n,) standard deviations of it
+    noise: float = 0.0  # standard deviation of each output's reading
+    period: float = 0.01  # [s] of readings, estimates and commands
+
+    def __post_init__(self) -> None:
+        n = len(self.system.states)
+        for name in ("start", "deviation"):
+            given = getattr(self, name)
+            if len(given) != n or not all(map(math.isfinite, given)):
+                raise ValueError(f"{name} = {given!r}; allowed: {n} finite numbers, of {', '.join(self.system.states)}")
+
+    @property
+    def start_state(self) -> Array:
+        """(n,) x^(0)."""
+        return np.array(self.start)
+
+    @property
+    def sensor(self) -> OutputSensor:
+        """What reads y."""
+        return OutputSensor(len(self.system.outputs), 1.0 / self.period, self.noise, self.system.output_max)

@@ -1,0 +1,68 @@
+"""The control systems that the thesis states its definitions for (2.1):
+
+Sigma:   x' = F(x, u),   y = h(x, u),   x in R^n, u in R^p, y in R^m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi
+import numpy as np
+
+from models.runge_kutta import Flow
+from models.textbook.observer_form import ObserverForm
+from sim.signals import Array
+
+Map = Callable[[casadi.SX, casadi.SX], casadi.SX]
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """One Sigma, and how it is run where nothing else is asked for. A name tells its unit, "x_1 [m]" for one."""
+
+    name: str
+    title: str  # where it stands
+    states: tuple[str, ...]  # (n,)
+    inputs: tuple[str, ...]  # (p,)
+    outputs: tuple[str, ...]  # (m,)
+    f: Map  # F, (x (n,), u (p,)) -> x' (n,)
+    h: Map  # (x (n,), u (p,)) -> y (m,)
+    start: tuple[float, ...]  # (n,) x(0)
+    start_error: tuple[float, ...]  # (n,) that an observer starts off by
+    constant: tuple[float, ...] = ()  # (p,) u = constant + amplitude sin t
+    amplitude: tuple[float, ...] = ()  # (p,)
+    angles: tuple[int, ...] = ()  # components of x in [rad] that mean the same a turn later
+    output_max: float = np.inf  # a sensor does not see beyond
+    form: ObserverForm | None = None  # coordinates in which the dynamics are linear up to output injection
+
+    @cached_property
+    def flow(self) -> Flow:
+        """Where x leads with u held."""
+        return Flow(self.f, len(self.states), len(self.inputs))
+
+    def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
+        """The state (n,) after dt [s], and dt; a shorter time if the solution escapes before."""
+        return self.flow.reach(x, u, dt)
+
+    def rate(self, x: Array, u: Array) -> Array:
+        """x' (n,)."""
+        return np.array(self._numbers(x, u)[0]).ravel()
+
+    def output(self, x: Array, u: Array) -> Array:
+        """y (m,)."""
+        return np.array(self._numbers(x, u)[1]).ravel()
+
+    @cached_property
+    def _numbers(self) -> casadi.Function:
+        x, u = casadi.SX.sym("x", len(self.states)), casadi.SX.sym("u", len(self.inputs))
+        return casadi.Function("system", [x, u], [self.f(x, u), self.h(x, u)])
+
+    def difference(self, a: Array, b: Array) -> Array:
+        """a - b (..., n), angles within half a turn."""
+        off = np.array(a - b, dtype=np.float64)
+        for k in self.angles:
+            off[..., k] = (off[..., k] + np.pi) % (2.0 * np.pi) - np.pi
+        return off

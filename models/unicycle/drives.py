@@ -1,0 +1,62 @@
+"""What turns the inputs of a unicycle, u = (u_1 [m/s], u_2 [rad/s]), into the motion of its two driven wheels.
+
+With the wheels' radius r and their distance b apart, a wheel that does not slip turns at
+
+    omega_l = (u_1 - u_2 b / 2) / r,    omega_r = (u_1 + u_2 b / 2) / r.
+
+Both drives are ``sim.protocols.Drive``. The joints of either robot are led by x_1, x_2 and phi and end with the left
+and the right wheel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.unicycle.kernels import moved
+from sim.signals import Array
+
+WHEEL_RADIUS = 0.05  # [m] r
+TRACK = 0.22  # [m] b
+RIM_ACCELERATION = 4.0  # [m/s^2] at which a servo takes a wheel to another speed
+
+_RATES = np.array([[1.0, -0.5 * TRACK], [1.0, 0.5 * TRACK]]) / WHEEL_RADIUS  # u -> (omega_l, omega_r)
+_INPUTS = np.linalg.inv(_RATES)
+
+
+def wheel_rates(u: Array) -> Array:
+    """(omega_l, omega_r) [rad/s] under an input u (2,)."""
+    rates: Array = _RATES @ u
+    return rates
+
+
+def inputs_of(rates: Array) -> Array:
+    """u (2,) of wheels that turn at (omega_l, omega_r) [rad/s] and do not slip."""
+    u: Array = _INPUTS @ rates
+    return u
+
+
+@dataclass(frozen=True)
+class IdealDrive:
+    """Kinematic: over a tick the robot moves along the exact arc of its input, and the wheels turn with it."""
+
+    input_size: int = 2
+
+    def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
+        v[:3] = (moved(q[:3], float(u[0]), float(u[1]), dt) - q[:3]) / dt
+        v[3:] = wheel_rates(u)
+
+
+@dataclass(frozen=True)
+class DifferentialDrive:
+    """Each wheel has a servo that is given its angular velocity; what the robot makes of it is left to friction.
+
+    A servo takes up another speed steadily, so that wheels do not spin for a step of the input alone.
+    """
+
+    input_size: int = 2
+
+    def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
+        step = RIM_ACCELERATION / WHEEL_RADIUS * dt
+        control += np.clip(wheel_rates(u) - control, -step, step)

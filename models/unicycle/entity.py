@@ -1,0 +1,100 @@
+"""The unicycle robot as a dm_control entity, and the model of it within a wall."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import mujoco
+
+from models.field.arena import SENSOR_HEIGHT, FieldArena
+from models.field.curve import Curve
+from models.unicycle.mission import TICK
+
+with warnings.catch_warnings():  # dm_control's renderer, which is not used here, warns where there is no display
+    warnings.simplefilter("ignore")
+    from dm_control import composer, mjcf
+
+DriveName = Literal["ideal", "differential"]
+
+RADIUS = 0.16
+"""[m] of the robot's bumper"""
+
+ROLLING_TICK = 0.001
+"""[s] of the differential drive, whose wheels are in contact with the floor"""
+
+FLOOR = "floor"
+
+_ROLLS_BY = ("height", "pitch", "roll")  # joints that the ideal robot lacks
+_HERE = Path(__file__).parent
+
+
+class Unicycle(composer.Entity):
+    """A robot with one rangefinder ``range_I`` at each of ``angles`` (l,) [rad] off its heading.
+
+    ``friction`` is that of the wheels of the differential drive.
+    """
+
+    def _build(self, name: str, angles: Sequence[float], drive: DriveName, friction: float) -> None:
+        if not name or "/" in name:
+            raise ValueError(f"vehicle name {name!r} is empty or contains '/'; MuJoCo names need it as a separator")
+        if not (math.isfinite(friction) and friction > 0.0):
+            raise ValueError(f"friction = {friction!r}; allowed: a finite value > 0")
+        self._model = mjcf.from_path(str(_HERE / "unicycle.xml"))
+        self._model.model = name
+        chassis = self._model.find("body", "chassis")
+        if drive == "ideal":
+            option = self._model.option
+            option.timestep, option.integrator, option.gravity = TICK, "Euler", (0.0, 0.0, 0.0)
+            for joint in _ROLLS_BY:
+                self._model.find("joint", joint).remove()
+            for servo in self._model.actuator.velocity:
+                servo.remove()
+            for geom in self._model.find_all("geom"):
+                if geom.conaffinity == 1:
+                    geom.conaffinity = 0  # it does not stand on the floor
+        else:
+            for side in ("left", "right"):
+                self._model.find("geom", f"tread_{side}").friction = (friction, 0.0, 0.0)
+        for i, angle in enumerate(angles):
+            site = chassis.add(
+                "site", name=f"range_{i}", pos=(0.0, 0.0, SENSOR_HEIGHT), zaxis=(math.cos(angle), math.sin(angle), 0.0),
+                size=(0.004,), group=4,
+            )  # fmt: skip
+            self._model.sensor.add("rangefinder", name=f"range_{i}", site=site)
+
+    @property
+    def mjcf_model(self) -> Any:
+        return self._model
+
+
+def build_spec(
+    curve: Curve, angles: Sequence[float], drive: DriveName = "ideal", friction: float = 1.0, *, name: str = "robot"
+) -> Any:
+    """The ``mujoco.MjSpec`` of a robot within a wall, not compiled yet.
+
+    The vehicle NAME has the joints ``NAME/x_1``, ``NAME/x_2``, ``NAME/phi`` first and ``NAME/wheel_left``,
+    ``NAME/wheel_right`` last, the sensors ``NAME/range_I`` and, of the angles [rad] of the wheels, ``NAME/wheel_left``
+    and ``NAME/wheel_right``.
+    """
+    arena = FieldArena(curve)
+    robot = Unicycle(name, angles, drive, friction)
+    root = arena.mjcf_model
+    # The options of an arena and of what is attached to it must be the same.
+    for option in ("timestep", "integrator", "gravity", "cone", "impratio"):
+        setattr(root.option, option, getattr(robot.mjcf_model.option, option))
+    root.option.flag.autoreset = "disable"  # a state that diverges is to be seen, not put back to the origin
+    root.option.flag.sensor = "disable"  # rays are cast when a sensor is read, not at every tick
+    root.compiler.autolimits = True
+    arena.attach(robot)
+    return mujoco.MjSpec.from_string(root.to_xml_string(), assets=root.get_assets())
+
+
+def build_model(
+    curve: Curve, angles: Sequence[float], drive: DriveName = "ideal", friction: float = 1.0, *, name: str = "robot"
+) -> Any:
+    """The compiled ``mujoco.MjModel`` of ``build_spec``."""
+    return build_spec(curve, angles, drive, friction, name=name).compile()

@@ -1,0 +1,89 @@
+"""Sensors of the unicycle: MuJoCo's rangefinders and wheel encoders with the errors that a mission declares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from models.unicycle.drives import inputs_of
+from sim.protocols import Motion, Sensor
+from sim.signals import Array
+
+if TYPE_CHECKING:  # a mission makes its own sensors
+    from models.unicycle.mission import OdometryQuality, RangeQuality
+
+_SIMULTANEOUS = 1e-9  # [s]
+
+
+@dataclass(frozen=True)
+class RangeSensor:
+    """Ranges (l,) [m] of the rangefinders ``range_0``, ..., NaN where a ray was lost or met nothing.
+
+    Each errs by a Gaussian of variance (relative rho)^2 + absolute^2; a fraction ``outliers`` is uniform between nought
+    and ``longest`` instead, and a fraction ``dropout`` is lost. What is drawn does not depend on how large the errors
+    are, so runs that differ in them only see the same noise.
+    """
+
+    size: int  # l
+    quality: RangeQuality
+    longest: float  # [m] that can be in sight
+    rate: float | None  # [Hz]; None: whenever the loop looks
+    name: str = "ranges"
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+        quality = self.quality
+        rho = np.array([motion.sensed(f"range_{i}")[0] for i in range(self.size)])
+        rho[rho < 0.0] = np.nan  # MuJoCo's word for a ray that meets nothing
+        deviation = np.hypot(quality.relative * rho, quality.absolute)
+        reading = rho + deviation * rng.standard_normal(self.size)
+        chance, any_value = rng.random(self.size), rng.random(self.size)
+        reading = np.where(chance < quality.outliers, self.longest * any_value, reading)
+        return np.where(rng.random(self.size) < quality.dropout, np.nan, reading)
+
+
+@dataclass
+class WheelOdometry:
+    """What the wheels say of the mean input (u_1, u_2) over the last period, (2,) [m/s, rad/s], if they do not slip.
+
+    A reading is (1 + bias) u + noise, the sign of the bias drawn once a run. The first one only notes where the wheels
+    are, so there is none of it. It remembers the wheels: it belongs to one vehicle and one run.
+    """
+
+    quality: OdometryQuality
+    rate: float  # [Hz]
+    name: str = "odometry"
+    size: int = 2
+    _before: Array | None = field(default=None, init=False, repr=False)  # (2,) [rad] of the wheels at the last reading
+    _bias: float = field(default=0.0, init=False, repr=False)
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+        wheels = np.concatenate([motion.sensed("wheel_left"), motion.sensed("wheel_right")])
+        before, self._before = self._before, wheels
+        if before is None:
+            self._bias = self.quality.bias * float(rng.choice((-1.0, 1.0)))
+            return None
+        u = (1.0 + self._bias) * inputs_of((wheels - before) * self.rate)
+        noisy: Array = u + np.array(self.quality.noise) * rng.standard_normal(2)
+        return noisy
+
+
+class Outage:
+    """A sensor without readings between the times ``spans`` [s], the first of each included.
+
+    The readings that do arrive are those of the faultless sensor. It counts them to know the time, so it needs a rate,
+    and it belongs to one vehicle and one run.
+    """
+
+    def __init__(self, sensor: Sensor, spans: tuple[tuple[float, float], ...]) -> None:
+        if sensor.rate is None:
+            raise ValueError(f"{sensor.name}: rate = None; allowed for a sensor with outages: a rate")
+        self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
+        self._sensor, self._spans, self._period, self._count = sensor, spans, 1.0 / sensor.rate, 0
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+        reading = self._sensor.read(motion, rng)
+        t = self._count * self._period
+        self._count += 1
+        return None if any(begin <= t + _SIMULTANEOUS < end for begin, end in self._spans) else reading

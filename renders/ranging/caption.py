@@ -1,0 +1,75 @@
+"""What is written on a picture of a robot that finds itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from renders.caption import Label, Words, pace
+from renders.film import Frame
+from renders.palette import Part
+from renders.ranging.run_data import RangingRun
+from renders.ranging.storyboard import length, notices
+from sim.signals import Status
+
+
+def words(run: RangingRun, frame: Frame, labels: Sequence[Label]) -> Words:
+    """The words of a frame, with ``labels`` beside places."""
+    config, k = run.log.config, run.belief(frame.t)
+    estimator = str(config["estimator"]["name"]).rpartition(":")[2].replace("_", " ")
+    l = run.mission.sensors  # noqa: E741
+    title = [
+        f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']}",
+        f"{run.curve.name} · {l} range sensor{'s' if l > 1 else ''} · {run.drive} drive",
+    ]
+    if run.curve.symmetry != 1:
+        title.append("errors modulo the symmetry of the wall")
+    place, heading, place_note, heading_note = "–", "–", "", ""
+    if k >= 0:
+        place, heading = length(float(run.position_error[k])), f"{math.degrees(run.heading_error[k]):.1f}°"
+        if run.deviation is not None and math.isfinite(run.deviation[0][k]):
+            metres, radians = (3.0 * float(values[k]) for values in run.deviation)
+            place_note, heading_note = f"3σ {length(metres)}", f"3σ {math.degrees(radians):.1f}°"
+    return Words(
+        title=title,
+        numbers=(
+            ("TIME", f"{frame.t:.2f} s", pace(frame, run.duration)),
+            ("POSITION OFF BY", place, place_note),
+            ("HEADING OFF BY", heading, heading_note),
+        ),
+        state=_state(run, frame.t, k),
+        legend=_legend(run),
+        notice=frame.notice,
+        share=frame.t / run.duration,
+        moments=[t / run.duration for t, _ in notices(run)],
+        labels=labels,
+    )
+
+
+def _state(run: RangingRun, t: float, k: int) -> str:
+    status = run.status(t)
+    if k < 0:
+        return "not knowing where it is"
+    if status is Status.LOST:
+        return "sees nothing"
+    if run.beliefs.left is None:
+        return "estimating"
+    left = int(run.beliefs.left[k])
+    return f"{left} hypothes{'i' if left == 1 else 'e'}s left"
+
+
+def _legend(run: RangingRun) -> list[Part]:
+    """What there is to see in this run."""
+    beliefs = run.beliefs
+    return [
+        Part.DRIVEN,
+        Part.RAY,
+        *([Part.LOST_RAY] if np.isnan(run.ranges).any() else []),
+        Part.ESTIMATE,
+        *([Part.SPREAD] if beliefs.covariance is not None else []),
+        *([Part.HYPOTHESIS] if beliefs.hypotheses is not None else []),
+        *([Part.BELIEVED] if beliefs.z is not None else []),
+        *([Part.IMAGE] if run.curve.symmetry > 1 else []),
+    ]

@@ -1,0 +1,22 @@
+"""How robots that find themselves are drawn (``renders.drawing``)."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+
+from renders.painter import Painter, painting
+from renders.ranging.caption import words
+from renders.ranging.report import report
+from renders.ranging.run_data import RangingRun, load_run
+from renders.ranging.storyboard import CAMERAS, highlight, storyboard
+
+__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+
+cameras, still_camera = CAMERAS, "top"
+
+
+def painter(run: RangingRun, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
+    """What draws the frames of a run; OpenGL's backend must have been chosen."""
+    from renders.ranging.scene import Scene  # imports mujoco
+
+    return painting(Scene, words, run, width, height, samples)

@@ -1,0 +1,112 @@
+"""A run of a robot that finds itself on one page: whether it did, its path, pictures of the scene, time histories."""
+
+from __future__ import annotations
+
+import math
+
+from renders import page
+from renders.figures import events_figure
+from renders.page import Markup, quantity
+from renders.ranging import figures
+from renders.ranging.field_figure import field_figure
+from renders.ranging.run_data import RangingRun
+from renders.ranging.storyboard import highlight, verdict
+from renders.report import again, events_card, rest, still_block, summary_cards
+from sim.ranging_metrics import HEADING, POSITION
+
+
+def report(run: RangingRun) -> Markup:
+    """The report's HTML."""
+    config = run.log.config
+    title = f"{config['scenario']}, {run.curve.name}, seed {config['seed']}"
+    return page.document(
+        title,
+        *_headline(run, title),
+        page.section("The path", page.figure_block(field_figure(run), "path", _path_words(run))),
+        *_pictures(run),
+        page.section("Summary", summary_cards(run.log.summary)),
+        page.section("The run", *_figures(run)),
+        page.section("Events", events_card(run.log.events)),
+        page.section("Do it again", *again(run.directory, config)),
+        page.footer(rest(run.log.summary)),
+    )
+
+
+def _headline(run: RangingRun, title: str) -> tuple[Markup, Markup]:
+    summary = run.log.summary
+    good = bool(summary.get("converged")) and not summary.get("touched_wall")
+    tiles: dict[str, object] = {
+        "converged": bool(summary.get("converged")),
+        f"position RMS, last quarter (allowed {POSITION:g} m)": quantity(
+            "position_rms_m", summary.get("position_rms_m")
+        ),
+        f"heading RMS, last quarter (allowed {math.degrees(HEADING):.1f} deg)": quantity(
+            "heading_rms_deg", summary.get("heading_rms_deg")
+        ),
+        "found itself after": quantity("convergence_time_s", summary.get("convergence_time_s")),
+    }
+    if summary.get("nees_mean") is not None:
+        tiles["mean NEES, last quarter (3 if consistent)"] = page.number(summary["nees_mean"])
+    symmetric = " The wall is symmetric: errors are those modulo its rotations." if run.curve.symmetry != 1 else ""
+    return page.heading(title, f"The robot {verdict(run)}.{symmetric}", good), page.tiles(tiles)
+
+
+def _path_words(run: RangingRun) -> str:
+    words = "The path driven and the estimate, marked at times that are the denser the earlier; on the right its end."
+    if run.beliefs.covariance is not None:
+        words += " The ellipses are those of three standard deviations."
+    if run.image:
+        words += " The estimate follows the dashed path, from the poses along which the robot would read the same."
+    return words
+
+
+def _pictures(run: RangingRun) -> list[Markup]:
+    moment, later = sum(highlight(run)) / 2.0, 0.5 * run.duration
+    return [
+        still_block(
+            run.directory, "top", moment, f"The robot in its field from above, {moment:.2f} s after its start.",
+            f"After {moment:.2f} s: the robot, its rays, and the poses at which its estimator sees it.",
+        ),
+        still_block(
+            run.directory, "chase", later, f"The robot from behind, {later:.1f} s after its start.",
+            f"After {later:.1f} s, from behind the robot.",
+        ),
+    ]  # fmt: skip
+
+
+def _figures(run: RangingRun) -> list[Markup]:
+    beliefs, events = run.beliefs, run.log.events
+    drawn = []
+    stated = "" if beliefs.covariance is None else ", and the bands in which the estimator expects them"
+    if run.said.any():
+        drawn += [
+            ("errors", figures.errors_figure(run), "The errors on logarithmic axes; dotted what counts as found."),
+            ("bands", figures.bands_figure(run), f"The errors of each coordinate{stated}."),
+            ("pose", figures.pose_figure(run), "The pose and the estimate over time."),
+        ]
+    if beliefs.left is not None and beliefs.left.any():
+        words = "How much less than the best each hypothesis explains; a cross where it is dropped."
+        drawn.append(("hypotheses", figures.hypotheses_figure(run), words))
+    if beliefs.nis is not None:
+        words = (
+            "The normalised innovation squared over its degrees of freedom, and the normalised error squared: "
+            "1 and 3 on average if the filter is consistent, and then within the dotted bounds "
+            f"{100.0 * figures.CONFIDENCE:g} % of the time."
+        )
+        drawn.append(("consistency", figures.consistency_figure(run), words))
+    if beliefs.value is not None:
+        words = "Vρ is 0 where all rays say that the robot is in the same place, Q where their rates agree."
+        drawn.append(("value", figures.value_figure(run), words))
+    drawn += [
+        ("ranges", figures.ranges_figure(run), _ranges_words(run)),
+        ("inputs", figures.inputs_figure(run), "Speed and turn rate as commanded and as the wheels say."),
+    ]
+    if events:
+        drawn.append(("events", events_figure(events, run.duration), "The times at which each kind of event happened."))
+    return [page.figure_block(figure, name, alt) for name, figure, alt in drawn]
+
+
+def _ranges_words(run: RangingRun) -> str:
+    words = "What each sensor read, and what it would have read without errors."
+    more = run.mission.sensors - figures.MOST_SENSORS
+    return f"{words} {more} more sensors are not drawn." if more > 0 else words

@@ -1,0 +1,260 @@
+"""A finished run of a robot that finds itself, as pictures need it: the truth, what was read, what was believed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.field.curve import Curve
+from models.unicycle.entity import DriveName
+from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from renders.ranging.beliefs import Beliefs, read_beliefs, shaped
+from renders.run_log import RunLog, last_at, read_log
+from sim.ranging_metrics import HEADING, POSITION
+from sim.signals import Array, Status
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class RangingRun:
+    """The run of one robot."""
+
+    log: RunLog
+    mission: RangingMission
+    drive: DriveName
+    friction: float
+    ranges: Array  # (n, l) [m] as read; NaN where lost
+    odometry: Array  # (n, 2) [m/s, rad/s] as read; NaN where there is none
+    beliefs: Beliefs
+
+    @property
+    def directory(self) -> Path:
+        return self.log.directory
+
+    @property
+    def t(self) -> Array:
+        """(n,) [s]."""
+        return self.log.t
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.log.t[-1])
+
+    @property
+    def pose(self) -> Array:
+        """(n, 3) the true pose [m, m, rad]."""
+        return self.log.x[:, :3]
+
+    @property
+    def curve(self) -> Curve:
+        """The wall."""
+        return self.mission.curve
+
+    @cached_property
+    def true_ranges(self) -> Array:
+        """(n, l) [m] what ideal sensors would have read."""
+        return np.array([self.curve.ranges(pose, self.mission.alpha)[0] for pose in self.pose])
+
+    @cached_property
+    def believed_at(self) -> Array:
+        """(k, 3) the true poses at the times of the estimates."""
+        looks = np.clip(np.searchsorted(self.t, self.beliefs.t + 1e-9, side="right") - 1, 0, None)
+        poses: Array = self.pose[looks]
+        return poses
+
+    @cached_property
+    def difference(self) -> Array:
+        """(k, 3) [m, m, rad] estimate less truth, modulo the symmetry of the wall."""
+        pairs = zip(self.beliefs.x, self.believed_at, strict=True)
+        return np.array([self.mission.difference(x, truth) for x, truth in pairs]).reshape(-1, 3)
+
+    @cached_property
+    def position_error(self) -> Array:
+        """(k,) [m]."""
+        error: Array = np.hypot(self.difference[:, 0], self.difference[:, 1])
+        return error
+
+    @cached_property
+    def heading_error(self) -> Array:
+        """(k,) [rad]."""
+        return np.abs(self.difference[:, 2])
+
+    @cached_property
+    def deviation(self) -> tuple[Array, Array] | None:
+        """Standard deviations that the estimator states: (k,) [m] in the worst direction, (k,) [rad].
+
+        NaN where it states none.
+        """
+        P = self.beliefs.covariance
+        if P is None:
+            return None
+        variance = np.full((len(P), 2), np.nan)
+        stated = np.isfinite(P).all(axis=(1, 2))
+        variance[stated, 0] = np.linalg.eigvalsh(P[stated, :2, :2])[:, -1]
+        variance[stated, 1] = P[stated, 2, 2]
+        metres, radians = np.sqrt(np.maximum(variance, 0.0)).T
+        return metres, radians
+
+    @cached_property
+    def nees(self) -> Array:
+        """(k,) e' P^-1 e of the errors e (3,); NaN where there is no covariance, or a singular one."""
+        nees = np.full(len(self.beliefs.t), np.nan)
+        P = self.beliefs.covariance
+        if P is not None:
+            stated = np.flatnonzero(np.isfinite(P).all(axis=(1, 2)))
+            regular = stated[np.linalg.det(P[stated]) > 0.0]
+            e = self.difference[regular]
+            nees[regular] = (e * np.linalg.solve(P[regular], e[..., None])[..., 0]).sum(axis=1)
+        return nees
+
+    @cached_property
+    def seen_as(self) -> Array:
+        """(k, 3) of the poses indistinguishable from the true one those nearest to the estimates; heading unwrapped."""
+        near = self.beliefs.x - self.difference
+        near[:, 2] = np.unwrap(near[:, 2])
+        return near
+
+    @cached_property
+    def indistinguishable(self) -> Flags:
+        """(k,) whether an estimate is right, but not the true pose: one from which the robot would read the same."""
+        away = np.linalg.norm(self.seen_as[:, :2] - self.believed_at[:, :2], axis=1)
+        such: Flags = (away > POSITION) & (self.position_error < POSITION) & (self.heading_error < HEADING)
+        return such
+
+    @cached_property
+    def image(self) -> int:
+        """Which of ``curve.images`` of the truth the last estimate is nearest to; 0 is the truth itself."""
+        if self.curve.symmetry < 2 or not len(self.beliefs.x):
+            return 0
+        away = self.curve.images(self.believed_at[-1]) - self.seen_as[-1]
+        return int(np.argmin(np.square(away[:, :2]).sum(axis=1) + np.square(np.sin(0.5 * away[:, 2]))))
+
+    @cached_property
+    def mirrored(self) -> Array:
+        """(k, 3) that image of the true poses, heading unwrapped; in a circle, which has them all, ``seen_as``."""
+        if self.curve.symmetry == 0:
+            return self.seen_as
+        poses = np.array([self.curve.images(pose)[self.image] for pose in self.believed_at]).reshape(-1, 3)
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return poses
+
+    @cached_property
+    def agreed(self) -> Flags:
+        """(k,) whether all hypotheses that are left are the estimate, modulo the symmetry of the wall; there is one."""
+        hypotheses, left = self.beliefs.hypotheses, self.beliefs.left
+        agreed: Flags = np.zeros(len(self.beliefs.t), dtype=bool)
+        if hypotheses is None or left is None:
+            return agreed
+        agreed |= left == 1
+        for k in np.flatnonzero(left > 1):
+            poses = hypotheses[k][np.isfinite(hypotheses[k]).all(axis=1)]
+            errors = np.array([self.mission.error(pose, self.beliefs.x[k]) for pose in poses])
+            agreed[k] = (errors < (POSITION, HEADING)).all()
+        return agreed
+
+    @cached_property
+    def found(self) -> float | None:
+        """[s] from when on the estimate was right; None if it was not at the end, or if there was none."""
+        wrong = (self.position_error > POSITION) | (self.heading_error > HEADING)
+        bad = np.flatnonzero(wrong | ~self.said)
+        after = int(bad[-1]) + 1 if len(bad) else 0
+        return float(self.beliefs.t[after]) if after < len(self.beliefs.t) else None
+
+    @cached_property
+    def _statuses(self) -> tuple[Array, tuple[Status, ...]]:
+        """When the estimator's status changed [s], and to what."""
+        changes = [event for event in self.log.events if event.kind == "estimator-status"]
+        named = tuple(Status[event.message.partition(":")[0].upper()] for event in changes)
+        return np.array([event.t for event in changes]), named
+
+    def status(self, t: float) -> Status:
+        """Of the newest estimate at ``t`` [s]."""
+        times, named = self._statuses
+        k = last_at(times, t)
+        return named[k] if k >= 0 else Status.OK
+
+    @cached_property
+    def said(self) -> Flags:
+        """(k,) whether an estimate says where the robot is: the estimator has seen enough."""
+        return np.array([self.status(float(t)) is not Status.INITIALISING for t in self.beliefs.t], dtype=bool)
+
+    def index(self, t: float) -> int:
+        """The last look at or before ``t`` [s]."""
+        return max(last_at(self.t, t), 0)
+
+    def joints(self, t: float) -> Array:
+        """(2 nq,) MuJoCo's joint coordinates and rates at ``t`` [s], linear between looks."""
+        i = min(self.index(t), len(self.t) - 2)
+        share = float(np.clip((t - self.t[i]) / (self.t[i + 1] - self.t[i]), 0.0, 1.0))
+        between: Array = (1.0 - share) * self.log.x[i] + share * self.log.x[i + 1]
+        return between
+
+    def belief(self, t: float) -> int:
+        """Which estimate is the newest at ``t`` [s]; -1 where there is none, or none that says where the robot is."""
+        k = last_at(self.beliefs.t, t)
+        return k if k >= 0 and self.said[k] else -1
+
+
+def load_run(directory: str | Path) -> RangingRun:
+    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    log = read_log(directory)
+    try:
+        mission = _mission(log.config["mission"])
+        drive, friction = _drive(log.config["mission"]["drive"]), float(log.config["mission"]["friction"])
+    except (KeyError, TypeError, ValueError) as error:
+        name = str(log.directory / "config.json")
+        raise ValueError(f"{name!r} does not describe a robot with range sensors: {error!r}") from None
+    if log.x.shape[1] < 6 or log.x.shape[1] % 2 or log.u.shape[1] != 2:
+        raise ValueError(
+            f"{str(log.directory / 'log.npz')!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of a "
+            "unicycle, (n, 2 nq) with nq at least 3 and (n, 2)"
+        )
+    with np.load(log.directory / "log.npz", allow_pickle=False) as archive:
+        arrays = dict(archive)
+    n, sensors = len(log.t), mission.sensors
+    try:
+        ranges = shaped(arrays, "measurement.ranges", (n, sensors))
+        odometry = shaped(arrays, "measurement.odometry", (n, 2))
+        beliefs = read_beliefs(arrays, sensors)
+    except ValueError as error:
+        raise ValueError(f"{str(log.directory / 'log.npz')!r}: {error}") from None
+    missing = np.nan
+    return RangingRun(
+        log, mission, drive, friction,
+        np.full((n, sensors), missing) if ranges is None else ranges,
+        np.full((n, 2), missing) if odometry is None else odometry,
+        beliefs,
+    )  # fmt: skip
+
+
+def _drive(told: object) -> DriveName:
+    for name in get_args(DriveName):
+        if told == name:
+            found: DriveName = name
+            return found
+    raise ValueError(f"drive = {told!r}; allowed: {', '.join(get_args(DriveName))}")
+
+
+def _mission(told: Mapping[str, Any]) -> RangingMission:
+    start, odometry = told["known_start"], told["odometry"]
+    return RangingMission(
+        curve=Curve(
+            tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in told["coefficients"]), str(told["field"])
+        ),
+        angles=tuple(float(angle) for angle in told["angles"]),
+        ranging=RangeQuality(**told["ranging"]),
+        odometry=OdometryQuality(**{**odometry, "noise": tuple(odometry["noise"]), "slip": tuple(odometry["slip"])}),
+        start=None if start is None else KnownStart(tuple(start["pose"]), tuple(start["deviation"])),
+        speed_max=float(told["speed_max"]),
+        turn_rate_max=float(told["turn_rate_max"]),
+        margin=float(told["margin"]),
+        period=float(told["period"]),
+    )

@@ -1,0 +1,19 @@
+"""How textbook systems are drawn (``renders.drawing``)."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+
+from renders.textbook.painter import BoardPainter, painting
+from renders.textbook.report import report
+from renders.textbook.run_data import TextbookRun, load_run
+from renders.textbook.storyboard import CAMERAS, highlight, storyboard
+
+__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+
+cameras, still_camera = CAMERAS, CAMERAS[0]
+
+
+def painter(run: TextbookRun, width: int, height: int, samples: int) -> AbstractContextManager[BoardPainter]:
+    """What draws the frames of a run."""
+    return painting(run, width, height, samples)

@@ -1,0 +1,66 @@
+"""Draws the frames of a textbook system's run: the board, up to the moment of the frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+
+from renders.caption import pace
+from renders.figures import STYLE
+from renders.film import Frame
+from renders.palette import Picture
+from renders.textbook.board import Board
+from renders.textbook.run_data import TextbookRun
+
+INCHES_HIGH = 6.4  # of a picture, whatever its pixels
+
+
+@dataclass(frozen=True, eq=False)
+class BoardPainter:
+    """What stands still is drawn once; over it comes what a frame shows."""
+
+    board: Board
+    canvas: FigureCanvasAgg
+    still: Any
+    heading: Text
+    notice: Text
+
+    def paint(self, frame: Frame) -> Picture:
+        """(height, width, 3)."""
+        run = self.board.run
+        self.board.show(frame.t)
+        estimator = str(run.log.config["estimator"]["name"]).partition(":")[2]
+        scenario, seed = run.log.config["scenario"], run.log.config["seed"]
+        told = f"{frame.t:.2f} s, {pace(frame, run.duration)}"
+        self.heading.set_text(f"mathnavi · {scenario} · {estimator} · seed {seed} · {told}")
+        self.notice.set_text(frame.notice)
+        self.canvas.restore_region(self.still)  # type: ignore[no-untyped-call]
+        for artist in (*self.board.moving, self.heading, self.notice):
+            self.board.figure.draw_artist(artist)
+        pixels = self.canvas.buffer_rgba()  # type: ignore[no-untyped-call]
+        return np.asarray(pixels)[..., :3].copy()
+
+
+@contextmanager
+def painting(run: TextbookRun, width: int, height: int, samples: int) -> Iterator[BoardPainter]:
+    """A painter of pictures of a size in pixels; curves are drawn smoothly whatever ``samples`` says."""
+    with matplotlib.rc_context({**STYLE, "figure.facecolor": "white"}):
+        dpi = height / INCHES_HIGH
+        board = Board(run, width / dpi, INCHES_HIGH)
+        board.figure.set_dpi(dpi)
+        board.figure.set_layout_engine("constrained", rect=(0.01, 0.01, 0.98, 0.92))
+        heading = board.figure.text(0.02, 0.975, "", va="top", size=10.5)
+        notice = board.figure.text(0.98, 0.975, "", va="top", ha="right", size=11.5, weight="bold", color="#c2183b")
+        for artist in (*board.moving, heading, notice):
+            artist.set_animated(True)
+        canvas = FigureCanvasAgg(board.figure)
+        canvas.draw()  # type: ignore[no-untyped-call]
+        still = canvas.copy_from_bbox(board.figure.bbox)  # type: ignore[no-untyped-call]
+        yield BoardPainter(board, canvas, still, heading, notice)

@@ -1,0 +1,78 @@
+"""A textbook system's run on one page: whether its observer converged, and the curves of it."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from renders import page
+from renders.figures import STYLE, canvas, thinned
+from renders.page import Markup, quantity
+from renders.report import again, events_card, rest, summary_cards
+from renders.textbook.board import READ, TRUTH, Board, shown
+from renders.textbook.run_data import TextbookRun
+
+
+def report(run: TextbookRun) -> Markup:
+    """The report's HTML."""
+    title = f"{run.title}, seed {run.log.config['seed']}"
+    return page.document(
+        title,
+        *_headline(run, title),
+        page.section("Truth and estimate", page.figure_block(board_figure(run), "board", _words(run))),
+        page.section(
+            "What the observer was given",
+            page.figure_block(signals_figure(run), "signals", "The readings of the outputs, and the inputs."),
+        ),
+        page.section("Summary", summary_cards(run.log.summary)),
+        page.section("Events", events_card(run.log.events)),
+        page.section("Do it again", *again(run.directory, run.log.config)),
+        page.footer(rest(run.log.summary)),
+    )
+
+
+def board_figure(run: TextbookRun) -> Figure:
+    """The board with all of the run."""
+    with matplotlib.rc_context(STYLE):
+        board = Board(run, 10.4, 5.2 + 0.5 * max(len(run.states) - 2, 0))
+        board.show(run.duration)
+    return board.figure
+
+
+def signals_figure(run: TextbookRun) -> Figure:
+    """Readings and inputs over time."""
+    with matplotlib.rc_context(STYLE):
+        rows = [(name, run.y[:, k], READ) for k, name in enumerate(run.outputs)]
+        rows += [(name, run.log.u[:, k], TRUTH) for k, name in enumerate(run.inputs)]
+        figure = canvas(9.4, 1.3 * len(rows) + 0.5)
+        drawn = np.atleast_1d(figure.subplots(len(rows), 1, sharex=True))
+        i = thinned(len(run.log.t), 0)
+        for axes, (name, values, colour) in zip(drawn, rows, strict=True):
+            axes.plot(run.log.t[i], values[i], ".", ms=3, color=colour)
+            axes.set_ylabel(shown(name))
+        drawn[-1].set(xlabel="time [s]", xlim=(0.0, run.duration))
+    return figure
+
+
+def _words(run: TextbookRun) -> str:
+    left = "the robot in the plane of the flags, with its lines of sight" if run.has_flags else "the first two states"
+    return f"Left: {left}. Right: every state and the length of the error over time. Truth dashed, estimate solid."
+
+
+def _headline(run: TextbookRun, title: str) -> tuple[Markup, Markup]:
+    summary = run.log.summary
+    converged, escaped = bool(summary.get("converged")), run.escape_time is not None
+    verdict = "The estimate converged" if converged else "The estimate did not converge"
+    told = f"{verdict}{', and the solution escaped' if escaped else ''}."
+    tiles = {
+        "error at the start": page.number(summary.get("error_start")),
+        f"RMS of the last quarter (allowed {run.log.config['mission']['tolerance']:g})": page.number(
+            summary.get("error_rms")
+        ),
+        "rate of decay": quantity("decay_rate_per_s", summary.get("decay_rate_per_s")),
+        "length of the run": quantity("run_time_s", summary.get("run_time_s")),
+    }
+    if escaped:
+        tiles["escape"] = quantity("escape_time_s", summary.get("escape_time_s"))
+    return page.heading(title, told, converged and not escaped), page.tiles(tiles)

@@ -1,0 +1,201 @@
+"""``mathnavi estimate``: an estimator over the measurements and inputs of a finished run.
+
+The scenario is built again with this estimator, which names the sensors that it wants; what they read then, and what
+was commanded, is in the log. Truth, plans and the events of the other parts are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from renders.run_log import RunLog, read_log
+from sim.commands.arguments import Group, flags, parse
+from sim.commands.errors import BadInputError, bad_input
+from sim.commands.order import CommonOptions, Order, loaded, prepare, restored_part
+from sim.commands.output import output_folder
+from sim.commands.progress import compilation_announced
+from sim.commands.run import build, fly
+from sim.commands.saved import Saved
+from sim.log import Recording
+from sim.loop import Agent
+from sim.playback import RecordedInputs, RecordedPlant, RecordedRun
+from sim.plugins import Part, names
+from sim.scenarios.experiment import Experiment, Outcome
+from sim.signals import Array
+
+USAGE = (
+    "usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]      ESTIMATOR: {}\n"
+    "mathnavi estimate ESTIMATOR DIR --help lists the options."
+)
+OWN_EVENTS = ("estimator-status", "estimate-unusable")  # of an estimator
+LATE = 0.75  # of a run, from which on its last quarter lasts
+
+
+@dataclass(frozen=True)
+class Options:
+    """Flags of the command."""
+
+    out: Path | None = None
+    """folder of the new run; DIR-ESTIMATOR beside DIR if not given"""
+
+
+def main(argv: Sequence[str]) -> int:
+    if {"-h", "--help"} & set(argv[:2]):
+        print(USAGE.format(", ".join(names("estimators"))))
+        return 0
+    estimator, folder, words = _places(argv)
+    prepare()
+    with bad_input():
+        log = read_log(folder)
+    saved = Saved.read(folder)
+    try:
+        order = _order(estimator, saved, words)
+    except SystemExit:  # the help is printed
+        return 0
+    out = order.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
+    _check_out(out, folder)
+    errors = Console(stderr=True)
+    with output_folder(out), compilation_announced(errors):
+        outcome = fly(_playback(order, saved, log), errors)
+        with bad_input():
+            outcome.write(out)
+    console = Console()
+    verdict = "the mission did what it should" if outcome.success else "the mission did NOT do what it should"
+    console.print(f"{estimator} over {folder}: {verdict}", style="bold", highlight=False)
+    console.print(_comparison(order, saved, log, outcome))
+    console.print(f"run     {out}", soft_wrap=True, highlight=False)
+    return 0 if outcome.success else 1
+
+
+def _places(argv: Sequence[str]) -> tuple[str, Path, Sequence[str]]:
+    """ESTIMATOR, DIR and the flags."""
+    for k, (place, allowed) in enumerate((("ESTIMATOR", ", ".join(names("estimators"))), ("DIR", "folder of a run"))):
+        if len(argv) <= k or argv[k].startswith("-"):
+            raise BadInputError(f"{place} is missing; allowed: {allowed}")
+    return argv[0], Path(argv[1]), argv[2:]
+
+
+def _order(name: str, saved: Saved, words: Sequence[str]) -> Order:
+    """The saved run with another estimator, or with the same and the fields that it had unless they are given anew."""
+    scenario = loaded("scenarios", saved.scenario)
+    controller = restored_part("controllers", saved.controller, saved, (saved.controller, saved.controller_fields))
+    estimator = restored_part("estimators", name, saved, (saved.estimator, saved.estimator_fields))
+    config = saved.restored(scenario.Config, saved.fields, "fields")
+    groups = (
+        Group(Options),
+        Group(type(estimator.config), "estimator", estimator.config, f"Of the estimator {name}."),
+    )
+    known = tuple(flag for group in groups for flag, _ in flags(group.of, group.prefix))
+    prog = f"mathnavi estimate {name}"
+    purpose = (estimator.plugin.__doc__ or "").strip().partition("\n")[0]
+    options, fields = parse(words, prog, purpose, *groups)
+    common = CommonOptions(saved.seed, saved.controller, name)
+    return Order(
+        prog, saved.scenario, scenario, common, options, config, controller, Part(estimator.plugin, fields), known
+    )
+
+
+def _check_out(out: Path, folder: Path) -> None:
+    if out.resolve() == folder.resolve():
+        raise BadInputError(f"--out = {out} is the recorded run itself; allowed: another folder")
+    if out.is_dir() and any(out.iterdir()) and not (out / "config.json").exists():
+        raise BadInputError(f"--out = {out} holds other files than a run's; allowed: a new folder, or that of a run")
+
+
+def _playback(order: Order, saved: Saved, log: RunLog) -> Experiment:
+    """The recorded run as an experiment, with the estimator asked for in the loop."""
+    experiment = build(order, saved)
+    ((vehicle, agent),) = experiment.agents.items()
+    fresh = experiment.plant.state(vehicle), np.zeros(agent.input_size)
+    if (log.x.shape[1:], log.u.shape[1:]) != (fresh[0].shape, fresh[1].shape):
+        raise BadInputError(
+            f"{log.directory / 'log.npz'}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of "
+            f"{saved.scenario}; allowed: (n, {len(fresh[0])}) and (n, {len(fresh[1])})"
+        )
+    arrays = _arrays(log.directory)
+    readings = {
+        name.removeprefix("measurement."): rows for name, rows in arrays.items() if name.startswith("measurement.")
+    }
+    run = RecordedRun(log.t, log.x, log.u, readings, experiment.plant.state_names(vehicle))
+    period = float(log.t[1] - log.t[0])
+    if abs(agent.estimator.period - period) > 1e-9:
+        raise BadInputError(
+            f"ESTIMATOR = {order.common.estimator}: it estimates every {agent.estimator.period:g} s; allowed: every "
+            f"{period:g} s, as {log.directory} was run"
+        )
+    try:
+        plant = RecordedPlant(vehicle, run, experiment.plant.dt, experiment.plant.sensors(vehicle))
+    except ValueError as error:
+        raise BadInputError(f"ESTIMATOR = {order.common.estimator} over {log.directory}: {error}") from error
+    inputs = RecordedInputs(run, period)
+
+    def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
+        _restore(recording, log, vehicle)
+        return experiment.summarise(recording, wall_seconds)
+
+    return Experiment(
+        plant,
+        {vehicle: Agent(agent.estimator, inputs, inputs, agent.input_size)},
+        float(log.t[-1]),
+        lambda t, truths: False,
+        summarise,
+        {**experiment.config, "recorded": str(log.directory)},
+    )
+
+
+def _restore(recording: Recording, log: RunLog, vehicle: str) -> None:
+    """Put the plans of the recorded run, and the events of all but its estimator, into the log of the new one."""
+    agent = recording.agents[vehicle]
+    agent.plans[:] = zip(log.adopted.tolist(), log.plans, strict=True)
+    agent.requests = int(log.summary.get("replans", len(log.plans)))
+    kept = [event for event in log.events if event.kind not in OWN_EVENTS]
+    recording.events[:] = sorted([*kept, *recording.events], key=lambda event: event.t)
+
+
+def _arrays(folder: Path) -> dict[str, Array]:
+    with np.load(folder / "log.npz", allow_pickle=False) as log:
+        return dict(log)
+
+
+def _comparison(order: Order, saved: Saved, log: RunLog, outcome: Outcome) -> Table | str:
+    """Root mean squares of the errors of the recorded estimates and of the new ones, where the scenario has any."""
+    arrays = _arrays(log.directory)
+    new = outcome.arrays
+    ((_, states),) = outcome.recording.state_names.items()
+    found = [
+        _errors(order, states, some["estimate.t"], some["estimate.x"], log) if "estimate.x" in some else {}
+        for some in (arrays, new)
+    ]
+    table = Table(title="errors, root mean square", title_justify="left", box=None, padding=(0, 2, 0, 0))
+    table.add_column("of", style="dim")
+    for who in (f"recorded: {saved.estimator.partition(':')[2]}", order.common.estimator):
+        table.add_column(who, justify="right")
+        table.add_column("last quarter", justify="right")
+    for name in found[1]:
+        table.add_row(Text(name), *(cell for errors in found for cell in errors.get(name, ("-", "-"))))
+    return table if found[1] else f"{order.name} does not say how estimates and its truth compare"
+
+
+def _errors(order: Order, states: tuple[str, ...], t: Array, x: Array, log: RunLog) -> Mapping[str, tuple[str, str]]:
+    """By name with unit: over the whole run, and over its last quarter; as the scenario has it, or state by state."""
+    truth = log.x[np.searchsorted(log.t, t - 1e-9)]
+    if hasattr(order.scenario, "errors"):
+        errors = order.scenario.errors(order.config, x, truth)
+    elif x.shape == truth.shape:
+        errors = {name: x[:, k] - truth[:, k] for k, name in enumerate(states)}
+    else:
+        return {}
+    late = t >= LATE * log.t[-1]
+    return {name: (_rms(off), _rms(off[late])) for name, off in errors.items()}
+
+
+def _rms(values: Array) -> str:
+    return f"{float(np.sqrt(np.mean(np.square(values)))):.3g}"

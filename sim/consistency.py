@@ -1,0 +1,107 @@
+"""Whether an estimator knows how good it is, and how good it is, from many independent runs.
+
+**Consistency.** If an error e (d,) is Gaussian with the covariance P that the estimator says, then e' P^-1 e (NEES) is
+chi-square distributed with d degrees of freedom, and so is, with one for each ray, the normalised innovation squared
+(NIS). The sum over n independent runs has n d degrees, so that the average lies between
+
+    chi^2_{n d}(tail) / n   and   chi^2_{n d}(1 - tail) / n
+
+with the given probability. Above, the estimator believes itself too much, below too little (Bar-Shalom, Li and
+Kirubarajan, 2001, section 5.4).
+
+**Root mean square.** Of the errors of n runs, each of which has an RMS r_i over time: sqrt(mean r_i^2). Its band is the
+bootstrap's percentile interval over runs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from sim.signals import Array
+
+_AT_ONCE = 1_000_000  # numbers that are drawn together
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """The average of a normalised squared error over runs, and where it should be."""
+
+    average: float
+    low: float
+    high: float
+    runs: int
+    confidence: float = 0.95
+
+    @property
+    def holds(self) -> bool:
+        return self.low <= self.average <= self.high
+
+    def text(self) -> str:
+        """To be read."""
+        where = "in" if self.holds else "not in"
+        return f"{self.average:.2f} {where} [{self.low:.2f}, {self.high:.2f}] (n = {self.runs})"
+
+
+@dataclass(frozen=True)
+class RootMeanSquare:
+    """Of the errors of several runs, with the limits between which that of resampled runs lies."""
+
+    value: float
+    low: float  # NaN of a single run
+    high: float
+    runs: int
+    confidence: float = 0.95
+
+    def text(self) -> str:
+        """To be read, in the unit of the values."""
+        if math.isnan(self.low):
+            return f"{self.value:.3g} (n = {self.runs})"
+        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}] (n = {self.runs})"
+
+
+def consistency(squares: Sequence[float] | Array, degrees: int, confidence: float = 0.95) -> Consistency:
+    """Of normalised squared errors (n,) of independent runs, each of so many degrees of freedom.
+
+    ValueError for none, for NaN, for degrees < 1 and for a confidence that is not between 0 and 1.
+    """
+    values = _checked(squares, "squares", confidence)
+    if degrees < 1:
+        raise ValueError(f"degrees = {degrees!r}; allowed: a whole number >= 1")
+    n, tail = len(values), 0.5 * (1.0 - confidence)
+    low, high = (float(chdtri(n * degrees, p)) / n for p in (1.0 - tail, tail))
+    return Consistency(float(values.mean()), low, high, n, confidence)
+
+
+def root_mean_square(
+    values: Sequence[float] | Array, rng: np.random.Generator, confidence: float = 0.95, resamples: int = 9999
+) -> RootMeanSquare:
+    """Of the RMS values (n,) of independent runs; a single one has no band. ValueError for none and for NaN."""
+    squares = np.square(_checked(values, "values", confidence))
+    if resamples < 1:
+        raise ValueError(f"resamples = {resamples!r}; allowed: a whole number >= 1")
+    n, value = len(squares), math.sqrt(squares.mean())
+    if n == 1:
+        return RootMeanSquare(value, math.nan, math.nan, 1, confidence)
+    step = max(1, _AT_ONCE // n)
+    means = [
+        squares[rng.integers(n, size=(min(step, resamples - k), n))].mean(axis=1) for k in range(0, resamples, step)
+    ]
+    tails = (0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence))
+    low, high = np.sqrt(np.quantile(np.concatenate(means), tails, method="inverted_cdf"))
+    return RootMeanSquare(value, float(low), float(high), n, confidence)
+
+
+def _checked(values: Sequence[float] | Array, name: str, confidence: float) -> Array:
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence = {confidence!r}; allowed: between 0 and 1")
+    x = np.asarray(values, dtype=np.float64)
+    if x.ndim != 1 or x.size == 0:
+        raise ValueError(f"{name} have shape {x.shape}; allowed: (n,), n >= 1")
+    if np.isnan(x).any():
+        raise ValueError(f"{name}: {np.count_nonzero(np.isnan(x))} of {x.size} are NaN; allowed: numbers")
+    return x

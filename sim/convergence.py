@@ -1,0 +1,25 @@
+"""How fast the error of an estimate falls."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sim.signals import Array
+
+_EXACT = 1e-12  # an error below is round-off
+
+
+def decay_rate(t: Array, error: Array, floor: float = 1e-6) -> float:
+    """[1/s] lambda of the best c exp(-lambda t) to errors (n,) at times (n,): the slope of a line through ln(error).
+
+    Errors count until they are first below ``floor`` of the largest, where noise and sampling take over. NaN for fewer
+    than three, and for an error that is round-off from the beginning.
+    """
+    below = np.flatnonzero(error < max(floor * float(error.max(initial=0.0)), _EXACT))
+    n = int(below[0]) if len(below) else len(error)
+    if n < 3:
+        return math.nan
+    slope, _ = np.polyfit(t[:n], np.log(error[:n]), 1)
+    return -float(slope)

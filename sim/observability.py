@@ -1,0 +1,99 @@
+"""What the sensors of a scenario say of its state, measured: the empirical observability Gramian.
+
+The plant is built again and again with the same seed, the vehicle put a little aside in one component i of its state,
+and the same commands are replayed. With readings y^{i+} and y^{i-} from x_0 + delta_i e_i and x_0 - delta_i e_i,
+
+    W_ij = sum_k (y_k^{i+} - y_k^{i-})^T R^{-1} (y_k^{j+} - y_k^{j-}) / (4 delta_i delta_j),
+
+over every reading of every sensor. As the seed is the same, noise and disturbances cancel. For small delta it is the
+Gramian of the linearisation along the run; R = diag(deviation^2) makes it Fisher's information about the start. A
+direction that the sensors do not see is an eigenvector of W with the eigenvalue nought.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.protocols import Plant
+from sim.signals import Array
+
+
+@dataclass(frozen=True)
+class EmpiricalGramian:
+    """W over the components that were moved, and what each sensor adds to it."""
+
+    names: tuple[str, ...]  # (n,) of the components, with their units
+    by_sensor: Mapping[str, Array]  # (n, n) each
+
+    @property
+    def total(self) -> Array:
+        """W (n, n)."""
+        return sum(self.by_sensor.values(), np.zeros((len(self.names), len(self.names))))
+
+    def scaled(self, scales: Sequence[float] | Array) -> Array:
+        """(n, n) W with component i in units of ``scales[i]``, so that its eigenvalues can be compared."""
+        scaled: Array = self.total * np.outer(scales, scales)
+        return scaled
+
+    def unseen(self, scales: Sequence[float] | Array, tolerance: float = 1e-9) -> Array:
+        """(k, n) orthonormal directions, in units of ``scales``, that the sensors do not see.
+
+        Their eigenvalues are nought to ``tolerance`` of the largest.
+        """
+        values, vectors = np.linalg.eigh(self.scaled(scales))
+        hidden: Array = vectors.T[values <= tolerance * values[-1]]
+        return hidden
+
+
+def empirical_gramian(
+    build: Callable[[], Plant],
+    vehicle: str,
+    commands: Mapping[str, Array],
+    ticks: int,
+    deltas: Mapping[str, float],
+    deviations: Mapping[str, float] | None = None,
+) -> EmpiricalGramian:
+    """W at the state of ``vehicle`` in which ``build`` leaves it, over a replay of ``commands``.
+
+    ``build`` makes the plant of one seed, ``lambda: trial(...).build().plant`` for one. ``commands`` are (n, nu) by
+    vehicle, each held for so many ``ticks``. ``deltas`` says which components of the state are moved, by the names that
+    the plant has for them, and how far. ``deviations`` are standard deviations of sensors' readings, 1 for a sensor
+    that is not named. Readings that were lost in any of the replays say nothing.
+
+    ValueError unless the deltas are positive and of components that there are, and the commands of one length.
+    """
+    names, sensors = build().state_names(vehicle), build().sensor_sizes(vehicle)
+    if not deltas or set(deltas) - set(names) or not all(0.0 < delta < math.inf for delta in deltas.values()):
+        raise ValueError(f"deltas = {dict(deltas)!r}; allowed: positive numbers for some of {list(names)}")
+    if len({len(u) for u in commands.values()}) != 1 or ticks < 1:
+        lengths = {name: len(u) for name, u in commands.items()}
+        raise ValueError(f"commands of lengths {lengths}, ticks = {ticks}; allowed: one length, 1 tick or more")
+    slopes = []
+    for name, delta in deltas.items():
+        i = names.index(name)
+        ahead, behind = (_replayed(build(), vehicle, commands, ticks, i, side * delta) for side in (1.0, -1.0))
+        slopes.append({at: (ahead[at] - behind[at]) / (2.0 * delta) for at in ahead.keys() & behind.keys()})
+    by_sensor = {sensor: np.zeros((len(deltas), len(deltas))) for sensor in sensors}
+    for sensor, tick in sorted(set.intersection(*(set(slope) for slope in slopes))):
+        dy = np.column_stack([slope[sensor, tick] for slope in slopes])  # (m, n)
+        dy = dy[np.isfinite(dy).all(axis=1)] / (deviations or {}).get(sensor, 1.0)
+        by_sensor[sensor] += dy.T @ dy
+    return EmpiricalGramian(tuple(deltas), by_sensor)
+
+
+def _replayed(
+    plant: Plant, vehicle: str, commands: Mapping[str, Array], ticks: int, component: int, offset: float
+) -> dict[tuple[str, int], Array]:
+    """The readings of one replay, by sensor and by the tick that they are of."""
+    x = plant.state(vehicle)
+    x[component] += offset
+    plant.place(vehicle, x)
+    readings = list(plant.sense(vehicle))
+    for inputs in zip(*commands.values(), strict=True):
+        plant.step(dict(zip(commands, inputs, strict=True)), ticks)
+        readings += plant.sense(vehicle)
+    return {(reading.name, round(reading.t / plant.dt)): reading.value for reading in readings}

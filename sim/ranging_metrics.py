@@ -1,0 +1,155 @@
+"""What a run of a robot that finds itself was worth, from its log and the truth.
+
+Errors are those of the newest estimate at each look of the loop, modulo the symmetry of the wall. An estimate has
+converged if over the last quarter of the run the RMS of its position error is below 0.3 m and that of its heading error
+below 0.2 rad.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.unicycle.entity import RADIUS
+from models.unicycle.mission import RangingMission
+from sim.log import AgentRecorder, Recording
+from sim.signals import Array, Integers, Status
+
+POSITION, HEADING = 0.3, 0.2
+"""[m], [rad] within which an estimate has converged"""
+
+LAST = 0.25
+"""of a run, by which convergence is judged"""
+
+_SIMULTANEOUS = 1e-9  # [s]
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Of the estimates at the n looks of a run."""
+
+    t: Array  # (n,) [s]
+    difference: Array  # (n, 3) [m, m, rad] estimate less truth, modulo the symmetry of the wall; NaN before the first
+    nees: Array  # (n,) e' P^-1 e; NaN without a covariance
+
+    @staticmethod
+    def of(recording: Recording, name: str, mission: RangingMission) -> Errors:
+        """Of one robot's run."""
+        truths, estimates = recording.truths[name], recording.agents[name].estimates
+        difference, nees = np.full((len(truths), 3), np.nan), np.full(len(truths), np.nan)
+        for k, newest in enumerate(_newest(recording, name)):
+            if newest >= 0:
+                difference[k] = mission.difference(estimates[newest].x, truths[k, :3])
+                nees[k] = _nees(estimates[newest].covariance, difference[k])
+        return Errors(recording.t, difference, nees)
+
+    @property
+    def position(self) -> Array:
+        """(n,) [m]."""
+        length: Array = np.hypot(self.difference[:, 0], self.difference[:, 1])
+        return length
+
+    @property
+    def heading(self) -> Array:
+        """(n,) [rad]."""
+        size: Array = np.abs(self.difference[:, 2])
+        return size
+
+    @property
+    def last(self) -> slice:
+        """The looks by which convergence is judged."""
+        return slice(int(np.searchsorted(self.t, (1.0 - LAST) * self.t[-1] - _SIMULTANEOUS)), None)
+
+    @property
+    def converged(self) -> bool:
+        return rms(self.position[self.last]) < POSITION and rms(self.heading[self.last]) < HEADING
+
+    def last_above(self, position: float = POSITION, heading: float = HEADING) -> float:
+        """[s] the last look at which an error is above either [m], [rad]; 0 if there is none."""
+        above = np.flatnonzero(~((self.position <= position) & (self.heading <= heading)))
+        return float(self.t[above[-1]]) if len(above) else 0.0
+
+
+def rms(values: Array) -> float:
+    """The root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def ranging_summary(
+    recording: Recording, name: str, mission: RangingMission, seed: int, wall_seconds: float
+) -> dict[str, Any]:
+    """The flat summary of one robot's run, SI units in the names, angles in degrees.
+
+    ``convergence_time_s`` is the last instant at which an error is above its limit, None where the run did not
+    converge; the greatest errors are those after it.
+    """
+    t, agent = recording.t, recording.agents[name]
+    path = recording.truths[name][:, :2]
+    errors = Errors.of(recording, name, mission)
+    kinds = Counter(event.kind for event in recording.events if event.agent == name)
+    converged, last = errors.converged, errors.last
+    found = errors.last_above() if converged else math.inf
+    settled = t > found
+    nees = float(errors.nees[last].mean())
+    return {
+        "converged": converged,
+        "position_rms_m": rms(errors.position[last]),
+        "heading_rms_deg": math.degrees(rms(errors.heading[last])),
+        "convergence_time_s": found if converged else None,
+        "position_error_max_m": float(errors.position[settled].max()) if settled.any() else None,
+        "heading_error_max_deg": math.degrees(float(errors.heading[settled].max())) if settled.any() else None,
+        "nees_mean": nees if math.isfinite(nees) else None,
+        "observable": _observable(mission),
+        "lost_ranges": _lost(agent, recording.length),
+        "initialising_s": _time_in(recording, name, Status.INITIALISING),
+        "lost_s": _time_in(recording, name, Status.LOST),
+        "touched_wall": kinds["contact"] > 0,
+        "wall_clearance_min_m": min(mission.curve.distance(place) for place in path) - RADIUS,
+        "path_length_m": float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
+        "run_time_s": float(t[-1]),
+        "inputs_clipped": kinds["input-clipped"],
+        "real_time_factor": float(t[-1]) / wall_seconds,
+        "seed": seed,
+    }
+
+
+def _newest(recording: Recording, name: str) -> Integers:
+    """(n,) the newest estimate at each look, -1 before the first."""
+    valid = np.array([estimate.t for estimate in recording.agents[name].estimates])
+    newest: Integers = np.searchsorted(valid, recording.t + _SIMULTANEOUS, side="right") - 1
+    return newest
+
+
+def _nees(covariance: Array | None, away: Array) -> float:
+    """NaN without a covariance, and where it is singular."""
+    if covariance is None:
+        return math.nan
+    try:
+        return float(away @ np.linalg.solve(covariance, away))
+    except np.linalg.LinAlgError:
+        return math.nan
+
+
+def _lost(agent: AgentRecorder, length: int) -> float | None:
+    """The fraction of single ranges that did not arrive; None if there is no range sensor."""
+    ranges = agent.readings.get("ranges")
+    return None if ranges is None else float(np.isnan(ranges[:length]).mean())
+
+
+def _time_in(recording: Recording, name: str, status: Status) -> float:
+    """[s] that the newest estimate said so, from look to look."""
+    estimates = recording.agents[name].estimates
+    said = [newest >= 0 and estimates[newest].status is status for newest in _newest(recording, name)]
+    return float(np.diff(recording.t)[np.array(said[:-1], dtype=bool)].sum())
+
+
+def _observable(mission: RangingMission) -> str:
+    """What of the pose ranges can tell at all, whatever the robot does."""
+    symmetry = mission.curve.symmetry
+    if symmetry == 0:
+        return "distance from the centre, heading relative to its direction"
+    return "the pose" if symmetry == 1 else f"the pose, up to {symmetry} rotations"

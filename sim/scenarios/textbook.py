@@ -1,0 +1,196 @@
+"""``textbook-observer``: the systems that the thesis explains observers by, each with one in the loop (2.1 to 2.5).
+
+    output -> estimator -> input signal -> ODE
+
+The systems are Examples 2.1 and 2.2, Example C.2 (a camera and two flags), van der Pol's oscillator, whose error
+dynamics are linear in the right coordinates, and a pendulum for the observer of Kazantzis and Kravaris.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from models.textbook.camera_and_flags import camera_and_flags
+from models.textbook.library import SYSTEMS
+from models.textbook.mission import TICK, TextbookMission
+from models.textbook.system import System
+from sim.convergence import decay_rate
+from sim.log import Recording
+from sim.loop import Agent
+from sim.number_lists import NumberList
+from sim.ode_plant import OdePlant, OdeVehicle
+from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
+from sim.scenarios.checks import check, check_rate
+from sim.scenarios.demands import Demand, judged
+from sim.scenarios.experiment import Experiment
+from sim.signals import Array, Status
+
+VEHICLE = "system"
+SystemName = Literal["example-2-1", "example-2-2", "camera-and-flags", "krener-isidori", "kazantzis-kravaris"]
+
+_LONGEST = 600.0  # [s]
+_LEAST_DEVIATION = 0.01  # of the start of each state, as an estimator is told
+_LATE = 0.75  # of a run, from which on the error counts
+
+
+@dataclass(frozen=True)
+class TextbookConfig:
+    """Fields of the scenario."""
+
+    system: SystemName = "example-2-2"
+    """what is observed"""
+    distance_known: bool = True
+    """whether the distance of the flags is known, or a state (camera-and-flags)"""
+    start: NumberList = ()
+    """of each state; the system's own if not given"""
+    start_error: NumberList = ()
+    """that the estimate of each state starts off by; the system's own if not given"""
+    noise: float = 0.0
+    """standard deviation of the reading of each output"""
+    rate: float = 100.0
+    """readings, estimates and commands a second [Hz]"""
+    duration: float = 10.0
+    """[s]"""
+    tolerance: float = 0.1
+    """root mean square of the error's length over the last quarter of a run that counts as converged"""
+
+    def __post_init__(self) -> None:
+        if self.system not in get_args(SystemName):
+            raise ValueError(f"system = {self.system!r}; allowed: {', '.join(get_args(SystemName))}")
+        if not (self.distance_known or self.system == "camera-and-flags"):
+            raise ValueError(f"distance_known = False; allowed: only of camera-and-flags, not of {self.system}")
+        check(self.noise, "noise", 0.0, 1e6)
+        check_rate(self.rate, "rate", TICK)
+        check(self.duration, "duration", 1.0 / self.rate, _LONGEST)
+        if abs(self.duration / TICK - round(self.duration / TICK)) > 1e-6:
+            raise ValueError(f"duration = {self.duration!r}; allowed: a whole number of ticks of {TICK:g} s")
+        check(self.tolerance, "tolerance", 0.0, 1e6, open_low=True)
+        for name in ("start", "start_error"):
+            self._of_each_state(name)
+
+    def _of_each_state(self, name: str) -> Array:
+        states, given = self.observed.states, getattr(self, name)
+        if given and (len(given) != len(states) or not all(map(math.isfinite, given))):
+            raise ValueError(f"{name} = {given!r}; allowed: {len(states)} finite numbers, of {', '.join(states)}")
+        return np.array(given or getattr(self.observed, name), dtype=np.float64)
+
+    @property
+    def observed(self) -> System:
+        """The system itself."""
+        return SYSTEMS[self.system] if self.distance_known else camera_and_flags(distance_known=False)
+
+    @property
+    def start_state(self) -> Array:
+        """(n,) x(0)."""
+        return self._of_each_state("start")
+
+    @property
+    def mission(self) -> TextbookMission:
+        """What an observer is told."""
+        off = self._of_each_state("start_error")
+        deviation = tuple(max(abs(each), _LEAST_DEVIATION) for each in off.tolist())
+        believed = tuple((self.start_state + off).tolist())
+        return TextbookMission(self.observed, believed, deviation, self.noise, round(1.0 / (self.rate * TICK)) * TICK)
+
+
+class TextbookObserver:
+    """A system of the textbook with an observer in the loop."""
+
+    Config = TextbookConfig
+    controller = "input_signal"
+    estimator = "textbook_ekf"
+
+    @staticmethod
+    def build(
+        config: TextbookConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
+    ) -> Experiment:
+        """The closed loop of one seed. Raises ValueError for an observer that is not made for the system."""
+        controller = controller or Part.of(load("controllers", TextbookObserver.controller))
+        estimator = estimator or Part.of(load("estimators", TextbookObserver.estimator))
+        mission = config.mission
+        planner, tracker = checked_controller(controller, mission)
+        observer = checked_estimator(estimator, mission)
+        vehicle = OdeVehicle(config.observed, config.start_state, checked_sensors(estimator, mission))
+        plant = OdePlant({VEHICLE: vehicle}, TICK, np.random.default_rng(seed))
+
+        def finished(t: float, truths: Mapping[str, Array]) -> bool:
+            return plant.escaped(VEHICLE) is not None
+
+        def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
+            return summary(recording, config, seed, wall_seconds)
+
+        agent = Agent(observer, planner, tracker, len(config.observed.inputs))
+        record = _record(config, seed, controller, estimator)
+        return Experiment(plant, {VEHICLE: agent}, config.duration, finished, summarise, record)
+
+    @staticmethod
+    def errors(config: TextbookConfig, x: Array, truth: Array) -> dict[str, Array]:
+        """The error of each state, named with its unit, of estimates (n, nx) to truths (n, nx)."""
+        off = config.observed.difference(x, truth)
+        return {name: off[:, k] for k, name in enumerate(config.observed.states)}
+
+
+def summary(
+    recording: Recording, config: TextbookConfig, seed: int, wall_seconds: float
+) -> tuple[dict[str, Any], bool]:
+    """The flat summary of a run, and whether its estimate converged and its solution did not escape.
+
+    ``error_*`` are lengths of x^ - x; ``decay_rate_per_s`` is that of an exponential through them.
+    """
+    agent = recording.agents[VEHICLE]
+    t = np.array([estimate.t for estimate in agent.estimates])
+    x = np.array([estimate.x for estimate in agent.estimates])
+    looked = np.searchsorted(recording.t, t - 0.5 * TICK)
+    escapes = [event.t for event in recording.events if event.kind == "escaped"]
+    lived = t <= min(escapes, default=math.inf)
+    off = config.observed.difference(x, recording.truths[VEHICLE][looked])[lived]
+    error = np.linalg.norm(off, axis=1)
+    late = t[lived] >= _LATE * t[lived][-1]
+    rms = float(np.sqrt(np.mean(np.square(error[late]))))
+    lost = np.array([estimate.status is Status.LOST for estimate in agent.estimates])
+    figures = {
+        "converged": rms <= config.tolerance,
+        "error_start": float(error[0]),
+        "error_rms": rms,
+        "error_end": float(error[-1]),
+        "error_max": float(error.max()),
+        "decay_rate_per_s": decay_rate(t[lived], error),
+        **{
+            f"error_rms_{name.partition(' ')[0]}": float(np.sqrt(np.mean(np.square(off[late, k]))))
+            for k, name in enumerate(config.observed.states)
+        },
+        "escaped": bool(escapes),
+        "escape_time_s": escapes[0] if escapes else None,
+        "lost_s": float(lost.sum()) * config.mission.period,
+        "run_time_s": float(recording.t[-1]),
+        "real_time_factor": float(recording.t[-1]) / wall_seconds,
+        "seed": seed,
+    }
+    return judged(figures, [Demand("error_rms", most=config.tolerance), Demand("escaped", most=False)])
+
+
+def _record(config: TextbookConfig, seed: int, controller: Part, estimator: Part) -> dict[str, Any]:
+    """What config.json holds beside the versions."""
+    system = config.observed
+    return {
+        "scenario": "textbook-observer",
+        "drawing": "renders.textbook.drawing",
+        "seed": seed,
+        "fields": dataclasses.asdict(config),
+        "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
+        "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
+        "mission": {
+            "title": system.title,
+            "states": system.states,
+            "inputs": system.inputs,
+            "outputs": system.outputs,
+            "angles": system.angles,
+            "tolerance": config.tolerance,
+        },
+    }

@@ -1,0 +1,246 @@
+"""The bank finds the robot from anywhere, finds it again, and says when it does not know."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pytest
+
+from estimators.ranging.bank_kernels import condition_each, drop
+from estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
+from models.field.curve import BEAN, Curve
+from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from sim.signals import Array, Estimate, Measurement, Status
+from tests.estimators.ranging.walls import FIELD, SENSORS
+from tests.ranging import Step, driven
+
+
+def mission(sensors: str = "2s", curve: Curve = FIELD, *, noise: bool = True, outliers: float = 0.0) -> RangingMission:
+    return RangingMission(
+        curve,
+        tuple(math.radians(angle) for angle in SENSORS[sensors]),
+        RangeQuality(0.05, outliers=outliers) if noise else RangeQuality(),
+        OdometryQuality((0.05, 0.05), 0.02) if noise else OdometryQuality(),
+    )
+
+
+def drawn(curve: Curve, rng: np.random.Generator) -> Array:
+    """A start (3,) from which the figure of eight stays within the wall."""
+    while True:
+        start = curve.draw(rng, 0.2)
+        path = driven(RangingMission(curve, (0.0,), period=0.1), start, 8.0)
+        if all(curve.contains(step.truth[:2], 0.2) for step in path):
+            return start
+
+
+STARTS = [drawn(FIELD, np.random.default_rng(seed)) for seed in (1, 2, 3)]
+
+
+def told(task: RangingMission, steps: Sequence[Step] | Iterator[Step], **fields: object) -> list[tuple[Step, Estimate]]:
+    bank = FeasibleSetBank(FeasibleSetBankConfig(**fields), task)  # type: ignore[arg-type]
+    return [(step, bank.update(step.t, step.measurements, step.command)) for step in steps]
+
+
+def last_errors(
+    task: RangingMission, estimates: list[tuple[Step, Estimate]], seconds: float = 1.0
+) -> tuple[float, float]:
+    """The largest of the last so many seconds, [m] and [rad]."""
+    tail = estimates[-round(seconds / task.period) :]
+    position, heading = zip(*(task.error(estimate.x, step.truth) for step, estimate in tail), strict=True)
+    return max(position), max(heading)
+
+
+def with_ranges(step: Step, change: object) -> Step:
+    """The step with its ranges put through a function."""
+    return dataclasses.replace(
+        step,
+        measurements=tuple(
+            Measurement(m.name, m.t, change(m.value)) if m.name == "ranges" else m  # type: ignore[operator]
+            for m in step.measurements
+        ),
+    )
+
+
+@pytest.mark.parametrize("curve", [FIELD, BEAN], ids=lambda curve: curve.name.split()[0])
+@pytest.mark.parametrize("sensors", ["2s", "2t", "4"])
+def test_it_finds_the_robot_from_anywhere(sensors: str, curve: Curve) -> None:
+    task = mission(sensors, curve)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        estimates = told(task, driven(task, drawn(curve, rng), 5.0, rng=rng))
+        position, heading = last_errors(task, estimates)
+        assert position < 0.15
+        assert heading < 0.15
+        assert estimates[-1][1].status is Status.OK
+
+
+@pytest.mark.parametrize("sensors", ["2s", "3"])
+def test_without_noise_the_error_vanishes(sensors: str) -> None:
+    task = mission(sensors, noise=False)
+    for start in STARTS:
+        estimates = told(task, driven(task, start, 6.0))
+        assert last_errors(task, estimates) < (1e-3, 1e-3)
+
+
+def test_before_there_are_readings_enough_it_is_initialising_and_then_it_is_not() -> None:
+    task = mission()
+    estimates = [each for _, each in told(task, driven(task, STARTS[0], 0.3, rng=np.random.default_rng(0)))]
+    statuses = [estimate.status for estimate in estimates]
+    assert statuses[:10] == [Status.INITIALISING] * 10  # the tenth has hypotheses, which nothing has been asked of yet
+    assert statuses[10:] == [Status.OK] * (len(statuses) - 10)
+    assert estimates[8].covariance is None
+    assert estimates[9].covariance is not None
+
+
+def test_a_robot_that_is_carried_away_is_found_again_and_the_status_tells() -> None:
+    task, rng = mission(), np.random.default_rng(3)
+    before = list(driven(task, STARTS[0], 3.0, rng=rng))
+    after = [dataclasses.replace(step, t=step.t + 3.0) for step in driven(task, STARTS[1], 4.0, rng=rng)][1:]
+    estimates = told(task, [*before, *after])
+    again = [step.t for step, estimate in estimates if estimate.status is Status.INITIALISING and step.t > 3.0]
+    assert again
+    assert again[0] < 3.5
+    assert max(last_errors(task, estimates)) < 0.15
+
+
+def test_outliers_are_survived() -> None:
+    task, rng = mission("4", outliers=0.2), np.random.default_rng(1)
+
+    def corrupted(ranges: Array) -> Array:
+        return np.where(rng.random(len(ranges)) < 0.2, rng.uniform(0.1, 7.0, len(ranges)), ranges)
+
+    steps = [with_ranges(s, corrupted) for s in driven(task, STARTS[1], 5.0, rng=np.random.default_rng(2))]
+    estimates = told(task, steps)
+    assert max(last_errors(task, estimates)) < 0.15
+    assert all(estimate.status is Status.OK for _, estimate in estimates[10:])
+
+
+def test_lost_rays_are_done_without() -> None:
+    task, rng = mission("4"), np.random.default_rng(1)
+    steps = [
+        with_ranges(s, lambda ranges: np.where(rng.random(len(ranges)) < 0.6, np.nan, ranges))
+        for s in driven(task, STARTS[1], 5.0, rng=np.random.default_rng(2))
+    ]
+    assert max(last_errors(task, told(task, steps))) < 0.15
+
+
+@pytest.mark.parametrize("nonsense", [np.nan, np.inf, -np.inf, -1.0, 0.0, 1e300])
+def test_nonsense_is_no_range(nonsense: float) -> None:
+    """The estimate goes on by odometry, and after the timeout it is lost."""
+    task = mission("4", noise=False)
+    steps = list(driven(task, STARTS[0], 3.0))
+    good, bad = steps[:150], [with_ranges(step, lambda r: np.full_like(r, nonsense)) for step in steps[150:]]
+    estimates = told(task, [*good, *bad])
+    assert all(np.isfinite(estimate.x).all() for _, estimate in estimates)
+    assert estimates[195][1].status is Status.OK
+    assert estimates[-1][1].status is Status.LOST
+    assert last_errors(task, estimates)[0] < 0.02
+
+
+def test_where_the_start_is_known_it_is_one_filter_that_stays_on_the_truth() -> None:
+    start = STARTS[0]
+    task = dataclasses.replace(mission(noise=False), start=KnownStart(tuple(start), (0.3, 0.3, 0.3)))
+    estimates = told(task, driven(task, start, 2.0))
+    assert all(np.isfinite(estimate.extra["scores"]).sum() == 1 for _, estimate in estimates)
+    assert max(last_errors(task, estimates, 2.0)) < 1e-9
+
+
+def test_the_bias_of_odometry_is_found() -> None:
+    """With it the heading would be off by 2 % of what was turned, and no range would tell while there are none."""
+    task = mission("4")
+    steps = list(driven(task, STARTS[0], 14.0, rng=np.random.default_rng(0)))
+    blind = [with_ranges(step, lambda ranges: np.full_like(ranges, np.nan)) for step in steps[1000:]]
+    estimates = told(task, [*steps[:1000], *blind])
+    unbiased = estimates[999][0].truth
+    naive = [unbiased]
+    for step in steps[1000:]:
+        naive.append(task.flow(naive[-1], step.measurements[1].value, task.period))
+    off = task.error(naive[-1], steps[-1].truth)[0]
+    assert task.error(estimates[-1][1].x, steps[-1].truth)[0] < 0.6 * off
+
+
+def test_it_knows_how_good_it_is() -> None:
+    """The average NEES of 40 runs, with limits that one of 1000 consistent filters is beyond."""
+    task, squares = mission("4"), []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        bias = dataclasses.replace(task.odometry, bias=float(rng.choice((-0.02, 0.02))))
+        *_, (step, estimate) = told(
+            task, driven(dataclasses.replace(task, odometry=bias), drawn(FIELD, rng), 2.0, rng=rng)
+        )
+        off = task.difference(estimate.x, step.truth)
+        assert estimate.covariance is not None
+        squares.append(off @ np.linalg.solve(estimate.covariance, off))
+    assert 1.9 < np.mean(squares) < 4.4
+
+
+def test_the_same_seed_is_the_same_estimate_and_another_is_not() -> None:
+    task = mission()
+    steps = list(driven(task, STARTS[0], 0.5, rng=np.random.default_rng(0)))
+    first, second, other = (told(task, steps, seed=seed) for seed in (1, 1, 2))
+    for (_, one), (_, same) in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one.extra["hypotheses"], same.extra["hypotheses"])
+    assert not np.array_equal(first[-1][1].extra["hypotheses"], other[-1][1].extra["hypotheses"], equal_nan=True)
+
+
+def test_hypotheses_fade_until_one_is_left() -> None:
+    task = mission("2t")
+    estimates = told(task, driven(task, STARTS[0], 8.0, rng=np.random.default_rng(0)))
+    alive = [int(np.isfinite(estimate.extra["scores"]).sum()) for _, estimate in estimates[9:]]
+    assert alive[0] > 8
+    assert alive[-1] == 1
+    assert all(later <= earlier for earlier, later in itertools.pairwise(alive))
+    for _, estimate in estimates[9:]:
+        assert np.nanmax(estimate.extra["scores"]) == 0.0
+        best = int(np.nanargmax(estimate.extra["scores"]))
+        np.testing.assert_array_equal(estimate.extra["hypotheses"][best], estimate.x)
+
+
+def test_twins_under_the_symmetry_of_the_wall_are_one() -> None:
+    x = np.array([[0.5, 0.2, 0.3, 0.0], [-0.5, -0.2, 0.3 + math.pi, 0.0], [0.5, -0.2, 0.3, 0.0], [1.0, 0.2, 0.3, 0.0]])
+    P, score = np.tile(1e-4 * np.eye(4), (4, 1, 1)), np.array([0.0, -1.0, -1.0, -30.0])
+    drop(x, P, score, 0, -20.0, 1.0, FIELD.symmetry, *FIELD.centre)
+    np.testing.assert_array_equal(np.isnan(score), [False, True, False, True])
+    score = np.array([0.0, -1.0, -1.0, -3.0])
+    drop(x, P, score, 0, -20.0, 1.0, 1, *FIELD.centre)
+    assert np.isfinite(score).all()
+
+
+def test_scores_are_how_likely_the_hypotheses_are() -> None:
+    alpha, truth = np.array([-1.0, 0.0, 1.0]), np.array([0.5, 0.2, 0.3, 0.0])
+    x = np.array([[0.8, 0.2, 0.3, 0.0], truth, truth])
+    P, score, misfit = np.tile(1e-2 * np.eye(4), (3, 1, 1)), np.array([0.0, 0.0, np.nan]), np.ones(3)
+    z, wall = FIELD.ranges(truth[:3], alpha)[0], (FIELD.table, FIELD.polyline)
+    best, nis, rays = condition_each(x, P, score, misfit, 0, z, *wall, alpha, 0.05, 1e-4, 15.0, 0.995, 0.98)
+    assert (best, rays) == (1, 3)
+    assert nis == pytest.approx(0.0, abs=1e-9)
+    assert score[1] == 0.0
+    assert score[0] < -0.5
+    assert np.isnan(score[2])
+    assert misfit[1] == pytest.approx(0.98)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("hypotheses", 0), ("candidates", 0), ("readings", 0), ("projections", 0), ("deviation", (0.0, 0.1, 0.1)),
+        ("deviation", (math.nan, 0.1, 0.1)), ("forgetting", 1.0), ("forgetting", math.nan), ("lowest", 0.0),
+        ("misfit", 1.0), ("gate", 0.0), ("timeout", 0.0), ("timeout", math.inf), ("seed", -1),
+    ],
+)  # fmt: skip
+def test_a_field_out_of_its_range_is_refused(field: str, value: object) -> None:
+    with pytest.raises(ValueError, match=rf"{field} = .*; allowed: "):
+        FeasibleSetBankConfig(**{field: value})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("readings", [1, 2, 9])
+@pytest.mark.parametrize("hypotheses", [1, 3])
+def test_few_readings_and_hypotheses_do_too(readings: int, hypotheses: int) -> None:
+    task = mission("4", noise=False)
+    estimates = told(task, driven(task, STARTS[0], 3.0), readings=readings, hypotheses=hypotheses)
+    assert all(estimate.extra["hypotheses"].shape == (hypotheses, 3) for _, estimate in estimates)
+    assert all(np.isfinite(estimate.x).all() for _, estimate in estimates)

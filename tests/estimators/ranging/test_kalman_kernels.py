@@ -1,0 +1,147 @@
+"""The compiled extended Kalman filter does what its equations say, one ray after the other."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from estimators.ranging.kalman_kernels import _square_trace, condition, expected_range, expected_ranges, predict
+from models.field.curve import Curve
+from models.unicycle.kernels import moved
+from sim.signals import Array
+from tests.estimators.ranging.walls import FIELD, angles, clear_pose, seeds, walls
+
+OPEN = 1e300  # a gate that refuses nothing
+RELATIVE, ABSOLUTE = 0.05, 0.01
+
+
+def second_derivative(curve: Curve, pose: Array, alpha: float) -> tuple[float, Array, Array]:
+    """h, H (3,) and h'' (3, 3) of a ray."""
+    H, D, heading = np.empty(3), np.empty(3), np.array([0.0, 0.0, 1.0])
+    h, B, C = expected_range(curve.table, curve.polyline, pose[0], pose[1], pose[2] + alpha, H, D)
+    turned = np.outer(H, heading)
+    return h, H, C * np.outer(D, D) - B * (turned + turned.T) + h * np.outer(heading, heading)
+
+
+def any_covariance(rng: np.random.Generator, deviation: float) -> Array:
+    root = deviation * rng.standard_normal((4, 4))
+    return root @ root.T + 1e-6 * np.eye(4)
+
+
+@settings(max_examples=40, deadline=None)
+@given(walls, seeds)
+def test_derivatives_of_a_range_are_those_of_differences(curve: Curve, seed: int) -> None:
+    pose, alpha, h = clear_pose(curve, np.array([0.4]), np.random.default_rng(seed)), np.array([0.4]), 1e-4
+    _, H, second = second_derivative(curve, pose, 0.4)
+    step = h * np.eye(3)
+    slope = [(curve.ranges(pose + e, alpha)[0][0] - curve.ranges(pose - e, alpha)[0][0]) / (2.0 * h) for e in step]
+    bend = [
+        (second_derivative(curve, pose + e, 0.4)[1] - second_derivative(curve, pose - e, 0.4)[1]) / (2.0 * h)
+        for e in step
+    ]
+    np.testing.assert_allclose(H, slope, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(second, bend, rtol=1e-4, atol=1e-4 * np.abs(second).max())
+
+
+@settings(max_examples=30, deadline=None)
+@given(walls, seeds)
+def test_the_trace_is_that_of_the_matrices(curve: Curve, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pose, P = clear_pose(curve, np.zeros(1), rng), any_covariance(rng, 0.3)
+    H, D = np.empty(3), np.empty(3)
+    h, B, C = expected_range(curve.table, curve.polyline, *pose, H, D)
+    PH = P[:, :3] @ H
+    second = second_derivative(curve, pose, 0.0)[2] @ P[:3, :3]
+    assert _square_trace(P, D, PH, H @ PH[:3], h, B, C, H) == pytest.approx(np.trace(second @ second), rel=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_a_prediction_carries_the_covariance_on_by_the_jacobian_of_the_motion(seed: int) -> None:
+    rng, dt = np.random.default_rng(seed), 0.1
+    x, P, u, W = np.array([0.2, -0.1, 3.0, 0.02]), any_covariance(rng, 0.2), rng.normal(size=2), np.array([0.3, 0.2])
+
+    def motion(at: Array, v: Array) -> Array:
+        return np.array([*moved(at[:3], *((1.0 - at[3]) * u + v), dt), at[3]])
+
+    h = 1e-6
+    A = np.array([(motion(x + e, np.zeros(2)) - motion(x - e, np.zeros(2))) / (2.0 * h) for e in h * np.eye(4)]).T
+    G = np.array([(motion(x, e) - motion(x, -e)) / (2.0 * h) for e in h * np.eye(2)]).T
+    after, covariance = x.copy(), P.copy()
+    predict(after, covariance, u, W, FIELD.table, FIELD.polyline, dt)
+    expected = motion(x, np.zeros(2))
+    np.testing.assert_allclose(after[[0, 1, 3]], expected[[0, 1, 3]], atol=1e-12)
+    assert math.remainder(after[2] - expected[2], 2.0 * math.pi) == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(covariance, A @ P @ A.T + G * W @ G.T, rtol=1e-7, atol=1e-9)
+    np.testing.assert_array_equal(covariance, covariance.T)
+
+
+@settings(max_examples=40, deadline=None)
+@given(walls, angles, seeds)
+def test_rays_one_after_the_other_are_the_update_with_all_of_them(
+    curve: Curve, alpha: tuple[float, ...], seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    pose, P = clear_pose(curve, np.array(alpha), rng), any_covariance(rng, 0.02)
+    x = np.array([*pose, 0.01])
+    parts = [second_derivative(curve, pose, angle) for angle in alpha]
+    h, H = np.array([part[0] for part in parts]), np.array([[*part[1], 0.0] for part in parts])
+    R = np.square(RELATIVE * h) + ABSOLUTE**2
+    R += [0.5 * np.trace(part[2] @ P[:3, :3] @ part[2] @ P[:3, :3]) for part in parts]
+    nu = 0.05 * h * rng.standard_normal(len(h))
+    S = H @ P @ H.T + np.diag(R)
+    K = P @ H.T @ np.linalg.inv(S)
+
+    after, covariance = x.copy(), P.copy()
+    wall = (curve.table, curve.polyline)
+    nis, log_det, told, used = condition(after, covariance, h + nu, *wall, np.array(alpha), RELATIVE, ABSOLUTE, OPEN)
+    # The curvature's part of a variance is that of the covariance before the ray, so later rays have a little less.
+    assert (told, used) == (len(h), len(h))
+    assert nis == pytest.approx(nu @ np.linalg.solve(S, nu), rel=0.05, abs=0.05)
+    assert log_det == pytest.approx(np.linalg.slogdet(S)[1], abs=0.05 * len(h))
+    np.testing.assert_allclose(after - x, K @ nu, atol=0.1 * np.abs(K @ nu).max())
+    np.testing.assert_allclose(covariance, P - K @ S @ K.T, atol=0.05 * np.abs(P).max())
+
+
+def test_a_lost_ray_is_as_if_there_were_no_sensor() -> None:
+    pose, alpha = np.array([0.5, 0.2, 0.3]), np.array([-1.0, 0.0, 1.0])
+    z = 1.02 * FIELD.ranges(pose, alpha)[0]
+    wall, results = (FIELD.table, FIELD.polyline), []
+    for readings, sensors in ((np.where([0, 1, 0], np.nan, z), alpha), (z[[0, 2]], alpha[[0, 2]])):
+        x, P = np.array([*pose, 0.0]), 0.01 * np.eye(4)
+        told = condition(x, P, readings, *wall, sensors, RELATIVE, ABSOLUTE, OPEN)
+        results.append((*told, *x, *P.ravel()))
+    np.testing.assert_array_equal(*results)
+
+
+def test_a_ray_beyond_the_gate_changes_nothing_and_counts_as_one_at_the_gate() -> None:
+    pose, alpha, gate = np.array([0.5, 0.2, 0.3]), np.array([0.7]), 9.0
+    z = FIELD.ranges(pose, alpha)[0]
+    x, P = np.array([*pose, 0.0]), 1e-4 * np.eye(4)
+    nis, _, told, used = condition(x, P, 2.0 * z, FIELD.table, FIELD.polyline, alpha, RELATIVE, ABSOLUTE, gate)
+    assert (nis, told, used) == (gate, 1, 0)
+    np.testing.assert_allclose(x, [*pose, 0.0], rtol=1e-14)
+    np.testing.assert_array_equal(P, 1e-4 * np.eye(4))
+
+
+@settings(max_examples=60, deadline=None)
+@given(walls, angles, seeds)
+def test_whatever_is_read_the_estimate_stays_within_the_wall(curve: Curve, alpha: tuple[float, ...], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    wall = (curve.table, curve.polyline)
+    x, P = np.array([*curve.draw(rng), 0.0]), any_covariance(rng, 1.0)
+    for _ in range(10):
+        predict(x, P, rng.normal(scale=30.0, size=2), np.ones(2), *wall, 0.1)
+        assert curve.contains(x[:2])
+        condition(x, P, rng.uniform(0.01, 20.0, len(alpha)), *wall, np.array(alpha), RELATIVE, ABSOLUTE, OPEN)
+        assert curve.contains(x[:2])
+        assert np.isfinite(P).all()
+
+
+def test_a_ray_that_grazes_the_wall_tells_nothing() -> None:
+    h, H = expected_ranges(FIELD.table, FIELD.polyline, np.array([3.763 - 1e-9, 0.0, 0.5 * math.pi]), np.zeros(1))
+    assert np.isnan(h).all()
+    assert np.isnan(H).all()

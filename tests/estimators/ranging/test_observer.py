@@ -1,0 +1,195 @@
+"""The observer (C.5) as a plug-in, driven without MuJoCo."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
+from models.field.curve import BEAN
+from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from sim.signals import Estimate, Measurement, Status
+from tests.estimators.ranging.walls import FIELD, SENSORS
+from tests.ranging import Step, driven, still
+
+START = np.array([1.0, -0.4, 1.5])
+NOISY = {"ranging": RangeQuality(0.05), "odometry": OdometryQuality((0.05, 0.05), 0.02)}
+LOCKING: tuple[FeedForward, ...] = ("s", "rho_dot", "manifold")
+
+
+def mission(sensors: str = "2s", start: tuple[float, float, float] | None = None, **more: object) -> RangingMission:
+    angles = tuple(math.radians(angle) for angle in SENSORS[sensors])
+    made = RangingMission(FIELD, angles, start=None if start is None else KnownStart(start))
+    return replace(made, **more)  # type: ignore[arg-type]
+
+
+def followed(observer: RangeObserver, steps: list[Step]) -> list[Estimate]:
+    return [observer.update(step.t, step.measurements, step.command) for step in steps]
+
+
+def observer(at: RangingMission, **fields: object) -> RangeObserver:
+    return RangeObserver.build(RangeObserverConfig(**fields), at)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("feedforward", "error"), [("s", 2e-4), ("rho_dot", 2e-4), ("manifold", 1e-10)])
+@pytest.mark.parametrize("gain", [1.0, 300.0])
+def test_with_a_feed_forward_it_stays_on_the_truth(feedforward: FeedForward, error: float, gain: float) -> None:
+    """Property 2.1; declared, and so."""
+    config = RangeObserverConfig(feedforward=feedforward, k_v=gain, k_q=gain)
+    assert RangeObserver.properties(config).stays_on_truth
+    at, steps = mission(start=(1.0, -0.4, 1.5)), list(driven(mission(), START, 8.0))
+    for step, estimate in zip(steps, followed(RangeObserver.build(config, at), steps), strict=True):
+        assert max(at.error(estimate.x, step.truth)) <= error
+
+
+def test_the_print_does_not() -> None:
+    config = RangeObserverConfig(feedforward="none", k_v=5.0, k_q=1.0)
+    assert not RangeObserver.properties(config).stays_on_truth
+    at, steps = mission("4", start=(1.0, -0.4, 1.5)), list(driven(mission("4"), START, 4.0))
+    *_, last = followed(RangeObserver.build(config, at), steps)
+    assert at.error(last.x, steps[-1].truth)[0] >= 1e-3
+
+
+@pytest.mark.parametrize("feedforward", LOCKING)
+@pytest.mark.parametrize("sensors", ["2s", "4"])
+def test_it_finds_the_robot_from_afar(feedforward: FeedForward, sensors: str) -> None:
+    at, steps = mission(sensors, start=(-1.0, 0.3, 0.5)), list(driven(mission(sensors), START, 20.0))
+    estimates = followed(observer(at, feedforward=feedforward, k_v=3.0, k_q=3.0), steps)
+    assert max(at.error(estimates[-1].x, steps[-1].truth)) <= 1e-2
+
+
+@pytest.mark.parametrize("sensors", ["2s", "2t", "4"])
+def test_it_finds_the_robot_in_noise_told_nothing_of_the_start(sensors: str) -> None:
+    at = mission(sensors, **NOISY)
+    steps = list(driven(at, START, 20.0, rng=np.random.default_rng(3)))
+    errors = np.array(
+        [
+            at.difference(estimate.x, step.truth)
+            for step, estimate in zip(steps, followed(observer(at), steps), strict=True)
+            if step.t > 15.0
+        ]
+    )
+    assert np.sqrt(np.square(errors[:, :2]).sum(axis=1).mean()) <= 0.2
+    assert np.sqrt(np.square(errors[:, 2]).mean()) <= 0.1
+
+
+def test_standing_still_it_does_not_with_two_rays() -> None:
+    """Its convergence depends on the input, as it declares."""
+    at = mission(start=(0.5, -0.2, 1.0))
+    steps = list(driven(at, START, 20.0, still))
+    *_, last = followed(observer(at, feedforward="manifold"), steps)
+    assert max(at.error(last.x, steps[-1].truth)) >= 0.05
+    assert last.extra["value"][0] <= 1e-6  # though what it sees fits
+
+
+@pytest.mark.parametrize("feedforward", list(FEED_FORWARDS))
+@pytest.mark.parametrize("more", [{}, NOISY])
+def test_whatever_the_readings_are_the_estimate_is_finite_and_within_the_wall(
+    feedforward: FeedForward, more: dict[str, object]
+) -> None:
+    rng = np.random.default_rng(5)
+    at = mission("3", **more)
+    made = observer(at, feedforward=feedforward)
+    values = [np.nan, np.inf, -np.inf, -1.0, 0.0, 1e-12, 0.5, 2.0, 7.0, 1e4, 1e300]
+    for k in range(600):
+        readings = [Measurement("ranges", 0.01 * k, rng.choice(values, 3))]
+        readings.append(Measurement("odometry", 0.01 * k, rng.choice([*values, 1.0, -2.0], 2)))
+        estimate = made.update(0.01 * k, readings[: rng.integers(0, 3)], rng.uniform(-2.0, 2.0, 2))
+        assert np.isfinite(estimate.x).all()
+        assert FIELD.contains(estimate.x)
+        assert np.isfinite(estimate.extra["z"]).all()
+        assert np.isfinite(estimate.extra["value"]).all()
+
+
+def test_a_ray_that_is_lost_for_seconds_hardly_matters() -> None:
+    at, steps = mission("3", start=(1.0, -0.4, 1.5)), list(driven(mission("3"), START, 8.0))
+    for k, step in enumerate(steps):
+        if 200 <= k < 500:
+            step.measurements[0].value[1] = np.nan
+    for step, estimate in zip(steps, followed(observer(at), steps), strict=True):
+        assert max(at.error(estimate.x, step.truth)) <= 1e-4
+
+
+@pytest.mark.parametrize("feedforward", list(FEED_FORWARDS))
+def test_without_any_range_it_follows_the_odometry_and_says_that_it_is_lost(feedforward: FeedForward) -> None:
+    at, steps = mission(start=(1.0, -0.4, 1.5)), list(driven(mission(), START, 6.0))
+    made = observer(at, feedforward=feedforward, k_v=50.0, k_q=50.0)
+    followed(made, steps[:200])
+    blind = [made.update(s.t, s.measurements[1:], s.command) for s in steps[200:400]]
+    assert [estimate.status for estimate in blind] == [Status.OK] * 50 + [Status.LOST] * 150
+    moved = at.difference(blind[-1].x, steps[399].truth) - at.difference(blind[10].x, steps[210].truth)
+    if feedforward != "none":
+        assert np.abs(moved).max() <= 1e-4
+    again = followed(made, steps[400:])
+    assert again[0].status is Status.OK
+    assert np.isfinite(again[-1].x).all()
+
+
+def test_odometry_is_taken_where_it_is_there_and_the_command_where_it_is_not() -> None:
+    at, steps = mission(start=(1.0, -0.4, 1.5)), list(driven(mission(), START, 3.0))
+    with_odometry, with_command, without = observer(at), observer(at), observer(at)
+    for step in steps:
+        whole = with_odometry.update(step.t, step.measurements, np.full(2, 9.0))
+        commanded = with_command.update(step.t, step.measurements[:1], step.command)
+        lazy = without.update(step.t, step.measurements[:1], np.zeros(2))
+    np.testing.assert_array_equal(whole.x, commanded.x)
+    assert max(at.error(whole.x, steps[-1].truth)) <= 1e-4
+    assert max(at.error(lazy.x, steps[-1].truth)) > 1e-3
+
+
+def test_the_state_starts_where_it_is_told_to() -> None:
+    at, (step, *_) = mission(), list(driven(mission(), START, 0.1))
+    z_0 = (5.0, 1.0, 1.4)
+    still_there = observer(at, z_0=z_0, k_v=0.0, k_q=0.0, feedforward="none")
+    np.testing.assert_allclose(still_there.update(0.0, step.measurements, step.command).extra["z"], z_0)
+
+
+def test_z_and_the_values_are_told_beside_the_pose() -> None:
+    at, steps = mission("3", start=(1.0, -0.4, 1.5)), list(driven(mission("3"), START, 2.0))
+    for step, estimate in zip(steps, followed(observer(at, feedforward="manifold"), steps), strict=True):
+        s = at.curve.ranges(step.truth, at.alpha)[1]
+        off = estimate.extra["z"] - np.append(s, step.truth[2])
+        assert np.abs((off + np.pi) % (2.0 * np.pi) - np.pi).max() <= 1e-9
+        assert estimate.extra["value"].shape == (2,)
+        assert estimate.extra["value"].max() <= 1e-18
+
+
+def test_it_initialises_until_a_reading_is_at_the_centre_of_its_window() -> None:
+    at = mission(**NOISY)
+    steps = list(driven(at, START, 1.0, rng=np.random.default_rng(0)))
+    statuses = [estimate.status for estimate in followed(observer(at, window=41), steps)]
+    assert statuses == [Status.INITIALISING] * 20 + [Status.OK] * 81
+
+
+def test_a_wall_that_is_not_convex_will_do() -> None:
+    at = replace(mission("4", start=(0.5, 0.4, 0.2)), curve=BEAN)
+    steps = list(driven(at, np.array([0.7, 0.3, 0.4]), 10.0))
+    *_, last = followed(observer(at, k_v=3.0, k_q=3.0), steps)
+    assert max(at.error(last.x, steps[-1].truth)) <= 1e-2
+
+
+def test_windows_and_orders_are_chosen_by_the_mission_and_the_fit() -> None:
+    printed, ours = RangeObserverConfig(feedforward="none"), RangeObserverConfig()
+    assert (printed.fits_innovation, ours.fits_innovation) == (False, True)
+    assert [printed.fit(exact) for exact in (True, False)] == [(3, 2), (101, 3)]
+    assert [ours.fit(exact) for exact in (True, False)] == [(3, 1), (101, 1)]
+    assert RangeObserverConfig(fitted="ranges", window=21, order=5).fit(True) == (21, 5)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"k_v": -1.0}, {"k_q": np.nan}, {"k_v": np.inf}, {"timeout": 0.0}, {"timeout": np.inf}, {"window": 4},
+     {"window": 1}, {"order": 101}, {"window": 3, "order": 3}, {"z_0": (np.nan, 1.0, 2.0)}],
+)  # fmt: skip
+def test_a_configuration_that_cannot_be_is_refused(fields: dict[str, object]) -> None:
+    (name,) = list(fields)[-1:]
+    with pytest.raises(ValueError, match=rf"{name} = .*; allowed"):
+        RangeObserverConfig(**fields)  # type: ignore[arg-type]
+
+
+def test_a_start_of_another_length_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"z_0 .*; allowed"):
+        observer(mission(), z_0=(1.0, 2.0))

@@ -1,0 +1,92 @@
+"""The motion of a unicycle under inputs that are held is exact, and so are its derivatives."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from models.unicycle.kernels import moved, moved_slopes, sinc, sinc_slope, wrapped
+from models.unicycle.patterns import circle, figure_eight
+from sim.signals import Array
+
+poses = st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-7.0, 7.0)).map(np.array)
+speeds, rates = st.floats(-2.0, 2.0), st.one_of(st.floats(-5.0, 5.0), st.floats(-1e-3, 1e-3), st.just(0.0))
+times = st.floats(1e-3, 2.0)
+
+
+@given(poses, speeds, rates, times)
+def test_it_moves_as_the_differential_equation_has_it(x: Array, u_1: float, u_2: float, dt: float) -> None:
+    """Example C.1."""
+    path = solve_ivp(
+        lambda t, x: [u_1 * math.cos(x[2]), u_1 * math.sin(x[2]), u_2], (0.0, dt), x, rtol=1e-10, atol=1e-12
+    )
+    np.testing.assert_allclose(moved(x, u_1, u_2, dt), path.y[:, -1], rtol=0.0, atol=1e-8)
+
+
+@given(poses, speeds, rates, times, st.floats(0.01, 0.99))
+def test_two_parts_of_a_motion_are_the_whole(x: Array, u_1: float, u_2: float, dt: float, share: float) -> None:
+    halfway = moved(x, u_1, u_2, share * dt)
+    np.testing.assert_allclose(
+        moved(halfway, u_1, u_2, (1.0 - share) * dt), moved(x, u_1, u_2, dt), rtol=0.0, atol=1e-12
+    )
+
+
+@given(poses, speeds, rates, times)
+def test_the_derivatives_are_those_of_differences(x: Array, u_1: float, u_2: float, dt: float) -> None:
+    F, G = moved_slopes(x, u_1, u_2, dt)
+    step = 1e-6
+    for i in range(3):
+        d = step * np.eye(3)[i]
+        slope = (moved(x + d, u_1, u_2, dt) - moved(x - d, u_1, u_2, dt)) / (2.0 * step)
+        np.testing.assert_allclose(F[:, i], slope, rtol=0.0, atol=1e-8)
+    for j in range(2):
+        d = step * np.eye(2)[j]
+        slope = (moved(x, u_1 + d[0], u_2 + d[1], dt) - moved(x, u_1 - d[0], u_2 - d[1], dt)) / (2.0 * step)
+        np.testing.assert_allclose(G[:, j], slope, rtol=0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_series_about_nought_join_the_formulas(sign: float) -> None:
+    below, above = sign * 0.999999e-3, sign * 1.000001e-3
+    assert sinc(below) == pytest.approx(sinc(above), abs=1e-14 + 2e-9 * 4e-4)
+    assert sinc_slope(below) == pytest.approx(sinc_slope(above), abs=1e-9)
+    assert sinc(0.0) == 1.0
+    assert sinc_slope(0.0) == 0.0
+
+
+@given(st.floats(-100.0, 100.0))
+def test_a_wrapped_angle_is_the_same_direction_within_half_a_turn(angle: float) -> None:
+    w = wrapped(angle)
+    assert -math.pi <= w < math.pi
+    assert math.cos(w) == pytest.approx(math.cos(angle), abs=1e-12)
+    assert math.sin(w) == pytest.approx(math.sin(angle), abs=1e-12)
+
+
+def driven(pattern: str, speed: float, period: float) -> Array:
+    """(n, 3) poses along a pattern of 10 ms inputs from nought, once through."""
+    x, dt = np.zeros(3), 0.01
+    path = [x]
+    for k in range(round(period / dt)):
+        t = (k + 0.5) * dt
+        u = figure_eight(t, speed, period) if pattern == "eight" else circle(t, speed, 2.0 * math.pi / period)
+        x = moved(x, *u, dt)
+        path.append(x)
+    return np.array(path)
+
+
+@pytest.mark.parametrize("pattern", ["eight", "circle"])
+def test_patterns_close(pattern: str) -> None:
+    path = driven(pattern, 0.5, 8.0)
+    np.testing.assert_allclose(path[-1, :2], 0.0, atol=1e-3)
+
+
+def test_a_figure_of_eight_is_as_large_as_it_says() -> None:
+    path = driven("eight", 0.5, 8.0)
+    length, width = sorted(np.ptp(path[:, :2], axis=0))[::-1]
+    assert length == pytest.approx(0.375 * 4.0, abs=0.01)
+    assert width == pytest.approx(0.139 * 4.0, abs=0.01)

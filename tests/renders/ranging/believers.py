@@ -1,0 +1,88 @@
+"""Estimators that say what pictures have to show: they reckon from the start they are told, and add what is asked.
+
+With an exact start and faultless wheels the reckoning is the truth, so a test knows where everything has to be drawn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from models.unicycle.mission import RangingMission
+from sim.plugins import Part
+from sim.protocols import Sensor
+from sim.scenarios.experiment import Outcome
+from sim.scenarios.ranging_fields import Noise
+from sim.signals import Array, Estimate, Measurement, Status
+from tests.localisation import Reckoning, run
+
+SILENT = 0.1  # [s] at first
+OFF = np.array([-0.6, 0.4, 1.0])  # [m, m, rad] at first
+CALM = 0.3  # [s] in which that falls to a third
+START = (1.2, -0.4, 60.0)  # [m, m, deg]
+ELSEWHERE = np.array([[-2.4, 0.3, 1.0], [-1.3, 0.6, 0.0], [-0.5, -0.8, 0.0]])  # the other hypotheses
+LOSS = np.array([6.0, 12.0, 24.0])  # [1/s] of their log-likelihoods
+LOWEST = -20.0  # at which they are dropped
+
+
+@dataclass(frozen=True)
+class BelieverConfig:
+    """Fields of the command line."""
+
+    kind: Literal["bank", "observer", "bare", "silent"] = "bank"
+
+
+class Believer:
+    """Dead reckoning that is off at first, with hypotheses, with the observer's z, or with nothing."""
+
+    Config = BelieverConfig
+
+    def __init__(self, config: BelieverConfig, mission: RangingMission) -> None:
+        self.period = mission.period
+        self._config, self._mission, self._reckoning = config, mission, Reckoning(mission)
+
+    @staticmethod
+    def build(config: BelieverConfig, mission: RangingMission) -> Believer:
+        return Believer(config, mission)
+
+    @staticmethod
+    def sensors(config: BelieverConfig, mission: RangingMission) -> tuple[Sensor, ...]:
+        return mission.sensors_carried()
+
+    @staticmethod
+    def quality(config: BelieverConfig, mission: RangingMission) -> None:
+        return None
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        estimate = self._reckoning.update(t, measurements, command)
+        if self._config.kind == "silent":
+            raise RuntimeError("it does not know")
+        off = math.exp(-t / CALM)
+        x = estimate.x + off * OFF
+        status = Status.INITIALISING if t < SILENT - 1e-9 else Status.OK
+        estimate = replace(estimate, x=x, covariance=None, status=status)
+        if self._config.kind == "bank":
+            return replace(estimate, extra=self._bank(t, x, off))
+        if self._config.kind == "observer":
+            _, s = self._mission.curve.ranges(x, self._mission.alpha)
+            return replace(estimate, extra={"z": np.append(s, x[2]), "value": np.array([off, 0.5 * off])})
+        return estimate
+
+    def _bank(self, t: float, x: Array, off: float) -> dict[str, Array]:
+        scores = np.append(0.0, -LOSS * t)
+        scores[scores < LOWEST] = np.nan
+        hypotheses = np.vstack([x, ELSEWHERE])
+        hypotheses[np.isnan(scores)] = np.nan
+        covariance = np.diag([0.3, 0.1, 0.2]) ** 2 * off + 1e-4 * np.eye(3)
+        return {"hypotheses": hypotheses, "scores": scores, "nis": np.array([2.0, 2.0]), "covariance": covariance}
+
+
+def believed(kind: str = "bank", duration: float = 4.0, **fields: object) -> Outcome:
+    """A run with faultless wheels from a start that is told exactly."""
+    noise = Noise(odometry_noise=(0.0, 0.0), odometry_bias=0.0, dropout=0.1)
+    told = {"start": START, "start_known": True, "start_error": (0.0, 0.0, 0.0)}
+    return run(estimator=Part.of(Believer, kind=kind), duration=duration, **{"noise": noise, **told, **fields})

@@ -1,0 +1,55 @@
+"""What is written on a picture is beside what it names, and a legend shows what is drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renders.caption import RING_COLOURS, Caption, Label, Words
+from renders.film import Frame
+from renders.flight_caption import words
+from renders.palette import Part
+from renders.run_data import RunData
+
+GREY = np.full((360, 640, 3), 128, np.uint8)
+
+
+def written(*labels: Label, legend: tuple[Part, ...] = (Part.FLOWN,)) -> np.ndarray:
+    said = Words(["title"], [("TIME", "1 s", "")], "", legend, "", 0.0, [], labels)
+    return Caption(640, 360).write(GREY, said).astype(int)
+
+
+def changed(label: Label) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the pixels that a label makes another colour."""
+    return np.nonzero(np.abs(written(label) - written()).max(axis=-1) > 0)
+
+
+def test_a_label_beside_its_place_leaves_free_what_is_above_it() -> None:
+    rows, columns = changed(Label("target", 400.0, 180.0, beside=True))
+    assert columns.min() > 400
+    assert abs(rows.mean() - 180.0) < 4.0
+    rows, _ = changed(Label("target", 400.0, 180.0))
+    assert rows.max() < 180
+
+
+def test_a_label_stays_in_the_picture() -> None:
+    for beside in (False, True):
+        _, columns = changed(Label("target", 639.0, 180.0, beside=beside))
+        assert columns.max() < 639
+        assert len(columns) == len(changed(Label("target", 320.0, 180.0, beside=beside))[0])
+
+
+def test_a_target_has_its_rings_in_the_legend() -> None:
+    shown = written(legend=(Part.TARGET,))
+    for colour in RING_COLOURS:
+        assert (np.abs(shown - colour).max(axis=-1) < 12).sum() >= 10
+
+
+def test_a_flight_among_radars_says_what_they_bind(run: RunData) -> None:
+    assert run.mission.radars
+    for camera in ("chase", "overview"):
+        said = words(run, Frame(0.5 * run.duration, camera, 0.0, 1.0), [])
+        assert any("radars" in line and "not on the completion path" in line for line in said.title)
+
+
+def test_at_its_end_a_flight_has_arrived(run: RunData) -> None:
+    assert words(run, Frame(run.duration, "overview", 0.0, 0.0), []).state == "arrived"

@@ -1,0 +1,68 @@
+"""What the tests of the unicycle share: a robot in a plant of its own, and what its sensors see without physics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from models.field.curve import Curve, ellipse
+from models.unicycle.drives import DifferentialDrive, IdealDrive, wheel_rates
+from models.unicycle.entity import FLOOR, DriveName, build_model
+from models.unicycle.mission import RangingMission
+from sim.plant import Equipment, MujocoPlant
+from sim.protocols import Sensor
+from sim.signals import Array
+
+STANDARD = ellipse(3.763, math.sqrt(2.0))
+
+
+def plant_of(
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    drive: DriveName = "ideal",
+    friction: float = 1.0,
+    *,
+    curve: Curve = STANDARD,
+    angles: tuple[float, ...] = (0.0,),
+    sensors: tuple[Sensor, ...] = (),
+    seed: int = 0,
+) -> MujocoPlant:
+    """A robot called "robot" at a pose [m, m, rad], at rest."""
+    model = _model(curve, angles, drive, friction)
+    state = np.zeros(2 * model.nq)
+    state[:3] = start
+    ideal = drive == "ideal"
+    equipment = Equipment(
+        state, sensors, drive=IdealDrive() if ideal else DifferentialDrive(), stands_on=() if ideal else (FLOOR,)
+    )
+    return MujocoPlant(model, {"robot": equipment}, np.random.default_rng(seed))
+
+
+@cache
+def _model(curve: Curve, angles: tuple[float, ...], drive: DriveName, friction: float) -> Any:
+    return build_model(curve, angles, drive, friction)
+
+
+@dataclass
+class Imagined:
+    """A ``sim.protocols.Motion`` of a unicycle: what its sensors would see, without physics."""
+
+    mission: RangingMission
+    x: Array  # (3,) pose
+    acceleration: Array = field(default_factory=lambda: np.zeros(3))
+    wheels: Array = field(default_factory=lambda: np.zeros(2))  # [rad] left and right
+
+    def moved(self, u: Array, dt: float) -> Imagined:
+        """After an input (2,) was held for dt [s]."""
+        x = self.mission.flow(self.x, u, dt)
+        return Imagined(self.mission, x, self.acceleration, self.wheels + wheel_rates(u) * dt)
+
+    def sensed(self, name: str) -> Array:
+        if name.startswith("range_"):
+            rho, _ = self.mission.curve.ranges(self.x, self.mission.alpha)
+            i = int(name.removeprefix("range_"))
+            return rho[i : i + 1]
+        return self.wheels[["wheel_left", "wheel_right"].index(name), None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -123,7 +124,7 @@ def test_the_less_sure_the_estimate_the_shorter_inputs_are_held() -> None:
     task = mission()
     inside, inputs = Inside(task, 1.0, 10, 3.0), candidates(task)
     held = [inside.nodes(Belief(START, size**2 * np.eye(3)), inputs) for size in (0.0, 0.1, 0.2, 1.0)]
-    for surer, other in zip(held, held[1:], strict=False):
+    for surer, other in itertools.pairwise(held):
         assert (other <= surer).all()
     assert held[0].sum() > held[-1].sum()
 

@@ -102,8 +102,8 @@ class Curve:
         return margin <= 0.0 or self.distance(p) >= margin
 
     def distance(self, p: Array) -> float:
-        """[m] from a point (2,) to the wall, as its chords have it."""
-        a, b = self.polyline[:-1], self.polyline[1:]
+        """[m] from a point (2,), or the position of a pose, to the wall, as its chords have it."""
+        p, a, b = np.asarray(p)[:2], self.polyline[:-1], self.polyline[1:]
         d = b - a
         along = np.clip(((p - a) * d).sum(axis=1) / (d * d).sum(axis=1), 0.0, 1.0)
         return float(np.linalg.norm(a + along[:, None] * d - p, axis=1).min())

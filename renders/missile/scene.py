@@ -94,14 +94,15 @@ class Scene:
         target, here = run.target_at(t), run.place(t)
         named: list[tuple[str, Array, bool]] = []  # text, place, whether it is small
         if camera == "side":
-            apex, left = float(run.path[:, 2].max()), self._ruler_ends()[0]
+            apex, (left, right) = float(run.path[:, 2].max()), self._ruler_ends()
             heights = np.arange(RULER, apex + 0.6 * RULER, RULER)
             named += [(f"{height:.0f} m", np.array([left, 0.0, height]), True) for height in heights]
             far = float(max(run.path[:, 0].max(), run.target_at(run.duration)[0]))
             steps = np.arange(100.0 * math.ceil(run.path[0, 0] / 100.0), far + 50.0, 100.0)
             named += [(f"{x:.0f} m", np.array([x, 0.0, 0.0]), True) for x in steps if len(steps) < 16]
             named.append((Part.TARGET.value, target + np.array([SIDE_RINGS * TARGET_RADIUS, 0.0, 0.0]), False))
-            if float(np.linalg.norm(here - target)) > 0.5 * RULER:
+            clear = here[0] - left > 0.1 * (right - left)  # of the numbers at the left ends of the lines
+            if clear and run.away(t) > 0.5 * RULER:
                 named.append((f"{here[2]:.0f} m", here + _up(0.5 * self._scale(camera, t) * SPAN), False))
         if camera == "chase":
             lift = 26.0 * unit * float(self.stage.metres_per_pixel(target[None])[0])

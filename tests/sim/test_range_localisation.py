@@ -250,3 +250,20 @@ def test_a_field_of_fourier_coefficients_is_a_field() -> None:
 def test_fields_out_of_range_are_refused_by_their_names(told: str, make: Any) -> None:
     with pytest.raises(ValueError, match=rf"{told}.*allowed"):
         make()
+
+
+def test_by_default_the_robot_finds_itself_from_anywhere() -> None:
+    """With the built-in controller and estimator, 5 % noise and an unknown start."""
+    outcome = RangeLocalisation.build(RangeLocalisationConfig(duration=10.0), 0).run()
+    assert outcome.success
+    assert outcome.summary["position_rms_m"] < 0.05
+    assert outcome.summary["convergence_time_s"] < 5.0
+
+
+def test_seconds_without_ranges_are_told_and_got_over() -> None:
+    outcome = RangeLocalisation.build(RangeLocalisationConfig(duration=12.0, outage=((4.0, 6.0),)), 1).run()
+    told = [event for event in outcome.recording.events if event.kind == "estimator-status"]
+    assert any(event.message.startswith("lost") and 4.0 < event.t < 6.0 for event in told)
+    assert outcome.summary["lost_s"] == pytest.approx(1.5, abs=0.1)
+    assert np.isfinite(outcome.arrays["estimate.x"]).all()
+    assert outcome.success

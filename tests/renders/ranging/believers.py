@@ -21,9 +21,9 @@ from sim.signals import Array, Estimate, Measurement, Status
 from tests.localisation import Reckoning, run
 
 SILENT = 0.1  # [s] at first
-OFF = np.array([-0.6, 0.4, 1.0])  # [m, m, rad] at first
+OFF = np.array([-1.2, 0.6, 1.0])  # [m, m, rad] at first
 CALM = 0.3  # [s] in which that falls to a third
-START = (1.2, -0.4, 60.0)  # [m, m, deg]
+START = (1.8, -0.4, 60.0)  # [m, m, deg]
 ELSEWHERE = np.array([[-2.4, 0.3, 1.0], [-1.3, 0.6, 0.0], [-0.5, -0.8, 0.0]])  # the other hypotheses
 LOSS = np.array([6.0, 12.0, 24.0])  # [1/s] of their log-likelihoods
 LOWEST = -20.0  # at which they are dropped

@@ -68,8 +68,8 @@ def test_robot_and_estimate_are_in_sight_where_they_should_be(camera: str, pictu
         assert 0 < column < 480
         assert 0 < row < 270
     robot, estimate = (pictures[f"{camera}.{what}"] for what in ("robot", "estimate"))
-    assert changed(shown, pictures[f"{camera}.no estimate"], estimate, 30.0) > 120
-    assert changed(pictures[f"{camera}.no estimate"], pictures[f"{camera}.neither"], robot, 30.0) > 60
+    assert changed(shown, pictures[f"{camera}.no estimate"], estimate, 14.0) > 120
+    assert changed(pictures[f"{camera}.no estimate"], pictures[f"{camera}.neither"], robot, 14.0) > 60
     assert pictures[f"{camera}.labels"].tolist() == ["robot", "estimate"]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import html
 import json
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -122,5 +123,5 @@ def assert_files(folder: Path, name: str, findings: Findings, terrain: str | Non
         assert np.asarray(picture.convert("L")).std() > 10.0
     page = (folder / f"{name}.html").read_text(encoding="utf-8")
     assert all(claim.id in page for claim in findings.claims)
-    assert all(table.title in page for table in findings.tables)
+    assert all(html.escape(table.title) in page for table in findings.tables)
     assert ("Over the terrain" in page) is (terrain is not None)

@@ -160,16 +160,20 @@ def table(parts: Sequence[Findings], machine: Mapping[str, Any]) -> Table:
     shown = Table(box=SIMPLE_HEAD, padding=(0, 1, 0, 0), caption=caption, caption_justify="left")
     for heading in ("what", "ours", "other", "other software", "ratio", "spread", "of", "wanted"):
         numeric = heading in ("ours", "other", "ratio", "spread")
-        shown.add_column(heading, justify="right" if numeric else "left", no_wrap=True)
+        shown.add_column(heading, justify="right" if numeric else "left", no_wrap=numeric)
     for part in parts:
         shown.add_row(f"[bold]{part.title}[/bold]")
         for row in part.comparisons():
-            ours, other = (f"{np.median(figures):.3g} {row.unit}" for figures in (row.ours, row.other))
+            ours, other = (f"{_three_digits(float(np.median(some)))} {row.unit}" for some in (row.ours, row.other))
             spread = f"{row.ratios.min():.3g} .. {row.ratios.max():.3g}"
             wanted = row.wanted + {True: " yes", False: " NO", None: ""}[row.holds]
             shown.add_row(f"  {row.what}", ours, other, row.software, f"{row.ratio:.3g}", spread, row.of, wanted)
         shown.add_section()
     return shown
+
+
+def _three_digits(figure: float) -> str:
+    return f"{figure:.3g}" if figure < 1000.0 else f"{figure:.0f}"
 
 
 def write(path: Path, parts: Mapping[str, Findings], machine: Mapping[str, Any]) -> None:

@@ -223,7 +223,7 @@ def ellipse(c_1: float, c_2: float) -> Curve:
     for value, name in ((c_1, "c_1"), (c_2, "c_2")):
         if not (math.isfinite(value) and 0.0 < value <= _LARGEST):
             raise ValueError(f"half-axis {name} = {value!r}; allowed: a finite value > 0 and <= {_LARGEST:g}")
-    return Curve(((0.0, 0.0, 0.0, 0.0), (c_1, 0.0, 0.0, c_2)), f"ellipse of {c_1:g} by {c_2:g} m")
+    return Curve(((0.0, 0.0, 0.0, 0.0), (c_1, 0.0, 0.0, c_2)), f"ellipse of {c_1:.4g} by {c_2:.4g} m")
 
 
 EGG = Curve(((0.0, 0.0, 0.0, 0.0), (2.7, 0.0, 0.0, 1.7), (0.35, 0.0, 0.0, 0.22)), "egg")

@@ -22,8 +22,7 @@ class Options:
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
     """folder of a run; the picture is written into it"""
     camera: str | None = None
-    """the one camera to film with, of a flight chase, overview or top, of a missile chase, side or target; by default a
-    video cuts between them"""
+    """flights have chase, overview, top, missiles chase, side, target, robots top, chase; by default a video has all"""
     still: bool = False
     """a picture instead of a video"""
     time: float | None = None

@@ -293,8 +293,9 @@ class MujocoPlant:
         for vehicle in self._vehicles.values():
             now = touching[vehicle.name]
             for thing in sorted(now.keys() - vehicle.touched):
-                where = np.round(vehicle.motion.q, 1).tolist()
-                speed = float(np.linalg.norm(vehicle.motion.v))
+                slides = [i for i, _ in vehicle.slides]  # joints that turn tell nothing of its place
+                where = np.round(vehicle.motion.q[slides], 1).tolist()
+                speed = float(np.linalg.norm(vehicle.motion.v[slides]))
                 message = f"touches {thing} at {where} with {speed:.1f} m/s"
                 events.append(Event(self.t, vehicle.name, now[thing], message))
                 vehicle.contacts += 1

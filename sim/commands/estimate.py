@@ -24,6 +24,7 @@ from sim.commands.output import output_folder
 from sim.commands.progress import compilation_announced
 from sim.commands.run import build, fly
 from sim.commands.saved import Saved
+from sim.commands.summary import verdict, warnings
 from sim.log import Recording
 from sim.loop import Agent
 from sim.playback import RecordedInputs, RecordedPlant, RecordedRun
@@ -68,8 +69,9 @@ def main(argv: Sequence[str]) -> int:
         with bad_input():
             outcome.write(out)
     console = Console()
-    verdict = "the mission did what it should" if outcome.success else "the mission did NOT do what it should"
-    console.print(f"{estimator} over {folder}: {verdict}", style="bold", highlight=False)
+    console.print(f"{estimator} over {folder}: {verdict(outcome)}", style="bold", highlight=False)
+    for warning in warnings(outcome.recording):
+        console.print(f"warning: {warning}", style="bold", highlight=False)
     console.print(_comparison(order, saved, log, outcome))
     console.print(f"run     {out}", soft_wrap=True, highlight=False)
     return 0 if outcome.success else 1

@@ -132,9 +132,13 @@ class RangeLocalisationConfig:
             check(value, "start_error", 0.0, largest)
         check(self.friction, "friction", 0.01, 10.0)
         check(self.duration, "duration", TICK, 3600.0)
+        if abs(self.duration / TICK - round(self.duration / TICK)) > 1e-6:
+            raise ValueError(f"duration = {self.duration!r}; allowed: a whole number of ticks of {TICK:g} s")
         check(self.speed_max, "speed_max", 0.0, 3.0, open_low=True)
         check(self.turn_rate_max, "turn_rate_max", 0.0, 10.0, open_low=True)
         check(self.margin, "margin", RADIUS, _LONGEST)
+        if self.friction != 1.0 and self.drive == "ideal":
+            raise ValueError(f"friction = {self.friction!r} with drive = ideal; allowed: with a differential drive")
         for begin, end in self.outage:
             if not (math.isfinite(end) and 0.0 <= begin < end):
                 raise ValueError(f"outage = {(begin, end)!r}; allowed: two finite times, 0 <= T0 < T1")

@@ -12,7 +12,7 @@ from pathlib import Path
 import tyro
 from rich.console import Console
 
-from benchmarks import flight_solvers, loop_overhead, ocp_peers, sweep_scaling
+from benchmarks import flight_solvers, loop_overhead, ocp_peers, range_estimators, sweep_scaling
 from benchmarks.comparison import WIDTH, Findings, Machine, table, write
 
 
@@ -31,11 +31,13 @@ def parts(quick: bool) -> dict[str, Callable[[Console], Findings]]:
     solvers = flight_solvers.Arguments(problems=60, repetitions=2) if quick else flight_solvers.Arguments()
     loop = loop_overhead.Arguments(repetitions=5, seconds=60.0) if quick else loop_overhead.Arguments()
     ocp = ocp_peers.Arguments(ocp_peers.SMALL[:1], repetitions=1) if quick else ocp_peers.Arguments()
+    ranging = range_estimators.Arguments(seconds=5.0, repetitions=2) if quick else range_estimators.Arguments()
     sweep = sweep_scaling.Arguments(trials=12, repetitions=1) if quick else sweep_scaling.Arguments()
     return {
         "flight_solvers": lambda console: flight_solvers.run(solvers, console),
         "loop_overhead": lambda console: loop_overhead.run(loop, console),
         "ocp_peers": lambda console: ocp_peers.run(ocp, console),
+        "range_estimators": lambda console: range_estimators.run(ranging, console),
         "sweep_scaling": lambda console: sweep_scaling.run(sweep, console),
     }
 

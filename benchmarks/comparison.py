@@ -124,7 +124,7 @@ class Machine:
         return Machine(_processor(), available_cores())
 
     def plain(self) -> dict[str, Any]:
-        packages = ["mathnavi", "mujoco", "dm-control", "casadi", "numpy", "numba"]
+        packages = ["mathnavi", "mujoco", "dm-control", "casadi", "numpy", "numba", "filterpy"]
         packages += [name for name in ("do-mpc", "maptor", "dymos") if find_spec(name.replace("-", "_"))]
         versions = {name: version(name) for name in packages} | {"python": platform.python_version()}
         return {

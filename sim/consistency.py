@@ -64,6 +64,17 @@ class RootMeanSquare:
         return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}] (n = {self.runs})"
 
 
+def normalised_error_squared(error: Array, covariance: Array) -> Array:
+    """NEES (n,), e' P^-1 e of errors e (n, d) with covariances P (n, d, d); NaN where P is not positive definite."""
+    nees = np.full(len(error), np.nan)
+    finite = np.flatnonzero(np.isfinite(covariance).all(axis=(1, 2)))
+    if len(finite):
+        regular = finite[np.linalg.eigvalsh(covariance[finite])[:, 0] > 0.0]
+        e = error[regular]
+        nees[regular] = (e * np.linalg.solve(covariance[regular], e[..., np.newaxis])[..., 0]).sum(axis=1)
+    return nees
+
+
 def consistency(squares: Sequence[float] | Array, degrees: int, confidence: float = 0.95) -> Consistency:
     """Of normalised squared errors (n,) of independent runs, each of so many degrees of freedom.
 

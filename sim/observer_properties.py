@@ -25,7 +25,7 @@ class Rate(Enum):
     ASYMPTOTIC = "asymptotic"
     EXPONENTIAL = "exponential"
     FINITE_TIME = "finite-time"
-    BOUNDED = "bounded error"  # it does not decay to nought: Property 2.2 fails
+    NONE = "none"  # it does not decay to nought: Property 2.2 fails
 
 
 class InputDependence(Enum):

@@ -16,6 +16,7 @@ import numpy as np
 
 from models.unicycle.entity import RADIUS
 from models.unicycle.mission import RangingMission
+from sim.consistency import normalised_error_squared
 from sim.log import AgentRecorder, Recording
 from sim.signals import Array, Integers, Status
 
@@ -40,12 +41,14 @@ class Errors:
     def of(recording: Recording, name: str, mission: RangingMission) -> Errors:
         """Of one robot's run."""
         truths, estimates = recording.truths[name], recording.agents[name].estimates
-        difference, nees = np.full((len(truths), 3), np.nan), np.full(len(truths), np.nan)
+        difference, P = np.full((len(truths), 3), np.nan), np.full((len(truths), 3, 3), np.nan)
         for k, newest in enumerate(_newest(recording, name)):
             if newest >= 0:
                 difference[k] = mission.difference(estimates[newest].x, truths[k, :3])
-                nees[k] = _nees(estimates[newest].covariance, difference[k])
-        return Errors(recording.t, difference, nees)
+                covariance = estimates[newest].covariance
+                if covariance is not None:
+                    P[k] = covariance
+        return Errors(recording.t, difference, normalised_error_squared(difference, P))
 
     @property
     def position(self) -> Array:
@@ -122,16 +125,6 @@ def _newest(recording: Recording, name: str) -> Integers:
     valid = np.array([estimate.t for estimate in recording.agents[name].estimates])
     newest: Integers = np.searchsorted(valid, recording.t + _SIMULTANEOUS, side="right") - 1
     return newest
-
-
-def _nees(covariance: Array | None, away: Array) -> float:
-    """NaN without a covariance, and where it is singular."""
-    if covariance is None:
-        return math.nan
-    try:
-        return float(away @ np.linalg.solve(covariance, away))
-    except np.linalg.LinAlgError:
-        return math.nan
 
 
 def _lost(agent: AgentRecorder, length: int) -> float | None:

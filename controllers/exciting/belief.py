@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.signals import Array, Estimate, Status
-
-_LEAST, _MOST = 1e-12, 1e6  # variances [m^2, rad^2]: nothing is known exactly, nor not at all
+from sim.signals import Array, Estimate
 
 
 @dataclass(frozen=True)
@@ -29,16 +27,6 @@ class Belief:
     def heading_deviation(self) -> float:
         """[rad]"""
         return math.sqrt(float(self.covariance[2, 2]))
-
-
-def believed(estimate: Estimate, deviation: float) -> Belief:
-    """What an estimate says; one without a usable covariance is off by ``deviation`` [m, rad] in every direction."""
-    P = estimate.covariance
-    if P is None or P.shape != (3, 3) or not np.isfinite(P).all():
-        P = deviation**2 * np.eye(3)
-    values, vectors = np.linalg.eigh(0.5 * (P + P.T))
-    covariance = (vectors * np.clip(values, _LEAST, _MOST)) @ vectors.T
-    return Belief(checked_pose(estimate), 0.5 * (covariance + covariance.T), estimate.status is Status.OK)
 
 
 def checked_pose(estimate: Estimate) -> Array:

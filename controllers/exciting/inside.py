@@ -7,7 +7,7 @@ nearer already; then the robot rests, which it can at once. So turning on the sp
 and the less sure the estimate, the less else does.
 
 An estimate that is nearer to the wall than half of the margin leaves no choice: the way back is slow, and straight away
-from the wall.
+from the wall. Where it is less sure than the margin, so that the wall may be on any side, the robot turns on the spot.
 """
 
 from __future__ import annotations
@@ -41,6 +41,10 @@ class Inside:
     def keeps(self, belief: Belief) -> bool:
         """Whether the estimate itself does."""
         return bool(clearance(*self._wall, *belief.pose[:2]) >= _TOO_NEAR * self._margin)
+
+    def knows(self, belief: Belief) -> bool:
+        """Whether the wall is where the estimate has it, by less than the margin: else there is no way back from it."""
+        return belief.position_deviation < self._margin
 
     def nodes(self, belief: Belief, inputs: Array) -> Integers:
         """(m,) for each of ``inputs`` (m, 2)."""

@@ -12,27 +12,28 @@ import time
 
 import numpy as np
 
-from controllers.exciting.belief import believed
+from controllers.exciting.belief import Belief
+from controllers.exciting.believing import Believing
 from controllers.exciting.excitation import Excitation
 from controllers.exciting.motion import planned, predicted
 from sim.signals import Plan, PlanRequest, Status
 
 
 class ExcitingPlanner:
-    """Asks an excitation for inputs every ``period`` [s].
+    """Asks an excitation for inputs every ``period`` [s]."""
 
-    An estimate without a covariance is taken to be off by ``deviation`` [m, rad] in every direction.
-    """
-
-    def __init__(self, excitation: Excitation, period: float, deviation: float) -> None:
+    def __init__(self, excitation: Excitation, period: float, believing: Believing) -> None:
         self.period = period
-        self.deviation = deviation
+        self.believing = believing
         self._excitation = excitation
         self._noted = ""
 
     def plan(self, request: PlanRequest) -> Plan:
+        return self.excite(request, self.believing.at(request))
+
+    def excite(self, request: PlanRequest, belief: Belief) -> Plan:
+        """The plan, given what is believed at the time of the request."""
         began = time.thread_time()
-        belief = believed(request.estimate, self.deviation)
         if not np.isfinite(belief.pose).all():
             return Plan.failure(Status.NOT_FINITE, f"the estimate is {belief.pose.tolist()}")
         if request.current is not None:

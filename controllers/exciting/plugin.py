@@ -10,6 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from controllers.exciting.active import Active
+from controllers.exciting.believing import Believing
 from controllers.exciting.circle import Circle
 from controllers.exciting.excitation import Excitation
 from controllers.exciting.figure_eight import FigureEight
@@ -57,7 +58,7 @@ class ExcitingConfig:
     deviations: float = 3.0
     """standard deviations of the estimate that are kept from the wall beside the margin"""
     deviation: float = 0.1
-    """standard deviation in every direction of an estimate that does not say its own [m, rad]"""
+    """least standard deviation in every direction of an estimate that does not say its own [m, rad]"""
     sure_position: float = 0.05
     """largest standard deviation of the position of a sure estimate [m]"""
     sure_heading: float = 0.05
@@ -121,7 +122,8 @@ class Exciting:
         if config.bandwidth > fastest:
             raise ValueError(f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s")
         tracker = PathTracker(mission, config.bandwidth, config.speed)
-        planner = ExcitingPlanner(_excitation(config, mission), _period(config, mission), config.deviation)
+        believing = Believing(config.deviation, config.horizon)
+        planner = ExcitingPlanner(_excitation(config, mission), _period(config, mission), believing)
         if config.then == "none":
             return planner, tracker
         reference = Reference(PATTERNS[config.then](config), mission)

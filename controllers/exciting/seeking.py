@@ -39,7 +39,7 @@ class Seeking:
         if not belief.is_found:
             return self._inside.turn()
         if not self._inside.keeps(belief):
-            return self._inside.back(belief)
+            return self._inside.back(belief) if self._inside.knows(belief) else self._inside.turn()
         held = self._inside.nodes(belief, self._inputs)
         inputs, held = self._inputs[held > 0], held[held > 0]
         k, score = self._criterion.best(belief, inputs, held)

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from controllers.exciting.belief import Belief, believed
+from controllers.exciting.belief import Belief
 from controllers.exciting.excitation import Drive
 from controllers.exciting.motion import planned, pose_on, predicted
 from controllers.exciting.planner import ExcitingPlanner
@@ -51,12 +51,12 @@ class ThenTrack:
         self._noted = ""
 
     def plan(self, request: PlanRequest) -> Plan:
-        belief = believed(request.estimate, self._planner.deviation)
+        belief = self._planner.believing.at(request)
         if not self._is_sure(belief):
             degraded = self._joined is not None
-            return self._excite(request, "exciting" if degraded else "", "the estimate is not sure any more")
+            return self._excite(request, belief, "exciting" if degraded else "", "the estimate is not sure any more")
         if request.current is None:
-            return self._excite(request)
+            return self._excite(request, belief)
         if self._joined is None or _is_far(belief, request.current, request.t):
             return self._join(request, belief, request.current)
         return self._kept(self._joined, request.t_start, pose_on(request.current, request.t_start))
@@ -66,9 +66,9 @@ class ThenTrack:
         found = np.array([belief.position_deviation, belief.heading_deviation])
         return belief.is_found and bool(np.isfinite(belief.pose).all() and (found <= limits).all())
 
-    def _excite(self, request: PlanRequest, note: str = "", message: str = "") -> Plan:
+    def _excite(self, request: PlanRequest, belief: Belief, note: str = "", message: str = "") -> Plan:
         self._joined = None
-        plan = self._planner.plan(request)
+        plan = self._planner.excite(request, belief)
         told = note and note != self._noted
         self._noted = note
         return dataclasses.replace(plan, notes=(*plan.notes, note), message=message) if told else plan
@@ -78,7 +78,7 @@ class ThenTrack:
         pose = predicted(belief, current, request.t, request.t_start).pose
         way = self._reference.way(pose)
         if way is None:
-            return self._excite(request, "no-way", "no straight line to the path keeps the margin")
+            return self._excite(request, belief, "no-way", "no straight line to the path keeps the margin")
         duration, u, arc = way
         self._joined = _Joined(request.t_start + np.concatenate([[0.0], np.cumsum(duration)]), u, arc)
         self._noted = ""

@@ -6,6 +6,7 @@ A plan holds the signal's values, each over one period of the mission, and where
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from models.textbook.mission import TextbookMission
 from sim.number_lists import NumberList
 from sim.protocols import Planner, Tracker
-from sim.signals import Array, Estimate, Phase, Plan, PlanRequest
+from sim.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
 
 _PERIODS = 100  # of the mission, from one plan to the next
 _SIMULTANEOUS = 1e-9  # [s]
@@ -71,6 +72,9 @@ class SignalPlanner:
         self._signal, self._mission = signal, mission
 
     def plan(self, request: PlanRequest) -> Plan:
+        began = time.thread_time()
+        if not np.isfinite(request.estimate.x).all():
+            return Plan.failure(Status.NOT_FINITE, f"the estimate is {request.estimate.x.tolist()}")
         h, flow = self._mission.period, self._mission.system.flow
         lead = round((request.t_start - request.t) / h)  # periods until it takes over
         t: Array = request.t + h * np.arange(lead + 2 * _PERIODS + 1, dtype=np.float64)
@@ -80,7 +84,8 @@ class SignalPlanner:
         for held in u:
             x.append(flow(x[-1], held, h))
         phase = np.full(len(u), int(Phase.OPTIMISED), dtype=np.int64)
-        return Plan(t[lead:], np.array(x[lead:]), u[lead:], phase[lead:])
+        solve_ms = 1e3 * (time.thread_time() - began)
+        return Plan(t[lead:], np.array(x[lead:]), u[lead:], phase[lead:], solve_ms=solve_ms)
 
 
 class PlanHolder:

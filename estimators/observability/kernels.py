@@ -19,6 +19,8 @@ from sim.signals import Array
 
 _HALVINGS = 30  # of a step that leaves the field or does not fit better
 _LEAST_DAMPING = 1e-14  # relative; keeps the normal equations of a deficient fit solvable
+_LEAST_STEP = 1e-13  # [m, rad] below which a step is round-off, and the pose a minimum
+_LEAST_GAIN = 1e-9  # of the cost, below which a step gains nothing more: a minimum that does not fit
 
 
 @njit(cache=True, nogil=True)
@@ -68,12 +70,16 @@ def fit_pose(
         improved = False
         for _ in range(_HALVINGS):
             A = H + (damping + _LEAST_DAMPING) * scale * np.eye(3)
-            trial = pose - np.linalg.solve(A, g)
+            step = np.linalg.solve(A, g)
+            if np.max(np.abs(step)) < _LEAST_STEP:
+                break
+            trial = pose - step
             found_, J_ = outputs_along(coefficients, polyline, trial, motion, angles)
             r_ = found_ - y
             cost_ = float(r_ @ r_)
             if cost_ < cost:  # False for NaN
-                pose, r, J, cost, improved = trial, r_, J_, cost_, True
+                improved = cost_ < (1.0 - _LEAST_GAIN) * cost
+                pose, r, J, cost = trial, r_, J_, cost_
                 damping *= 0.03
                 break
             damping = max(10.0 * damping, 1e-9)

@@ -5,15 +5,17 @@ variances W = diag(w_1, w_2) per reading, b constant. With F, G the derivatives 
 
     x <- f(x, (1 - b) u),   P <- A P A' + G W G',   A = [F, -G u; 0, 1].
 
-Ray i reads rho_i = h_i(x) + noise of variance r_i = (relative h_i)^2 + absolute^2, independent of the others, so that
-conditioning on one ray after the other, all linearised at the prediction, is the update with all of them at once:
+Ray i reads rho_i = h_i(x) + noise of variance r_i = (relative h_i)^2 + absolute^2 + tr(h_i'' P- h_i'' P-) / 2, P- being
+the prediction's covariance, independent of the others, so that conditioning on one ray after the other, all linearised
+at the prediction, is the update with all of them at once, whatever their order:
 
-    nu_i = rho_i - h_i - H_i (x - x_predicted),   s_i = H_i P H_i' + r_i + tr(h_i'' P h_i'' P) / 2,
+    nu_i = rho_i - h_i - H_i (x - x_predicted),   s_i = H_i P H_i' + r_i,
     x <- x + P H_i' nu_i / s_i,   P <- P - P H_i' H_i P / s_i,   NIS = sum nu_i^2 / s_i,   ln |S| = sum ln s_i.
 
-The last term of s_i is the variance of what the linearisation leaves out, for a Gaussian error of covariance P. It is
-nought next to r_i once the filter has locked, and until then keeps it from believing what it cannot know. A ray that
-was lost is passed over; one with nu_i^2 / s_i above the gate changes nothing and counts as one at the gate.
+The last term of r_i is the variance of what the linearisation leaves out, for a Gaussian error of covariance P-. It is
+nought next to the others once the filter has locked, and until then keeps it from believing what it cannot know. A ray
+that was lost is passed over; one with nu_i^2 / s_i above the gate changes nothing and counts as one at the gate, the
+rays before it being believed.
 """
 
 from __future__ import annotations
@@ -137,6 +139,7 @@ def condition(
     of these were within the gate.
     """
     x_1, x_2, phi = x[0], x[1], x[2]
+    predicted = P[:3, :3].copy()
     dx, H, D, PH = np.zeros(4), np.empty(3), np.empty(3), np.empty(4)
     nis, log_det, told, used = 0.0, 0.0, 0, 0
     for i in range(len(z)):
@@ -148,7 +151,7 @@ def condition(
         for j in range(4):
             PH[j] = P[j, 0] * H[0] + P[j, 1] * H[1] + P[j, 2] * H[2]
         HPH = H[0] * PH[0] + H[1] * PH[1] + H[2] * PH[2]
-        s = HPH + (relative * h) ** 2 + absolute**2 + 0.5 * _square_trace(P, D, PH, HPH, h, B, C, H)
+        s = HPH + (relative * h) ** 2 + absolute**2 + 0.5 * _square_trace(predicted, D, h, B, C, H)
         nu = z[i] - h - H[0] * dx[0] - H[1] * dx[1] - H[2] * dx[2]
         told += 1
         log_det += math.log(s)
@@ -169,14 +172,18 @@ def condition(
 
 
 @njit(cache=True, nogil=True)
-def _square_trace(P: Array, D: Array, PH: Array, HPH: float, h: float, B: float, C: float, H: Array) -> float:
+def _square_trace(P: Array, D: Array, h: float, B: float, C: float, H: Array) -> float:
     """tr(h'' P h'' P) with h'' = C D D' - B (H e_3' + e_3 H') + h e_3 e_3'."""
+    p_0 = P[0, 0] * H[0] + P[0, 1] * H[1] + P[0, 2] * H[2]
+    p_1 = P[1, 0] * H[0] + P[1, 1] * H[1] + P[1, 2] * H[2]
+    HPe = P[2, 0] * H[0] + P[2, 1] * H[1] + P[2, 2] * H[2]
+    HPH = H[0] * p_0 + H[1] * p_1 + H[2] * HPe
     q_0 = P[0, 0] * D[0] + P[0, 1] * D[1] + P[0, 2] * D[2]
     q_1 = P[1, 0] * D[0] + P[1, 1] * D[1] + P[1, 2] * D[2]
     DPe = P[2, 0] * D[0] + P[2, 1] * D[1] + P[2, 2] * D[2]
     DPD = D[0] * q_0 + D[1] * q_1 + D[2] * DPe
     DPH = H[0] * q_0 + H[1] * q_1 + H[2] * DPe
-    HPe, ePe = PH[2], P[2, 2]
+    ePe = P[2, 2]
     trace: float = (C * DPD) ** 2 + (h * ePe) ** 2 + 2.0 * B * B * (HPe * HPe + HPH * ePe)
     trace += 2.0 * C * h * DPe * DPe - 4.0 * B * (C * DPH * DPe + h * ePe * HPe)
     return trace

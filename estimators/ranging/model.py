@@ -24,6 +24,7 @@ STATES = 4
 _LEAST_VARIANCE = 1e-12  # [m^2/s^2, rad^2/s^2] of an input
 _DRAWN = 500  # poses that stand for "anywhere"
 _LASTING = 10  # readings in a row beyond the gate
+_MOST = 1_000_000  # of particles, hypotheses or candidates
 _SIMULTANEOUS = 1e-9  # [s]
 
 Flags = NDArray[np.bool_]
@@ -148,8 +149,8 @@ def check_probability(config: object, *names: str) -> None:
 
 
 def check_counts(config: object, *names: str) -> None:
-    """ValueError for a field that is less than 1."""
+    """ValueError for a field that is less than 1, or more than can be held."""
     for name in names:
         value = getattr(config, name)
-        if value < 1:
-            raise ValueError(f"{name} = {value!r}; allowed: a whole number >= 1")
+        if not 1 <= value <= _MOST:
+            raise ValueError(f"{name} = {value!r}; allowed: a whole number from 1 to {_MOST}")

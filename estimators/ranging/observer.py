@@ -27,6 +27,7 @@ from estimators.ranging.range_rate_kernels import innovated, measured
 from estimators.ranging.readings import measured_input, usable_ranges
 from models.unicycle.kernels import moved
 from models.unicycle.mission import RangeQuality, RangingMission
+from sim.number_lists import NumberList
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement, Status
@@ -60,7 +61,7 @@ class RangeObserverConfig:
     """readings to a fit; 101, or 3 of ranges that the mission says are exact, if not given"""
     order: int | None = None
     """of the polynomial; 1 for the innovation and 3, or 2 with a window of 3, for ranges, if not given"""
-    z_0: tuple[float, ...] | None = None
+    z_0: NumberList = ()
     """S_1 ... S_L PHI [rad] at the start; from what the mission says of the start if not given"""
     timeout: float = 0.5
     """without a range after which the estimate is lost [s]"""
@@ -71,7 +72,7 @@ class RangeObserverConfig:
             if not 0.0 <= value <= _LARGEST_GAIN:
                 raise ValueError(f"{name} = {value!r}; allowed: a finite value from 0 to {_LARGEST_GAIN:g}")
         check_positive(self, "timeout")
-        if self.z_0 is not None and not all(math.isfinite(value) for value in self.z_0):
+        if not all(math.isfinite(value) for value in self.z_0):
             raise ValueError(f"z_0 = {self.z_0!r}; allowed: finite numbers")
         for exact in (False, True):
             check_window(*self.fit(exact))
@@ -82,9 +83,9 @@ class RangeObserverConfig:
 
     def fit(self, exact: bool) -> tuple[int, int]:
         """Window and order, for a mission whose ranges are exact or not."""
-        fewest = (self.order or 1) // 2 * 2 + 3  # odd, and more than the order
-        window = self.window or (fewest if exact else 101)
-        return window, self.order or (1 if self.fits_innovation else min(3, window - 1))
+        fewest = (1 if self.order is None else self.order) // 2 * 2 + 3  # odd, and more than the order
+        window = (fewest if exact else 101) if self.window is None else self.window
+        return window, (1 if self.fits_innovation else min(3, window - 1)) if self.order is None else self.order
 
 
 class RangeObserver:
@@ -96,8 +97,8 @@ class RangeObserver:
         exact = mission.ranging.relative == mission.ranging.absolute == 0.0
         window, order = config.fit(exact)
         curve, l = mission.curve, mission.sensors  # noqa: E741
-        if config.z_0 is not None and len(config.z_0) != l + 1:
-            raise ValueError(f"z_0 has {len(config.z_0)} numbers; allowed with {l} sensors: {l + 1}")
+        if config.z_0 and len(config.z_0) != l + 1:
+            raise ValueError(f"z_0 = {config.z_0!r}; allowed with {l} sensors: {l + 1} numbers")
         self.period = mission.period
         self._watch, self._gains = Watch(config.timeout), (config.k_v, config.k_q)
         self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation
@@ -112,7 +113,7 @@ class RangeObserver:
         x, y, phi = mission.start_pose
         self._pose = np.array([*kept_within(*self._wall, x, y), phi])  # (3,) at the window's centre, or at the start
         self._z = seen_from(*self._wall, self._alpha, self._pose, np.zeros(l + 1))  # (l + 1,) likewise
-        if config.z_0 is not None:
+        if config.z_0:
             self._z[:] = config.z_0
         self._readings = np.full((2, l), np.nan)  # rho and rho_dot at the centre
         self._value = np.zeros(2)  # V_rho and |Q|^2 / 2
@@ -124,15 +125,16 @@ class RangeObserver:
     @staticmethod
     def properties(config: RangeObserverConfig) -> ObserverProperties:
         """Table 2.1."""
-        printed = config.feedforward == "none"
+        printed, corrected = config.feedforward == "none", min(config.k_v, config.k_q) > 0.0
+        converges = corrected and not printed
         return ObserverProperties(
-            domain_of_attraction=Domain.LOCAL,
-            rate=Rate.BOUNDED if printed else Rate.EXPONENTIAL,
+            domain_of_attraction=Domain.LOCAL if converges else Domain.NONE,
+            rate=Rate.EXPONENTIAL if converges else Rate.NONE,
             input_dependence=InputDependence.NON_UNIFORM,
             observer_domain=Domain.GLOBAL,
             system_domain=Domain.GLOBAL,
             stays_on_truth=not printed,
-            note="",
+            note="without a feed-forward a robot that moves leaves it behind" if printed else "",
         )
 
     @staticmethod

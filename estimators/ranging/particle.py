@@ -79,13 +79,13 @@ class RangeParticle:
     def properties(config: RangeParticleConfig) -> ObserverProperties:
         """Table 2.1."""
         return ObserverProperties(
-            domain_of_attraction=Domain.SEMI_GLOBAL,
-            rate=Rate.BOUNDED,
+            domain_of_attraction=Domain.NONE,
+            rate=Rate.NONE,
             input_dependence=InputDependence.NON_UNIFORM,
             observer_domain=Domain.GLOBAL,
             system_domain=Domain.GLOBAL,
             stays_on_truth=False,
-            note="as many particles as the field is large; roughening keeps them from the truth",
+            note="roughening keeps it from the truth: it comes near, and no nearer; from anywhere with many particles",
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
@@ -98,7 +98,7 @@ class RangeParticle:
         self._t = t
         if not np.isnan(rho).all():
             self._condition(rho)
-        self._mean, P = mode(self._x, self._w, self._mean, _RADIUS, _STARTS)
+        self._mean, P = mode(self._x, self._w, self._mean, _RADIUS, _STARTS, *model.wall)
         effective = np.array([1.0 / np.square(self._w).sum()])
         return Estimate(t, self._mean[:3].copy(), 0.5 * (P + P.T), self._watch.status(t), {"effective": effective})
 

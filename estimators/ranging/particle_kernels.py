@@ -102,11 +102,14 @@ def roughen(x: Array, kappa: float, coefficients: Array, polyline: Array, rng: n
 
 
 @njit(cache=True, nogil=True)
-def mode(x: Array, w: Array, before: Array, radius: float, starts: int) -> tuple[Array, Array]:
+def mode(
+    x: Array, w: Array, before: Array, radius: float, starts: int, coefficients: Array, polyline: Array
+) -> tuple[Array, Array]:
     """Mean (4,) and covariance (3, 3) of the particles within ``radius`` [m, rad] of a place where there are most.
 
     Of ``starts`` particles, at equidistant places of the cumulated weights, and the state ``before`` (4,), the one with
-    the most weight around it. What was the mode before stays it until another one has twice its weight.
+    the most weight around it. What was the mode before stays it until another one has twice its weight. A mean that
+    is outside of a wall that is not convex is drawn back towards that place.
     """
     chosen = resampled(w, 0.5)
     centre, most = before.copy(), 2.0 * _around(x, w, before, radius)
@@ -132,6 +135,8 @@ def mode(x: Array, w: Array, before: Array, radius: float, starts: int) -> tuple
             for j in range(3):
                 for k in range(3):
                     P[j, k] += w[n] / total * off[j] * off[k]
+    step = step_within(coefficients, polyline, centre[0], centre[1], mean[0], mean[1])
+    mean[:2] *= step
     mean += centre
     mean[2] = wrapped(mean[2])
     return mean, P

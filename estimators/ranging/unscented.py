@@ -80,12 +80,13 @@ class RangeUkf:
         """Table 2.1."""
         return ObserverProperties(
             domain_of_attraction=Domain.LOCAL,
-            rate=Rate.BOUNDED,
+            rate=Rate.ASYMPTOTIC,
             input_dependence=InputDependence.NON_UNIFORM,
             observer_domain=Domain.LOCAL,
             system_domain=Domain.GLOBAL,
             stays_on_truth=False,
-            note="what it expects to read is a mean over its covariance, so on the truth it is not what is read",
+            note="what it expects to read is a mean over its covariance, so on the truth it is not what is read; "
+            "without noise the covariance shrinks, and the error with it",
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import casadi
 
-from estimators.textbook.law import ObserverLaw, check_positive, check_system, identity
+from estimators.textbook.law import ObserverLaw, check_positive, check_rates, check_system, identity
 from estimators.textbook.sampled_observer import SampledObserver
 from models.textbook.example_2_2 import EXAMPLE_2_2, observer
 from models.textbook.mission import TextbookMission
@@ -27,9 +26,8 @@ class Example22Config:
     """without a reading after which the estimate is lost [s]"""
 
     def __post_init__(self) -> None:
-        for name in ("alpha", "beta"):
-            if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: a finite value")
+        check_rates((self.alpha,), "alpha")
+        check_rates((self.beta,), "beta")
         check_positive(self.timeout, "timeout")
 
 
@@ -65,6 +63,6 @@ class Example22:
                 note="as long as the solution has not escaped",
             )  # fmt: skip
         return ObserverProperties(
-            Domain.NONE, Rate.BOUNDED, InputDependence.UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
+            Domain.NONE, Rate.NONE, InputDependence.NON_UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
             note="alpha or beta is not positive: the error does not decay",
         )  # fmt: skip

@@ -87,7 +87,7 @@ class TextbookEkf:
     def properties(config: TextbookEkfConfig) -> ObserverProperties:
         """Table 2.1."""
         return ObserverProperties(
-            Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.NON_UNIFORM, Domain.LOCAL, Domain.LOCAL,
+            Domain.LOCAL, Rate.ASYMPTOTIC, InputDependence.NON_UNIFORM, Domain.LOCAL, Domain.LOCAL,
             note="as far as the linearisation holds, and where the input makes the system observable",
         )  # fmt: skip
 

@@ -21,7 +21,7 @@ from typing import Literal, get_args
 import casadi
 import numpy as np
 
-from estimators.textbook.law import ObserverLaw, check_positive, identity
+from estimators.textbook.law import ObserverLaw, check_positive, check_rates, identity
 from estimators.textbook.sampled_observer import SampledObserver
 from models.textbook.maps import inverse, of_numbers
 from models.textbook.mission import TextbookMission
@@ -51,6 +51,7 @@ class KazantzisKravarisConfig:
     def __post_init__(self) -> None:
         if self.form not in get_args(Form):
             raise ValueError(f"form = {self.form!r}; allowed: {', '.join(get_args(Form))}")
+        check_rates(self.poles, "poles")
         check_positive(self.timeout, "timeout")
 
 
@@ -117,6 +118,6 @@ class KazantzisKravaris:
                 note=f"as long as dT/dx is regular along x^; {series}",
             )  # fmt: skip
         return ObserverProperties(
-            Domain.NONE, Rate.BOUNDED, InputDependence.NON_UNIFORM, Domain.LOCAL, Domain.LOCAL,
+            Domain.NONE, Rate.NONE, InputDependence.NON_UNIFORM, Domain.GLOBAL, Domain.LOCAL,
             note="(2.4) as printed: a sign is wrong, and the error does not decay",
         )  # fmt: skip

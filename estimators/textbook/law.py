@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi
 
 from models.textbook.mission import TextbookMission
 from sim.signals import Array
+
+LARGEST_RATE = 1e4  # [1/s] of a gain or a pole
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,13 @@ def check_system(fits: bool, mission: TextbookMission, allowed: str) -> None:
     """ValueError for a system that an observer is not made for."""
     if not fits:
         raise ValueError(f"system = {mission.system.name!r}; allowed with this observer: {allowed}")
+
+
+def check_rates(values: Sequence[float], name: str) -> None:
+    """ValueError for gains or poles that are so fast that to follow them would take for ever."""
+    if not all(abs(value) <= LARGEST_RATE for value in values):
+        allowed = f"finite values from -{LARGEST_RATE:g} to {LARGEST_RATE:g}"
+        raise ValueError(f"{name} = {tuple(values)!r}; allowed: {allowed}")
 
 
 def check_positive(value: float, name: str) -> None:

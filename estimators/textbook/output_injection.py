@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import casadi
 import numpy as np
 
-from estimators.textbook.law import ObserverLaw, check_positive, check_system
+from estimators.textbook.law import ObserverLaw, check_positive, check_rates, check_system
 from estimators.textbook.sampled_observer import SampledObserver
 from models.textbook.library import SYSTEMS
 from models.textbook.maps import of_numbers
@@ -31,6 +31,7 @@ class OutputInjectionConfig:
     """without a reading after which the estimate is lost [s]"""
 
     def __post_init__(self) -> None:
+        check_rates(self.poles, "poles")
         check_positive(self.timeout, "timeout")
 
 

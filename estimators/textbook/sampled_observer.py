@@ -75,7 +75,9 @@ class SampledObserver:
         recent = [(t, y) for t, y in self._readings if t > oldest]
         s = np.array([(t - begin) / self.period for t, _ in recent])
         fitted = np.linalg.solve(np.vander(s, increasing=True), np.array([y for _, y in recent]))  # (k, m)
-        return np.pad(fitted, ((0, _POINTS - len(fitted)), (0, 0))).T
+        coefficients = np.zeros((fitted.shape[1], _POINTS))
+        coefficients[:, : len(fitted)] = fitted.T
+        return coefficients
 
     def _status(self, t: float) -> Status:
         if not self._readings:

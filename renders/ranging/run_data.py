@@ -16,6 +16,7 @@ from models.unicycle.entity import DriveName
 from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
 from renders.ranging.beliefs import Beliefs, read_beliefs, shaped
 from renders.run_log import RunLog, last_at, read_log
+from sim.consistency import normalised_error_squared
 from sim.ranging_metrics import HEADING, POSITION
 from sim.signals import Array, Status
 
@@ -106,14 +107,8 @@ class RangingRun:
     @cached_property
     def nees(self) -> Array:
         """(k,) e' P^-1 e of the errors e (3,); NaN where there is no covariance, or a singular one."""
-        nees = np.full(len(self.beliefs.t), np.nan)
         P = self.beliefs.covariance
-        if P is not None:
-            stated = np.flatnonzero(np.isfinite(P).all(axis=(1, 2)))
-            regular = stated[np.linalg.det(P[stated]) > 0.0]
-            e = self.difference[regular]
-            nees[regular] = (e * np.linalg.solve(P[regular], e[..., None])[..., 0]).sum(axis=1)
-        return nees
+        return np.full(len(self.beliefs.t), np.nan) if P is None else normalised_error_squared(self.difference, P)
 
     @cached_property
     def seen_as(self) -> Array:

@@ -107,7 +107,7 @@ def _map(figure: Figure, axes: Axes, shown: Shown) -> None:
     alpha, beta = np.meshgrid(fine, fine)
     root = 0.5 * (-beta + np.sqrt(np.maximum(beta**2 - 4.0 * alpha, 0.0)))  # the real part of the slower one
     lines = axes.contour(fine, fine, root, [-2.0, -1.5, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0], colors=INK, linewidths=0.7)
-    axes.clabel(lines, fontsize=7.0)
+    axes.clabel(lines, [level for level in lines.levels if level <= 0.25], fontsize=7.0)  # no room for the others
     corner = float(gains[-1])
     axes.plot([0.0, 0.0, corner], [corner, 0.0, 0.0], color=INK, lw=1.6)
     half = 0.5 * float(gains[1] - gains[0]) if len(gains) > 1 else 0.5

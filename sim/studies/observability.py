@@ -14,20 +14,21 @@ from typing import Any
 
 import numpy as np
 
-from estimators.observability.region import Criterion
 from sim.statistics import Rate, rate
 from sim.studies.jobs import Jobs
 from sim.studies.observability_claims import Evidence, MapKey, claims
 from sim.studies.observability_figure import ESTIMATOR_COLOURS, Family, Series, figure
 from sim.studies.observability_gramians import GRAMIANS, seen
 from sim.studies.observability_maps import (
-    CONVERGED,
     FAMILIES,
+    FIRST_ESTIMATES,
     SENSORS,
     STANDARD,
     Attempt,
     MapCase,
+    NearAttempt,
     converged,
+    found_exactly,
     isolation,
     share_converged,
 )
@@ -37,11 +38,10 @@ from sim.studies.observability_measures import (
     Counting,
     Drawn,
     apart_with_equal_rates,
-    at_rest,
     counted,
     flags_ranks,
-    in_motion,
     least_singular_value,
+    proposition_tried,
 )
 from sim.studies.observability_regions import wanted_regions
 from sim.studies.observability_tables import (
@@ -57,8 +57,6 @@ from sim.studies.study import Findings, Setup, check_counts
 
 THESIS_START = np.array([1.0, -1.0, 0.5 * math.pi])
 COUNTED = ("1", "2s", "2t", "3", "4")  # sensors with which states that read the same are counted
-NEAR = (0.03, 0.03, 0.03)  # [m, m, rad] standard deviations of a first estimate that is nearly right
-EXACT = Criterion(1e-3, 1e-3, CONVERGED.last)  # of an observer that has found the state, not only come near
 
 
 @dataclass(frozen=True)
@@ -75,6 +73,12 @@ class ObservabilityConfig:
     """places of the first estimate in a map of where an estimator converges"""
     headings: int = 6
     """headings of the first estimate at each place"""
+    searches: int = 150
+    """starts of a search for the states that read the same"""
+    gramians: int = len(GRAMIANS)
+    """runs of scenarios whose empirical Gramian is taken, at most"""
+    seconds: int = 20
+    """of a run in which an estimator may find the true state"""
 
     def __post_init__(self) -> None:
         check_counts(self)
@@ -91,27 +95,28 @@ class Observability:
     @staticmethod
     def run(config: ObservabilityConfig, setup: Setup) -> Findings:
         cases = [case for family in FAMILIES.values() for case in _chosen(family, config.walls)]
-        regions = wanted_regions(config.places, config.headings)
+        regions = wanted_regions(config.places, config.headings, config.seconds)
         jobs = Jobs()
         for case in cases:
             jobs.add(("isolation", case), isolation, [case])
             for name in DRAWN:
-                jobs.add(("map", case, name), converged, [Attempt(case, name, seed) for seed in range(config.starts)])
+                jobs.add(("map", case, name), converged, _attempts(case, name, config))
         _add_evidence(jobs, config)
         for k, region in enumerate(regions):
             jobs.add(("region", k), share_converged, region.attempts)
+        jobs.add("gramians", seen, range(min(config.gramians, len(GRAMIANS))))
         done = jobs.done(setup)
         evidence = _evidence(done, cases, config)
         isolations = {(case.family, case.value, case.sensors): done["isolation", case][0] for case in cases}
-        gramians = [seen(case) for case in GRAMIANS]
+        gramians = done["gramians"]
         thesis = MapCase("thesis", 0.0, STANDARD, "2t")
         return Findings(
             summary=(
                 f"Every share is of {config.starts} starts: the robot drives a figure of eight of 1.5 m by .55 m for "
-                "20 s, without noise, and the estimator is told a pose drawn from all over the field. Converged: RMS "
-                "error below .3 m and .2 rad over the last quarter, modulo the symmetry of the wall. The walls have "
-                "the area of the standard ellipse. The observer is (C.5) with the manifold feed-forward; the EKF is "
-                "told that ranges err by 5 %.",
+                f"{config.seconds} s, without noise, and the estimator is told a pose drawn from all over the field. "
+                "Converged: RMS error below .3 m and .2 rad over the last quarter, modulo the symmetry of the wall. "
+                "The walls have the area of the standard ellipse. The observer is (C.5) with the manifold "
+                "feed-forward; the EKF is told that ranges err by 5 %.",
             ),
             rows=rows(evidence, isolations, gramians),
             tables=(
@@ -145,21 +150,27 @@ def _chosen(family: Sequence[MapCase], walls: int) -> list[MapCase]:
     return chosen
 
 
+def _attempts(case: MapCase, estimator: str, config: ObservabilityConfig) -> list[Attempt]:
+    return [Attempt(case, estimator, seed, config.seconds) for seed in range(config.starts)]
+
+
 def _add_evidence(jobs: Jobs, config: ObservabilityConfig) -> None:
     """All that claims are judged by beside the maps; in the standard ellipse, states are counted at more of them."""
     for wall in WALLS:
         for sensors in COUNTED:
             for motion in MOTIONS:
                 seeds = range(4 * config.states if wall == "ellipse" else config.states)
-                jobs.add(("count", wall, sensors, motion), counted, [Counting(wall, sensors, motion, s) for s in seeds])
+                counts = [Counting(wall, sensors, motion, seed, config.searches) for seed in seeds]
+                jobs.add(("count", wall, sensors, motion), counted, counts)
+    poses = math.ceil(config.starts / FIRST_ESTIMATES)
     for sensors in SENSORS:
         case = MapCase("ellipse", 0.0, STANDARD, sensors)
         for drives in (False, True):
-            attempts = [Attempt(case, "fast observer", seed, drives, NEAR, EXACT) for seed in range(config.starts)]
-            jobs.add(("exactly", sensors, drives), converged, attempts)
+            near = [NearAttempt(case, "fast observer", seed, drives, config.seconds) for seed in range(poses)]
+            jobs.add(("exactly", sensors, drives), found_exactly, near)
         jobs.add(("rank", sensors), least_singular_value, [Drawn(sensors, seed) for seed in range(config.starts)])
     pairs = [Drawn(sensors, seed) for sensors in ("2s", "2t") for seed in range(config.states)]
-    for function in (in_motion, at_rest, apart_with_equal_rates):
+    for function in (proposition_tried, apart_with_equal_rates):
         jobs.add(function, function, pairs)
 
 
@@ -172,8 +183,8 @@ def _evidence(done: Mapping[Any, list[Any]], cases: Sequence[MapCase], config: O
         still_found=found[False],
         driving_found=found[True],
         flags=flags_ranks(config.states),
-        moving=done[in_motion],
-        standing=done[at_rest],
+        moving=[moving for moving, _ in done[proposition_tried]],
+        standing=[standing for _, standing in done[proposition_tried]],
         equal_rates=np.array(done[apart_with_equal_rates]),
         maps={
             (case.family, case.value, case.sensors, name): _rate(done["map", case, name])
@@ -192,9 +203,9 @@ def _rate(outcomes: Sequence[bool]) -> Rate:
 
 def _families(cases: Sequence[MapCase], maps: Mapping[MapKey, Rate]) -> list[Family]:
     labels = {
-        "eccentricity": ("(c) eccentricity of an ellipse", "c_1 / c_2"),
+        "eccentricity": ("(c) eccentricity of an ellipse", "$c_1 / c_2$"),
         "symmetry": ("(d) rotations of the wall", "rotations that map it onto itself"),
-        "asymmetry": ("(e) from an ellipse to an egg", "d, share of an egg"),
+        "asymmetry": ("(e) from an ellipse to an egg", "$d$, share of an egg"),
         "sensors": ("(f) number of sensors", "sensors, in the standard ellipse"),
     }
     drawn = []

@@ -10,7 +10,7 @@ import numpy as np
 from renders.claims import Claim
 from sim.signals import Array
 from sim.statistics import Rate
-from sim.studies.observability_maps import SENSORS
+from sim.studies.observability_maps import FIRST_ESTIMATES, SENSORS
 from sim.studies.observability_measures import FlagsRank, PropositionTrial
 
 MapKey = tuple[str, float, str, str]
@@ -29,7 +29,7 @@ class Evidence:
     counts: Mapping[tuple[str, str, str], Sequence[tuple[int, int]]]  # by wall, sensors, motion: states, known images
     rotations: Mapping[str, int]  # of each wall
     still_ranks: Mapping[str, Array]  # by sensors: least singular values of h' over poses
-    still_found: Mapping[str, Rate]  # by sensors: starts nearby from which the state is found exactly
+    still_found: Mapping[str, Rate]  # by sensors: poses that are found exactly
     driving_found: Mapping[str, Rate]
     flags: Sequence[FlagsRank]
     moving: Sequence[PropositionTrial]
@@ -60,7 +60,8 @@ def _targets(e: Evidence) -> list[Claim]:
         Claim(
             "range.standing-still", "target", "Standing still is not enough with one or two sensors only.", "2.3, C.3",
             f"rank h' < 3 at every pose and at most {FAILING:.0%} found to 1 mm with one or two; rank 3 at every pose "
-            f"and at least {FINDING:.0%} with three and more (first estimates off by .03 m and .03 rad)",
+            f"and at least {FINDING:.0%} with three and more (first estimates off by .03 m and .03 rad; found from "
+            f"most of {FIRST_ESTIMATES})",
             f"poses with rank 3: {ranks}; found: {found}",
             all(full[n] == 0 and e.still_found[n].value <= FAILING for n in FEW)
             and all(full[n] == len(e.still_ranks[n]) and e.still_found[n].value >= FINDING for n in many),

@@ -120,7 +120,7 @@ def _feasible(field: Axes, flow: Axes, outputs: RangeOutputs, x_0: Array) -> Non
     bar.outline.set_visible(False)
     field.set_title("(a) all that reads what the robot at its start reads")
     image = outputs.curve.images(x_0)[-1]
-    for text, x, offset in (("true start", x_0, (12, -4)), ("its image: never told apart", image, (12, 2))):
+    for text, x, offset in (("true start", x_0, (14, -13)), ("its image: never told apart", image, (12, 2))):
         field.annotate(text, (x[0], x[1]), offset, textcoords="offset points", fontsize=8.5)
     own = min(curves, key=lambda points: float(np.linalg.norm(pose_difference(points, x_0), axis=1).min()))
     _along(flow, outputs, x_0, own, motions)
@@ -187,7 +187,7 @@ def _family(axes: Axes, family: Family, *, first: bool) -> None:
     axes.grid(visible=False, axis="x")
     if first:
         axes.set_ylabel("share of starts that find the true state")
-        axes.legend(fontsize=8, loc="lower right")
+        axes.legend(fontsize=7.5, loc="lower center", ncols=2, columnspacing=1.0, handlelength=1.5)
     for k, (curve, rays) in enumerate(zip(family.walls, family.rays, strict=True)):
         box = axes.inset_axes((k - 0.45, 1.03, 0.9, 0.22), transform=axes.transData)
         p = curve.polyline - 0.5 * (curve.polyline.max(axis=0) + curve.polyline.min(axis=0))

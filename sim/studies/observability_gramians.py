@@ -54,23 +54,27 @@ class GramianCase:
 class Seen:
     """What came of it."""
 
-    case: GramianCase
+    number: int  # in GRAMIANS
     unseen: int  # directions of the state that the readings say nothing of
     deviations: (
         Array  # (n,) principal standard deviations of what they say of the start, falling; infinite where unseen
     )
     worst: str  # the direction that they say least of
 
+    @property
+    def case(self) -> GramianCase:
+        return GRAMIANS[self.number]
 
-def seen(case: GramianCase) -> Seen:
-    """Its Gramian, read: a direction of which they say nothing has the eigenvalue nought."""
-    gramian = case.gramian()
+
+def seen(number: int) -> Seen:
+    """The Gramian of one of ``GRAMIANS``, read: a direction of which they say nothing has the eigenvalue nought."""
+    gramian = GRAMIANS[number].gramian()
     scales = np.ones(len(gramian.names))
     values, vectors = np.linalg.eigh(gramian.scaled(scales))
     unseen = len(gramian.unseen(scales))
     with np.errstate(divide="ignore"):
         deviations = 1.0 / np.sqrt(np.where(np.arange(len(values)) < unseen, 0.0, values))
-    return Seen(case, unseen, deviations, _named(vectors[:, 0], gramian.names))
+    return Seen(number, unseen, deviations, _named(vectors[:, 0], gramian.names))
 
 
 def _named(direction: Array, names: Sequence[str]) -> str:

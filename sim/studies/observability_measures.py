@@ -23,7 +23,6 @@ MOTIONS: dict[str, Array] = {
     "figure of eight": motion_under(driving, 8.0, 17),
     "straight on": motion_under(lambda t: (0.25, 0.0), 1.0, 5),
 }
-SEARCHES = 150  # starts of a search for the states that read the same
 
 
 @dataclass(frozen=True)
@@ -34,6 +33,7 @@ class Counting:
     sensors: str
     motion: str
     seed: int
+    searches: int  # starts of a search for the states that read the same
 
 
 def counted(counting: Counting) -> tuple[int, int]:
@@ -41,7 +41,7 @@ def counted(counting: Counting) -> tuple[int, int]:
     rng = np.random.default_rng(counting.seed)
     case = MapCase(counting.wall, 0.0, WALLS[counting.wall], counting.sensors)
     x = drawn_start(case.curve, rng)
-    states = indistinguishable_states(case.outputs, x, [MOTIONS[counting.motion]], rng, SEARCHES).states
+    states = indistinguishable_states(case.outputs, x, [MOTIONS[counting.motion]], rng, counting.searches).states
     images = case.curve.images(x)
     known = sum(float(np.linalg.norm(pose_difference(images, state), axis=1).min()) < 1e-4 for state in states)
     return len(states), known
@@ -71,28 +71,18 @@ class Drawn:
         return MapCase("ellipse", 0.0, STANDARD, self.sensors).outputs
 
 
-def in_motion(drawn: Drawn) -> PropositionTrial:
-    """Both sides of Proposition C.1 at a state, under an input that is drawn."""
-    return _proposition(drawn, moves=True)
-
-
-def at_rest(drawn: Drawn) -> PropositionTrial:
-    """The same, standing still."""
-    return _proposition(drawn, moves=False)
-
-
-def _proposition(drawn: Drawn, *, moves: bool) -> PropositionTrial:
-    """The input is held for 0.3 s."""
+def proposition_tried(drawn: Drawn) -> tuple[PropositionTrial, PropositionTrial]:
+    """Both sides of Proposition C.1 at a state, under an input that is drawn, held for 0.3 s, and standing still."""
     rng, T, outputs = np.random.default_rng(drawn.seed), 0.3, drawn.outputs
     x = drawn_start(STANDARD, rng)
-    speed, turn = (rng.uniform(0.1, 0.8), rng.uniform(-1.5, 1.5)) if moves else (0.0, 0.0)
+    feasible = feasible_set(outputs, outputs.at(x)[0], step=0.03)
 
-    def u_0(t: float) -> tuple[float, float]:
-        return speed, turn
+    def tried(u: tuple[float, float]) -> PropositionTrial:
+        found = intersection(outputs, x, motion_under(lambda t: u, T), feasible)
+        soon = (small_time(outputs, x, T / k, [lambda t: u], rng, starts=10) for k in (1, 10))
+        return PropositionTrial(found.nearest > 0.0, all(each.weakly_observable for each in soon), len(found.others))
 
-    found = intersection(outputs, x, motion_under(u_0, T), feasible_set(outputs, outputs.at(x)[0], step=0.03))
-    observable = all(small_time(outputs, x, T / k, [u_0], rng, starts=10).weakly_observable for k in (1, 10))
-    return PropositionTrial(found.nearest > 0.0, observable, len(found.others))
+    return tried((rng.uniform(0.1, 0.8), rng.uniform(-1.5, 1.5))), tried((0.0, 0.0))
 
 
 def apart_with_equal_rates(drawn: Drawn) -> float:

@@ -31,7 +31,7 @@ class WantedRegion:
         return Region(self.title, self.case.curve, self.start, places, np.array(shares), self.spacing, path)
 
 
-def wanted_regions(places: int, headings: int) -> list[WantedRegion]:
+def wanted_regions(places: int, headings: int, seconds: float) -> list[WantedRegion]:
     """Two estimators in the standard ellipse, and the observer where the wall is nearly symmetric."""
     ellipse, egg = MapCase("ellipse", 0.0, STANDARD, "2t"), MapCase("egg", 0.1, egged(0.1), "2s")
     regions = []
@@ -43,7 +43,9 @@ def wanted_regions(places: int, headings: int) -> list[WantedRegion]:
         start = drawn_start(case.curve, np.random.default_rng(4))
         spacing = math.sqrt(case.curve.area / places)
         x_1, x_2, phi = start.tolist()
-        attempts = [RegionAttempt(case, estimator, (x_1, x_2, phi), place, headings) for place in _grid(case, spacing)]
+        attempts = [
+            RegionAttempt(case, estimator, (x_1, x_2, phi), place, headings, seconds) for place in _grid(case, spacing)
+        ]
         regions.append(WantedRegion(title, case, start, spacing, attempts))
     return regions
 

@@ -24,7 +24,9 @@ from models.aerial.dynamics import TICK, state_at
 from models.aerial.mission import FlightMission
 from models.missile.mission import MissileMission, Target
 from models.terrain.visibility import Radar
+from models.textbook.library import SYSTEMS
 from models.textbook.mission import TextbookMission
+from models.textbook.system import System
 from models.unicycle.mission import RangingMission
 from sim.loop import whole_ticks
 from sim.protocols import ControllerPlugin, Planner
@@ -33,12 +35,7 @@ from tests import flight
 from tests.controllers.exciting import robots
 from tests.controllers.missile import flights
 
-PLUGINS = {
-    entry.name: entry
-    for entry in entry_points(group="mathnavi.controllers")
-    # A signal for a system without a body follows no plan of a vehicle; its own tests hold it.
-    if typing.get_type_hints(entry.load().build)["mission"] is not TextbookMission
-}
+PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.controllers")}
 PERIODS = 12  # requests of a sequence
 
 
@@ -125,10 +122,42 @@ def ranging_bench() -> Bench:
     )
 
 
+def textbook_bench() -> Bench:
+    """A robot that sees two flags; any estimate that is finite leads on."""
+    system = SYSTEMS["camera-and-flags"]
+    mission = TextbookMission(system, system.start, (0.1,) * len(system.states))
+    return Bench(
+        mission,
+        mission.period,
+        mission.start_state,
+        (np.full(len(system.states), math.nan), np.full(len(system.states), math.inf)),
+        None,
+        lambda plan: assert_follows(plan, system),
+        lambda plan, t: follow(plan, t, system),
+    )
+
+
+def assert_follows(plan: Plan, system: System) -> None:
+    """Finite arcs that join."""
+    assert len(plan.t) == len(plan.x) == len(plan.u) + 1
+    assert (np.diff(plan.t) > 0.0).all()
+    assert np.isfinite(plan.x).all()
+    assert np.isfinite(plan.u).all()
+    for x, u, d, after in zip(plan.x, plan.u, np.diff(plan.t), plan.x[1:], strict=False):
+        np.testing.assert_allclose(system.flow(x, u, float(d)), after, atol=1e-9)
+
+
+def follow(plan: Plan, t: float, system: System) -> Array:
+    """The state of a plan at a time [s]."""
+    k = min(max(int(np.searchsorted(plan.t, t, side="right")) - 1, 0), len(plan.u) - 1)
+    return system.flow(plan.x[k], plan.u[k], t - float(plan.t[k]))
+
+
 BENCHES: dict[type, Callable[[], Bench]] = {
     FlightMission: flight_bench,
     MissileMission: missile_bench,
     RangingMission: ranging_bench,
+    TextbookMission: textbook_bench,
 }
 
 
@@ -182,7 +211,7 @@ def numbers(config: type[Any]) -> list[tuple[str, bool]]:
 
 
 def test_there_are_planners() -> None:
-    assert {"flight", "literal", "missile", "exciting"} <= PLUGINS.keys()
+    assert {"flight", "literal", "missile", "exciting", "input_signal"} <= PLUGINS.keys()
 
 
 def test_conforms_to_the_protocol(planner: Planner) -> None:

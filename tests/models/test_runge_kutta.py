@@ -61,3 +61,17 @@ def test_a_law_that_is_not_finite_ends_where_it_begins() -> None:
     x, reached = broken.reach(np.array([1.0]), NO_INPUT, 1.0)
     assert x[0] == 1.0
     assert reached == 0.0
+
+
+def test_a_step_in_which_one_of_several_states_is_not_a_number_is_not_taken() -> None:
+    beside = Flow(lambda x, u: casadi.vertcat(-x[0], casadi.sqrt(x[1] - 2.0)), 2, 0)
+    x, reached = beside.reach(np.array([1.0, 1.0]), NO_INPUT, 1.0)
+    np.testing.assert_array_equal(x, [1.0, 1.0])
+    assert reached == 0.0
+
+
+def test_a_start_beyond_every_bound_has_escaped() -> None:
+    cross = Flow(lambda x, u: casadi.vertcat(x[1] ** 2, x[0] * x[1] ** 3), 2, 0)
+    x, reached = cross.reach(np.array([1e300, 1e300]), NO_INPUT, 1.0)
+    assert np.isfinite(x).all()
+    assert reached < 1e-10

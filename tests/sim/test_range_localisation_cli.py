@@ -73,7 +73,12 @@ def test_a_run_again_takes_other_sensors_as_a_whole(finished: Path, tmp_path: Pa
         (("--field.half-axes", "-1", "2"), ("--field.half-axes = (-1.0, 2.0)",)),
         (("--noise.outliers", "2"), ("--noise.outliers = 2.0",)),
         (("--outage", "3", "2"), ("--outage = (3.0, 2.0)", "T0 < T1")),
+        (("--friction", "0.5"), ("--friction = 0.5", "differential")),
         (("--estimator", "kalman"), ("kalman",)),
+        (
+            ("--estimator", "range_observer", "--estimator.z-0", "1", "2"),
+            ("--estimator.z-0 = (1.0, 2.0)", "with 2 sensors: 3"),
+        ),
         (("--sensor", "3"), ("--sensor", "--sensors")),
     ],
 )

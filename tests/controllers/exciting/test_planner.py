@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from controllers.exciting.belief import Belief, believed
+from controllers.exciting.belief import Belief
+from controllers.exciting.believing import Believing
 from controllers.exciting.motion import mean_input, predicted
 from sim.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests.controllers.exciting.robots import START, assert_well_formed, built, mission, winding_path
@@ -16,6 +17,11 @@ from tests.controllers.exciting.robots import START, assert_well_formed, built, 
 def asked(covariance: Array | None, x: Array = START, status: Status = Status.OK, **fields: object) -> Plan:
     planner, _ = built(mission(), **fields)
     return planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, x, covariance, status), None))
+
+
+def believed(covariance: Array | None, deviation: float) -> Belief:
+    """Of a first estimate."""
+    return Believing(deviation, 1.0).at(PlanRequest(0.0, 0.0, Estimate(0.0, START, covariance), None))
 
 
 @pytest.mark.parametrize(
@@ -45,13 +51,13 @@ def test_an_estimate_that_is_not_finite_is_a_failure_and_no_exception() -> None:
 
 @pytest.mark.parametrize("covariance", [None, np.full((3, 3), math.inf), np.eye(4)])
 def test_without_a_covariance_the_stated_one_is_taken(covariance: Array | None) -> None:
-    np.testing.assert_allclose(believed(Estimate(0.0, START, covariance), 0.2).covariance, 0.04 * np.eye(3))
+    np.testing.assert_allclose(believed(covariance, 0.2).covariance, 0.04 * np.eye(3))
 
 
 def test_a_covariance_that_is_one_is_taken_as_it_is() -> None:
     root = np.random.default_rng(0).standard_normal((3, 3))
     P = root @ root.T
-    np.testing.assert_allclose(believed(Estimate(0.0, START, P), 0.2).covariance, P, rtol=1e-9)
+    np.testing.assert_allclose(believed(P, 0.2).covariance, P, rtol=1e-9)
 
 
 def test_deviations_are_those_of_the_worst_direction() -> None:

@@ -69,11 +69,11 @@ def test_a_little_less_sure_is_still_sure_enough() -> None:
     assert fly(built(task, **PATH), task, START, 5.0, believing).kinds == ["tracking"]
 
 
-def test_an_estimate_that_jumps_far_off_the_path_joins_it_anew() -> None:
-    task, jump = mission(), np.array([1.2, 0.2, 0.5])
+def test_after_an_estimate_that_jumps_it_excites_for_a_second_and_joins_the_path_anew() -> None:
+    task, jump = mission(), np.array([1.2, 0.2, 0.0])
     believing = lambda t, truth: Estimate(t, truth + (jump if t >= 5.0 else 0.0), 1e-6 * np.eye(3))  # noqa: E731
     flight = fly(built(task, **PATH), task, START, 12.0, believing)
-    assert flight.kinds == ["tracking", "tracking"]
+    assert flight.kinds == ["tracking", "exciting", "tracking"]
     assert flight.events[1][0] == pytest.approx(5.0)
 
 

@@ -78,6 +78,19 @@ def test_it_finds_the_robot_from_anywhere(sensors: str, curve: Curve) -> None:
         assert estimates[-1][1].status is Status.OK
 
 
+def test_a_sensor_may_be_named_a_turn_apart_and_four_across_find_the_robot() -> None:
+    """0, 90, 180, -90 degrees: rays in two lines, of which either is at its own images in the ellipse."""
+    named = mission("4")
+    task = dataclasses.replace(named, angles=tuple(math.radians(angle) for angle in (0.0, 90.0, 180.0, -90.0)))
+    for seed in range(6):
+        start = drawn(FIELD, np.random.default_rng(seed))
+        one, other = (
+            told(each, driven(each, start, 2.0, rng=np.random.default_rng(seed + 100))) for each in (task, named)
+        )
+        assert max(last_errors(task, one)) < 0.15
+        np.testing.assert_allclose(one[-1][1].x, other[-1][1].x, atol=1e-6)
+
+
 @pytest.mark.parametrize("sensors", ["2s", "3"])
 def test_without_noise_the_error_vanishes(sensors: str) -> None:
     task = mission(sensors, noise=False)

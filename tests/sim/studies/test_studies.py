@@ -32,8 +32,15 @@ SMALLEST: dict[str, dict[str, int]] = {
     "missile-nodes": {"repeats": 1, "cases": 1, "grids": 5, "reference_nodes": 61},
     "missile-closed-loop": {"cases": 1, "seeds": 1, "replans": 1},
     "monitors": {"problems": 1, "nodes": 8, "reference_nodes": 41},
+    "active-control": {"seeds": 1, "others": 1, "tracked": 1, "seconds": 1},
     "introduction-examples": {"grid": 2, "starts": 1, "pairs": 2},
-    "observability": {"starts": 1, "walls": 2, "states": 1, "places": 2, "headings": 1},
+    "observer-properties": {"starts": 1, "subjects": 1, "seconds": 1},
+    "observability": {
+        **{"starts": 1, "walls": 1, "states": 1, "places": 1, "headings": 1},
+        **{"searches": 4, "gramians": 1, "seconds": 1},
+    },
+    "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
+    "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
 }
 CLAIMS = {
     "horizon": {"A.path-falls", "A.effort-falls", "A.20-to-15"},
@@ -52,17 +59,24 @@ CLAIMS = {
     },
     "missile-closed-loop": {"missile.replan", "missile.open-loop", "missile.feedback", "missile.moving-target"},
     "monitors": {"B.arclength-best-problems"},
+    "active-control": {"range.active", "C.input-decides", "C.basis", "C.deliberate"},
     "introduction-examples": {
         *("I.example-2-1-observable", "I.example-2-1-no-observer", "I.example-2-2-unobservable"),
         *("I.example-2-2-observer", "I.linear-error-dynamics", "I.equation-2-4"),
         *("introduction.example-2-1", "introduction.example-2-2", "introduction.equation-2-4"),
     },
+    "observer-properties": {"range.properties", "C.property-2-1"},
     "observability": {
         *("range.indistinguishable", "range.standing-still", "range.flags-ranks", "C.small-time", "C.proposition-1"),
         *("C.singleton", "C.output-flow", "C.zero-input", "C.map"),
     },
+    "range-convergence": {"range.global", "range.bank", "range.nonconvex", "range.diffdrive", "range.consistency"},
+    "range-observer": {
+        *("range.identities", "range.print", "C.start", "C.observer", "C.converges-z", "C.converges-x", "C.noise-z"),
+        *("C.noise-x", "C.position-better", "C.vector-average", "C.input", "C.proposition-2"),
+    },
 }
-TIMED = {"cost-to-go", "missile-nodes", "missile-closed-loop"}  # which measure times
+TIMED = {"cost-to-go", "missile-nodes", "missile-closed-loop", "range-convergence"}  # which measure times
 UNMEASURED = {"noise", "ocp-problems"}  # over these hills no mission may arrive; not all problems are solved
 PRINTED = ("A.", "B.", "C.", "I.")  # the thesis' papers and its Introduction
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))

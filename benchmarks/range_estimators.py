@@ -1,0 +1,106 @@
+"""What an update of a range estimator costs: thread CPU time, ours beside a particle filter and beside filterpy's.
+
+    python benchmarks/range_estimators.py [--seconds 20] [--repetitions 7]
+
+Everyone gets the same readings of the same figure of eight, 100 a second, with two sensors and with four. What is
+compiled runs in one compiled loop (``sim.studies.range_costs``): the bank as it is flown, the bank if no hypothesis
+were ever dropped, one filter of it, and a particle filter. The plug-ins are called as the loop calls them, reading by
+reading, Python included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+from rich.console import Console
+
+from benchmarks.comparison import Comparison, Ratio, alone
+from benchmarks.progress import progress
+from sim.signals import Array
+from sim.studies.range_costs import ALL_ALIVE, BANK_LOOP, EKF_LOOP, PARTICLE_LOOP, costs, read
+
+SENSORS = {"2 rays": "2s", "4 rays": "4"}
+FILTERPY = {"range_ekf": "filterpy EKF", "range_ukf": "filterpy UKF", "range_particle": "filterpy PF"}
+AT_LEAST = 20.0  # times cheaper than the particle filter, both compiled
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Measure what an update of each range estimator costs."""
+
+    seconds: float = 20.0
+    """of readings, 100 a second [s]"""
+    repetitions: int = 7
+    """runs of each"""
+    out: Path = Path("renders/out/range_estimators.json")
+    """where the figures go"""
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.seconds <= 3600.0:
+            raise ValueError(f"seconds = {self.seconds!r}; allowed: 1 to 3600")
+        if self.repetitions < 1:
+            raise ValueError(f"repetitions = {self.repetitions}; allowed: >= 1")
+
+
+@dataclass(frozen=True, eq=False)
+class RangeFindings:
+    """Times of an update [us]."""
+
+    seconds: float
+    taken: Mapping[str, Mapping[str, Array]]  # by sensors and name, (R,)
+
+    @property
+    def title(self) -> str:
+        return "an update of a range estimator"
+
+    def comparisons(self) -> list[Comparison]:
+        of: Ratio = "other / ours"
+        rows = []
+        for sensors, taken in self.taken.items():
+            for name in (BANK_LOOP, ALL_ALIVE, EKF_LOOP):
+                wanted = None if name == EKF_LOOP else AT_LEAST
+                rows.append(
+                    Comparison(f"{name}, {sensors}", "us", taken[name], taken[PARTICLE_LOOP], PARTICLE_LOOP, of, wanted)
+                )
+            for name, software in FILTERPY.items():
+                ours = taken["feasible_set_bank"]
+                rows.append(Comparison(f"called, {sensors}", "us", ours, taken[name], software, of))
+        return rows
+
+    def show(self, console: Console) -> None:
+        for sensors, taken in self.taken.items():
+            share = float(np.median(taken[BANK_LOOP] / taken["feasible_set_bank"]))
+            console.print(f"{sensors}: {100.0 * share:.0f} % of the plug-in's time is compiled.", highlight=False)
+
+    def plain(self) -> dict[str, Any]:
+        return {
+            "seconds": self.seconds,
+            "update_us": {
+                sensors: {name: figures.tolist() for name, figures in taken.items()}
+                for sensors, taken in self.taken.items()
+            },
+        }
+
+
+def run(arguments: Arguments, console: Console) -> RangeFindings:
+    """Each in turns."""
+    taken = {}
+    with progress(console, "range estimators", len(SENSORS)) as tell:
+        for k, (name, sensors) in enumerate(SENSORS.items()):
+            readings = read(sensors, arguments.seconds, np.random.default_rng(0))
+            taken[name] = costs(readings, arguments.repetitions)
+            tell(k + 1)
+    return RangeFindings(arguments.seconds, taken)
+
+
+def main(arguments: Arguments) -> None:
+    alone("range_estimators", lambda console: run(arguments, console), arguments.out)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments, description=Arguments.__doc__))

@@ -1,0 +1,118 @@
+"""The estimators whose declared properties are measured, and the runs that this is done by.
+
+Every run is without noise. Starts are drawn over the whole space of the system, the same for every estimator of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from models.textbook.library import SYSTEMS
+from sim.fields import with_fields
+from sim.observer_properties import ObserverProperties
+from sim.plugins import load
+from sim.studies.property_measures import MEASURE, OnTruth
+from sim.sweep.trial import Trial, trial
+
+SLOW = ("camera-and-flags",)  # the robot has to come near the flags
+NEAR, FAR = 0.1, 3.0  # of the error that a textbook system starts with by itself
+SILENT = {"noise.range_relative": 0.0, "noise.odometry_noise": (0.0, 0.0), "noise.odometry_bias": 0.0}
+RANGE_INPUTS = ("figure-eight", "circle", "random", "straight", "still")
+SIGNALS = {"zero": (0.0, 0.0), "constant": (0.3, 0.0), "sine": (0.0, 0.5), "fast sine": (0.0, 2.0)}  # constant, sine
+SPAN = {  # (low, high) of the starts of each state of a textbook system
+    "example-2-2": ((-6.0, -4.0), (-2.0, 0.0), (-1.0, 1.0)),  # from where no input here makes it escape
+    "krener-isidori": ((-2.0, 2.0), (-2.0, 2.0)),
+    "kazantzis-kravaris": ((-0.8, 0.8), (-0.5, 0.5)),
+    "camera-and-flags": ((2.2, 2.8), (-4.2, -3.8), (1.5, 1.64)),  # from where the flags stay in sight
+}
+
+
+@dataclass(frozen=True)
+class Subject:
+    """An estimator with a configuration, and the scenario that it is run in."""
+
+    name: str
+    estimator: str
+    system: str = ""  # of the textbook; none: the robot within a wall
+    fields: Mapping[str, Any] = field(default_factory=dict, hash=False)  # of the estimator
+
+    @property
+    def declared(self) -> ObserverProperties:
+        """Table 2.1, as it says."""
+        plugin = load("estimators", self.estimator)
+        properties: ObserverProperties = plugin.properties(with_fields(plugin.Config(), self.fields))
+        return properties
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs that it is run with."""
+        if not self.system:
+            return RANGE_INPUTS
+        return tuple(SIGNALS) if SYSTEMS[self.system].inputs else ("none",)
+
+    def near(self, seed: int, seconds: float) -> Trial:
+        """From a start that is told with a small error."""
+        return self._trial(seed, seconds, NEAR)
+
+    def far(self, seed: int, seconds: float) -> Trial:
+        """From anywhere: a start that is told with a large error, or not at all."""
+        return self._trial(seed, seconds, FAR)
+
+    def true(self, seed: int, seconds: float) -> Trial:
+        """From a start that is told as it is, of a textbook system."""
+        return self._trial(seed, seconds, 0.0)
+
+    def on_truth(self, seed: int) -> OnTruth:
+        """The same, of the robot."""
+        return OnTruth(self.estimator, dict(self.fields), seed)
+
+    def under(self, name: str, seed: int, seconds: float) -> Trial:
+        """As near, under another input."""
+        return self._trial(seed, seconds, NEAR, name)
+
+    def _trial(self, seed: int, seconds: float, share: float, signal: str = "") -> Trial:
+        own = {f"estimator.{name}": value for name, value in self.fields.items()}
+        make = self._textbook if self.system else _ranging
+        scenario, fields = make(seed, seconds, share, signal)
+        return trial(scenario, seed, estimator=self.estimator, fields={**fields, **own}, measure=MEASURE)
+
+    def _textbook(self, seed: int, seconds: float, share: float, signal: str) -> tuple[str, dict[str, Any]]:
+        rng, system = np.random.default_rng(seed), SYSTEMS[self.system]
+        start = [float(rng.uniform(*span)) for span in SPAN[self.system]]
+        size = np.abs(system.start_error)
+        off = share * size * rng.choice([-1.0, 1.0], len(start)) * rng.uniform(0.5, 1.0, len(start))
+        fields: dict[str, Any] = {"system": self.system, "start": tuple(start), "start_error": tuple(off.tolist())}
+        if signal in SIGNALS:
+            constant, sine = SIGNALS[signal]
+            fields["planner.constant"] = (constant,) * len(system.inputs)
+            fields["planner.amplitude"] = (sine,) * len(system.inputs)
+        return "textbook-observer", {**fields, "duration": seconds * (2.0 if self.system in SLOW else 1.0)}
+
+
+def _ranging(seed: int, seconds: float, share: float, signal: str) -> tuple[str, dict[str, Any]]:
+    """Near is .05 m and 3 degrees off, far is anywhere."""
+    fields = {"start_known": share <= NEAR, "start_error": (0.05, 0.05, 3.0), "duration": 2.0 * seconds}
+    return "range-localisation", {**SILENT, **fields, "planner.mode": signal or RANGE_INPUTS[0]}
+
+
+PRINTED = Subject("(C.5) as printed", "range_observer", fields={"feedforward": "none"})
+SUBJECTS = (
+    PRINTED,
+    Subject("Example 2.2", "example_2_2", "example-2-2"),
+    Subject("Example 2.2, β < 0", "example_2_2", "example-2-2", {"beta": -0.2}),
+    Subject("output injection (2.3)", "output_injection", "krener-isidori"),
+    Subject("Kazantzis-Kravaris, z", "kazantzis_kravaris", "kazantzis-kravaris"),
+    Subject("(2.4) corrected", "kazantzis_kravaris", "kazantzis-kravaris", {"form": "corrected"}),
+    Subject("(2.4) as printed", "kazantzis_kravaris", "kazantzis-kravaris", {"form": "printed"}),
+    Subject("EKF, van der Pol", "textbook_ekf", "krener-isidori"),
+    Subject("EKF, camera and flags", "textbook_ekf", "camera-and-flags"),
+    Subject("(C.5), feed-forward", "range_observer"),
+    Subject("feasible-set bank", "feasible_set_bank"),
+    Subject("range EKF", "range_ekf"),
+    Subject("range UKF", "range_ukf"),
+    Subject("range particles", "range_particle"),
+)

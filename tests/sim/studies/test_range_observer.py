@@ -1,0 +1,96 @@
+"""What the study ``range-observer`` measures with."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from models.unicycle.kernels import moved
+from sim.studies import range_observer_runs as runs
+from sim.studies.observability_maps import SENSORS, STANDARD
+from sim.studies.range_observer import PRINTED_START, SETS
+from sim.studies.range_observer_claims import Evidence, falls
+from sim.studies.range_observer_identities import complex_step, identities
+from sim.studies.range_observer_runs import START, Gains, ThesisRun
+from sim.studies.range_observer_watched import Verdict, watched
+
+OURS, PRINT = Gains("s", 5.0, 1.0), Gains("none", 5.0, 1.0)
+STEP = 1e-4  # [s]
+
+
+@given(st.sampled_from(SETS), st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None)
+def test_the_complex_step_is_the_derivative_of_what_rays_read(sensors: str, seed: int) -> None:
+    rng, alpha = np.random.default_rng(seed), np.radians(SENSORS[sensors])
+    x, u = STANDARD.draw(rng, 0.3), rng.uniform((-1.0, -2.0), (1.0, 2.0))
+    (rho_0, s_0), (rho_1, s_1) = (STANDARD.ranges(moved(x, u[0], u[1], t), alpha) for t in (-STEP, STEP))
+    rho_dot, s_dot = complex_step(x, u, alpha)
+    turned = (s_1 - s_0 + math.pi) % (2.0 * math.pi) - math.pi
+    np.testing.assert_allclose(rho_dot, (rho_1 - rho_0) / (2.0 * STEP), rtol=0, atol=1e-4)
+    np.testing.assert_allclose(s_dot, turned / (2.0 * STEP), rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("sensors", SETS)
+def test_on_the_truth_nothing_is_left_but_what_heun_leaves(sensors: str) -> None:
+    for one in identities((sensors, 1, 20)):
+        assert max(one.Q, one.s, one.rho_dot, one.manifold) <= 1e-12
+        assert min(one.heun_s, one.heun_rho_dot) > 0.0
+        assert max(one.heun_s, one.heun_rho_dot) <= 1e-3
+
+
+def test_the_first_estimates_are_in_the_vicinity_of_the_thesis_start() -> None:
+    alpha = np.radians(SENSORS["2t"])
+    for seed in range(20):
+        z, x = runs.first_z(seed)
+        off = (z - PRINTED_START + math.pi) % (2.0 * math.pi) - math.pi
+        assert np.abs(off).max() <= runs.VICINITY + 1e-4
+        assert STANDARD.contains(x[:2])
+        np.testing.assert_array_equal(z, runs.first_z(seed)[0])
+    rho, s = STANDARD.ranges(START, alpha)
+    np.testing.assert_allclose(runs.places(np.append(s, START[2]), rho, alpha), [START[:2]] * 2, atol=1e-12)
+
+
+@pytest.mark.parametrize("noisy", [(True, True), (True, False), (False, True), (False, False)])
+def test_only_the_rays_that_are_said_to_err_do_and_by_five_per_cent(noisy: tuple[bool, bool]) -> None:
+    seen = runs.from_thesis_start(ThesisRun("circle", OURS, 3, 4, noisy)).run
+    exact = np.array([STANDARD.ranges(pose, seen.mission.alpha)[0] for pose in seen.truth])
+    read = np.array([readings[0].value for readings in seen.readings])
+    off = (read / exact - 1.0).std(axis=0)
+    np.testing.assert_allclose(off, np.where(noisy, runs.NOISE, 0.0), rtol=0.15, atol=1e-12)
+
+
+def test_an_estimate_on_the_image_of_the_truth_is_not_off() -> None:
+    """The half-turn of the ellipse, in X and in Z."""
+    asked = ThesisRun("circle", OURS, 0, 2, true_start=True)
+    run = runs.from_thesis_start(asked).run
+    image = STANDARD.images(START)[1]
+    turned = dataclasses.replace(run, mission=runs.mission_with("2t", run.mission.ranging, image))
+    seen = watched(turned, OURS.config())
+    assert np.linalg.norm(seen.x[:, :2] - seen.truth[:, :2], axis=1).min() > 1.0
+    assert max(seen.position.max(), seen.in_z.max()) <= 1e-3
+
+
+def test_turning_from_the_thesis_start_the_print_loses_lock_and_the_feed_forward_does_not() -> None:
+    printed, ours = (runs.thesis_verdict(ThesisRun("circle", gains, 0, 8)) for gains in (PRINT, OURS))
+    assert not printed.locked
+    assert not printed.locked_z
+    assert ours.locked
+    assert ours.locked_z
+    assert ours.position < 1e-3
+
+
+def test_the_mean_of_a_true_and_a_faulty_ray_errs_less_than_the_faulty_one() -> None:
+    mean, faulty = runs.averaged(ThesisRun("circle", OURS, 1, 4, (True, False)))
+    assert 0.0 < mean < faulty
+
+
+def test_an_error_falls_only_where_lock_is_kept_at_both_gains() -> None:
+    near, nearer, lost = (Verdict(p, h, 0.0, 0.0, 0.0, 0.0) for p, h in ((0.2, 0.1), (0.02, 0.01), (0.9, 0.1)))
+    drawn = {("2s", "standard", 1.0): [near, lost, near], ("2s", "standard", 10.0): [nearer, nearer, lost]}
+    e = Evidence([], np.zeros(3), {}, {}, {}, drawn, {}, [])
+    assert falls(e) == {("2s", "standard"): [pytest.approx(10.0)]}

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from estimators.observability.continuation import End, Equations, TracedCurve, on_curve, trace_curve
+from estimators.observability.continuation import Equations, TracedCurve, on_curve, trace_curve
 from estimators.observability.range_outputs import RangeOutputs, different_poses, pose_difference
 from sim.signals import Array
 
@@ -66,15 +66,6 @@ def feasible_set(outputs: RangeOutputs, y: Array, step: float = 0.01, grid: int 
     if outputs.sensors == 2:
         return FeasibleSet(y, _traced(_equations(outputs, y), starts, step), np.empty((0, 3)))
     return FeasibleSet(y, (), different_poses(np.array(starts).reshape(-1, 3), _SAME))
-
-
-def ends_at_wall(outputs: RangeOutputs, curve: TracedCurve, tolerance: float = 1e-3) -> tuple[bool, bool]:
-    """Whether a curve begins and ends within ``tolerance`` [m] of the wall; if not, it closes or a ray grazes there."""
-    first, last = (
-        end is End.BOUNDARY and outputs.curve.distance(x[:2]) <= tolerance
-        for end, x in zip(curve.ends, curve.points[[0, -1]], strict=True)
-    )
-    return first, last
 
 
 def _equations(outputs: RangeOutputs, y: Array) -> Equations:

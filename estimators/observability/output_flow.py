@@ -36,12 +36,6 @@ def mismatch(outputs: RangeOutputs, x_1: Array, x_0: Array, motion: Array) -> fl
     return largest if math.isfinite(largest) else math.inf
 
 
-def rate_mismatch(outputs: RangeOutputs, x_1: Array, x_0: Array, u: tuple[float, float]) -> float:
-    """[m/s] the largest difference of the output rates of two states: nought where Q is."""
-    largest = float(np.abs(outputs.rate(x_1, u) - outputs.rate(x_0, u)).max())
-    return largest if math.isfinite(largest) else math.inf
-
-
 def equal_rates(outputs: RangeOutputs, x_0: Array, u: tuple[float, float]) -> Equations:
     """The equations y'(x) = y'(x_0) of {Q = 0} under the input u, with their derivative, to be followed from x_0."""
     wanted = outputs.rate(x_0, u)
@@ -63,9 +57,10 @@ class Intersection:
     nearest: float  # from x_0 to another of its states; infinite without one, nought where x_0 is not isolated
     isolation: float  # least singular value of d(outputs along the motion) / dx at x_0 [m per metre or radian]
 
-    def is_singleton(self, radius: float = math.inf) -> bool:
-        """Whether x_0 is all of it within ``radius``: (C.1) with N(x_0) that ball."""
-        return self.nearest > 0.0 and self.nearest >= radius
+    @property
+    def is_singleton(self) -> bool:
+        """Whether x_0 is all of it within some neighbourhood N(x_0): (C.1)."""
+        return self.nearest > 0.0
 
 
 def intersection(outputs: RangeOutputs, x_0: Array, motion: Array, feasible: FeasibleSet) -> Intersection:

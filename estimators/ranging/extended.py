@@ -13,7 +13,7 @@ import numpy as np
 
 from estimators.carried_filter import carried_filter
 from estimators.ranging.kalman_kernels import expected_ranges, move, step_within
-from estimators.ranging.model import STATES, Gate, RangeModel, Watch, check_positive, check_probability
+from estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel, Watch, check_positive, check_probability
 from models.unicycle.kernels import moved_slopes, wrapped
 from models.unicycle.mission import RangeQuality, RangingMission
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -71,6 +71,7 @@ class RangeEkf:
             input_dependence=InputDependence.NON_UNIFORM,
             observer_domain=Domain.LOCAL,
             system_domain=Domain.GLOBAL,
+            note=FROM_WHERE,
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:

@@ -20,6 +20,8 @@ from models.unicycle.mission import LEAST_NOISE, RangingMission
 from sim.signals import Array, Measurement, Status
 
 STATES = 4
+FROM_WHERE = "from most starts with two rays or more where the robot drives; standing still not with one or two rays"
+"""what an estimator that claims to converge locally has to add"""
 
 _LEAST_VARIANCE = 1e-12  # [m^2/s^2, rad^2/s^2] of an input
 _DRAWN = 500  # poses that stand for "anywhere"

@@ -2,7 +2,7 @@
 
     z' = feed-forward - k_V [dV_rho / dz]' - k_Q [dQ / dz]' Q,   x_hat = Phi(z),   z = (s_1, ..., s_l, phi),
 
-with V_rho and Q of ``value_function``. It is stiff, so a period dt is one linearly implicit step,
+with V_rho and Q of ``observer_kernels``. It is stiff, so a period dt is one linearly implicit step,
 z + feed-forward - dt (I + dt H)^-1 gradient. The print has no feed-forward and so does not stay on the truth;
 ``feedforward_kernels`` has three that do. Phi is the print's vector average: the mean of where the rays say that the
 robot is. Range rates come from a window of readings, at the centre of which the observer runs (``range_rate``); from
@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 
 from estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
-from estimators.ranging.model import Watch, check_positive
+from estimators.ranging.model import FROM_WHERE, Watch, check_positive
 from estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
 from estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
 from estimators.ranging.range_rate_kernels import innovated, measured
@@ -127,6 +127,7 @@ class RangeObserver:
         """Table 2.1."""
         printed, corrected = config.feedforward == "none", min(config.k_v, config.k_q) > 0.0
         converges = corrected and not printed
+        behind = "without a feed-forward a robot that moves leaves it behind"
         return ObserverProperties(
             domain_of_attraction=Domain.LOCAL if converges else Domain.NONE,
             rate=Rate.EXPONENTIAL if converges else Rate.NONE,
@@ -134,7 +135,7 @@ class RangeObserver:
             observer_domain=Domain.GLOBAL,
             system_domain=Domain.GLOBAL,
             stays_on_truth=not printed,
-            note="without a feed-forward a robot that moves leaves it behind" if printed else "",
+            note=behind if printed else FROM_WHERE if converges else "",
         )
 
     @staticmethod

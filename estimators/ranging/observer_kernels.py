@@ -1,12 +1,20 @@
 """The observer (C.5), compiled: its gradient, its step, and the maps between its state and the pose.
 
-The letters are those of ``value_function``, which states V_rho and Q and derives them by CasADi; here the derivatives
-are written out. With beta_i = phi + alpha_i, t_i = theta'(s_i) and n_i = -rho_i R_{beta_i} e_2,
+A robot at x = (x_1, x_2, phi) with l range sensors at angles alpha_i off its heading measures rho_i against the curve
+theta. Its observer state is z = Psi(x) = (s_1, ..., s_l, phi), and
 
-    dv_i / ds_i = t_i,   dv_i / dphi = n_i,   V_rho = m sum_i |v_i - v_mean|^2 = |r|^2,   r = sqrt(m) (v_i - v_mean),
+    theta(s_i) = (x_1, x_2) + rho_i R_{phi + alpha_i} e_1.                                                       (C.4)
+
+    v_i(z) = theta(s_i) - rho_i R_{phi + alpha_i} e_1,           which is where ray i says that the robot is,
+    V_rho = sum_{i < j} |v_i - v_j|^2 = |r|^2,                   r = sqrt(m) (v_i - v_mean), stacked,
     Q_i = t_i' R_phi w_i,   w_i = u_1 e_2 + rho_dot_i R_{alpha_i} e_2 - rho_i u_2 R_{alpha_i} e_1,
 
-over the m rays that are there: a range that is NaN is left out of both, a range rate that is NaN of Q.
+over the m rays that are there: a range that is NaN is left out of both, a range rate that is NaN of Q. With
+beta_i = phi + alpha_i, t_i = theta'(s_i) and n_i = -rho_i R_{beta_i} e_2, dv_i / ds_i = t_i and dv_i / dphi = n_i.
+
+z is feasible where V_rho = 0, and equivalent to the truth in output flow only where Q = 0. What the proof of
+Proposition C.2 takes for granted, that V_rho + |Q|^2 / 2 is locally positive definite around the truth to second
+order, is that rank [J_v; J_q] = l + 1 there, with J_v = dr / dz and J_q = dQ / dz.
 """
 
 from __future__ import annotations

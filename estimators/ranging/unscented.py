@@ -2,7 +2,7 @@
 
 State, motion and errors are those of ``kalman_kernels``. Headings are averaged on the circle and their differences
 wrapped. A sigma point that lies outside the wall, from where there is nothing to be read, reads what is read on its way
-there from the mean. The square root of a covariance that round-off made indefinite is that of the nearest one that is
+there from the mean. That and round-off can make a covariance indefinite: what counts then is the nearest one that is
 not. Where the start is unknown the filter begins at the centre with the covariance of a pose that may be anywhere.
 """
 
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from estimators.ranging.kalman_kernels import expected_ranges, move, step_within
-from estimators.ranging.model import STATES, Gate, RangeModel, Watch, check_positive, check_probability
+from estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel, Watch, check_positive, check_probability
 from models.unicycle.kernels import moved_slopes, wrapped
 from models.unicycle.mission import RangeQuality, RangingMission
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -85,8 +85,8 @@ class RangeUkf:
             observer_domain=Domain.LOCAL,
             system_domain=Domain.GLOBAL,
             stays_on_truth=False,
-            note="what it expects to read is a mean over its covariance, so on the truth it is not what is read; "
-            "without noise the covariance shrinks, and the error with it",
+            note=f"{FROM_WHERE}; what it expects to read is a mean over its covariance, so on the truth it is not what "
+            "is read; without noise the covariance shrinks, and the error with it",
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
@@ -97,8 +97,8 @@ class RangeUkf:
         self._predict(self._model.input(measurements, command), dt)
         self._t = t
         nis = self._condition(rho)
-        P = self._filter.P[:3, :3]
-        return Estimate(t, self._filter.x[:3].copy(), 0.5 * (P + P.T), self._watch.status(t), {"nis": nis})
+        U = square_root(self._filter.P)[:, :3]
+        return Estimate(t, self._filter.x[:3].copy(), U.T @ U, self._watch.status(t), {"nis": nis})
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x

@@ -23,9 +23,6 @@ DriveName = Literal["ideal", "differential"]
 RADIUS = 0.16
 """[m] of the robot's bumper"""
 
-ROLLING_TICK = 0.001
-"""[s] of the differential drive, whose wheels are in contact with the floor"""
-
 FLOOR = "floor"
 
 _ROLLS_BY = ("height", "pitch", "roll")  # joints that the ideal robot lacks

@@ -33,10 +33,6 @@ class RangeQuality:
     dropout: float = 0.0  # fraction of single ranges that are lost, NaN in the reading
     outliers: float = 0.0  # fraction of single ranges that are any value up to the longest in sight
 
-    def deviation(self, rho: Array) -> Array:
-        """(l,) [m] of ranges (l,), as an estimator may use it: never nought."""
-        return np.sqrt(np.square(self.relative * rho) + self.absolute**2 + LEAST_NOISE**2)
-
 
 @dataclass(frozen=True)
 class OdometryQuality:
@@ -45,11 +41,6 @@ class OdometryQuality:
     noise: tuple[float, float] = (0.0, 0.0)  # [m/s, rad/s] standard deviations
     bias: float = 0.0  # relative, of both; an estimator does not know its sign
     slip: tuple[float, float] = (0.0, 0.0)  # [m/s, rad/s] standard deviations of what wheels miss, as declared
-
-    def deviation(self, u: Array) -> Array:
-        """(2,) [m/s, rad/s] of a reading near u (2,), as an estimator may use it."""
-        squares = np.square(self.noise) + np.square(self.slip) + np.square(self.bias * u)
-        return np.sqrt(squares + 1e-12)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from sim.number_lists import NumberList
 from sim.scenarios.checks import check
 
 _HALF_AXES = (3.763, math.sqrt(2.0))
+_START_ERROR = (0.3, 0.3, 17.0)
 _SHORTEST, _LONGEST = 0.5, 20.0  # [m] of a half-axis
 _MOST_SENSORS = 64
 
@@ -106,8 +107,8 @@ class RangeLocalisationConfig:
     """X Y HEADING [m, m, deg]; drawn from the seed if not given"""
     start_known: bool = False
     """whether the estimator is told of the start"""
-    start_error: tuple[float, float, float] = (0.3, 0.3, 17.0)
-    """standard deviations of what it is told, X Y HEADING [m, m, deg]"""
+    start_error: tuple[float, float, float] = _START_ERROR
+    """standard deviations of what it is told, X Y HEADING [m, m, deg]; with a start that is known"""
     drive: DriveName = "ideal"
     """ideal: the exact motion of a unicycle; differential: wheels and casters on a floor, in MuJoCo"""
     friction: float = 1.0
@@ -130,6 +131,10 @@ class RangeLocalisationConfig:
             raise ValueError(f"start = {self.start!r}; allowed: three finite numbers")
         for value, largest in zip(self.start_error, (_LONGEST, _LONGEST, 180.0), strict=True):
             check(value, "start_error", 0.0, largest)
+        if self.start_error != _START_ERROR and not self.start_known:
+            raise ValueError(
+                f"start_error = {self.start_error!r} with start_known = False; allowed: with start_known = True"
+            )
         check(self.friction, "friction", 0.01, 10.0)
         check(self.duration, "duration", TICK, 3600.0)
         if abs(self.duration / TICK - round(self.duration / TICK)) > 1e-6:

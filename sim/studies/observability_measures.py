@@ -13,6 +13,7 @@ from estimators.observability.indistinguishable import indistinguishable_states,
 from estimators.observability.lie_derivatives import ControlAffineSystem, codistribution, rank, singular_values
 from estimators.observability.output_flow import equal_rates, intersection, mismatch
 from estimators.observability.range_outputs import RangeOutputs, motion_under, pose_difference
+from estimators.observability.range_system import range_system, ray_ends
 from models.field.curve import BEAN, EGG, Curve
 from models.textbook.camera_and_flags import camera_and_flags
 from sim.signals import Array
@@ -80,7 +81,7 @@ def proposition_tried(drawn: Drawn) -> tuple[PropositionTrial, PropositionTrial]
     def tried(u: tuple[float, float]) -> PropositionTrial:
         found = intersection(outputs, x, motion_under(lambda t: u, T), feasible)
         soon = (small_time(outputs, x, T / k, [lambda t: u], rng, starts=10) for k in (1, 10))
-        return PropositionTrial(found.nearest > 0.0, all(each.weakly_observable for each in soon), len(found.others))
+        return PropositionTrial(found.is_singleton, all(each.weakly_observable for each in soon), len(found.others))
 
     return tried((rng.uniform(0.1, 0.8), rng.uniform(-1.5, 1.5))), tried((0.0, 0.0))
 
@@ -104,8 +105,9 @@ def apart_with_equal_rates(drawn: Drawn) -> float:
 
 def least_singular_value(drawn: Drawn) -> float:
     """[m per m or rad] of h' (l, 3) at a state; nought where l < 3."""
-    _, J = drawn.outputs.at(drawn_start(STANDARD, np.random.default_rng(drawn.seed)))
-    return float(np.linalg.svd(J, compute_uv=False)[2]) if len(J) >= 3 else 0.0
+    x = drawn_start(STANDARD, np.random.default_rng(drawn.seed))
+    system = range_system(drawn.outputs)
+    return float(singular_values(codistribution(system, system.fields, 0), x, ray_ends(drawn.outputs, x))[2])
 
 
 @dataclass(frozen=True)

@@ -95,8 +95,9 @@ class Subject:
 
 def _ranging(seed: int, seconds: float, share: float, signal: str) -> tuple[str, dict[str, Any]]:
     """Near is .05 m and 3 degrees off, far is anywhere."""
-    fields = {"start_known": share <= NEAR, "start_error": (0.05, 0.05, 3.0), "duration": 2.0 * seconds}
-    return "range-localisation", {**SILENT, **fields, "planner.mode": signal or RANGE_INPUTS[0]}
+    told = {"start_known": True, "start_error": (0.05, 0.05, 3.0)} if share <= NEAR else {}
+    fields = {**SILENT, **told, "duration": 2.0 * seconds, "planner.mode": signal or RANGE_INPUTS[0]}
+    return "range-localisation", fields
 
 
 PRINTED = Subject("(C.5) as printed", "range_observer", fields={"feedforward": "none"})

@@ -14,7 +14,7 @@ import numpy as np
 
 from estimators.ranging.feedforward_kernels import LEAST_DENOMINATOR, rho_dot_rate, s_rate
 from estimators.ranging.observer import FEED_FORWARDS
-from estimators.ranging.value_function import output_flow
+from estimators.ranging.symbolic_output_flow import output_flow
 from models.unicycle.kernels import moved
 from sim.signals import Array
 from sim.studies.observability_maps import HALF_AXES, SENSORS, STANDARD

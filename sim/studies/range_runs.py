@@ -18,6 +18,7 @@ import numpy as np
 from estimators.observability.region import Criterion, ExactRun, exact_run, region_of_convergence
 from models.field.curve import Curve
 from models.unicycle.mission import KnownStart, RangingMission
+from sim.consistency import normalised_error_squared
 from sim.plugins import load
 from sim.ranging_metrics import HEADING, LAST, POSITION
 from sim.scenarios.ranging_fields import Noise
@@ -113,16 +114,15 @@ def _found(name: str, run: ExactRun, near: Array, seed: int) -> Found:
         position=rms[0],
         heading=rms[1],
         error=position[shown],
-        nees=np.array([_nees(estimates[k], off[k]) for k in shown]),
+        nees=_nees([estimates[k] for k in shown], off[shown]),
         nis=float(nis[:, 0].mean()) if len(nis) else math.nan,
         rays=float(nis[:, 1].mean()) if len(nis) else math.nan,
     )
 
 
-def _nees(estimate: Estimate, off: Array) -> float:
-    if estimate.covariance is None:
-        return math.nan
-    return float(off @ np.linalg.solve(estimate.covariance, off))
+def _nees(estimates: Sequence[Estimate], off: Array) -> Array:
+    none = np.full((3, 3), np.nan)
+    return normalised_error_squared(off, np.array([none if e.covariance is None else e.covariance for e in estimates]))
 
 
 @dataclass(frozen=True)

@@ -238,7 +238,11 @@ def test_a_field_of_fourier_coefficients_is_a_field() -> None:
         ("sensors", lambda: RangeLocalisationConfig(sensors=(math.nan,))),
         ("sensors", lambda: RangeLocalisationConfig(sensors=tuple(float(k) for k in range(65)))),
         ("start", lambda: RangeLocalisationConfig(start=(math.inf, 0.0, 0.0))),
-        ("start_error", lambda: RangeLocalisationConfig(start_error=(0.1, 0.1, -5.0))),
+        ("start_error", lambda: RangeLocalisationConfig(start_known=True, start_error=(0.1, 0.1, -5.0))),
+        (
+            r"start_error = \(0.1, 0.1, 5.0\) with start_known = False",
+            lambda: RangeLocalisationConfig(start_error=(0.1, 0.1, 5.0)),
+        ),
         ("friction", lambda: RangeLocalisationConfig(friction=0.0)),
         ("friction", lambda: RangeLocalisationConfig(friction=0.5)),  # which the ideal drive does not have
         ("duration", lambda: RangeLocalisationConfig(duration=0.015)),

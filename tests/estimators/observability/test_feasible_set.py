@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from estimators.observability.continuation import End
-from estimators.observability.feasible_set import FeasibleSet, ends_at_wall, feasible_set, value
+from estimators.observability.continuation import End, TracedCurve
+from estimators.observability.feasible_set import FeasibleSet, feasible_set, value
 from estimators.observability.range_outputs import RangeOutputs
 from models.field.curve import Curve
 from sim.signals import Array
@@ -31,6 +31,15 @@ STEP = 0.01
 
 def chart(poses: Array) -> Array:
     return np.column_stack([poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+
+
+def ends_at_wall(outputs: RangeOutputs, curve: TracedCurve) -> tuple[bool, bool]:
+    """Whether a curve begins and ends within a millimetre of the wall; if not, it closes or a ray grazes there."""
+    first, last = (
+        end is End.BOUNDARY and outputs.curve.distance(x[:2]) <= 1e-3
+        for end, x in zip(curve.ends, curve.points[[0, -1]], strict=True)
+    )
+    return first, last
 
 
 def assert_feasible(outputs: RangeOutputs, feasible: FeasibleSet) -> None:

@@ -14,7 +14,8 @@ from estimators.ranging.bank_kernels import condition_each, drop
 from estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
 from models.field.curve import BEAN, Curve
 from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
-from sim.signals import Array, Estimate, Measurement, Status
+from sim.signals import Array, Estimate, Status
+from tests.estimators.ranging.runs import with_ranges
 from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven
 
@@ -52,17 +53,6 @@ def last_errors(
     tail = estimates[-round(seconds / task.period) :]
     position, heading = zip(*(task.error(estimate.x, step.truth) for step, estimate in tail), strict=True)
     return max(position), max(heading)
-
-
-def with_ranges(step: Step, change: object) -> Step:
-    """The step with its ranges put through a function."""
-    return dataclasses.replace(
-        step,
-        measurements=tuple(
-            Measurement(m.name, m.t, change(m.value)) if m.name == "ranges" else m  # type: ignore[operator]
-            for m in step.measurements
-        ),
-    )
 
 
 @pytest.mark.parametrize("curve", [FIELD, BEAN], ids=lambda curve: curve.name.split()[0])

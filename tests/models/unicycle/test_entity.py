@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from models.field.arena import SENSOR_HEIGHT
-from models.unicycle.entity import RADIUS, ROLLING_TICK, DriveName, build_model
+from models.unicycle.entity import RADIUS, DriveName, build_model
 from models.unicycle.mission import TICK
 from tests.unicycle import STANDARD
 
@@ -25,7 +25,7 @@ def test_the_pose_leads_and_the_wheels_end_the_joints(drive: DriveName) -> None:
     assert names[-2:] == ["rover/wheel_left", "rover/wheel_right"]
     assert len(names) == (5 if drive == "ideal" else 8)
     assert model.nu == (0 if drive == "ideal" else 2)
-    assert model.opt.timestep == (TICK if drive == "ideal" else ROLLING_TICK)
+    assert model.opt.timestep == (TICK if drive == "ideal" else 0.001)
 
 
 @pytest.mark.parametrize("angles", [(0.0,), (-1.0, 1.0), tuple(0.7 * k for k in range(8))])

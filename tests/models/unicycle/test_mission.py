@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.field.curve import BEAN, ellipse
-from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from models.unicycle.mission import KnownStart, RangingMission
 from sim.signals import Array
 from tests.unicycle import STANDARD
 
@@ -60,14 +60,6 @@ def test_in_a_circle_only_what_is_relative_counts(r: float, at: float, heading: 
     assert IN_A_CIRCLE.error(turned, x) == pytest.approx((0.0, 0.0), abs=1e-9)
     farther = turned * [(r + 0.1) / r, (r + 0.1) / r, 1.0] + [0.0, 0.0, 0.2]
     assert IN_A_CIRCLE.error(farther, x) == pytest.approx((0.1, 0.2), abs=1e-9)
-
-
-def test_estimators_are_given_deviations_that_are_never_nought() -> None:
-    np.testing.assert_allclose(RangeQuality(0.1, 0.3).deviation(np.array([4.0])), 0.5, rtol=1e-6)
-    assert RangeQuality().deviation(np.array([4.0]))[0] > 0.0
-    quality = OdometryQuality((0.3, 0.0), 0.1, (0.0, 0.4))
-    np.testing.assert_allclose(quality.deviation(np.array([4.0, -3.0])), [0.5, 0.5], rtol=1e-6)
-    assert np.all(OdometryQuality().deviation(np.zeros(2)) > 0.0)
 
 
 def test_nothing_known_of_the_start_is_the_centre() -> None:

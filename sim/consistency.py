@@ -24,6 +24,7 @@ from scipy.special import chdtri
 
 from sim.signals import Array
 
+_ROUND_OFF = 1e-14  # of an eigenvalue, over the largest
 _AT_ONCE = 1_000_000  # numbers that are drawn together
 
 
@@ -65,11 +66,15 @@ class RootMeanSquare:
 
 
 def normalised_error_squared(error: Array, covariance: Array) -> Array:
-    """NEES (n,), e' P^-1 e of errors e (n, d) with covariances P (n, d, d); NaN where P is not positive definite."""
+    """NEES (n,), e' P^-1 e of errors e (n, d) with covariances P (n, d, d).
+
+    NaN where P is not positive definite by more than round-off.
+    """
     nees = np.full(len(error), np.nan)
     finite = np.flatnonzero(np.isfinite(covariance).all(axis=(1, 2)))
     if len(finite):
-        regular = finite[np.linalg.eigvalsh(covariance[finite])[:, 0] > 0.0]
+        eigenvalues = np.linalg.eigvalsh(covariance[finite])
+        regular = finite[eigenvalues[:, 0] > _ROUND_OFF * np.abs(eigenvalues[:, -1])]
         e = error[regular]
         nees[regular] = (e * np.linalg.solve(covariance[regular], e[..., np.newaxis])[..., 0]).sum(axis=1)
     return nees

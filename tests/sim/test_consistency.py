@@ -25,8 +25,8 @@ def test_nees_does_not_depend_on_units(seed: int, d: int) -> None:
 
 
 def test_what_is_no_covariance_has_no_nees() -> None:
-    P = np.array([np.eye(2), np.diag([1.0, 0.0]), np.diag([-1.0, -1.0]), np.full((2, 2), np.nan)])
-    nees = normalised_error_squared(np.ones((4, 2)), P)
+    P = np.array([np.eye(2), np.diag([1.0, 0.0]), np.ones((2, 2)), -np.eye(2), np.full((2, 2), np.nan)])
+    nees = normalised_error_squared(np.ones((5, 2)), P)
     assert nees[0] == 2.0
     assert np.isnan(nees[1:]).all()
 

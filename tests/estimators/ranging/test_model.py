@@ -1,0 +1,194 @@
+"""What the filters take from a mission, when they refuse a ray, and what they say of themselves."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.special import erfc
+
+from estimators.ranging.model import (
+    Gate,
+    RangeModel,
+    Watch,
+    check_counts,
+    check_positive,
+    check_probability,
+    chi_square_gate,
+)
+from models.field.curve import Curve
+from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from sim.signals import Array, Measurement, Status
+from tests.estimators.ranging.walls import FIELD, WALLS
+
+LIMIT = chi_square_gate(1e-4)
+MISSION = RangingMission(
+    FIELD, (-1.0, 1.0), RangeQuality(0.05, 0.03), OdometryQuality((0.04, 0.05), 0.02, slip=(0.03, 0.12))
+)
+
+each_wall = pytest.mark.parametrize("curve", WALLS, ids=lambda curve: curve.name.split()[0])
+
+
+def passed(gate: Gate, *squares: float) -> list[bool]:
+    return [bool(each) for each in gate.passes(np.array(squares))]
+
+
+# ---- errors
+
+
+def test_errors_are_those_that_the_mission_declares() -> None:
+    model = RangeModel(MISSION)
+    np.testing.assert_allclose(model.W, [0.05**2, 0.13**2], rtol=1e-6)
+    np.testing.assert_allclose(model.range_variance(np.array([2.0, 0.0])), [0.1**2 + 0.03**2, 0.03**2], rtol=1e-4)
+    np.testing.assert_allclose(model.covariance((0.1, 0.2, 0.3)), np.diag([0.01, 0.04, 0.09, 0.0004]))
+
+
+def test_variances_of_what_does_not_err_are_small_and_not_nought() -> None:
+    model = RangeModel(RangingMission(FIELD, (0.0,)))
+    assert 0.0 < model.range_variance(np.ones(1))[0] < 1e-6
+    assert (model.W > 0.0).all()
+    assert (model.W < 1e-9).all()
+
+
+def test_readings_are_measured_by_the_wall_and_by_what_the_robot_can_do() -> None:
+    model, longest = RangeModel(dataclasses.replace(MISSION, speed_max=0.2)), 2.0 * 3.763
+    rho = model.ranges([Measurement("ranges", 0.0, np.array([1.9 * longest, 2.1 * longest]))])
+    np.testing.assert_array_equal(rho, [1.9 * longest, np.nan])
+    command = np.zeros(2)
+    np.testing.assert_array_equal(model.input([Measurement("odometry", 0.0, np.array([1.5, 1.5]))], command), [1.5] * 2)
+    np.testing.assert_array_equal(model.input([Measurement("odometry", 0.0, np.array([2.5, 1.5]))], command), command)
+
+
+# ---- the start
+
+
+def test_a_known_start_is_taken_as_it_is_known() -> None:
+    known = KnownStart((0.5, 0.2, 0.3), (0.1, 0.2, 0.3))
+    x, P = RangeModel(dataclasses.replace(MISSION, start=known)).start()
+    np.testing.assert_array_equal(x, [0.5, 0.2, 0.3, 0.0])
+    np.testing.assert_allclose(P, np.diag([0.01, 0.04, 0.09, 0.0004]))
+
+
+@each_wall
+def test_an_unknown_start_is_in_the_middle_and_its_covariance_that_of_anywhere(curve: Curve) -> None:
+    model = RangeModel(dataclasses.replace(MISSION, curve=curve))
+    x, P = model.start()
+    anywhere = model.anywhere(np.random.default_rng(1), 20_000)
+    assert curve.contains(x)
+    assert np.linalg.norm(x[:2] - anywhere[:, :2].mean(axis=0)) < 0.3
+    deviations = np.sqrt(np.diag(P))
+    np.testing.assert_allclose(deviations, anywhere.std(axis=0), rtol=0.1)
+    assert np.linalg.eigvalsh(P)[0] > 0.0
+
+
+def test_anywhere_is_uniform_within_the_wall() -> None:
+    """Over an ellipse a coordinate has variance c_i^2 / 4, over a turn the heading pi^2 / 3."""
+    x = RangeModel(MISSION).anywhere(np.random.default_rng(0), 20_000)
+    assert x.shape == (20_000, 4)
+    expected = [3.763 / 2.0, math.sqrt(2.0) / 2.0, math.pi / math.sqrt(3.0), 0.02]
+    np.testing.assert_allclose(x.std(axis=0), expected, rtol=0.03)
+    assert (np.abs(x.mean(axis=0)) < 4.0 * np.array(expected) / math.sqrt(20_000)).all()
+
+
+@each_wall
+def test_particles_of_an_unknown_start_are_all_within_the_wall(curve: Curve) -> None:
+    x = RangeModel(dataclasses.replace(MISSION, curve=curve)).particles(500, np.random.default_rng(0))
+    assert all(curve.contains(each) for each in x)
+
+
+def test_particles_of_a_known_start_lie_about_it_as_it_is_known() -> None:
+    known = KnownStart((0.5, 0.2, 0.3), (0.1, 0.05, 0.3))
+    x = RangeModel(dataclasses.replace(MISSION, start=known)).particles(20_000, np.random.default_rng(0))
+    np.testing.assert_allclose(x.mean(axis=0), [0.5, 0.2, 0.3, 0.0], atol=0.01)
+    np.testing.assert_allclose(x.std(axis=0), [0.1, 0.05, 0.3, 0.02], rtol=0.03)
+
+
+def test_particles_of_a_start_near_the_wall_are_within_it() -> None:
+    known = KnownStart((0.0, 1.4, 0.0), (0.5, 0.5, 0.3))
+    x = RangeModel(dataclasses.replace(MISSION, start=known)).particles(500, np.random.default_rng(0))
+    assert all(FIELD.contains(each) for each in x)
+    assert len(np.unique(x[:, 0])) == 500
+
+
+# ---- the gate
+
+
+def test_a_good_ray_is_refused_with_the_probability_of_the_gate() -> None:
+    """P(|nu| > a sqrt(s)) = erfc(a / sqrt 2) of a Gaussian."""
+    for probability in (1e-6, 1e-4, 0.05, 0.5):
+        assert erfc(math.sqrt(chi_square_gate(probability) / 2.0)) == pytest.approx(probability, rel=1e-9)
+
+
+def test_rays_within_the_gate_pass_and_single_ones_beyond_do_not() -> None:
+    gate = Gate(1e-4, 3)
+    assert passed(gate, 0.0, 0.99 * LIMIT, 1.01 * LIMIT) == [True, True, False]
+    assert passed(gate, 0.0, 1.01 * LIMIT, 0.0) == [True, False, True]
+
+
+def test_what_lasts_passes_after_ten_readings_each_ray_by_itself() -> None:
+    gate = Gate(1e-4, 2)
+    seen = [passed(gate, 2.0 * LIMIT, 0.0) for _ in range(13)]
+    assert [first for first, _ in seen] == [False] * 10 + [True] * 3
+    assert all(second for _, second in seen)
+
+
+def test_one_good_reading_and_the_gate_is_shut_again() -> None:
+    gate = Gate(1e-4, 1)
+    for _ in range(9):
+        assert passed(gate, 2.0 * LIMIT) == [False]
+    assert passed(gate, 0.5 * LIMIT) == [True]
+    assert [passed(gate, 2.0 * LIMIT)[0] for _ in range(11)] == [False] * 10 + [True]
+
+
+def test_a_lost_ray_does_not_pass_and_neither_counts_nor_shuts_the_gate() -> None:
+    gate = Gate(1e-4, 1)
+    assert passed(gate, math.nan) == [False]
+    for _ in range(10):
+        assert passed(gate, 2.0 * LIMIT) == [False]
+        assert passed(gate, math.nan) == [False]
+    assert passed(gate, 2.0 * LIMIT) == [True]
+
+
+def test_what_is_infinite_never_passes() -> None:
+    gate = Gate(1e-4, 1)
+    assert not any(passed(gate, math.inf)[0] for _ in range(30))
+
+
+# ---- the status
+
+
+def test_it_initialises_until_a_range_is_seen_and_is_lost_after_the_timeout() -> None:
+    watch, seen, lost = Watch(0.5), np.array([math.nan, 1.0]), np.full(2, np.nan)
+
+    def status(t: float, rho: Array) -> Status:
+        watch.look(t, rho)
+        return watch.status(t)
+
+    assert status(0.0, lost) is Status.INITIALISING
+    assert status(9.0, lost) is Status.INITIALISING
+    assert status(10.0, seen) is Status.OK
+    assert status(10.5, lost) is Status.OK
+    assert status(10.51, lost) is Status.LOST
+    assert status(10.52, seen) is Status.OK
+
+
+# ---- fields
+
+
+@pytest.mark.parametrize(
+    ("check", "good", "bad"),
+    [
+        (check_positive, (1e-9, 1.0, 1e9), (0.0, -1.0, math.inf, math.nan)),
+        (check_probability, (1e-9, 0.5, 0.999), (0.0, 1.0, -0.1, 2.0, math.nan)),
+        (check_counts, (1, 1000, 1_000_000), (0, -1, 1_000_001)),
+    ],
+)
+def test_a_field_is_refused_by_its_name(check: object, good: tuple[float, ...], bad: tuple[float, ...]) -> None:
+    for value in good:
+        check(SimpleNamespace(one=value, two=1e-3), "one")  # type: ignore[operator]
+    for value in bad:
+        with pytest.raises(ValueError, match=r"one = .*; allowed: "):
+            check(SimpleNamespace(one=value, two=1e-3), "one")  # type: ignore[operator]

@@ -1,0 +1,68 @@
+"""filterpy's unscented Kalman filter is the extended one where a range is linear, and knows how good it is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from estimators.ranging.unscented import RangeUkf, RangeUkfConfig, square_root
+from sim.consistency import consistency
+from tests.estimators.ranging.runs import START, misplaced, mission, nees, reference, steps_of, told
+from tests.estimators.ranging.walls import seeds
+
+
+def test_where_a_range_is_linear_every_step_is_that_of_the_extended_filter() -> None:
+    task = mission("4", 0.004)
+    x, P = np.array([*START, 0.0]), np.diag(np.square([0.004, 0.004, 0.004, 0.02]))
+    for step, estimate in told(RangeUkf(RangeUkfConfig(), task), steps_of(task, 0.5, np.random.default_rng(3))):
+        x, P, nis = reference(task, step, x, P)
+        deviation = np.sqrt(np.diag(P)[:3])
+        assert estimate.covariance is not None
+        assert (np.abs(estimate.x - x[:3]) < 0.05 * deviation).all()
+        np.testing.assert_allclose(
+            estimate.covariance / np.outer(deviation, deviation), P[:3, :3] / np.outer(deviation, deviation), atol=0.02
+        )
+        np.testing.assert_allclose(estimate.extra["nis"], [nis, 4], rtol=0.02)
+
+
+def test_it_knows_how_good_it_is() -> None:
+    """With limits that one of 100 consistent filters is beyond; and the NIS of a ray is one on average."""
+    squares, nis = [], []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        task = misplaced(mission("2s", 0.1), rng)
+        run = told(RangeUkf(RangeUkfConfig(), task), steps_of(task, 2.0, rng))
+        squares.append(nees(task, run))
+        nis += [estimate.extra["nis"] for _, estimate in run[50:]]
+    result, (total, rays) = consistency(squares, 3, 0.99), np.sum(nis, axis=0)
+    assert result.holds, result.text()
+    assert rays > 2900
+    assert total / rays == pytest.approx(1.0, abs=4.0 * math.sqrt(2.0 / rays))
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_the_root_of_a_covariance_is_upper_triangular_and_squares_to_it(seed: int) -> None:
+    root = np.random.default_rng(seed).standard_normal((4, 4))
+    P = root @ root.T + 1e-9 * np.eye(4)
+    U = square_root(P)
+    np.testing.assert_allclose(U.T @ U, P, atol=1e-9)
+    np.testing.assert_array_equal(U, np.triu(U))
+
+
+@settings(max_examples=30, deadline=None)
+@given(seeds)
+def test_the_root_of_a_matrix_that_is_indefinite_is_that_of_the_nearest_which_is_not(seed: int) -> None:
+    Q = np.linalg.qr(np.random.default_rng(seed).standard_normal((4, 4)))[0]
+    U = square_root(Q * [2.0, 1.0, 0.5, -1e-3] @ Q.T)
+    np.testing.assert_allclose(U.T @ U, Q * [2.0, 1.0, 0.5, 0.0] @ Q.T, atol=1e-9)
+    np.testing.assert_allclose(U, np.triu(U), atol=1e-12)
+
+
+@pytest.mark.parametrize(("field", "value"), [("alpha", 0.0), ("beta", -1.0), ("kappa", -4.0), ("kappa", math.nan)])
+def test_a_field_of_its_own_out_of_range_is_refused(field: str, value: float) -> None:
+    with pytest.raises(ValueError, match=rf"{field} = .*; allowed: "):
+        RangeUkfConfig(**{field: value})

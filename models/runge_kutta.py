@@ -81,7 +81,7 @@ class Flow:
         while t < dt:
             length[0] = h = min(h, dt - t)
             self._call()
-            error = float(off[0]) if math.isfinite(after.sum()) else math.inf  # CasADi passes over a NaN
+            error = float(off[0]) if np.isfinite(after).all() else math.inf  # CasADi passes over a NaN
             if error <= 1.0:
                 at[:], t = after, dt if h == dt - t else t + h
                 if np.abs(at).max() > FARTHEST:

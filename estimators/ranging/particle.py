@@ -85,7 +85,7 @@ class RangeParticle:
             observer_domain=Domain.GLOBAL,
             system_domain=Domain.GLOBAL,
             stays_on_truth=False,
-            note="roughening keeps it from the truth: it comes near, and no nearer; from anywhere with many particles",
+            note="roughening keeps it from the truth: it comes near, and no nearer",
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:

@@ -22,7 +22,7 @@ CLAIMED = (
     "claimed (Table 2.1): domain of attraction, rate of convergence, input dependence, domains of operation of the "
     "observer and of the system; whether it stays on the truth (Property 2.1)"
 )
-WITH_FIELDS = {"controllers": "--planner.", "estimators": "--estimator."}
+WITH_FIELDS = {"controllers": "--planner", "estimators": "--estimator"}
 
 
 @dataclass(frozen=True)
@@ -53,23 +53,22 @@ def main(argv: Sequence[str]) -> int:
 
 
 def listing(kind: str, points: Sequence[EntryPoint]) -> Table:
-    """The plug-ins of one kind: name, what it is, its fields, where it comes from."""
-    table = Table(title=kind, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
-    table.add_column("name", style="bold", no_wrap=True)
-    table.add_column("what")
-    if kind in WITH_FIELDS:
-        table.add_column(f"{WITH_FIELDS[kind]}FIELD", overflow="fold")
-    table.add_column("from", no_wrap=True)
+    """The plug-ins of one kind: name, and below one another what it is, its fields and where it comes from."""
+    table = Table(title=kind, title_justify="left", title_style="bold", show_header=False, box=None, pad_edge=False)
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column()
     for point in points:
-        place = point.value.replace(":", "\n:")  # broken here, not in the middle of a word
-        origin = f"{point.dist.name} {point.dist.version}\n{place}" if point.dist else place
         try:
             plugin = point.load()
         except Exception as error:  # one broken plug-in must not hide the others
-            cells, fields = Text(f"cannot be imported: {error}", style="red"), ""
+            said, fields = Text(f"cannot be imported: {error}", style="red"), ""
         else:
-            cells, fields = Text((plugin.__doc__ or "").strip().partition("\n")[0]), _fields(plugin)
-        table.add_row(point.name, cells, *([fields] if kind in WITH_FIELDS else []), origin)
+            said, fields = Text((plugin.__doc__ or "").strip().partition("\n")[0]), _fields(plugin)
+        if kind in WITH_FIELDS and fields:
+            said.append(f"\n{WITH_FIELDS[kind]}: {fields}", style="dim")
+        source = f"{point.dist.name} {point.dist.version}, " if point.dist else ""
+        said.append(f"\n{source}{point.value}", style="dim")
+        table.add_row(point.name, said)
     return table
 
 

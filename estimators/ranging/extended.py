@@ -69,7 +69,7 @@ class RangeEkf:
             domain_of_attraction=Domain.LOCAL,
             rate=Rate.ASYMPTOTIC,
             input_dependence=InputDependence.NON_UNIFORM,
-            observer_domain=Domain.LOCAL,
+            observer_domain=Domain.GLOBAL,
             system_domain=Domain.GLOBAL,
             note=FROM_WHERE,
         )

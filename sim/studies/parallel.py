@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from sim.studies.study import Setup
 from sim.sweep.execution import Progress
@@ -28,7 +30,7 @@ def computed(setup: Setup, function: Callable[[Argument], Result], arguments: Se
             results.append(function(argument))
         return results
     context = multiprocessing.get_context("spawn")  # a fork would copy the threads of the libraries half
-    with ProcessPoolExecutor(min(setup.workers, total), context) as pool:
+    with ProcessPoolExecutor(min(setup.workers, total), context, _end_with_parent) as pool:
         futures = [pool.submit(function, argument) for argument in arguments]
         try:
             for done, _ in enumerate(as_completed(futures), 1):
@@ -37,6 +39,18 @@ def computed(setup: Setup, function: Callable[[Argument], Result], arguments: Se
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+def _end_with_parent() -> None:
+    """A worker is not to outlive the process that it works for, however that ends; by itself it would wait for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
+
+
+def _end_after(process: Any) -> None:
+    process.join()
+    os._exit(1)
 
 
 def _tell(setup: Setup, total: int, done: int) -> None:

@@ -63,7 +63,7 @@ COUNTED = ("1", "2s", "2t", "3", "4")  # sensors with which states that read the
 class ObservabilityConfig:
     """How much is measured."""
 
-    starts: int = 120
+    starts: int = 60
     """starts in each wall"""
     walls: int = 7
     """walls of each family, at most"""
@@ -71,7 +71,7 @@ class ObservabilityConfig:
     """states at which others are counted and Proposition C.1 is tried"""
     places: int = 80
     """places of the first estimate in a map of where an estimator converges"""
-    headings: int = 6
+    headings: int = 4
     """headings of the first estimate at each place"""
     searches: int = 150
     """starts of a search for the states that read the same"""

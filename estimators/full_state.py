@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
+from sim.checks import check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement, Status
@@ -58,10 +59,7 @@ class FullStateConfig:
     timeout: float = 0.5  # [s] without a reading after which the estimate is lost
 
     def __post_init__(self) -> None:
-        for field in ("rate", "timeout"):
-            value = getattr(self, field)
-            if value is not None and not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{field} = {value!r}; allowed: a finite value > 0")
+        check_positive(self, "rate", "timeout")
 
 
 class FullState:

@@ -24,6 +24,7 @@ from scipy.special import gammainc
 
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from models.aerial.sensors import PositionSensor
+from sim.checks import check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.signals import Array, Estimate, Measurement, Status
 
@@ -43,10 +44,7 @@ class KalmanConfig:
     gust_floor: float = 0.05  # [m/s^2] least gust assumed: without any the filter would stop listening to its fixes
 
     def __post_init__(self) -> None:
-        for field in ("timeout", "start_position_std", "start_velocity_std", "noise_floor", "gust_floor"):
-            value = getattr(self, field)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{field} = {value!r}; allowed: a finite value > 0")
+        check_positive(self, "timeout", "start_position_std", "start_velocity_std", "noise_floor", "gust_floor")
 
 
 @dataclass(frozen=True, eq=False)

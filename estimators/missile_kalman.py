@@ -24,6 +24,7 @@ from estimators.carried_filter import carried_filter
 from models.missile.coordinates import STEP, Coordinates
 from models.missile.dynamics import Body, rotation
 from models.missile.mission import MissileMission
+from sim.checks import check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement, Status
@@ -47,9 +48,7 @@ class MissileKalmanConfig:
     noise_floor: float = 1e-3  # [m, m/s, rad, rad/s] least standard deviation that a reading is trusted with
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not (value is None and name == "rate") and not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+        check_positive(self, *vars(self))
 
 
 class MissileKalman:

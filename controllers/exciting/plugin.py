@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -26,6 +25,7 @@ from controllers.exciting.straight import Straight
 from controllers.exciting.then_track import ThenTrack
 from controllers.exciting.tracker import PathTracker
 from models.unicycle.mission import RangingMission
+from sim.checks import check, check_positive
 from sim.protocols import Planner, Tracker
 from sim.signals import Array
 
@@ -69,16 +69,13 @@ class ExcitingConfig:
     """of random inputs"""
 
     def __post_init__(self) -> None:
-        positive = ("speed", "cycle", "period", "horizon", "deviation", "sure_position", "sure_heading", "bandwidth")
-        for name in positive:
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+        check_positive(
+            self, "speed", "cycle", "period", "horizon", "deviation", "sure_position", "sure_heading", "bandwidth"
+        )
         for name in ("cycle", "horizon"):
             if getattr(self, name) > _LONGEST:
                 raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: at most {_LONGEST:g} s")
-        if not (math.isfinite(self.deviations) and self.deviations >= 0.0):
-            raise ValueError(f"deviations = {self.deviations!r}; allowed: a finite value >= 0")
+        check(self.deviations, "deviations", 0.0)
         if not 1 <= self.nodes <= _MOST_NODES:
             raise ValueError(f"nodes = {self.nodes!r}; allowed: 1 to {_MOST_NODES}")
         if self.seed < 1:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
+
+from sim.checks import check_positive
 
 
 def check_fields(config: Any, least_nodes: int, positive: tuple[str, ...]) -> None:
@@ -12,10 +13,7 @@ def check_fields(config: Any, least_nodes: int, positive: tuple[str, ...]) -> No
     The fields ``positive`` may also be None; ``nodes``, ``grid_nodes`` and ``grid_layers`` are checked always. Their
     upper limits are what still fits a machine.
     """
-    for name in positive:
-        value = getattr(config, name)
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+    check_positive(config, *positive)
     for name, least, most in (("nodes", least_nodes, 121), ("grid_nodes", 3, 513), ("grid_layers", 2, 65)):
         if not least <= getattr(config, name) <= most:
             raise ValueError(f"{name} = {getattr(config, name)}; allowed: {least} to {most}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
@@ -19,6 +18,7 @@ from controllers.flight.tracker import CriticallyDamped, tracking_bound
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
+from sim.checks import check
 from sim.protocols import Planner, Tracker
 
 _INSIDE = 1.0 - 1e-4  # the solver aims this far inside the bounds, so that its tolerance does not cost a plan
@@ -55,8 +55,7 @@ class FlightConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, 2, ("horizon", "beta", "bandwidth", "tolerance"))
-        if not (math.isfinite(self.margin) and self.margin >= 0.0):
-            raise ValueError(f"margin = {self.margin!r}; allowed: a finite value >= 0")
+        check(self.margin, "margin", 0.0)
         if self.backend not in ("condensed", "ipopt", "fatrop"):
             raise ValueError(f"backend = {self.backend!r}; allowed: condensed, ipopt, fatrop")
         widest = _UNEQUAL ** (1.0 / max(1, self.nodes - 2))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -19,6 +18,7 @@ from controllers.ocp.backend import Backend
 from controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from models.missile.coordinates import PLANAR
 from models.missile.mission import MissileMission
+from sim.checks import check_positive
 from sim.protocols import Planner, Tracker
 
 AutopilotName = Literal["feedback-linearisation", "tvlqr", "open-loop"]
@@ -56,10 +56,7 @@ class MissileConfig:
     """solver; auto is FATROP, compiled where there is a C compiler named cc"""
 
     def __post_init__(self) -> None:
-        for name in ("bandwidth", "replan_period", "commit"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+        check_positive(self, "bandwidth", "replan_period", "commit")
         if not 0.0 <= self.reserve < 1.0:
             raise ValueError(f"reserve = {self.reserve!r}; allowed: 0 <= reserve < 1")
         if not 4 <= self.nodes <= _MOST_NODES:

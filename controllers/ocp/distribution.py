@@ -7,7 +7,6 @@ is 1, and scaled states.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Protocol
@@ -16,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from controllers.ocp.monitors import ARCLENGTH, Monitor
+from sim.checks import check_positive
 from sim.signals import Array
 
 
@@ -111,7 +111,7 @@ class Equidistributed:
     constants: int = 1
 
     def __post_init__(self) -> None:
-        _check_positive("epsilon", self.epsilon)
+        check_positive(self, "epsilon")
         self.monitor.check_measure()
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
@@ -138,8 +138,7 @@ class FunctionalMinimised:
     constants: int = 0
 
     def __post_init__(self) -> None:
-        _check_positive("weight", self.weight)
-        _check_positive("epsilon", self.epsilon)
+        check_positive(self, "weight", "epsilon")
         self.monitor.check_measure()
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
@@ -165,7 +164,7 @@ class EquidistantHorizon:
     constants: int = 0
 
     def __post_init__(self) -> None:
-        _check_positive("epsilon", self.epsilon)
+        check_positive(self, "epsilon")
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
         return ca.SX(0, 1)
@@ -218,11 +217,6 @@ class FrontLoaded:
     def _first(self, count: int) -> int:
         """Intervals of the first part, at least one and not all."""
         return min(max(1, round(self.share_of_nodes * count)), max(1, count - 1))
-
-
-def _check_positive(name: str, value: float) -> None:
-    if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
 
 
 def constants_guess(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from models.textbook.mission import TextbookMission
+from sim.checks import check_positive
 from sim.number_lists import NumberList
 from sim.protocols import Planner, Tracker
 from sim.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
@@ -32,8 +33,7 @@ class InputSignalConfig:
     """of the sine [rad/s]"""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.frequency) and self.frequency > 0.0):
-            raise ValueError(f"frequency = {self.frequency!r}; allowed: a finite value > 0")
+        check_positive(self, "frequency")
 
 
 class InputSignal:

@@ -21,16 +21,9 @@ from scipy.special import chdtri
 
 from estimators.ranging.bank_kernels import condition_each, drop, predict_each
 from estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
-from estimators.ranging.model import (
-    STATES,
-    RangeModel,
-    Watch,
-    check_counts,
-    check_positive,
-    check_probability,
-    chi_square_gate,
-)
+from estimators.ranging.model import STATES, RangeModel, Watch, chi_square_gate
 from models.unicycle.mission import RangeQuality, RangingMission
+from sim.checks import check_counts, check_positive, check_probability
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement, Status

@@ -26,7 +26,6 @@ FROM_WHERE = "from most starts with two rays or more where the robot drives; sta
 _LEAST_VARIANCE = 1e-12  # [m^2/s^2, rad^2/s^2] of an input
 _DRAWN = 500  # poses that stand for "anywhere"
 _LASTING = 10  # readings in a row beyond the gate
-_MOST = 1_000_000  # of particles, hypotheses or candidates
 _SIMULTANEOUS = 1e-9  # [s]
 
 Flags = NDArray[np.bool_]
@@ -132,27 +131,3 @@ class Gate:
         self._beyond = np.where(squares > self._limit, self._beyond + 1, np.where(np.isnan(squares), self._beyond, 0))
         passed: Flags = np.isfinite(squares) & ((self._beyond == 0) | (self._beyond > _LASTING))
         return passed
-
-
-def check_positive(config: object, *names: str) -> None:
-    """ValueError for a field that is not a finite value > 0."""
-    for name in names:
-        value = getattr(config, name)
-        if not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
-
-
-def check_probability(config: object, *names: str) -> None:
-    """ValueError for a field that is not between 0 and 1."""
-    for name in names:
-        value = getattr(config, name)
-        if not 0.0 < value < 1.0:
-            raise ValueError(f"{name} = {value!r}; allowed: between 0 and 1")
-
-
-def check_counts(config: object, *names: str) -> None:
-    """ValueError for a field that is less than 1, or more than can be held."""
-    for name in names:
-        value = getattr(config, name)
-        if not 1 <= value <= _MOST:
-            raise ValueError(f"{name} = {value!r}; allowed: a whole number from 1 to {_MOST}")

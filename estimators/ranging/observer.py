@@ -20,13 +20,14 @@ from typing import Literal
 import numpy as np
 
 from estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
-from estimators.ranging.model import FROM_WHERE, Watch, check_positive
+from estimators.ranging.model import FROM_WHERE, Watch
 from estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
 from estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
 from estimators.ranging.range_rate_kernels import innovated, measured
 from estimators.ranging.readings import measured_input, usable_ranges
 from models.unicycle.kernels import moved
 from models.unicycle.mission import RangeQuality, RangingMission
+from sim.checks import check_positive
 from sim.number_lists import NumberList
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor

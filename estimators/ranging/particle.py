@@ -13,9 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.ranging.model import RangeModel, Watch, check_counts, check_positive, check_probability, chi_square_gate
+from estimators.ranging.model import RangeModel, Watch, chi_square_gate
 from estimators.ranging.particle_kernels import mode, propagate, roughen, weigh
 from models.unicycle.mission import RangeQuality, RangingMission
+from sim.checks import check_counts, check_positive, check_probability
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Integers, Measurement

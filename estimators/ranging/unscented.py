@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from estimators.ranging.kalman_kernels import expected_ranges, move, step_within
-from estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel, Watch, check_positive, check_probability
+from estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel, Watch
 from models.unicycle.kernels import moved_slopes, wrapped
 from models.unicycle.mission import RangeQuality, RangingMission
+from sim.checks import check_positive, check_probability
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement

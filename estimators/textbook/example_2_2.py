@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import casadi
 
-from estimators.textbook.law import ObserverLaw, check_positive, check_rates, check_system, identity
+from estimators.textbook.law import ObserverLaw, check_rates, check_system, identity
 from estimators.textbook.sampled_observer import SampledObserver
 from models.textbook.example_2_2 import EXAMPLE_2_2, observer
 from models.textbook.mission import TextbookMission
+from sim.checks import check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 
@@ -28,7 +29,7 @@ class Example22Config:
     def __post_init__(self) -> None:
         check_rates((self.alpha,), "alpha")
         check_rates((self.beta,), "beta")
-        check_positive(self.timeout, "timeout")
+        check_positive(self, "timeout")
 
 
 class Example22:

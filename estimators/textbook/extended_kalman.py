@@ -19,10 +19,10 @@ import casadi
 import numpy as np
 
 from estimators.carried_filter import carried_filter
-from estimators.textbook.law import check_positive
 from models.runge_kutta import dormand_prince
 from models.textbook.mission import TextbookMission
 from models.textbook.system import System
+from sim.checks import check, check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement, Status
@@ -45,12 +45,10 @@ class TextbookEkfConfig:
     """without a reading after which the estimate is lost [s]"""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.process) and self.process >= 0.0):
-            raise ValueError(f"process = {self.process!r}; allowed: a finite value >= 0")
+        check(self.process, "process", 0.0)
         if self.iterations < 1:
             raise ValueError(f"iterations = {self.iterations!r}; allowed: a whole number >= 1")
-        for name in ("noise_floor", "timeout"):
-            check_positive(getattr(self, name), name)
+        check_positive(self, "noise_floor", "timeout")
 
 
 class TextbookEkf:

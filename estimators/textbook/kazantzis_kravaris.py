@@ -21,12 +21,13 @@ from typing import Literal, get_args
 import casadi
 import numpy as np
 
-from estimators.textbook.law import ObserverLaw, check_positive, check_rates, identity
+from estimators.textbook.law import ObserverLaw, check_rates, identity
 from estimators.textbook.sampled_observer import SampledObserver
 from models.textbook.maps import inverse, of_numbers
 from models.textbook.mission import TextbookMission
 from models.textbook.power_series import solved
 from models.textbook.system import System
+from sim.checks import check_positive
 from sim.number_lists import NumberList
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
@@ -52,7 +53,7 @@ class KazantzisKravarisConfig:
         if self.form not in get_args(Form):
             raise ValueError(f"form = {self.form!r}; allowed: {', '.join(get_args(Form))}")
         check_rates(self.poles, "poles")
-        check_positive(self.timeout, "timeout")
+        check_positive(self, "timeout")
 
 
 @dataclass(frozen=True, eq=False)

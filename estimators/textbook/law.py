@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -40,9 +39,3 @@ def check_rates(values: Sequence[float], name: str) -> None:
     if not all(abs(value) <= LARGEST_RATE for value in values):
         allowed = f"finite values from -{LARGEST_RATE:g} to {LARGEST_RATE:g}"
         raise ValueError(f"{name} = {tuple(values)!r}; allowed: {allowed}")
-
-
-def check_positive(value: float, name: str) -> None:
-    """ValueError unless it is a finite number > 0."""
-    if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 import casadi
 import numpy as np
 
-from estimators.textbook.law import ObserverLaw, check_positive, check_rates, check_system
+from estimators.textbook.law import ObserverLaw, check_rates, check_system
 from estimators.textbook.sampled_observer import SampledObserver
 from models.textbook.library import SYSTEMS
 from models.textbook.maps import of_numbers
 from models.textbook.mission import TextbookMission
+from sim.checks import check_positive
 from sim.number_lists import NumberList
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
@@ -32,7 +33,7 @@ class OutputInjectionConfig:
 
     def __post_init__(self) -> None:
         check_rates(self.poles, "poles")
-        check_positive(self.timeout, "timeout")
+        check_positive(self, "timeout")
 
 
 class OutputInjection:

@@ -31,11 +31,12 @@ At psi = r = v = y_e = 0 and F_y = N = 0 that is the pitch plane. The tests hold
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi
+
+from sim.checks import check_positive
 
 TICK = 1e-3
 """[s] of the missile's physics"""
@@ -68,10 +69,7 @@ class Body:
     gravity: float = 9.8  # [m/s^2] g
 
     def __post_init__(self) -> None:
-        for name in ("mass", "inertia", "axial_inertia", "gravity"):  # the cost weighs forces against the weight
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+        check_positive(self, "mass", "inertia", "axial_inertia", "gravity")  # the cost weighs forces against the weight
         if self.axial_inertia > 2.0 * self.inertia:
             raise ValueError(
                 f"axial_inertia = {self.axial_inertia!r}; no body has more than twice inertia = {self.inertia!r}"

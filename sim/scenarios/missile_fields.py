@@ -8,7 +8,7 @@ from typing import Literal
 
 from models.missile.coordinates import Coordinates
 from models.missile.dynamics import TICK
-from sim.scenarios.checks import check, check_rate
+from sim.checks import check, check_rate
 
 Point = tuple[float, float, float]
 

@@ -28,6 +28,7 @@ from models.aerial.sensors import AccelerationSensor, Dropout
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, terrain_names
 from models.terrain.visibility import Radar
+from sim.checks import check, check_rate
 from sim.faults import CorruptedPlan, Delayed, Disturbance, Disturbed, FailingSolver, Gusts, PositionJumps
 from sim.log import Recording
 from sim.loop import Agent
@@ -35,7 +36,6 @@ from sim.metrics import TimedRadar, flight_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, checked_sensors, load
 from sim.protocols import Planner, Plant, Sensor
-from sim.scenarios.checks import check, check_rate
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.signals import Array, Estimate, Message, Plan, PlanRequest

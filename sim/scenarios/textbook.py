@@ -20,13 +20,13 @@ from models.textbook.camera_and_flags import camera_and_flags
 from models.textbook.library import SYSTEMS
 from models.textbook.mission import TICK, TextbookMission
 from models.textbook.system import System
+from sim.checks import check, check_rate
 from sim.convergence import decay_rate
 from sim.log import Recording
 from sim.loop import Agent
 from sim.number_lists import NumberList
 from sim.ode_plant import OdePlant, OdeVehicle
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
-from sim.scenarios.checks import check, check_rate
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.signals import Array, Status

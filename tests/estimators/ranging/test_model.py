@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,9 +13,6 @@ from estimators.ranging.model import (
     Gate,
     RangeModel,
     Watch,
-    check_counts,
-    check_positive,
-    check_probability,
     chi_square_gate,
 )
 from models.field.curve import Curve
@@ -173,22 +169,3 @@ def test_it_initialises_until_a_range_is_seen_and_is_lost_after_the_timeout() ->
     assert status(10.5, lost) is Status.OK
     assert status(10.51, lost) is Status.LOST
     assert status(10.52, seen) is Status.OK
-
-
-# ---- fields
-
-
-@pytest.mark.parametrize(
-    ("check", "good", "bad"),
-    [
-        (check_positive, (1e-9, 1.0, 1e9), (0.0, -1.0, math.inf, math.nan)),
-        (check_probability, (1e-9, 0.5, 0.999), (0.0, 1.0, -0.1, 2.0, math.nan)),
-        (check_counts, (1, 1000, 1_000_000), (0, -1, 1_000_001)),
-    ],
-)
-def test_a_field_is_refused_by_its_name(check: object, good: tuple[float, ...], bad: tuple[float, ...]) -> None:
-    for value in good:
-        check(SimpleNamespace(one=value, two=1e-3), "one")  # type: ignore[operator]
-    for value in bad:
-        with pytest.raises(ValueError, match=r"one = .*; allowed: "):
-            check(SimpleNamespace(one=value, two=1e-3), "one")  # type: ignore[operator]

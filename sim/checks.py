@@ -1,0 +1,47 @@
+"""What fields are held to; each check raises ValueError that names the field, its value and what is allowed."""
+
+from __future__ import annotations
+
+import math
+
+_MOST = 1_000_000  # of anything that is held in memory
+
+
+def check(value: float, name: str, low: float, high: float = math.inf, *, open_low: bool = False) -> None:
+    """A finite value from ``low``, which with ``open_low`` it must exceed, to ``high``."""
+    allowed = f"{'>' if open_low else '>='} {low:g}" + (f" and <= {high:g}" if high < math.inf else "")
+    inside = low < value <= high if open_low else low <= value <= high
+    if not (math.isfinite(value) and inside):
+        raise ValueError(f"{name} = {value!r}; allowed: a finite value {allowed}")
+
+
+def check_rate(rate: float, name: str, tick: float) -> None:
+    """A rate [Hz] whose period is a whole number of physics ticks [s]."""
+    check(rate, name, 0.0, 1.0 / tick + 1e-9, open_low=True)
+    every = 1.0 / (rate * tick)  # [ticks]
+    if abs(every - round(every)) > 1e-9:
+        raise ValueError(f"{name} = {rate!r}; allowed: {1.0 / tick:g} Hz over a whole number")
+
+
+def check_positive(fields: object, *names: str) -> None:
+    """Finite values > 0; a field may also be None."""
+    for name in names:
+        value = getattr(fields, name)
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+
+
+def check_probability(fields: object, *names: str) -> None:
+    """Values between 0 and 1, neither of which is allowed."""
+    for name in names:
+        value = getattr(fields, name)
+        if not 0.0 < value < 1.0:
+            raise ValueError(f"{name} = {value!r}; allowed: between 0 and 1")
+
+
+def check_counts(fields: object, *names: str) -> None:
+    """Whole numbers of what is to be held in memory, from 1 on."""
+    for name in names:
+        value = getattr(fields, name)
+        if not 1 <= value <= _MOST:
+            raise ValueError(f"{name} = {value!r}; allowed: a whole number from 1 to {_MOST}")

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 
-from sim.commands.errors import INTERRUPTED, BadInputError
+from sim.commands.errors import INTERRUPTED, PIPE_CLOSED, BadInputError
 
 COMMANDS = {
     "list": ("sim.commands.listing", "what is installed: controllers, estimators, scenarios, studies, terrains"),
@@ -41,10 +41,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"mathnavi {version('mathnavi')}")
         return 0
     try:
-        return _command(arguments[0])(arguments[1:])
+        code = _command(arguments[0])(arguments[1:])
+        sys.stdout.flush()  # so that a reader that has gone is told of here
+        return code
     except BadInputError as error:
         print(f"mathnavi: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
+    except BrokenPipeError:  # whoever read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
     except KeyboardInterrupt:
         print("mathnavi: interrupted", file=sys.stderr)
         return INTERRUPTED

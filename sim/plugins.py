@@ -54,6 +54,11 @@ def names(kind: str) -> tuple[str, ...]:
     return tuple(sorted(point.name for point in entry_points(group=GROUPS[kind])))
 
 
+def called(kind: str, place: str) -> str:
+    """What the command line calls the class at "package.module:Class": its entry point, or that place itself."""
+    return next((point.name for point in entry_points(group=GROUPS[kind]) if point.value == place), place)
+
+
 def load(kind: str, name: str) -> Any:
     """The plug-in called ``name``, or the class at "package.module:Class".
 
@@ -148,7 +153,7 @@ def _called(kind: str, part: Part, method: str, mission: Any) -> Any:
     """What a plug-in's method makes of its configuration and a mission."""
     if wanted := _unfit(part.plugin, mission):
         raise ValueError(
-            f"{kind}: {part.name!r} is for a {wanted} and this scenario has a {type(mission).__name__}; "
+            f"{kind}: {called(kind, part.name)!r} is for a {wanted} and this scenario has a {type(mission).__name__}; "
             f"allowed: {', '.join(_fitting(kind, mission))}, or package.module:Class"
         )
     try:
@@ -156,7 +161,7 @@ def _called(kind: str, part: Part, method: str, mission: Any) -> Any:
     except Exception as error:
         if isinstance(error, ValueError) and "allowed" in str(error):
             raise  # it refuses its configuration or the mission, and says why
-        raise ValueError(f"{kind}: {part.name!r}: {method}() failed: {_told(error)}") from error
+        raise ValueError(f"{kind}: {called(kind, part.name)!r}: {method}() failed: {_told(error)}") from error
 
 
 def _unfit(plugin: Any, mission: Any) -> str:

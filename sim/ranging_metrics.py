@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.unicycle.entity import RADIUS
 from models.unicycle.mission import RangingMission
@@ -36,19 +37,22 @@ class Errors:
     t: Array  # (n,) [s]
     difference: Array  # (n, 3) [m, m, rad] estimate less truth, modulo the symmetry of the wall; NaN before the first
     nees: Array  # (n,) e' P^-1 e; NaN without a covariance
+    found: NDArray[np.bool_]  # (n,) whether the estimator had an estimate
 
     @staticmethod
     def of(recording: Recording, name: str, mission: RangingMission) -> Errors:
         """Of one robot's run."""
         truths, estimates = recording.truths[name], recording.agents[name].estimates
         difference, P = np.full((len(truths), 3), np.nan), np.full((len(truths), 3, 3), np.nan)
+        found = np.zeros(len(truths), dtype=bool)
         for k, newest in enumerate(_newest(recording, name)):
             if newest >= 0:
                 difference[k] = mission.difference(estimates[newest].x, truths[k, :3])
+                found[k] = estimates[newest].status is not Status.INITIALISING
                 covariance = estimates[newest].covariance
                 if covariance is not None:
                     P[k] = covariance
-        return Errors(recording.t, difference, normalised_error_squared(difference, P))
+        return Errors(recording.t, difference, normalised_error_squared(difference, P), found)
 
     @property
     def position(self) -> Array:
@@ -72,8 +76,8 @@ class Errors:
         return rms(self.position[self.last]) < POSITION and rms(self.heading[self.last]) < HEADING
 
     def last_above(self, position: float = POSITION, heading: float = HEADING) -> float:
-        """[s] the last look at which an error is above either [m], [rad]; 0 if there is none."""
-        above = np.flatnonzero(~((self.position <= position) & (self.heading <= heading)))
+        """[s] the last look without an estimate, or with an error above either [m], [rad]; 0 if there is none."""
+        above = np.flatnonzero(~((self.position <= position) & (self.heading <= heading) & self.found))
         return float(self.t[above[-1]]) if len(above) else 0.0
 
 

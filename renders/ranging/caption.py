@@ -12,13 +12,14 @@ from renders.film import Frame
 from renders.palette import Part
 from renders.ranging.run_data import RangingRun
 from renders.ranging.storyboard import length, notices
+from sim.plugins import called
 from sim.signals import Status
 
 
 def words(run: RangingRun, frame: Frame, labels: Sequence[Label]) -> Words:
     """The words of a frame, with ``labels`` beside places."""
     config, k = run.log.config, run.belief(frame.t)
-    estimator = str(config["estimator"]["name"]).rpartition(":")[2].replace("_", " ")
+    estimator = called("estimators", str(config["estimator"]["name"])).rpartition(":")[2].replace("_", " ")
     l = run.mission.sensors  # noqa: E741
     title = [
         f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']}",

@@ -18,6 +18,7 @@ from renders.film import Frame
 from renders.palette import Picture
 from renders.textbook.board import Board
 from renders.textbook.run_data import TextbookRun
+from sim.plugins import called
 
 INCHES_HIGH = 6.4  # of a picture, whatever its pixels
 
@@ -36,7 +37,7 @@ class BoardPainter:
         """(height, width, 3)."""
         run = self.board.run
         self.board.show(frame.t)
-        estimator = str(run.log.config["estimator"]["name"]).partition(":")[2]
+        estimator = called("estimators", str(run.log.config["estimator"]["name"])).rpartition(":")[2]
         scenario, seed = run.log.config["scenario"], run.log.config["seed"]
         told = f"{frame.t:.2f} s, {pace(frame, run.duration)}"
         self.heading.set_text(f"mathnavi · {scenario} · {estimator} · seed {seed} · {told}")

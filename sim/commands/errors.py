@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 INTERRUPTED = 130  # exit code: what a shell calls a process that ended by SIGINT
+PIPE_CLOSED = 141  # likewise by SIGPIPE
 
 
 class BadInputError(ValueError):

@@ -28,7 +28,7 @@ from sim.commands.summary import verdict, warnings
 from sim.log import Recording
 from sim.loop import Agent
 from sim.playback import RecordedInputs, RecordedPlant, RecordedRun
-from sim.plugins import Part, names
+from sim.plugins import Part, called, names
 from sim.scenarios.experiment import Experiment, Outcome
 from sim.signals import Array
 
@@ -69,7 +69,7 @@ def main(argv: Sequence[str]) -> int:
         with bad_input():
             outcome.write(out)
     console = Console()
-    console.print(f"{estimator} over {folder}: {verdict(outcome)}", style="bold", highlight=False)
+    console.print(f"{estimator} over {folder}: {verdict(outcome, 'the estimator')}", style="bold", highlight=False)
     for warning in warnings(outcome.recording):
         console.print(f"warning: {warning}", style="bold", highlight=False)
     console.print(_comparison(order, saved, log, outcome))
@@ -178,7 +178,7 @@ def _comparison(order: Order, saved: Saved, log: RunLog, outcome: Outcome) -> Ta
     ]
     table = Table(title="errors, root mean square", title_justify="left", box=None, padding=(0, 2, 0, 0))
     table.add_column("of", style="dim")
-    for who in (f"recorded: {saved.estimator.partition(':')[2]}", order.common.estimator):
+    for who in (f"recorded: {called('estimators', saved.estimator)}", order.common.estimator):
         table.add_column(who, justify="right")
         table.add_column("last quarter", justify="right")
     for name in found[1]:

@@ -17,12 +17,12 @@ from sim.signals import Event
 UNTOLD = ("seed", "version", SHORTFALL)  # stand elsewhere
 
 
-def verdict(outcome: Outcome) -> str:
-    """Whether the mission did what it should, and if not, why."""
+def verdict(outcome: Outcome, subject: str = "the mission") -> str:
+    """Whether the mission, or what else was run, did what it should, and if not, why."""
     if outcome.success:
-        return "the mission did what it should"
+        return f"{subject} did what it should"
     why = outcome.summary.get(SHORTFALL)
-    return f"the mission did NOT do what it should{f': {why}' if why else ''}"
+    return f"{subject} did NOT do what it should{f': {why}' if why else ''}"
 
 
 def warnings(recording: Recording) -> list[str]:

@@ -120,7 +120,7 @@ class RangeLocalisationConfig:
     turn_rate_max: float = 2.0
     """bound of the turn rate [rad/s]"""
     margin: float = 0.3
-    """distance of the robot's centre to the wall that it shall keep, and that a drawn start keeps [m]"""
+    """distance of the robot's centre to the wall that plans and drawn starts keep; wheels that slip may not [m]"""
     outage: tuple[tuple[float, float], ...] = ()
     """T0 T1: no ranges from T0 to T1 [s]; may be given several times"""
     noise: Noise = dataclasses.field(default_factory=Noise)

@@ -318,3 +318,23 @@ def test_a_truth_value_can_be_given_either_way(mission: tuple[str, ...], tmp_pat
         out = tmp_path / flag
         assert main(["run", *mission, *radar, flag, "--out", str(out)]) == 0
         assert json.loads((out / "config.json").read_text(encoding="utf-8"))["fields"]["radar_known"] is known
+
+
+def test_a_reader_that_has_seen_enough_is_no_error() -> None:
+    with subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            "from sim.cli import main; raise SystemExit(main())",
+            "run",
+            "range-localisation",
+            "--help",
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as command:
+        assert command.stdout is not None
+        assert command.stderr is not None
+        command.stdout.close()
+        assert command.stderr.read() == b""
+    assert command.returncode == 141

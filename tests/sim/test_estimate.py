@@ -89,7 +89,7 @@ def test_another_estimator_sees_the_same_readings(
     run = folder / "oscillation"
     assert main(["estimate", "textbook_ekf", str(run), "--out", str(tmp_path / "ekf")]) == 0
     told = capsys.readouterr().out
-    assert "recorded: OutputInjection" in told
+    assert "recorded: output_injection" in told
     assert "x_1 [-]" in told
     one, other = arrays(run), arrays(tmp_path / "ekf")
     for name in ("t", "truth.x", "measurement.output", "command.u", "plan.u", "plan.adopted"):

@@ -40,13 +40,6 @@ class FeasibleSet:
         return np.vstack([self.points, *(curve.points for curve in self.curves)])
 
 
-def value(outputs: RangeOutputs, x: Array, y: Array) -> float:
-    """V_y(x) = |h(x) - y|^2 [m^2], nought on FS_y and only there; infinite outside the wall (Definition C.10)."""
-    r = outputs.at(x)[0] - y
-    v = float(r @ r)
-    return v if math.isfinite(v) else math.inf
-
-
 def feasible_set(outputs: RangeOutputs, y: Array, step: float = 0.01, grid: int = 96, slices: int = 24) -> FeasibleSet:
     """FS_y of a reading y (l,) [m], its curves at points ``step`` apart.
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from estimators.observability.continuation import End, TracedCurve
-from estimators.observability.feasible_set import FeasibleSet, feasible_set, value
+from estimators.observability.feasible_set import FeasibleSet, feasible_set
 from estimators.observability.range_outputs import RangeOutputs
 from models.field.curve import Curve
 from sim.signals import Array
@@ -27,6 +27,13 @@ from tests.estimators.observability.fields import (
 )
 
 STEP = 0.01
+
+
+def value(outputs: RangeOutputs, x: Array, y: Array) -> float:
+    """V_y(x) = |h(x) - y|^2 [m^2], nought on FS_y and only there; infinite outside the wall."""
+    r = outputs.at(x)[0] - y
+    v = float(r @ r)
+    return v if math.isfinite(v) else math.inf
 
 
 def chart(poses: Array) -> Array:

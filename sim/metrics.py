@@ -23,7 +23,9 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "estimate": (
         "converged", "position_rms_m", "heading_rms_deg", "convergence_time_s", "position_error_max_m",
         "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "initialising_s", "lost_s",
-        "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped", "escape_time_s",
+        "velocity_rms", "position_rms", "velocity_rms_last_quarter", "velocity_error_start", "velocity_error_end",
+        "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",
+        "escape_time_s",
     ),
     "mission": ("arrived", "arrival_time_s", "deadline_s", "planned_time_s", "flight_time_s", "run_time_s"),
     "path": (
@@ -32,9 +34,10 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "safety": (
         "min_clearance_m", "wall_clearance_min_m", "ground_contacts", "touched_wall", "speed_max_m_s",
-        "missed_passes", "guarantee_lost",
+        "missed_passes", "guarantee_lost", "speed_max",
     ),
     "tracking": (
+        "attitude_rms_rad", "settled_at_s",
         "tracking_breaches", "tracking_error_max_m", "tracking_bound_m", "rebased_plans",
         "saturated_s", "inputs_clipped",
     ),
@@ -42,7 +45,19 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
 }  # fmt: skip
 # By the end of a name; the longer first.
-UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_ms": "ms", "_s": "s", "_m": "m"}
+UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "ms", "_s": "s", "_m": "m"}
+# What a name alone does not say. A velocity without a unit in its name is one of joints, of a body or of a point.
+LABELS = {
+    "velocity_rms": ("velocity error, RMS once settled", "rad/s, m/s"),
+    "position_rms": ("distance of positions, RMS once settled", ""),
+    "velocity_rms_last_quarter": ("|Δv| in the metric, RMS of the last quarter", ""),
+    "velocity_error_start": ("|Δv| in the metric, at the start", ""),
+    "velocity_error_end": ("|Δv| in the metric, at the end", ""),
+    "found_from_s": ("velocity known to one percent after", "s"),
+    "speed_max": ("highest speed |v| in the metric", ""),
+    "attitude_rms_rad": ("angle to the reference, RMS once settled", "rad"),
+    "settled_at_s": ("settled on the reference after", "s"),
+}
 SHORTFALL = "shortfall"  # the summary's key of what a run did not do; without it the mission did what it should
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
 REJECTIONS = ("low-clearance", "off-map", "bounds", "deadline", "no-arrival", "wrong-start")
@@ -69,6 +84,8 @@ def label(key: str) -> tuple[str, str]:
     """The readable name and the unit ("" for none) of a key of the summary."""
     if key.startswith("solve_ms_"):
         return f"solve time {key.removeprefix('solve_ms_')}", "ms"
+    if key in LABELS:
+        return LABELS[key]
     end = next((end for end in UNITS if key.endswith(end)), "")
     return key.removesuffix(end).replace("_", " "), UNITS.get(end, "")
 

@@ -1,8 +1,9 @@
 """A plant whose physics is MuJoCo: named vehicles in one compiled model, with their sensors.
 
-A vehicle NAME is everything in the model whose name starts with ``NAME/``: its joints (slides and hinges) are its
-state, (qpos, qvel), and its actuators, in the order of the model, its input, unless a drive stands in between. The
-plant steps the ``mujoco.MjModel`` itself and counts ticks in whole numbers, so that time does not drift.
+A vehicle NAME is everything in the model whose name starts with ``NAME/``: its joints (slides, hinges and balls) are
+its state, (qpos, qvel), and its actuators, in the order of the model, its input, unless a drive stands in between. A
+ball joint has four positions, a unit quaternion, and three velocities, in the frame of what it carries. The plant steps
+the ``mujoco.MjModel`` itself and counts ticks in whole numbers, so that time does not drift.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.input_bounds import input_bound
+from sim.joint_states import BALL, HINGE, SLIDE, quaternions, state_names, with_unit_quaternions
 from sim.loop import whole_ticks
 from sim.own_sensors import OwnSensors
 from sim.protocols import Drive, Sensor
 from sim.sensing import mounted
 from sim.signals import Array, Event, Measurement
 
-_SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
 _GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
 
 
@@ -74,25 +75,26 @@ class _Vehicle:
             known = sorted({model.joint(j).name.partition("/")[0] for j in range(model.njnt)})
             raise ValueError(f"the model has no vehicle {name!r}; it has {known}")
         kinds = [int(model.jnt_type[j]) for j in joints]
-        if not set(kinds) <= {_SLIDE, _HINGE}:
-            raise ValueError(f"vehicle {name!r} has joints other than slides and hinges")
-        q, v = _slice(model.jnt_qposadr[joints]), _slice(model.jnt_dofadr[joints])
+        if not set(kinds) <= {SLIDE, HINGE, BALL}:
+            raise ValueError(f"vehicle {name!r} has joints other than slides, hinges and balls")
+        positions, velocities = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        turns = kinds[-1] == BALL
+        q = _slice(joints, int(positions[0]), int(positions[-1]) + (4 if turns else 1))
+        v = _slice(joints, int(velocities[0]), int(velocities[-1]) + (3 if turns else 1))
         self.motion = JointMotion(data.qpos[q], data.qvel[v], data.qacc[v], sensed)
-        self.actuators = data.ctrl[_slice(np.array(actuators))] if actuators else data.ctrl[:0]
+        self.actuators = data.ctrl[_slice(actuators, actuators[0], actuators[-1] + 1)] if actuators else data.ctrl[:0]
         self.drive = equipment.drive
         self.control = np.zeros(self.drive.input_size) if self.drive else self.actuators  # the input that acts
         self.wrench = data.xfrc_applied[int(model.jnt_bodyid[joints[0]])]  # force and torque, world frame
-        self.slides = [(i, model.jnt_axis[j].copy()) for i, j in enumerate(joints) if kinds[i] == _SLIDE]
+        slides = [j for j in joints if model.jnt_type[j] == SLIDE]
+        self.slides = [(int(model.jnt_qposadr[j]) - q.start, model.jnt_axis[j].copy()) for j in slides]
+        self.slide_rates = [int(model.jnt_dofadr[j]) - v.start for j in slides]
+        self.quaternions = quaternions(model, joints)
         self.geoms = frozenset(
             g for g in range(model.ngeom) if model.body(int(model.geom_bodyid[g])).name.startswith(f"{name}/")
         )
-        names = [model.joint(j).name.partition("/")[2] for j in joints]
-        units = ["m" if kind == _SLIDE else "rad" for kind in kinds]
         self.stands_on = frozenset(equipment.stands_on)
-        self.state_names = (
-            *(f"position_{joint} [{unit}]" for joint, unit in zip(names, units, strict=True)),
-            *(f"velocity_{joint} [{unit}/s]" for joint, unit in zip(names, units, strict=True)),
-        )
+        self.state_names = state_names(model, joints)
         self.place(equipment.start, "start")
         self.bounded = input_bound(name, equipment.input_max, len(self.control))
         self.delay = whole_ticks(equipment.delay, float(model.opt.timestep), "delay") if equipment.delay != 0.0 else 0
@@ -105,11 +107,12 @@ class _Vehicle:
         self.disturbed = False
 
     def place(self, state: Array, what: str) -> None:
-        """Set the joints; ValueError for a state that does not fit them."""
-        x, joints = np.asarray(state, dtype=np.float64), len(self.motion.q)
-        if x.shape != (2 * joints,) or not np.isfinite(x).all():
-            raise ValueError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {2 * joints} finite numbers")
-        self.motion.q[:], self.motion.v[:] = x[:joints], x[joints:]
+        """Set the joints; ValueError for a state that does not fit them, a quaternion not of length 1 for one."""
+        x, nq, size = np.asarray(state, dtype=np.float64), len(self.motion.q), len(self.state_names)
+        if x.shape != (size,) or not np.isfinite(x).all():
+            raise ValueError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {size} finite numbers")
+        q = with_unit_quaternions(x[:nq], self.quaternions, f"vehicle {self.name!r}: {what}")
+        self.motion.q[:], self.motion.v[:] = q, x[nq:]
 
 
 class MujocoPlant:
@@ -295,7 +298,7 @@ class MujocoPlant:
             for thing in sorted(now.keys() - vehicle.touched):
                 slides = [i for i, _ in vehicle.slides]  # joints that turn tell nothing of its place
                 where = np.round(vehicle.motion.q[slides], 1).tolist()
-                speed = float(np.linalg.norm(vehicle.motion.v[slides]))
+                speed = float(np.linalg.norm(vehicle.motion.v[vehicle.slide_rates]))
                 message = f"touches {thing} at {where} with {speed:.1f} m/s"
                 events.append(Event(self.t, vehicle.name, now[thing], message))
                 vehicle.contacts += 1
@@ -321,9 +324,8 @@ def _geom(model: mujoco.MjModel, vehicle: str, name: str) -> int:
         raise ValueError(f"vehicle {vehicle!r}: stands_on: there is no geom {name!r} in the model") from None
 
 
-def _slice(indices: Array) -> slice:
-    """The slice that holds these indices: a view into MuJoCo's arrays instead of a copy."""
-    first, last = int(indices[0]), int(indices[-1])
-    if last - first + 1 != len(indices):
-        raise ValueError(f"the joints or actuators of a vehicle do not lie together in the model: {indices.tolist()}")
-    return slice(first, last + 1)
+def _slice(indices: Sequence[int], first: int, end: int) -> slice:
+    """From ``first`` to ``end``: a view into MuJoCo's arrays; ValueError if the indices do not lie together."""
+    if list(indices) != list(range(indices[0], indices[-1] + 1)):
+        raise ValueError(f"the joints or actuators of a vehicle do not lie together in the model: {list(indices)}")
+    return slice(first, end)

@@ -25,7 +25,7 @@ class Motion(Protocol):
 
     @property
     def acceleration(self) -> Array:
-        """(nx / 2,) the rate of the velocities over the last tick, disturbances included."""
+        """(nv,) the rate of the velocities in the state over the last tick, disturbances included."""
         ...
 
     def sensed(self, name: str) -> Array:

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from models.textbook.mission import TextbookMission
 from sim.checks import check_positive
 from sim.number_lists import NumberList
 from sim.protocols import Planner, Tracker
@@ -19,6 +20,45 @@ from sim.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
 
 _PERIODS = 100  # of the mission, from one plan to the next
 _SIMULTANEOUS = 1e-9  # [s]
+
+
+class DrivenSystem(Protocol):
+    """What an input signal has to know of a system."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """(nu,) name and unit of each."""
+        ...
+
+    @property
+    def constant(self) -> tuple[float, ...]:
+        """(nu,) of the signal where nothing else is asked for."""
+        ...
+
+    @property
+    def amplitude(self) -> tuple[float, ...]:
+        """(nu,)"""
+        ...
+
+    @property
+    def flow(self) -> Callable[[Array, Array, float], Array]:
+        """The state after an input (nu,) was held for so long [s]."""
+        ...
+
+
+@runtime_checkable
+class DrivenMission(Protocol):
+    """A system that an input drives, and the period over which an input is held."""
+
+    @property
+    def system(self) -> DrivenSystem:
+        """What is driven."""
+        ...
+
+    @property
+    def period(self) -> float:
+        """[s]"""
+        ...
 
 
 @dataclass(frozen=True)
@@ -42,7 +82,7 @@ class InputSignal:
     Config = InputSignalConfig
 
     @staticmethod
-    def build(config: InputSignalConfig, mission: TextbookMission) -> tuple[Planner, Tracker]:
+    def build(config: InputSignalConfig, mission: DrivenMission) -> tuple[Planner, Tracker]:
         """ValueError for a signal with another number of inputs than the system has."""
         signal = Signal(
             _of_each_input(config.constant, mission.system.constant, mission, "constant"),
@@ -67,7 +107,7 @@ class Signal:
 class SignalPlanner:
     """Estimate to the signal's next values."""
 
-    def __init__(self, signal: Signal, mission: TextbookMission) -> None:
+    def __init__(self, signal: Signal, mission: DrivenMission) -> None:
         self.period = _PERIODS * mission.period
         self._signal, self._mission = signal, mission
 
@@ -100,7 +140,7 @@ class PlanHolder:
         return held
 
 
-def _of_each_input(given: tuple[float, ...], own: tuple[float, ...], mission: TextbookMission, name: str) -> Array:
+def _of_each_input(given: tuple[float, ...], own: tuple[float, ...], mission: DrivenMission, name: str) -> Array:
     inputs = mission.system.inputs
     if given and len(given) != len(inputs):
         raise ValueError(f"{name} = {given!r}; allowed: one number for each of {', '.join(inputs) or 'no inputs'}")

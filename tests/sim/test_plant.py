@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
 from models.aerial.dynamics import TICK, flow
 from models.aerial.entity import build_model
 from models.aerial.sensors import AccelerationSensor, Dropout, FullStateSensor, PositionSensor
+from models.manifold.attitude import Attitude
+from models.mechanism.entity import build_model as build_mechanism
 from models.missile.coordinates import PLANAR, SPATIAL, Coordinates
 from models.missile.entity import build_model as build_missile
 from models.terrain.height_field import HeightField
@@ -367,3 +370,74 @@ def test_a_vehicle_goes_on_from_where_it_is_put(terrain: HeightField) -> None:
     for state in (elsewhere[:5], elsewhere * np.nan):
         with pytest.raises(ValueError, match=r"vehicle 'uav': state = .*; allowed: 6 finite numbers"):
             plant.place("uav", state)
+
+
+BALLS = """<mujoco><option timestep=".001" integrator="RK4" gravity="0 0 0"/><worldbody>
+  <body name="v/cart"><joint name="v/x" type="slide" axis="1 0 0"/><geom size=".1" mass="1"/>
+    <body name="v/top"><joint name="v/ball" type="ball"/><inertial pos="0 0 0" mass="1" diaginertia=".05 .05 .05"/>
+      <body name="v/arm" pos="0 0 1"><joint name="v/y" type="slide" axis="0 1 0"/>
+        <inertial pos="0 0 0" mass=".001" diaginertia="1e-6 1e-6 1e-6"/></body></body></body></worldbody>
+  <actuator><motor name="v/push" joint="v/x"/><motor name="v/turn" joint="v/ball" gear="0 0 1"/></actuator></mujoco>"""
+
+
+def with_balls(state: Any) -> MujocoPlant:
+    model = mujoco.MjModel.from_xml_string(BALLS)
+    return MujocoPlant(model, {"v": Equipment(np.array(state), (FullStateSensor(),))}, np.random.default_rng(0))
+
+
+TURNED = [0.1, 0.5, 0.5, -0.5, 0.5, 0.2, 1.0, 2.0, -3.0, 4.0, 0.3]
+
+
+def test_a_ball_joint_has_four_positions_and_three_velocities() -> None:
+    plant = with_balls(TURNED)
+    assert plant.state_names("v") == (
+        "position_x [m]", *(f"position_ball_{axis} [-]" for axis in "wxyz"), "position_y [m]",
+        "velocity_x [m/s]", *(f"velocity_ball_{axis} [rad/s]" for axis in "xyz"), "velocity_y [m/s]",
+    )  # fmt: skip
+    np.testing.assert_array_equal(plant.state("v"), TURNED)
+    np.testing.assert_array_equal(plant.sense("v")[0].value, TURNED)
+    plant.displace("v", np.array([1.0, 2.0, 0.0]))
+    np.testing.assert_allclose(plant.state("v")[[0, 5]], [1.1, 2.2])
+    np.testing.assert_array_equal(plant.state("v")[1:5], TURNED[1:5])
+
+
+def test_a_quaternion_stays_one() -> None:
+    plant = with_balls(TURNED)
+    for _ in range(500):
+        plant.step({"v": np.array([1.0, 0.1])})
+        assert abs(np.linalg.norm(plant.state("v")[1:5]) - 1.0) < 1e-15 * 4.0
+    rounded = np.array(TURNED) + 3e-7 * np.eye(11)[2]
+    plant.place("v", rounded)
+    assert abs(np.linalg.norm(plant.state("v")[1:5]) - 1.0) < 1e-15
+
+
+@pytest.mark.parametrize("quaternion", [[0.0] * 4, [2.0, 0.0, 0.0, 0.0], [1.0, 0.1, 0.0, 0.0]])
+def test_what_is_no_quaternion_is_refused(quaternion: list[float]) -> None:
+    plant, state = with_balls(TURNED), [0.1, *quaternion, *TURNED[5:]]
+    with pytest.raises(ValueError, match=r"vehicle 'v': state = .* quaternion of length .*; allowed: 1"):
+        plant.place("v", np.array(state))
+    np.testing.assert_array_equal(plant.state("v"), TURNED)
+    with pytest.raises(ValueError, match="vehicle 'v': start = "):
+        with_balls(state)
+    with pytest.raises(ValueError, match="allowed: 11 finite numbers"):
+        plant.place("v", np.zeros(10))
+
+
+def test_a_free_joint_is_refused() -> None:
+    free = '<mujoco><worldbody><body name="v/b"><freejoint name="v/f"/><geom size=".1"/></body></worldbody></mujoco>'
+    with pytest.raises(ValueError, match="other than slides, hinges and balls"):
+        MujocoPlant(mujoco.MjModel.from_xml_string(free), {"v": Equipment(np.zeros(13))}, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("omega", [[10.0, 0.0, 0.0], [3.0, -6.0, 7.0], [0.1, 0.2, 0.0]])
+def test_the_rigid_body_moves_along_a_geodesic_of_s3(omega: list[float]) -> None:
+    space, x = Attitude(), np.array([0.5, 0.5, -0.5, 0.5])
+    plant = MujocoPlant(
+        build_mechanism("rigid-body", name="body"), {"body": Equipment(np.concatenate([x, omega]))},
+        np.random.default_rng(0),
+    )  # fmt: skip
+    plant.step({}, 5000)
+    after = plant.state("body")
+    expected = space.exp(x, 5.0 * np.array(omega))
+    assert space.distance(after[:4], expected) < 5e-10  # half the angle [rad]
+    np.testing.assert_allclose(after[4:], omega, atol=1e-9)

@@ -1,0 +1,80 @@
+"""The plug-in ``attitude_tracking``: a rigid body follows a reference attitude, intrinsically on S^3."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.intrinsic.law import TrackingGains
+from controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
+from models.manifold.attitude import Attitude
+from models.manifold.mission import LagrangianMission
+from sim.checks import check
+from sim.protocols import Planner, Tracker
+from sim.signals import Array
+
+_FASTEST = 100.0  # [rad/s]
+_RATIOS = np.array([1.0, 0.8, 0.6])  # of the frequencies about the axes of the body
+_PHASES = np.array([0.0, 2.0, 4.0])  # [rad]
+
+
+@dataclass(frozen=True)
+class AttitudeTrackingConfig:
+    """Fields of ``--planner``."""
+
+    k_p: float = 9.0
+    """of the attitude [1/s^2]"""
+    k_d: float = 6.0
+    """of the rate [1/s]"""
+    rate: float = 1.0
+    """of the reference about every axis, at most; nought: it stays at the attitude (1, 0, 0, 0) [rad/s]"""
+    frequency: float = 1.5
+    """with which the rate about the first axis goes to and fro [rad/s]"""
+
+    def __post_init__(self) -> None:
+        TrackingGains(self.k_p, self.k_d)
+        check(self.rate, "rate", 0.0, _FASTEST)
+        check(self.frequency, "frequency", 0.0, _FASTEST, open_low=True)
+
+
+class AttitudeTracking:
+    """A rigid body follows a reference attitude, intrinsically on S^3."""
+
+    Config = AttitudeTrackingConfig
+
+    @staticmethod
+    def build(config: AttitudeTrackingConfig, mission: LagrangianMission) -> tuple[Planner, Tracker]:
+        """ValueError for a mission whose configurations are not attitudes."""
+        manifold = mission.system.manifold
+        if not isinstance(manifold, Attitude):
+            raise ValueError(f"controller = attitude_tracking on {manifold.name}; allowed: on {Attitude.name}")
+        reference = AttitudeReference(config.rate, config.frequency, mission.period)
+        gains = TrackingGains(config.k_p, config.k_d)
+        return ReferencePlanner(reference, mission), IntrinsicTracker(gains, mission)
+
+
+class AttitudeReference:
+    """omega_r = rate sin(ratio_i frequency t + phase_i), i = 1, 2, 3, from the attitude (1, 0, 0, 0) on.
+
+    Over a period the attitude turns by the rate in the middle of it.
+    """
+
+    def __init__(self, rate: float, frequency: float, period: float) -> None:
+        self._rate, self._frequencies, self._period = rate, frequency * _RATIOS, period
+        self._manifold = Attitude()
+        self._attitudes = [self._manifold.origin]
+
+    def state(self, k: int) -> Array:
+        while len(self._attitudes) <= k:
+            middle = self._omega((len(self._attitudes) - 0.5) * self._period)
+            self._attitudes.append(self._manifold.exp(self._attitudes[-1], self._period * middle))
+        return np.concatenate([self._attitudes[k], self._omega(k * self._period)])
+
+    def acceleration(self, k: int) -> Array:
+        turned: Array = np.cos(self._frequencies * (k * self._period) + _PHASES)
+        return self._rate * self._frequencies * turned
+
+    def _omega(self, t: float) -> Array:
+        omega: Array = self._rate * np.sin(self._frequencies * t + _PHASES)
+        return omega

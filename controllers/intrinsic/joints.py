@@ -1,0 +1,75 @@
+"""The plug-in ``joint_tracking``: a mechanism's joints go to and fro, every one at a frequency of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.intrinsic.law import TrackingGains
+from controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
+from models.manifold.mission import LagrangianMission
+from models.mechanism.geometry import MechanismManifold
+from sim.checks import check
+from sim.protocols import Planner, Tracker
+from sim.signals import Array
+
+_FASTEST = 100.0  # [rad/s]
+_LARGEST = 10.0  # [rad, m]
+_SPREAD = 0.37  # of the frequency, by which the last joint's is above the first one's
+
+
+@dataclass(frozen=True)
+class JointTrackingConfig:
+    """Fields of ``--planner``."""
+
+    k_p: float = 100.0
+    """of the position [1/s^2]"""
+    k_d: float = 20.0
+    """of the velocity [1/s]"""
+    amplitude: float = 0.8
+    """of every joint [rad, m]"""
+    frequency: float = 2.5
+    """of the first joint; those after it are faster [rad/s]"""
+
+    def __post_init__(self) -> None:
+        TrackingGains(self.k_p, self.k_d)
+        check(self.amplitude, "amplitude", 0.0, _LARGEST)
+        check(self.frequency, "frequency", 0.0, _FASTEST, open_low=True)
+
+
+class JointTracking:
+    """A mechanism's joints go to and fro, every one at a frequency of its own."""
+
+    Config = JointTrackingConfig
+
+    @staticmethod
+    def build(config: JointTrackingConfig, mission: LagrangianMission) -> tuple[Planner, Tracker]:
+        """ValueError for a mission of another kind, with ball joints, or with fewer motors than joints."""
+        manifold = mission.system.manifold
+        if not isinstance(manifold, MechanismManifold) or manifold.size != manifold.dimension:
+            raise ValueError(f"controller = joint_tracking on {manifold.name}; allowed: on slides and hinges")
+        reference = JointReference(config, manifold, mission.period)
+        gains = TrackingGains(config.k_p, config.k_d)
+        return ReferencePlanner(reference, mission), IntrinsicTracker(gains, mission)
+
+
+class JointReference:
+    """q_r = q_0 + amplitude sin(w_i t), from where the model has its joints at rest."""
+
+    def __init__(self, config: JointTrackingConfig, manifold: MechanismManifold, period: float) -> None:
+        n = manifold.dimension
+        self._manifold, self._period, self._amplitude = manifold, period, config.amplitude
+        self._w = config.frequency * (1.0 + _SPREAD * np.arange(n) / max(1, n - 1))
+
+    def state(self, k: int) -> Array:
+        turned = self._w * (k * self._period)
+        q = self._manifold.origin + self._amplitude * np.sin(turned)
+        return np.concatenate([q, self._amplitude * self._w * np.cos(turned)])
+
+    def acceleration(self, k: int) -> Array:
+        """q'' + Gamma(q', q')."""
+        n, state = self._manifold.size, self.state(k)
+        bend = self._manifold.christoffel(state[:n], state[n:], state[n:])
+        a: Array = bend - self._amplitude * self._w**2 * np.sin(self._w * (k * self._period))
+        return a

@@ -1,0 +1,80 @@
+"""Intrinsic tracking on a configuration manifold: an estimate (x, v) after a reference (x_r, v_r), in no coordinates.
+
+    D_t v = PT_{x_r -> x} D_t v_r + k_p log_x x_r + k_d (PT_{x_r -> x} v_r - v),
+
+under which a force-free space has the error dynamics e'' + k_d e' + k_p e = 0 to first order. The input u is that for
+which the system's force is this: force is affine in u, and of systems with as many inputs as dimensions invertible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.manifold.manifold import CutLocusError
+from models.manifold.system import LagrangianSystem
+from sim.checks import check_positive
+from sim.signals import Array
+
+_SINGULAR = 1e-9  # of the largest singular value of the inputs' effect
+
+
+@dataclass(frozen=True)
+class TrackingGains:
+    """Of the position and of the velocity."""
+
+    k_p: float  # [1/s^2]
+    k_d: float  # [1/s]
+
+    def __post_init__(self) -> None:
+        check_positive(self, "k_p", "k_d")
+
+
+class InverseForce:
+    """The input of a system for a force that is wanted; ValueError where inputs do not move every direction."""
+
+    def __init__(self, system: LagrangianSystem) -> None:
+        manifold, inputs = system.manifold, system.inputs
+        n = manifold.dimension
+        self._system, self._none, self._units = system, np.zeros(len(inputs)), np.eye(len(inputs))
+        effect = self._effect(manifold.origin, np.zeros(manifold.vector_size))[1]
+        values = np.linalg.svd(effect, compute_uv=False)
+        if effect.shape != (n, n) or values[-1] <= _SINGULAR * values[0]:
+            raise ValueError(
+                f"{manifold.name}: {len(inputs)} inputs that move {int((values > _SINGULAR * values[0]).sum())} of its "
+                f"{n} dimensions; allowed for tracking: one for each"
+            )
+
+    def __call__(self, x: Array, v: Array, wanted: Array) -> Array:
+        """u (nu,) with force(x, v, u) = ``wanted``, a tangent vector at x."""
+        without, effect = self._effect(x, v)
+        u = np.linalg.solve(effect, self._system.manifold.components(x, wanted) - without)
+        return np.asarray(u, dtype=np.float64)
+
+    def _effect(self, x: Array, v: Array) -> tuple[Array, Array]:
+        """The components of the force without an input, and what a unit of each input adds (n, nu)."""
+        system, components = self._system, self._system.manifold.components
+        without = components(x, system.force(x, v, self._none))
+        columns = [components(x, system.force(x, v, unit)) - without for unit in self._units]
+        return without, np.stack(columns, axis=1) if columns else np.empty((len(without), 0))
+
+
+def wanted_force(
+    system: LagrangianSystem, gains: TrackingGains, state: Array, reference: Array, feedforward: Array
+) -> Array:
+    """D_t v at an estimate (x, v) after a reference (x_r, v_r) that the input ``feedforward`` (nu,) keeps on its way.
+
+    Half a turn away from the reference, where no way back is the shortest, the velocity only is damped.
+    """
+    manifold = system.manifold
+    n = manifold.size
+    x, v, x_r, v_r = state[:n], state[n:], reference[:n], reference[n:]
+    try:
+        off = manifold.log(x, x_r)
+        a = manifold.transport(x_r, x, system.force(x_r, v_r, feedforward))
+        v_there = manifold.transport(x_r, x, v_r)
+    except CutLocusError:
+        return -gains.k_d * v
+    wanted: Array = a + gains.k_p * off + gains.k_d * (v_there - v)
+    return wanted

@@ -1,0 +1,70 @@
+"""Planner and tracker of a reference motion: plans hold its states, the tracker keeps the estimate on them."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+import numpy as np
+
+from controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
+from models.manifold.mission import LagrangianMission
+from sim.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+
+_PERIODS = 100  # of the mission, from one plan to the next
+_SIMULTANEOUS = 1e-9  # [s]
+
+
+class Reference(Protocol):
+    """A motion that is to be followed."""
+
+    def state(self, k: int) -> Array:
+        """(x_r, v_r) at the k-th period of the mission."""
+        ...
+
+    def acceleration(self, k: int) -> Array:
+        """D_t v_r there, a tangent vector at x_r."""
+        ...
+
+
+class ReferencePlanner:
+    """The reference's next states, whatever the estimate says, with the inputs that would keep it on its way."""
+
+    def __init__(self, reference: Reference, mission: LagrangianMission) -> None:
+        self.period = _PERIODS * mission.period
+        self._reference, self._step, self._size = reference, mission.period, mission.system.manifold.size
+        self._inverse = InverseForce(mission.system)
+
+    def plan(self, request: PlanRequest) -> Plan:
+        began = time.thread_time()
+        if not np.isfinite(request.estimate.x).all():
+            return Plan.failure(Status.NOT_FINITE, f"the estimate is {request.estimate.x.tolist()}")
+        first = round(request.t_start / self._step)
+        periods = range(first, first + 2 * _PERIODS + 1)
+        x = np.array([self._reference.state(k) for k in periods])
+        n = self._size
+        u = [
+            self._inverse(row[:n], row[n:], self._reference.acceleration(k)) for k, row in zip(periods, x, strict=True)
+        ]
+        phase = np.full(len(u) - 1, int(Phase.OPTIMISED), dtype=np.int64)
+        t = self._step * np.array(periods, dtype=np.float64)
+        return Plan(t, x, np.array(u[:-1]), phase, solve_ms=1e3 * (time.thread_time() - began))
+
+
+class IntrinsicTracker:
+    """The law of ``law`` on a plan's states, one a period."""
+
+    def __init__(self, gains: TrackingGains, mission: LagrangianMission) -> None:
+        self.period = mission.period
+        self._gains, self._system = gains, mission.system
+        self._inverse = InverseForce(mission.system)
+        self._none = np.zeros(len(mission.system.inputs))
+
+    def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        """u (nu,): none while the estimator has no estimate."""
+        if estimate.status is Status.INITIALISING:
+            return self._none
+        arc = min(max(int(np.searchsorted(plan.t, t + _SIMULTANEOUS, side="right")) - 1, 0), len(plan.u) - 1)
+        wanted = wanted_force(self._system, self._gains, estimate.x, plan.x[arc], plan.u[arc])
+        n = self._system.manifold.size
+        return self._inverse(estimate.x[:n], estimate.x[n:], wanted)

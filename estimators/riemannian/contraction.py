@@ -1,0 +1,90 @@
+"""Where the observer (D.6) is a strict contraction: the matrix of (D.20) on spaces of constant curvature.
+
+Two neighbouring trajectories of the observer differ by (a, b), the horizontal and the vertical part of a tangent vector
+to TX, and in an orthonormal frame that is transported along
+
+    D_t (a, b) = [M N; P Q] (a, b),
+    M = -A Hess S - A' grad S (grad S)',       N = 1,       Q b = C kappa (<b, G> eta + <eta, G> b - 2 <eta, b> G),
+    P a = R(eta - A G, a) eta - B Hess S a - Hess U a + nabla_a Phi + C kappa (<eta, H a> eta - |eta|^2 H a),
+
+with G = grad S, H = Hess S (D.14), Phi the force transported from x to xi and R(X, Y) Z = kappa (<Y, Z> X - <X, Z> Y).
+In the generalised Sasaki metric W = [a c; c b] > 0 the squared distance of the two changes by (a, b)' L (a, b),
+
+    L = W [M N; P Q] + [M N; P Q]' W,
+
+so (D.6) contracts with the rate -lambda / 2 where the largest eigenvalue lambda of W^-1 L is negative. The terms of P
+and Q that are multiplied by C have the opposite sign in (D.20) as printed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh
+
+from estimators.riemannian.gains import Gains
+from models.manifold.two_point import TwoPoint
+from sim.signals import Array
+
+
+@dataclass(frozen=True)
+class SasakiMetric:
+    """W = [a c; c b]; ValueError unless it is positive definite."""
+
+    a: float = 1.0
+    b: float = 0.33
+    c: float = -0.5
+
+    def __post_init__(self) -> None:
+        values = (self.a, self.b, self.c)
+        if not (all(map(math.isfinite, values)) and self.a > 0.0 and self.a * self.b > self.c**2):
+            raise ValueError(f"(a, b, c) = {values!r}; allowed: a > 0 and a b > c^2")
+
+    def matrix(self, n: int) -> Array:
+        """(2 n, 2 n) in an orthonormal frame."""
+        return np.kron(np.array([[self.a, self.c], [self.c, self.b]]), np.eye(n))
+
+
+def linearised(pair: TwoPoint, eta: Array, gains: Gains, force: Array | None = None) -> Array:
+    """[M N; P Q] (2 n, 2 n) in ``frame(xi)`` for the observer at (xi, eta), with a force at x if there is one."""
+    space, n, kappa = pair.space, pair.space.dimension, pair.space.kappa
+    frame = space.frame(pair.xi)
+    G, rate = space.components(pair.xi, pair.at_xi), space.components(pair.xi, eta)
+    H = np.stack([space.components(pair.xi, pair.hessian(column)) for column in frame.T], axis=1)
+    A, B, C = gains.position(pair.theta), gains.velocity(), gains.curved(pair.theta)
+    drift = rate - A * G
+    M = -A * H - gains.position_slope(pair.theta) * np.outer(G, G)
+    P = kappa * (np.outer(drift, rate) - (drift @ rate) * np.eye(n)) - B * H
+    P += C * kappa * (np.outer(rate, rate) - (rate @ rate) * np.eye(n)) @ H
+    P += gains.curved_slope(pair.theta) * kappa * np.outer((rate @ G) * rate - (rate @ rate) * G, G)
+    Q = C * kappa * (np.outer(rate, G) + (rate @ G) * np.eye(n) - 2.0 * np.outer(G, rate))
+    if force is not None:
+        P += _transported_along_xi(pair, force, frame)
+    return np.block([[M, np.eye(n)], [P, Q]])
+
+
+def lie_derivative(pair: TwoPoint, eta: Array, gains: Gains, metric: SasakiMetric, force: Array | None = None) -> Array:
+    """L (2 n, 2 n) of (D.20) in ``frame(xi)``."""
+    W, J = metric.matrix(pair.space.dimension), linearised(pair, eta, gains, force)
+    half: Array = W @ J
+    return half + half.T
+
+
+def largest_eigenvalue(
+    pair: TwoPoint, eta: Array, gains: Gains, metric: SasakiMetric, force: Array | None = None
+) -> float:
+    """[1/s] of W^-1 L: negative where the observer is a strict contraction."""
+    L = lie_derivative(pair, eta, gains, metric, force)
+    return float(eigh(L, metric.matrix(pair.space.dimension), eigvals_only=True)[-1])
+
+
+def _transported_along_xi(pair: TwoPoint, force: Array, frame: Array) -> Array:
+    """nabla_a Phi (n, n): Phi is K' F, so it changes by what K_|beta makes of F (D.18), read at xi."""
+    space = pair.space
+    columns = []
+    for a in frame.T:
+        slope = [space.inner(pair.x, force, pair.transport_along_xi(w, a)) for w in frame.T]
+        columns.append(slope)
+    return np.array(columns).T

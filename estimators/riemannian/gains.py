@@ -1,0 +1,96 @@
+"""Gains A, B and C of the observer (D.6), as functions of S = dist(x, xi)^2 / 2.
+
+    constant    A = 2 zeta omega, B = omega^2: with zeta = 1 a double pole at -omega
+    printed     A = 3 (1 + S) / sqrt(S + 1e-7), B = 3 (D.5)
+
+and of the curvature term
+
+    minus-one   C = -1, as in the example (D.5)
+    matched     C = -2 Upsilon(S) / kappa = -tan(theta / 2) / (theta / 2), tanh where kappa < 0 (Theorem D.2, which
+                calls for it with S in Upsilon; at S = 0 it is -1)
+    none        C = 0
+    plus-one    C = 1, what (D.20) calls so but for the sign of its C terms
+
+with theta = sqrt(2 S), the distance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+GainName = Literal["constant", "printed"]
+CurvatureName = Literal["minus-one", "matched", "none", "plus-one"]
+
+_CONSTANT_C = {"minus-one": -1.0, "none": 0.0, "plus-one": 1.0}
+_SMALL = 1e-4  # [rad] below which tan(a) / a is 1 to 3e-9
+_PRINTED_B, _PRINTED_FLOOR = 3.0, 1e-7
+
+
+@dataclass(frozen=True)
+class Gains:
+    """A [1/s], B [1/s^2] and C by the distance theta between x and xi, on a space of curvature ``kappa``."""
+
+    bandwidth: float = 10.0  # omega [1/s]
+    damping: float = 1.0  # zeta
+    law: GainName = "constant"
+    curvature: CurvatureName = "minus-one"
+    kappa: float = 1.0
+
+    def position(self, theta: float) -> float:
+        """A [1/s]."""
+        if self.law == "constant":
+            return 2.0 * self.damping * self.bandwidth
+        S = 0.5 * theta * theta
+        return _PRINTED_B * (1.0 + S) / math.sqrt(S + _PRINTED_FLOOR)
+
+    def position_slope(self, theta: float) -> float:
+        """dA / dS [1/s]."""
+        if self.law == "constant":
+            return 0.0
+        S = 0.5 * theta * theta + _PRINTED_FLOOR
+        slope: float = _PRINTED_B * (S - 0.5 * (1.0 + S - _PRINTED_FLOOR)) / S**1.5
+        return slope
+
+    def velocity(self) -> float:
+        """B [1/s^2]."""
+        return self.bandwidth**2 if self.law == "constant" else _PRINTED_B
+
+    def curved(self, theta: float) -> float:
+        """C."""
+        if self.curvature != "matched":
+            return _CONSTANT_C[self.curvature]
+        half = 0.5 * theta
+        if half < _SMALL or self.kappa == 0.0:
+            return -1.0
+        return -(math.tan(half) if self.kappa > 0.0 else math.tanh(half)) / half
+
+    def curved_slope(self, theta: float) -> float:
+        """dC / dS."""
+        half = 0.5 * theta
+        if self.curvature != "matched" or self.kappa == 0.0:
+            return 0.0
+        if half < _SMALL:
+            return -self.kappa / 6.0
+        if self.kappa > 0.0:
+            return -(half / math.cos(half) ** 2 - math.tan(half)) / (4.0 * half**3)
+        return -(half / math.cosh(half) ** 2 - math.tanh(half)) / (4.0 * half**3)
+
+    def weights(self, theta: float, h: float) -> tuple[float, float]:
+        """alpha and beta [1/s] of a reading h [s] after the one before: see ``sampled``."""
+        if self.law == "printed":
+            return -math.expm1(-self.position(theta) * h), self.velocity() * h
+        decay, turn = 0.5 * self.position(theta), self.bandwidth**2 * (1.0 - self.damping**2)
+        alpha, rho = -math.expm1(-2.0 * decay * h), math.exp(-decay * h)
+        # (1 - rho_1)(1 - rho_2) of the poles rho e^(+-i w h), w^2 = turn, without cancellation where h is short.
+        if turn >= 0.0:
+            bend = 2.0 * math.sin(0.5 * math.sqrt(turn) * h) ** 2
+        else:
+            bend = -2.0 * math.sinh(0.5 * math.sqrt(-turn) * h) ** 2
+        return alpha, (math.expm1(-decay * h) ** 2 + 2.0 * rho * bend) / h
+
+    def disturbed_weights(self, h: float) -> tuple[float, float, float]:
+        """alpha, beta [1/s] and gamma [1/s^2] of three poles at rho = e^(-omega h)."""
+        rho, left = math.exp(-self.bandwidth * h), -math.expm1(-self.bandwidth * h)
+        return 1.0 - rho**3, 1.5 * left**2 * (1.0 + rho) / h, left**3 / h**2

@@ -1,0 +1,134 @@
+"""The plug-in ``riemannian_observer``: velocities from positions and forces, without coordinates (Paper D)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+
+from estimators.riemannian.gains import CurvatureName, GainName, Gains
+from estimators.riemannian.sampled import SampledObserver
+from estimators.velocity.position_observer import PositionObserver
+from estimators.velocity.readings import Persistence
+from models.manifold.mission import LagrangianMission
+from models.manifold.system import LagrangianSystem
+from sim.checks import check, check_positive
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+from sim.signals import Array
+
+_FASTEST = 1e4  # [1/s]
+
+
+@dataclass(frozen=True)
+class RiemannianObserverConfig:
+    """Fields of ``--estimator``."""
+
+    bandwidth: float = 10.0
+    """omega of the constant gains A = 2 zeta omega and B = omega^2 [1/s]"""
+    damping: float = 1.0
+    """zeta"""
+    gains: GainName = "constant"
+    """constant, or as the example of D.5 prints them"""
+    curvature: CurvatureName = "minus-one"
+    """C: -1, that of Theorem D.2, none or 1"""
+    disturbance: bool = False
+    """whether a force that the model lacks is estimated too, and transported"""
+    share: float = 0.9
+    """of the injectivity radius, within which readings are used"""
+    timeout: float = 0.5
+    """without a usable reading after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "damping", "timeout")
+        check(self.bandwidth, "bandwidth", 0.0, _FASTEST, open_low=True)
+        check(self.share, "share", 0.0, 1.0, open_low=True)
+        for name, kind in (("gains", GainName), ("curvature", CurvatureName)):
+            if getattr(self, name) not in get_args(kind):
+                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: {', '.join(get_args(kind))}")
+        if self.disturbance and (self.gains != "constant" or self.damping != 1.0):
+            raise ValueError(
+                f"disturbance = True with gains = {self.gains} and damping = {self.damping:g}; allowed: with constant "
+                "gains and damping = 1"
+            )
+
+
+class RiemannianObserver:
+    """The intrinsic observer (D.6) of a Lagrangian system."""
+
+    Config = RiemannianObserverConfig
+
+    @staticmethod
+    def build(config: RiemannianObserverConfig, mission: LagrangianMission) -> PositionObserver:
+        """ValueError for the matched C where the curvature is not the same everywhere."""
+        return PositionObserver(_Intrinsic(config, mission.system), mission, config.timeout)
+
+    @staticmethod
+    def sensors(config: RiemannianObserverConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: RiemannianObserverConfig, mission: LagrangianMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: RiemannianObserverConfig) -> ObserverProperties:
+        """Table 2.1."""
+        if config.gains == "printed":
+            return ObserverProperties(
+                Domain.NONE, Rate.NONE, InputDependence.UNIFORM, Domain.LOCAL, Domain.GLOBAL,
+                note="the position converges; A ~ S^(-1/2) makes S = 0 a sliding set on which the velocity error stays",
+            )  # fmt: skip
+        return ObserverProperties(
+            Domain.SEMI_GLOBAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
+            note="from xi = x and any velocity up to about 3 omega, within the injectivity radius",
+        )  # fmt: skip
+
+
+class _Intrinsic:
+    """A ``VelocityLaw``. Readings beyond the share of the injectivity radius are refused, until they last."""
+
+    def __init__(self, config: RiemannianObserverConfig, system: LagrangianSystem) -> None:
+        manifold = system.manifold
+        if config.curvature == "matched" and manifold.kappa is None:
+            raise ValueError(
+                f"curvature = 'matched' on {manifold.name}; allowed where the curvature is not constant: minus-one, "
+                "none, plus-one"
+            )
+        kappa = manifold.kappa or 0.0
+        self._config, self._system = config, system
+        self._gains = Gains(config.bandwidth, config.damping, config.gains, config.curvature, kappa)
+        self._observer: SampledObserver | None = None
+        self._distance = np.nan
+
+    @property
+    def state(self) -> Array:
+        assert self._observer is not None
+        return np.concatenate([self._observer.xi, self._observer.eta])
+
+    @property
+    def extra(self) -> dict[str, Array]:
+        """The distance between the last reading and what was predicted of it, and the disturbance."""
+        delta = None if self._observer is None else self._observer.delta
+        nothing = np.zeros(self._system.manifold.vector_size)
+        return {"innovation": np.array([self._distance]), "disturbance": nothing if delta is None else delta}
+
+    def start(self, y: Array) -> None:
+        config = self._config
+        self._distance, self._persistence = 0.0, Persistence()
+        self._observer = SampledObserver(self._system, self._gains, y, disturbed=config.disturbance, share=config.share)
+
+    def predict(self, h: float, u: Array, y: Array | None) -> None:
+        assert self._observer is not None
+        self._observer.predict(h, u, y)
+
+    def correct(self, y: Array, h: float) -> bool:
+        assert self._observer is not None
+        found = self._observer.correct(y, h)
+        self._distance = found.distance
+        if not self._persistence.admits(found.accepted):
+            return False
+        if not found.accepted:
+            self.start(y)
+        return True

@@ -1,0 +1,97 @@
+"""The observer (D.6) between readings and at them, for a sensor of any rate.
+
+Between readings (xi, eta) moves as the system does, a geodesic that the force bends:
+
+    xi^- = exp_xi(h eta + h^2 F / 2),    eta^- = PT_{xi -> xi^-}(eta + h F / 2) + h F^- / 2,
+
+F and F^- being the force at both ends, each brought from where the system was measured to where the observer is. At a
+reading y, h after the one before, with L = log_{xi^-} y = -grad S,
+
+    xi = exp_{xi^-}(alpha L),    eta = PT_{xi^- -> xi}(eta^- + beta L + h C R(eta^-, -L)),
+
+    alpha = 1 - rho_1 rho_2,  beta = (1 - rho_1)(1 - rho_2) / h,  rho_i = e^(lambda_i h)        constant gains
+    alpha = 1 - e^(-A h),  beta = B h                                                  gains that depend on S
+
+is stable for every h, lambda_i being the roots of lambda^2 + A lambda + B. With a disturbance delta that the force
+lacks, which is transported as the velocity is, there are three poles at rho = e^(-omega h):
+
+    alpha = 1 - rho^3,  beta = 3/2 (1 - rho)^2 (1 + rho) / h,  delta = delta^- + gamma L,  gamma = (1 - rho)^3 / h^2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.riemannian.gains import Gains
+from models.manifold.manifold import is_beyond
+from models.manifold.system import LagrangianSystem
+from sim.signals import Array
+
+
+@dataclass(frozen=True)
+class Innovation:
+    """What a reading said."""
+
+    distance: float  # theta between it and the prediction
+    accepted: bool  # whether it was within the share of the injectivity radius
+
+
+class SampledObserver:
+    """(xi, eta) and, with ``disturbed``, delta; started at xi = the first reading, eta = 0 (Theorem D.2)."""
+
+    def __init__(
+        self, system: LagrangianSystem, gains: Gains, start: Array, *, disturbed: bool = False, share: float = 1.0
+    ) -> None:
+        self._system, self._manifold, self._gains = system, system.manifold, gains
+        self._share = share  # of the injectivity radius that a reading may be away
+        self.xi = system.manifold.check(start)
+        self.eta = np.zeros(system.manifold.vector_size)
+        self.delta: Array | None = np.zeros(system.manifold.vector_size) if disturbed else None
+        self._measured: Array | None = self.xi  # where the system was when it was last read; None once that is old
+
+    def predict(self, h: float, u: Array, y: Array | None = None) -> None:
+        """Move on by h [s] with the input u (nu,) held, at the end of which the system is at y, if it was read."""
+        manifold, before = self._manifold, self.xi
+        F = self._force(self._measured, u)
+        after = manifold.exp(before, h * self.eta + (0.5 * h * h) * F)
+        half = manifold.transport(before, after, self.eta + (0.5 * h) * F)
+        if self.delta is not None:
+            self.delta = manifold.transport(before, after, self.delta)
+        # A force that depends on the velocity is that at the velocity it leads to.
+        self.eta = manifold.transport(before, after, self.eta + h * F) if self._system.damped else half
+        self.xi = after
+        self._measured = None if y is None or is_beyond(manifold, after, y, self._share) else y
+        self.eta = half + (0.5 * h) * self._force(self._measured, u)
+
+    def correct(self, y: Array, h: float) -> Innovation:
+        """Condition on a reading y, h [s] after the one before."""
+        manifold, before = self._manifold, self.xi
+        theta = manifold.distance(before, y)
+        if is_beyond(manifold, before, y, self._share):
+            self._measured = None
+            return Innovation(theta, accepted=False)
+        L = manifold.log(before, y)
+        gamma = 0.0
+        if self.delta is None:
+            alpha, beta = self._gains.weights(theta, h)
+        else:
+            alpha, beta, gamma = self._gains.disturbed_weights(h)
+        turn = h * self._gains.curved(theta) * manifold.curvature(before, self.eta, -L)
+        after = manifold.exp(before, alpha * L)
+        self.eta = manifold.transport(before, after, self.eta + beta * L + turn)
+        if self.delta is not None:
+            self.delta = manifold.transport(before, after, self.delta + gamma * L)
+        self.xi = after
+        return Innovation(theta, accepted=True)
+
+    def _force(self, measured: Array | None, u: Array) -> Array:
+        """At xi: that at the measured position, brought there; that at xi itself where there is none."""
+        system, manifold = self._system, self._manifold
+        if measured is None:
+            F = system.force(self.xi, self.eta, u)
+        else:
+            v = manifold.transport(self.xi, measured, self.eta) if system.damped else self.eta
+            F = manifold.transport(measured, self.xi, system.force(measured, v, u))
+        return F if self.delta is None else F + self.delta

@@ -1,0 +1,136 @@
+"""A Kalman filter of the error of (x, v) of a Lagrangian system, about where its equations of motion lead.
+
+    x' = v,    D_t v = F(x, v, u) + w,        y = x + noise,
+
+w white with the density q^2 on every component. The state is a point of the tangent bundle, the error e = (a, b) in
+2 n numbers about it, see ``tangent_bundle``. The state is carried on by ``LagrangianSystem.flow``, the error by a
+``Propagation``, of which the kinds of filters differ. A reading is L = a + noise, the coordinates of y about x, and so
+linear in e: all kinds condition alike,
+
+    S = H P H' + R,  K = P H' S^-1,  e = K L,  P = (1 - K H) P (1 - K H)' + K R K',        H = (1 0),
+
+after which e is put into the state. R is the variance of noise and rounding. A reading is refused if its L' S^-1 L
+exceeds what that of a good one exceeds with the given probability (chi-square, n degrees of freedom), unless ten before
+it were refused as well: what lasts is no outlier but the filter's error, and it takes it as it is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from scipy.special import chdtri
+
+from estimators.velocity.readings import Persistence, innovation, reading_variance
+from estimators.velocity.tangent_bundle import TangentBundle
+from models.manifold.mission import LagrangianMission
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.signals import Array
+
+
+@dataclass(frozen=True)
+class FilterModel:
+    """What a filter believes of its errors."""
+
+    acceleration: float  # q [rad/s^1.5, m/s^1.5]
+    noise_floor: float  # [rad, m] least standard deviation that a reading is trusted with
+    gate: float  # probability with which a good reading is refused
+
+
+class Propagation(Protocol):
+    """How a covariance is carried on by a map of errors."""
+
+    def __call__(self, errors: Callable[[Array], Array], P: Array) -> tuple[Array, Array]:
+        """Mean (2 n,) and covariance (2 n, 2 n) of errors(e), e of mean nought and covariance P; errors(0) = 0."""
+        ...
+
+
+class ErrorStateFilter:
+    """A ``VelocityLaw``; ``deviation`` (2 n,) are standard deviations of e, ``nis`` (2,) L' S^-1 L and n."""
+
+    def __init__(self, model: FilterModel, mission: LagrangianMission, propagation: Propagation) -> None:
+        self._model, self._mission, self._propagation = model, mission, propagation
+        self._system, self._manifold = mission.system, mission.system.manifold
+        self._n = self._manifold.dimension
+        self._bundle, self._limit = TangentBundle(self._manifold), float(chdtri(self._n, model.gate))
+        self.covariance = np.full((2 * self._n, 2 * self._n), np.nan)  # P, of e
+        self._nis = math.nan
+
+    @property
+    def state(self) -> Array:
+        return self._state
+
+    @property
+    def extra(self) -> Mapping[str, Array]:
+        return {
+            "deviation": np.sqrt(np.diag(self.covariance)),
+            "nis": np.array([self._nis, math.nan if math.isnan(self._nis) else float(self._n)]),
+        }
+
+    def start(self, y: Array) -> None:
+        """With P of a first reading, and of a velocity that may be as great as the mission says."""
+        manifold = self._manifold
+        self._state = np.concatenate([y, np.zeros(manifold.vector_size)])
+        self._R = np.maximum(reading_variance(self._mission, y), self._model.noise_floor**2)
+        lengths = np.array([manifold.norm(y, manifold.vector(y, axis)) for axis in np.eye(self._n)])
+        self.covariance = np.diag(np.concatenate([self._R, np.square(self._mission.speed_max / lengths)]))
+        self._persistence, self._nis = Persistence(), math.nan
+
+    def predict(self, h: float, u: Array, y: Array | None) -> None:
+        bundle, before = self._bundle, self._state
+        after = self._system.flow(before, u, h)
+
+        def errors(e: Array) -> Array:
+            return bundle.difference(self._system.flow(bundle.sum(before, e), u, h), after)
+
+        mean, P = self._propagation(errors, self.covariance)
+        self._put(after, mean, P + self._process(h))
+        self._nis = math.nan
+
+    def correct(self, y: Array, h: float) -> bool:
+        n, P = self._n, self.covariance
+        L = innovation(self._manifold, self._state[: self._manifold.size], y)
+        if L is None:
+            return self._beyond(y)
+        R = np.diag(self._R)
+        solved = np.linalg.solve(P[:n, :n] + R, np.column_stack([P[:n], L]))  # S^-1 (H P, L)
+        gain = solved[:, :-1].T
+        self._nis = float(L @ solved[:, -1])
+        if not self._persistence.admits(self._nis <= self._limit):
+            return False
+        kept = np.eye(2 * n)
+        kept[:, :n] -= gain
+        self._put(self._state, gain @ L, kept @ P @ kept.T + gain @ R @ gain.T)
+        return True
+
+    def _beyond(self, y: Array) -> bool:
+        """What becomes of a reading that has no coordinates: refused, but where that lasts the filter starts there."""
+        if not self._persistence.admits(False):
+            return False
+        self.start(y)
+        return True
+
+    def _put(self, state: Array, error: Array, P: Array) -> None:
+        """The error into the state, P into the components there; LinAlgError if it has left all bounds."""
+        if not np.isfinite(P).all():
+            raise np.linalg.LinAlgError("the covariance of the errors is not finite")
+        size = self._manifold.size
+        self._state = self._bundle.sum(state, error) if error.any() else state
+        P = self._bundle.turned(P, state[:size], self._state[:size])
+        self.covariance = 0.5 * (P + P.T)
+
+    def _process(self, h: float) -> Array:
+        """Q of h [s], (2 n, 2 n)."""
+        block = np.array([[h**3 / 3.0, h**2 / 2.0], [h**2 / 2.0, h]])
+        every = block[:, np.newaxis, :, np.newaxis] * np.eye(self._n)[np.newaxis, :, np.newaxis, :]
+        return self._model.acceleration**2 * every.reshape(2 * self._n, 2 * self._n)
+
+
+def filter_properties(note: str) -> ObserverProperties:
+    """Table 2.1, of any of them."""
+    return ObserverProperties(
+        Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL, note=note
+    )

@@ -1,0 +1,70 @@
+"""The plug-in ``lagrangian_ekf``: the extended Kalman filter of ``error_state``.
+
+The covariance is carried on by P = A P A', A the Jacobian of where an error leads, by one-sided differences.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.velocity.error_state import ErrorStateFilter, FilterModel, filter_properties
+from estimators.velocity.position_observer import PositionObserver
+from models.manifold.mission import LagrangianMission
+from sim.checks import check_positive, check_probability
+from sim.observer_properties import ObserverProperties
+from sim.protocols import Sensor
+from sim.signals import Array
+
+_STEP = 1e-6  # of an error, in its unit
+
+
+@dataclass(frozen=True)
+class LagrangianEkfConfig:
+    """Fields of ``--estimator``."""
+
+    acceleration: float = 0.1
+    """square root of the density of the acceleration that the model lacks, per coordinate [rad/s^1.5, m/s^1.5]"""
+    noise_floor: float = 1e-4
+    """least standard deviation that a reading is trusted with [rad, m]"""
+    gate: float = 1e-4
+    """probability with which a good reading is refused"""
+    timeout: float = 0.5
+    """without a reading after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "acceleration", "noise_floor", "timeout")
+        check_probability(self, "gate")
+
+
+class LagrangianEkf:
+    """The extended Kalman filter for any Lagrangian system."""
+
+    Config = LagrangianEkfConfig
+
+    @staticmethod
+    def build(config: LagrangianEkfConfig, mission: LagrangianMission) -> PositionObserver:
+        model = FilterModel(config.acceleration, config.noise_floor, config.gate)
+        return PositionObserver(ErrorStateFilter(model, mission, linearised), mission, config.timeout)
+
+    @staticmethod
+    def sensors(config: LagrangianEkfConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: LagrangianEkfConfig, mission: LagrangianMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: LagrangianEkfConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return filter_properties("as far as the linearisation holds")
+
+
+def linearised(errors: Callable[[Array], Array], P: Array) -> tuple[Array, Array]:
+    """A ``Propagation``."""
+    axes = np.eye(len(P))
+    A = np.stack([errors(_STEP * axis) for axis in axes], axis=1) / _STEP
+    return np.zeros(len(P)), A @ P @ A.T

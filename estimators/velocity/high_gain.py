@@ -1,0 +1,120 @@
+"""The plug-in ``high_gain``: the Euclidean high-gain observer, with a model, in the coordinates of the encoders.
+
+    x^' = v^ + 2 omega (y - x^),    v^' = a(x^, v^, u) + omega^2 (y - x^),
+
+a being the acceleration of the coordinates. It knows no metric: it moves nothing in parallel and has no curvature term.
+The acceleration is never formed: between readings (x^, v^) follows x^' = v^, v^' = a by ``LagrangianSystem.flow``, and
+at a reading, h after the one before, both poles are put at e^(-omega h), so that it is stable at any rate of readings:
+
+    x^ = x^- + alpha L,    v^ = v^- + beta L,    L = y - x^-,
+
+    alpha = 1 - e^(-2 omega h),    beta = (1 - e^(-omega h))^2 / h.
+
+These are the coordinates about x^-: those of joints are the same about any point; on a curved space they are the best
+that a chart can be, being about where the observer is. From them v^ is taken to the coordinates about x^ by the
+derivative of the change of coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.riemannian.gains import Gains
+from estimators.velocity.position_observer import PositionObserver
+from estimators.velocity.readings import Persistence, SpeedGate, innovation
+from models.manifold.manifold import Manifold
+from models.manifold.mission import LagrangianMission
+from sim.checks import check_positive
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
+from sim.signals import NOTHING, Array
+
+_STEP = 1e-6  # [rad, m] of the difference that stands for a derivative
+
+
+@dataclass(frozen=True)
+class HighGainConfig:
+    """Fields of ``--estimator``."""
+
+    bandwidth: float = 10.0
+    """omega, of the double pole at -omega [1/s]"""
+    timeout: float = 0.5
+    """without a reading after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "bandwidth", "timeout")
+
+
+class HighGain:
+    """The Euclidean high-gain observer."""
+
+    Config = HighGainConfig
+
+    @staticmethod
+    def build(config: HighGainConfig, mission: LagrangianMission) -> PositionObserver:
+        return PositionObserver(_HighGain(config, mission), mission, config.timeout)
+
+    @staticmethod
+    def sensors(config: HighGainConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: HighGainConfig, mission: LagrangianMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: HighGainConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
+            note="the bandwidth has to exceed what the acceleration changes by with the velocity; no farther from the "
+            "system than its coordinates reach",
+        )  # fmt: skip
+
+
+class _HighGain:
+    """A ``VelocityLaw``."""
+
+    extra: Mapping[str, Array] = NOTHING
+
+    def __init__(self, config: HighGainConfig, mission: LagrangianMission) -> None:
+        self._mission, self._system, self._gains = mission, mission.system, Gains(config.bandwidth)
+        self._manifold = mission.system.manifold
+
+    @property
+    def state(self) -> Array:
+        return self._state
+
+    def start(self, y: Array) -> None:
+        self._state = np.concatenate([y, np.zeros(self._manifold.vector_size)])
+        self._y = y  # the last reading that was used
+        self._gate, self._persistence = SpeedGate(self._mission, y), Persistence()
+
+    def predict(self, h: float, u: Array, y: Array | None) -> None:
+        self._state = self._system.flow(self._state, u, h)
+
+    def correct(self, y: Array, h: float) -> bool:
+        manifold, size = self._manifold, self._manifold.size
+        x, v = self._state[:size], self._state[size:]
+        moved, L = innovation(manifold, self._y, y), innovation(manifold, x, y)
+        good = moved is not None and L is not None and self._gate.passes(self._y, moved, h)
+        if not self._persistence.admits(good):
+            return False
+        if L is None or not good:
+            self.start(y)
+            return True
+        alpha, beta = self._gains.weights(0.0, h)
+        self._state = _recentred(manifold, x, alpha * L, manifold.components(x, v) + beta * L)
+        self._y = y
+        return True
+
+
+def _recentred(manifold: Manifold, p: Array, c: Array, rate: Array) -> Array:
+    """(x, v) of what has the coordinates c (n,) about p, changing at ``rate`` (n,)."""
+    x = manifold.point(p, c)
+    ds = _STEP / max(1.0, float(np.abs(rate).max()))  # [s]
+    before, after = (manifold.coordinates(x, manifold.point(p, c + s * rate)) for s in (-ds, ds))
+    return np.concatenate([x, manifold.vector(x, (after - before) / (2.0 * ds))])

@@ -1,0 +1,115 @@
+"""An estimator of (x, v) from readings "position" and the input held between them, whatever its law is.
+
+It predicts to each reading, conditions on it, and predicts to the time of the estimate. A law whose step leads nowhere,
+beyond what its coordinates cover or out of all bounds, keeps the last finite state and is lost; it starts again at the
+next reading.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from estimators.velocity.readings import usable
+from models.manifold.manifold import CutLocusError
+from models.manifold.mission import LagrangianMission
+from sim.signals import Array, Estimate, Measurement, Status
+
+_SIMULTANEOUS = 1e-9  # [s]
+
+
+class VelocityLaw(Protocol):
+    """What one observer does and another does not."""
+
+    @property
+    def state(self) -> Array:
+        """(size + vector_size,) of (x, v)."""
+        ...
+
+    @property
+    def extra(self) -> Mapping[str, Array]:
+        """What else it tells; NaN for what there is not yet."""
+        ...
+
+    def start(self, y: Array) -> None:
+        """Begin at the point y (size,) with v = 0."""
+        ...
+
+    def predict(self, h: float, u: Array, y: Array | None) -> None:
+        """Move on by h [s] with u (nu,) held, to a reading y (size,) if there is one; ``correct`` follows.
+
+        CutLocusError or LinAlgError where that cannot be.
+        """
+        ...
+
+    def correct(self, y: Array, h: float) -> bool:
+        """Condition on a reading y (size,), h [s] after the last that was used; whether it was. Raises likewise."""
+        ...
+
+
+class PositionObserver:
+    """Readings to (x, v); before the first one x is the manifold's origin."""
+
+    def __init__(self, law: VelocityLaw, mission: LagrangianMission, timeout: float) -> None:
+        """``timeout`` [s] without a reading that could be used, after which the estimate is lost."""
+        self.period = mission.period
+        self._law, self._manifold, self._timeout = law, mission.system.manifold, timeout
+        self._x = np.concatenate([self._manifold.origin, np.zeros(self._manifold.vector_size)])
+        self._t: float | None = None  # [s] of the law's state; None before it is started
+        self._t_used = -math.inf  # [s] of the last reading that was used
+        self._refused, self._restarts = 0, 0
+        self._extra = dict(law.extra)
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """The estimate, with what the law tells; ``refused`` and ``restarts`` (1,) are how often that was so far."""
+        for reading in measurements:
+            y = usable(reading, self._manifold)
+            if y is not None and reading.t > self._t_used + _SIMULTANEOUS:
+                self._read(reading.t, y, command)
+        self._move(t, command)
+        counts = {"refused": np.array([float(self._refused)]), "restarts": np.array([float(self._restarts)])}
+        told = {name: values.copy() for name, values in self._extra.items()}
+        return Estimate(t, self._x.copy(), None, self._status(t), {**told, **counts})
+
+    def _read(self, t: float, y: Array, u: Array) -> None:
+        self._move(t, u, y)
+        if self._t is None:
+            self._restarts += self._t_used > -math.inf
+            self._t = self._t_used = t
+            self._try(lambda: self._law.start(y))
+            return
+        if t < self._t - _SIMULTANEOUS:  # it comes late: what it could tell has been told by a newer one
+            return
+        used: list[bool] = []
+        self._try(lambda: used.append(self._law.correct(y, t - self._t_used)))
+        if used == [True]:
+            self._t_used = t
+        self._refused += used == [False]
+
+    def _move(self, t: float, u: Array, y: Array | None = None) -> None:
+        """From the law's time to t [s] with u (nu,) held, at which there is a reading y or none."""
+        if self._t is not None and t > self._t + _SIMULTANEOUS:
+            h, self._t = t - self._t, t
+            self._try(lambda: self._law.predict(h, u, y))
+
+    def _try(self, step: Callable[[], None]) -> None:
+        """Take a step of the law, which has to be started anew where it leads nowhere."""
+        try:
+            step()
+            x, extra = self._law.state, self._law.extra
+        except (CutLocusError, np.linalg.LinAlgError):
+            self._t = None
+            return
+        if np.isfinite(x).all() and not any(np.isinf(values).any() for values in extra.values()):
+            self._x, self._extra = x, dict(extra)
+        else:
+            self._t = None
+
+    def _status(self, t: float) -> Status:
+        if self._t_used == -math.inf:
+            return Status.INITIALISING
+        fresh = t - self._t_used <= self._timeout + _SIMULTANEOUS
+        return Status.OK if fresh and self._t is not None else Status.LOST

@@ -1,0 +1,88 @@
+"""What an observer of a Lagrangian system takes from its readings "position", and which of them it refuses.
+
+A reading is usable if it is a point of the manifold and newer than the last. It may be off all the same. An observer
+that knows no covariance holds it to how far the system can have come: with the reading before, h [s] ago,
+
+    |y - y_before|_g <= 2 v_max h + 6 sqrt(2) |sigma|_g,
+
+v_max being the mission's ``speed_max`` and sigma the standard deviations of the coordinates. What is refused more than
+ten times in a row is not an outlier: then it is the observer that is off.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from models.manifold.manifold import CutLocusError, Manifold
+from models.manifold.mission import LagrangianMission
+from models.manifold.sensors import POSITION
+from sim.signals import Array, Measurement
+
+_LASTING = 10  # readings in a row that are refused
+_TOO_FAST = 2.0  # times the system's greatest speed
+_DEVIATIONS = 6.0 * math.sqrt(2.0)  # of the difference of two readings
+_PROBES = 64  # readings that are rounded to see how far that moves them
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # the multiples of which are spread evenly over [0, 1), whatever the encoder
+
+
+def usable(reading: Measurement, manifold: Manifold) -> Array | None:
+    """The point (size,) that it says; None for a reading of another sensor, and for what is no point."""
+    if reading.name != POSITION:
+        return None
+    try:
+        return manifold.check(reading.value)
+    except ValueError:
+        return None
+
+
+def innovation(manifold: Manifold, x: Array, y: Array) -> Array | None:
+    """The coordinates (n,) of y about x; None where there are none."""
+    try:
+        return manifold.coordinates(x, y)
+    except CutLocusError:
+        return None
+
+
+def reading_variance(mission: LagrangianMission, y: Array) -> Array:
+    """(n,) [rad^2, m^2] of each coordinate of a reading near y: that of the noise and that of rounding.
+
+    The latter is a twelfth of the square of a step; how large a step is in the coordinates is seen by rounding.
+    """
+    manifold, reading = mission.system.manifold, mission.reading
+    noise = np.full(manifold.dimension, reading.noise**2)
+    if not reading.resolution:
+        return noise
+    spread = np.outer(np.arange(_PROBES) * _GOLDEN % 1.0 - 0.5, np.ones(manifold.dimension))
+    exact = [manifold.point(y, c) for c in spread]
+    moved = [manifold.coordinates(p, manifold.rounded(p, reading.resolution)) for p in exact]
+    variance: Array = noise + np.mean(np.square(moved), axis=0)
+    return variance
+
+
+class Persistence:
+    """Tells an outlier from what lasts."""
+
+    def __init__(self) -> None:
+        self._refused = 0  # in a row
+
+    def admits(self, good: bool) -> bool:
+        """Whether a reading is to be used that is good, or that is not and is one of many."""
+        self._refused = 0 if good else self._refused + 1
+        return self._refused == 0 or self._refused > _LASTING
+
+
+class SpeedGate:
+    """Whether the system can have come from one reading to the next."""
+
+    def __init__(self, mission: LagrangianMission, y: Array) -> None:
+        """``y`` is the first reading."""
+        self._manifold, self._fastest = mission.system.manifold, _TOO_FAST * mission.speed_max
+        sigma = np.sqrt(reading_variance(mission, y))
+        self._noise = _DEVIATIONS * self._manifold.norm(y, self._manifold.vector(y, sigma))
+
+    def passes(self, before: Array, moved: Array, h: float) -> bool:
+        """``moved`` (n,) are the coordinates of a reading about the one before, h [s] ago."""
+        distance = self._manifold.norm(before, self._manifold.vector(before, moved))
+        return distance <= self._fastest * h + self._noise

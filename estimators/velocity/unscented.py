@@ -1,0 +1,91 @@
+"""The plug-in ``lagrangian_ukf``: the unscented Kalman filter of ``error_state``.
+
+Mean and covariance are carried on by sigma points of the error, van der Merwe's scaled set (filterpy's), so that they
+are averaged in the coordinates about where the state leads and never as points of the manifold. With alpha >= .52 no
+weight of the covariance is negative, and it stays positive definite by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimators.ranging.unscented import square_root
+from estimators.velocity.error_state import ErrorStateFilter, FilterModel, filter_properties
+from estimators.velocity.position_observer import PositionObserver
+from models.manifold.mission import LagrangianMission
+from sim.checks import check, check_positive, check_probability
+from sim.observer_properties import ObserverProperties
+from sim.protocols import Sensor
+from sim.signals import Array
+
+_BETA = 2.0  # of a Gaussian
+_KAPPA = 0.0  # secondary scaling
+_LEAST_ALPHA = 0.52  # above sqrt(2 - sqrt(3)), where the weight 4 - 1 / alpha^2 - alpha^2 of the centre is nought
+
+
+@dataclass(frozen=True)
+class LagrangianUkfConfig:
+    """Fields of ``--estimator``."""
+
+    acceleration: float = 0.1
+    """square root of the density of the acceleration that the model lacks, per coordinate [rad/s^1.5, m/s^1.5]"""
+    alpha: float = 0.6
+    """spread of the sigma points"""
+    noise_floor: float = 1e-4
+    """least standard deviation that a reading is trusted with [rad, m]"""
+    gate: float = 1e-4
+    """probability with which a good reading is refused"""
+    timeout: float = 0.5
+    """without a reading after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "acceleration", "noise_floor", "timeout")
+        check(self.alpha, "alpha", _LEAST_ALPHA, 1.0)
+        check_probability(self, "gate")
+
+
+class LagrangianUkf:
+    """The unscented Kalman filter for any Lagrangian system."""
+
+    Config = LagrangianUkfConfig
+
+    @staticmethod
+    def build(config: LagrangianUkfConfig, mission: LagrangianMission) -> PositionObserver:
+        model = FilterModel(config.acceleration, config.noise_floor, config.gate)
+        unscented = Unscented(2 * mission.system.manifold.dimension, config.alpha)
+        return PositionObserver(ErrorStateFilter(model, mission, unscented), mission, config.timeout)
+
+    @staticmethod
+    def sensors(config: LagrangianUkfConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        return (mission.sensor,)
+
+    @staticmethod
+    def quality(config: LagrangianUkfConfig, mission: LagrangianMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: LagrangianUkfConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return filter_properties(
+            "as far as the sigma points tell the distribution; their mean, and so the estimate, is off by a bias of "
+            "second order in the covariance"
+        )
+
+
+class Unscented:
+    """A ``Propagation`` of errors (d,)."""
+
+    def __init__(self, d: int, alpha: float) -> None:
+        from filterpy.kalman import MerweScaledSigmaPoints  # takes .7 s to import
+
+        self._points = MerweScaledSigmaPoints(d, alpha, _BETA, _KAPPA, sqrt_method=square_root)
+        self._centre = np.zeros(d)
+
+    def __call__(self, errors: Callable[[Array], Array], P: Array) -> tuple[Array, Array]:
+        Y = np.array([errors(e) for e in self._points.sigma_points(self._centre, P)])  # (2 d + 1, d)
+        mean = self._points.Wm @ Y
+        off = Y - mean
+        return mean, off.T @ (self._points.Wc[:, np.newaxis] * off)

@@ -1,0 +1,143 @@
+"""Attitudes as unit quaternions, their velocities as body rates: S^3 with two points to every rotation.
+
+A body with the inertia I the same about every axis moves, without torque, along geodesics of
+
+    |omega|_g = |omega| / 2,        q' = q (0, omega) / 2,
+
+the round metric of the unit sphere, kappa = 1. q and -q are the same attitude: of the two the one nearer to the other
+point counts, so that attitudes nearer than pi / 2, half a turn of the body, are joined by one shortest geodesic.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from models.manifold import kernels
+from models.manifold.constant_curvature import sphere
+from models.manifold.manifold import CutLocusError, unrounded
+from sim.signals import Array
+
+_S3 = sphere(3)
+_OPPOSITE = 1e-12  # |<p, q>| of attitudes half a turn apart
+
+
+@njit(cache=True, nogil=True)
+def product(p: Array, q: Array) -> Array:
+    """p q of quaternions (w, x, y, z)."""
+    return np.array(
+        [
+            p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+            p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+            p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+            p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+        ]
+    )
+
+
+@njit(cache=True, nogil=True)
+def ambient(p: Array, omega: Array) -> Array:
+    """q' = p (0, omega) / 2, (4,)."""
+    return 0.5 * product(p, np.array([0.0, omega[0], omega[1], omega[2]]))
+
+
+@njit(cache=True, nogil=True)
+def body_rate(p: Array, w: Array) -> Array:
+    """omega (3,) of a tangent vector w (4,) at p."""
+    conjugate = np.array([p[0], -p[1], -p[2], -p[3]])
+    return 2.0 * product(conjugate, w)[1:]
+
+
+@njit(cache=True, nogil=True)
+def nearer(p: Array, q: Array) -> Array:
+    """q or -q, whichever is nearer to p."""
+    return q.copy() if p @ q >= 0.0 else -q
+
+
+@njit(cache=True, nogil=True)
+def _transported(p: Array, q: Array, omega: Array) -> Array:
+    q = nearer(p, q)
+    return body_rate(q, kernels.transport(1.0, p, q, ambient(p, omega)))
+
+
+@njit(cache=True, nogil=True)
+def _exponential(p: Array, omega: Array) -> Array:
+    return kernels.exponential(1.0, p, ambient(p, omega))
+
+
+@njit(cache=True, nogil=True)
+def _logarithm(p: Array, q: Array) -> Array:
+    return body_rate(p, kernels.logarithm(1.0, p, nearer(p, q)))
+
+
+@njit(cache=True, nogil=True)
+def _curvature(eta: Array, G: Array) -> Array:
+    return 0.25 * kernels.curvature(1.0, eta, G)
+
+
+class Attitude:
+    """A ``Manifold``: points are unit quaternions (4,), vectors body rates (3,) [rad/s]."""
+
+    name = "the attitudes"
+    dimension = 3
+    size = 4
+    vector_size = 3
+    kappa = 1.0
+    injectivity_radius = 0.5 * math.pi
+
+    @property
+    def origin(self) -> Array:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+
+    def check(self, p: Array) -> Array:
+        return _S3.check(p)
+
+    def exp(self, p: Array, w: Array) -> Array:
+        q: Array = _exponential(p, w)
+        return q
+
+    def log(self, p: Array, q: Array) -> Array:
+        """The rotation vector (3,) [rad] from p to q, in the body frame of p."""
+        self._require_unique(p, q)
+        w: Array = _logarithm(p, q)
+        return w
+
+    def distance(self, p: Array, q: Array) -> float:
+        """Half the angle [rad] between two attitudes."""
+        return float(kernels.distance(1.0, p, nearer(p, q)))
+
+    def norm(self, p: Array, w: Array) -> float:
+        return 0.5 * float(np.linalg.norm(w))
+
+    def transport(self, p: Array, q: Array, w: Array) -> Array:
+        self._require_unique(p, q)
+        moved: Array = _transported(p, q, w)
+        return moved
+
+    def curvature(self, p: Array, eta: Array, G: Array) -> Array:
+        R: Array = _curvature(eta, G)
+        return R
+
+    def coordinates(self, p: Array, q: Array) -> Array:
+        """The rotation vector (3,) [rad]."""
+        return self.log(p, q)
+
+    def point(self, p: Array, c: Array) -> Array:
+        return self.exp(p, c)
+
+    def components(self, p: Array, w: Array) -> Array:
+        return w.copy()
+
+    def vector(self, p: Array, c: Array) -> Array:
+        return c.copy()
+
+    def rounded(self, p: Array, bits: int) -> Array:
+        return unrounded(self.name, p, bits)
+
+    def _require_unique(self, p: Array, q: Array) -> None:
+        if abs(float(p @ q)) < _OPPOSITE:
+            raise CutLocusError(
+                f"{p.tolist()} and {q.tolist()} are half a turn apart; allowed: attitudes nearer than that"
+            )

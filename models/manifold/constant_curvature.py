@@ -1,0 +1,174 @@
+"""The sphere S^n, hyperbolic space H^n and R^n: spaces of constant curvature kappa = 1, -1 and 0 (D.13)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.manifold import kernels
+from models.manifold.manifold import CutLocusError, unrounded
+from sim.signals import Array
+
+_OFF = 1e-6  # of |<p, p> - kappa| that is rounding, a float's at the worst
+
+
+@dataclass(frozen=True)
+class ConstantCurvature:
+    """A ``Manifold`` whose points and vectors are ambient, see ``kernels``: ``size`` is n + 1, or n where kappa = 0.
+
+    Raises ValueError for a dimension n < 1, n < 2 of a curved space (a circle is flat), or another curvature.
+    """
+
+    dimension: int  # n
+    kappa: float  # 1, -1 or 0
+
+    def __post_init__(self) -> None:
+        if self.kappa not in (-1.0, 0.0, 1.0):
+            raise ValueError(f"kappa = {self.kappa!r}; allowed: -1, 0 or 1")
+        least = 2 if self.kappa else 1
+        if self.dimension < least:
+            raise ValueError(f"dimension = {self.dimension!r}; allowed with kappa = {self.kappa:g}: at least {least}")
+
+    @property
+    def name(self) -> str:
+        letter = {1.0: "S", -1.0: "H", 0.0: "R"}[self.kappa]
+        return f"{letter}^{self.dimension}"
+
+    @property
+    def size(self) -> int:
+        return self.dimension + (self.kappa != 0.0)
+
+    @property
+    def vector_size(self) -> int:
+        return self.size
+
+    @property
+    def injectivity_radius(self) -> float:
+        return math.pi if self.kappa > 0.0 else math.inf
+
+    @property
+    def origin(self) -> Array:
+        """(1, 0, ..., 0); nought in R^n."""
+        point = np.zeros(self.size)
+        if self.kappa:
+            point[0] = 1.0
+        return point
+
+    def check(self, p: Array) -> Array:
+        """p, brought back onto the space from where rounding had put it."""
+        point = np.asarray(p, dtype=np.float64)
+        if point.shape != (self.size,) or not np.isfinite(point).all():
+            raise ValueError(f"point = {np.asarray(p).tolist()}; allowed on {self.name}: {self.size} finite numbers")
+        square = kernels.inner(self.kappa, point, point)
+        scale = max(1.0, float(point @ point))
+        if self.kappa and (abs(square - self.kappa) > _OFF * scale or (self.kappa < 0.0 and point[0] <= 0.0)):
+            sheet = ", p_0 > 0" if self.kappa < 0.0 else ""
+            raise ValueError(
+                f"point = {point.tolist()} is off {self.name}: <p, p> = {square:.9g}; allowed: {self.kappa:g}{sheet}"
+            )
+        return self.brought_back(point)
+
+    def brought_back(self, p: Array) -> Array:
+        """The point on the ray through a point that is nearly one of the space."""
+        back: Array = kernels.brought_back(self.kappa, p)
+        return back
+
+    def tangent(self, p: Array, w: Array) -> Array:
+        """The part of an ambient vector that is tangent at p."""
+        part: Array = kernels.tangent(self.kappa, p, w)
+        return part
+
+    def exp(self, p: Array, w: Array) -> Array:
+        q: Array = kernels.exponential(self.kappa, p, w)
+        return q
+
+    def log(self, p: Array, q: Array) -> Array:
+        return self._unique(kernels.logarithm(self.kappa, p, q), p, q)
+
+    def distance(self, p: Array, q: Array) -> float:
+        return float(kernels.distance(self.kappa, p, q))
+
+    def inner(self, p: Array, u: Array, w: Array) -> float:
+        """<u, w>_g at p."""
+        return float(kernels.inner(self.kappa, u, w))
+
+    def norm(self, p: Array, w: Array) -> float:
+        return float(kernels.length(self.kappa, w))
+
+    def transport(self, p: Array, q: Array, w: Array) -> Array:
+        return self._unique(kernels.transport(self.kappa, p, q, w), p, q)
+
+    def curvature(self, p: Array, eta: Array, G: Array) -> Array:
+        R: Array = kernels.curvature(self.kappa, eta, G)
+        return R
+
+    def coordinates(self, p: Array, q: Array) -> Array:
+        """Normal ones: log_p q in the ``frame`` at p."""
+        return self.components(p, self.log(p, q))
+
+    def point(self, p: Array, c: Array) -> Array:
+        return self.exp(p, self.vector(p, c))
+
+    def components(self, p: Array, w: Array) -> Array:
+        frame = self.frame(p)
+        lowered = w * np.concatenate([[-1.0], np.ones(self.size - 1)]) if self.kappa < 0.0 else w
+        found: Array = lowered @ frame
+        return found
+
+    def vector(self, p: Array, c: Array) -> Array:
+        w: Array = self.frame(p) @ c
+        return w
+
+    def rounded(self, p: Array, bits: int) -> Array:
+        return unrounded(self.name, p, bits)
+
+    def draw(self, rng: np.random.Generator, radius: float = 1.0) -> Array:
+        """A point: uniform on the sphere; in a ball of that radius about the origin, or (1, 0, ..., 0), elsewhere."""
+        if self.kappa > 0.0:
+            return self.check(_unit(rng.standard_normal(self.size)))
+        length = radius * rng.uniform() ** (1.0 / self.dimension)
+        direction: Array = length * _unit(rng.standard_normal(self.dimension))
+        if self.kappa == 0.0:
+            return direction
+        return self.exp(self.origin, np.concatenate([[0.0], direction]))
+
+    def draw_vector(self, rng: np.random.Generator, p: Array) -> Array:
+        """A tangent vector of length 1 at p, of any direction alike."""
+        return self.vector(p, _unit(rng.standard_normal(self.dimension)))
+
+    def frame(self, p: Array) -> Array:
+        """(size, n) orthonormal vectors at p: those of the axes, brought there from the origin by the shortest way."""
+        if self.kappa == 0.0:
+            return np.eye(self.size)
+        origin = self.origin if p[0] >= 0.0 else -self.origin
+        axes = [self.transport(origin, p, axis) for axis in np.eye(self.size)[1:]]
+        return np.stack(axes, axis=1)
+
+    def _unique(self, found: Array, p: Array, q: Array) -> Array:
+        if np.isnan(found).any():
+            raise CutLocusError(
+                f"{np.asarray(p).tolist()} and {np.asarray(q).tolist()} are opposite points of {self.name}; allowed: "
+                "points that one shortest geodesic joins"
+            )
+        return found
+
+
+def sphere(n: int) -> ConstantCurvature:
+    """S^n, the unit vectors of R^(n+1)."""
+    return ConstantCurvature(n, 1.0)
+
+
+def hyperbolic_space(n: int) -> ConstantCurvature:
+    """H^n, the sheet p_0 > 0 of -p_0^2 + p_1^2 + ... + p_n^2 = -1."""
+    return ConstantCurvature(n, -1.0)
+
+
+def flat_space(n: int) -> ConstantCurvature:
+    """R^n."""
+    return ConstantCurvature(n, 0.0)
+
+
+def _unit(w: Array) -> Array:
+    return w / float(np.linalg.norm(w))

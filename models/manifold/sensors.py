@@ -1,0 +1,69 @@
+"""Sensors of a position: an encoder at every joint, an attitude sensor, or a point of a manifold with noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from models.manifold.manifold import Manifold
+from sim.checks import check
+from sim.protocols import Motion
+from sim.signals import Array
+
+POSITION = "position"  # the name of their readings
+
+
+@dataclass(frozen=True)
+class PositionQuality:
+    """How a position errs, in the coordinates of the manifold about the truth: joint by joint, for a mechanism."""
+
+    noise: float = 0.0  # [rad, m] standard deviation of each coordinate
+    resolution: int = 0  # bits of an encoder over a turn, or over a metre; 0: it does not round
+    dropout: float = 0.0  # fraction of readings that are lost
+    jump: float = 0.0  # fraction of readings that are off by ``jump_size`` in every coordinate
+    jump_size: float = 0.0  # [rad, m]
+
+    def __post_init__(self) -> None:
+        check(self.noise, "noise", 0.0, 1.0)
+        check(self.resolution, "resolution", 0, 32)
+        check(self.dropout, "dropout", 0.0, 1.0)
+        check(self.jump, "jump", 0.0, 1.0)
+        check(self.jump_size, "jump_size", 0.0, 10.0)
+
+
+@dataclass(frozen=True)
+class PositionSensor:
+    """Reads "position" (size,). What is drawn does not depend on how large the errors are."""
+
+    manifold: Manifold
+    quality: PositionQuality
+    rate: float | None  # [Hz]
+    name: ClassVar[str] = POSITION
+
+    @property
+    def size(self) -> int:
+        return self.manifold.size
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+        manifold, quality = self.manifold, self.quality
+        x = motion.x[: manifold.size]
+        off = quality.noise * rng.standard_normal(manifold.dimension)
+        lost, jumps = rng.random(2) < (quality.dropout, quality.jump)
+        if jumps:
+            off = off + quality.jump_size
+        y = manifold.point(x, off) if off.any() else x
+        return None if lost else manifold.rounded(y, quality.resolution)
+
+
+@dataclass(frozen=True)
+class StateSensor:
+    """Reads "full_state", (x, v) without error: what no encoder tells, to compare with."""
+
+    size: int
+    rate: float | None  # [Hz]
+    name: ClassVar[str] = "full_state"
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+        return motion.x

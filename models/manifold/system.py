@@ -1,0 +1,74 @@
+"""Euler-Lagrange systems Sigma (D.2.2), as an observer may know them:
+
+    x' = v,    D_t v = -grad U + F,    y = (x, F),
+
+on a configuration manifold, the metric of which is the kinetic energy. What is called ``force`` here is -grad U + F:
+it is always possible to move terms between the two. A state is (x, v), one after the other.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from models.manifold.manifold import Manifold
+from sim.signals import Array
+
+
+class LagrangianSystem(Protocol):
+    """A configuration manifold and what acts on it."""
+
+    @property
+    def manifold(self) -> Manifold:
+        """X with its metric."""
+        ...
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """(size + vector_size,) name and unit of each component of the state."""
+        ...
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """(nu,) name and unit of each component of the input."""
+        ...
+
+    @property
+    def constant(self) -> tuple[float, ...]:
+        """(nu,) u = constant + amplitude sin t is the input where nothing else is asked for."""
+        ...
+
+    @property
+    def amplitude(self) -> tuple[float, ...]:
+        """(nu,)"""
+        ...
+
+    @property
+    def damped(self) -> bool:
+        """Whether the force depends on the velocity."""
+        ...
+
+    def force(self, x: Array, v: Array, u: Array) -> Array:
+        """D_t v, a tangent vector at x, under the input u (nu,)."""
+        ...
+
+    def flow(self, state: Array, u: Array, h: float) -> Array:
+        """The state after h [s] with u held; ``moved`` for one."""
+        ...
+
+
+def moved(system: LagrangianSystem, state: Array, u: Array, h: float) -> Array:
+    """The state after h [s] with u held, to the second order in h: a geodesic that the force bends.
+
+    x^+ = exp_x(h v + h^2 F / 2),    v^+ = PT(v + h F / 2) + h F^+ / 2,
+
+    F^+ being that at x^+ and, where it depends on the velocity, PT(v + h F).
+    """
+    manifold = system.manifold
+    x, v = state[: manifold.size], state[manifold.size :]
+    F = system.force(x, v, u)
+    after = manifold.exp(x, h * v + (0.5 * h * h) * F)
+    half = manifold.transport(x, after, v + (0.5 * h) * F)
+    end = manifold.transport(x, after, v + h * F) if system.damped else half
+    return np.concatenate([after, half + (0.5 * h) * system.force(after, end, u)])

@@ -1,0 +1,184 @@
+"""Point systems on the spaces of constant curvature, and the rigid body, which is one of them.
+
+A potential or a force is written in the ambient space; only its tangential part acts. ``linear`` is U = c p_i, the
+potential of a pendulum on the sphere and, with i = 0, a bowl in hyperbolic space. ``printed`` is the force of the
+example in D.5, F = -grad W with W = sin x_1 cos x_2 cos x_3 on S^3, which is
+
+    W = p_1 p_2 / sqrt(p_2^2 + p_3^2),        p = (cos x_1, sin x_1 cos x_2, sin x_1 sin x_2 cos x_3, ...)
+
+and not smooth where sin x_2 = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi
+import numpy as np
+
+from models.manifold.attitude import Attitude
+from models.manifold.constant_curvature import ConstantCurvature
+from models.manifold.system import moved
+from models.runge_kutta import Flow
+from sim.signals import Array
+
+Potential = Callable[[casadi.SX], casadi.SX]
+"""U(p) [1/s^2], of an ambient point (size,)"""
+
+
+def linear(strength: float, component: int) -> Potential:
+    """U = c p_i: the i-th coordinate of the ambient space."""
+    return lambda p: strength * p[component]
+
+
+def printed(p: casadi.SX) -> casadi.SX:
+    """W of D.5."""
+    return p[1] * p[2] / casadi.sqrt(p[2] ** 2 + p[3] ** 2)
+
+
+def chart(angles: Array) -> tuple[Array, Array]:
+    """The point (4,) of S^3 at the angles x (3,) of D.5, and the derivative (4, 3) by them."""
+    (c_1, c_2, c_3), (s_1, s_2, s_3) = np.cos(angles), np.sin(angles)
+    point = np.array([c_1, s_1 * c_2, s_1 * s_2 * c_3, s_1 * s_2 * s_3])
+    slope = np.array(
+        [
+            [-s_1, 0.0, 0.0],
+            [c_1 * c_2, -s_1 * s_2, 0.0],
+            [c_1 * s_2 * c_3, s_1 * c_2 * c_3, -s_1 * s_2 * s_3],
+            [c_1 * s_2 * s_3, s_1 * c_2 * s_3, s_1 * s_2 * c_3],
+        ]
+    )
+    return point, slope
+
+
+@dataclass(frozen=True, eq=False)
+class PointSystem:
+    """D_t v = -grad U + F on a space of constant curvature: a ``LagrangianSystem``, and the law of an ODE plant.
+
+    The state is (p, v), ambient. The input is an ambient force (size,) [1/s^2], of which the tangential part acts.
+    """
+
+    manifold: ConstantCurvature
+    potential: Potential
+    damped = False
+
+    @property
+    def constant(self) -> tuple[float, ...]:
+        return (0.0,) * self.manifold.size
+
+    amplitude = constant
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        n = self.manifold.size
+        return (*(f"position_{k} [-]" for k in range(n)), *(f"velocity_{k} [1/s]" for k in range(n)))
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        return tuple(f"force_{k} [1/s^2]" for k in range(self.manifold.size))
+
+    def force(self, x: Array, v: Array, u: Array) -> Array:
+        f: Array = self._force_buffer(x, u)
+        return f
+
+    def flow(self, state: Array, u: Array, h: float) -> Array:
+        return moved(self, state, u, h)
+
+    def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
+        """The state after dt [s], brought back onto the tangent bundle, and dt; less if the solution escapes."""
+        n = self.manifold.size
+        after, reached = self._flow.reach(x, u, dt)
+        return self._on_bundle(after[:n], after[n:]), reached
+
+    def rate(self, x: Array, u: Array) -> Array:
+        """(p', v')."""
+        return np.array(self._rate(x, u)).ravel()
+
+    def output(self, x: Array, u: Array) -> Array:
+        """y = p."""
+        return x[: self.manifold.size].copy()
+
+    def state(self, p: Array, v: Array) -> Array:
+        """(p, v); ValueError if p is off the manifold."""
+        return self._on_bundle(self.manifold.check(p), np.asarray(v, dtype=np.float64))
+
+    def _on_bundle(self, p: Array, v: Array) -> Array:
+        if not self.manifold.kappa:
+            return np.concatenate([p, v])
+        square = self.manifold.kappa * self.manifold.inner(p, p, p)
+        p = p / math.sqrt(square)
+        return np.concatenate([p, self.manifold.tangent(p, v)])
+
+    @cached_property
+    def _symbols(self) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
+        """p, u and the force."""
+        n, k = self.manifold.size, self.manifold.kappa
+        p, u = casadi.SX.sym("p", n), casadi.SX.sym("u", n)
+        signs = casadi.DM([-1.0 if k < 0.0 else 1.0] + [1.0] * (n - 1))
+        # The gradient in the ambient metric raises the index with it; the tangential part is that in X.
+        F = u - signs * casadi.gradient(self.potential(p), p)
+        return p, u, F - k * casadi.dot(p * signs, F) * p
+
+    @cached_property
+    def _flow(self) -> Flow:
+        return Flow(self._derivative, 2 * self.manifold.size, self.manifold.size)
+
+    def _derivative(self, x: casadi.SX, u: casadi.SX) -> casadi.SX:
+        n, k = self.manifold.size, self.manifold.kappa
+        p, v = x[:n], x[n:]
+        at, held, F = self._symbols
+        signs = casadi.DM([-1.0 if k < 0.0 else 1.0] + [1.0] * (n - 1))
+        bend = k * casadi.dot(v * signs, v) * p
+        return casadi.vertcat(v, casadi.substitute(F, casadi.vertcat(at, held), casadi.vertcat(p, u)) - bend)
+
+    @cached_property
+    def _rate(self) -> casadi.Function:
+        x, u = casadi.SX.sym("x", 2 * self.manifold.size), casadi.SX.sym("u", self.manifold.size)
+        return casadi.Function("rate", [x, u], [self._derivative(x, u)])
+
+    @cached_property
+    def _force_buffer(self) -> _Buffered:
+        p, u, F = self._symbols
+        return _Buffered(casadi.Function("force", [p, u], [F]), self.manifold.size)
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A body with the inertia I about every axis through the point it turns about: torque (3,) [N m], body frame."""
+
+    inertia: float  # [kg m^2]
+    constant: tuple[float, ...] = (0.0, 0.0, 0.0)
+    amplitude: tuple[float, ...] = (0.0, 0.0, 0.0)
+    manifold = Attitude()
+    states = (
+        *(f"attitude_{axis} [-]" for axis in "wxyz"),
+        *(f"body_rate_{axis} [rad/s]" for axis in "xyz"),
+    )
+    inputs = ("torque_x [N m]", "torque_y [N m]", "torque_z [N m]")
+    damped = False
+
+    def force(self, x: Array, v: Array, u: Array) -> Array:
+        """omega' = tau / I (3,) [rad/s^2]."""
+        return np.asarray(u, dtype=np.float64) / self.inertia
+
+    def flow(self, state: Array, u: Array, h: float) -> Array:
+        return moved(self, state, u, h)
+
+
+class _Buffered:
+    """A function of two vectors (size,), called through buffers: in microseconds."""
+
+    def __init__(self, function: casadi.Function, size: int) -> None:
+        self._buffer, self._call = function.buffer()  # the call lives as long as the buffer
+        self._given, self._found = (np.zeros(size), np.zeros(size)), np.zeros(size)
+        for k, array in enumerate(self._given):
+            self._buffer.set_arg(k, array.data)  # type: ignore[call-arg]
+        self._buffer.set_res(0, self._found.data)  # type: ignore[call-arg]
+
+    def __call__(self, a: Array, b: Array) -> Array:
+        self._given[0][:], self._given[1][:] = a, b
+        self._call()
+        return self._found.copy()

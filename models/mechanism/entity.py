@@ -1,0 +1,111 @@
+"""Mechanisms of our own, or of any MJCF file, above a floor and under a sky.
+
+    rigid-body       a body on a ball joint, the same inertia about every axis: S^3
+    cart-pendulum    a slide and a hinge: a flat metric
+    two-link         two hinges in a vertical plane
+    seven-joint      an arm of seven hinges
+
+all with a torque motor on each joint, on the ball joint one about each axis of the body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import count
+from pathlib import Path
+from typing import Any, get_args
+
+import mujoco
+import numpy as np
+
+from models.mechanism.geometry import checked
+from models.mechanism.names import MechanismName
+
+_HERE = Path(__file__).parent
+_BELOW = 0.1  # of a mechanism's extent that the floor is beneath it, if it reaches below nought
+
+
+def file_of(mechanism: MechanismName | str | Path) -> Path:
+    """The MJCF file of a mechanism of that name, or at that path; ValueError if it is neither."""
+    own = {name: _HERE / f"{name.replace('-', '_')}.xml" for name in get_args(MechanismName)}
+    path = own.get(str(mechanism), Path(mechanism))
+    if not path.is_file():
+        raise ValueError(f"mechanism = {str(mechanism)!r}; allowed: {', '.join(own)}, or the path of an MJCF file")
+    return path
+
+
+def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism") -> Any:
+    """The ``mujoco.MjSpec`` of a mechanism in its arena, not compiled yet.
+
+    Everything in the file has its name after ``NAME/``, the joint ``NAME/elbow`` for one; bodies, joints and actuators
+    without a name get one, ``NAME/joint_0`` for one. Its options are kept, and its floor if it has one.
+
+    Raises ValueError for what ``file_of`` and ``geometry.checked`` refuse, for a file that MuJoCo cannot read, and for
+    a name that is empty or contains "/".
+    """
+    if not name or "/" in name:
+        raise ValueError(f"vehicle name {name!r} is empty or contains '/'; MuJoCo names need it as a separator")
+    path = file_of(mechanism)
+    try:
+        own = mujoco.MjSpec.from_file(str(path))
+        alone = own.copy().compile()
+    except (ValueError, mujoco.FatalError) as error:
+        reason = " ".join(str(error).split())
+        raise ValueError(
+            f"mechanism = {str(mechanism)!r}; allowed: an MJCF file that MuJoCo can read ({reason})"
+        ) from None
+    checked(alone)
+    for kind, elements in (("body", own.bodies), ("joint", own.joints), ("actuator", own.actuators)):
+        _name(kind, elements)
+    arena = mujoco.MjSpec.from_file(str(_HERE / "arena.xml"))
+    # An arena wins over what is attached to it: it takes the options, and its own light is kept.
+    _copy(own.option, arena.option)
+    _copy(arena.visual, own.visual)
+    arena.memory, arena.njmax, arena.nconmax = own.memory, own.njmax, own.nconmax
+    arena.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)  # what diverges is to be seen
+    arena.stat.center, arena.stat.extent = alone.stat.center, alone.stat.extent
+    sun = arena.light("sun")  # its shadows are sharp, and there, around where it hangs
+    sun.pos = alone.stat.center - 1.5 * alone.stat.extent * np.array(sun.dir) / np.linalg.norm(sun.dir)
+    if (alone.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)).any():
+        arena.delete(arena.geom("floor"))
+    else:
+        arena.geom("floor").pos = (0.0, 0.0, _floor(alone))
+    arena.worldbody.add_frame().attach_body(own.worldbody, f"{name}/", "")
+    return arena
+
+
+def build_model(mechanism: MechanismName | str | Path, *, name: str = "mechanism") -> mujoco.MjModel:
+    """The compiled ``mujoco.MjModel`` of ``build_spec``."""
+    return build_spec(mechanism, name=name).compile()
+
+
+def _name(kind: str, elements: Sequence[Any]) -> None:
+    """Give a name to those that have none."""
+    taken = {element.name for element in elements}
+    for k, element in enumerate(elements):
+        if not element.name:
+            element.name = next(name for name in (f"{kind}_{k}{'_' * n}" for n in count()) if name not in taken)
+
+
+def _copy(source: Any, target: Any) -> None:
+    """Every value of a structure of MuJoCo's."""
+    for name in dir(source):
+        value = getattr(source, name)
+        if name.startswith("_") or callable(value):
+            continue
+        if isinstance(value, np.ndarray):
+            getattr(target, name)[:] = value
+        elif isinstance(value, (bool, int, float)):
+            setattr(target, name, value)
+        else:
+            _copy(value, getattr(target, name))
+
+
+def _floor(model: mujoco.MjModel) -> float:
+    """[m] how high the floor lies."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    down = data.geom_xmat.reshape(-1, 3, 3)[:, 2]  # (ngeom, 3) the world's vertical in the frame of each geom
+    heights = data.geom_xpos[:, 2] + (down * model.geom_aabb[:, :3]).sum(axis=1)
+    lowest = float((heights - (np.abs(down) * model.geom_aabb[:, 3:]).sum(axis=1)).min(initial=0.0))
+    return 0.0 if lowest > -_BELOW * model.stat.extent else lowest - _BELOW * model.stat.extent

@@ -1,0 +1,54 @@
+"""What acts on a mechanism, compiled: M^-1 (actuators + springs, dampers and the like - gravity), by MuJoCo."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from models.mechanism.kernels import com_pos, com_vel, factor_m, kinematics, make_m, rne, solve_m
+from models.mechanism.library import ADDRESS, function
+from sim.signals import Array
+
+tendon = function("mj_tendon", ADDRESS, ADDRESS)
+transmission = function("mj_transmission", ADDRESS, ADDRESS)
+fwd_velocity = function("mj_fwdVelocity", ADDRESS, ADDRESS)
+fwd_actuation = function("mj_fwdActuation", ADDRESS, ADDRESS)
+
+
+class Actuated(NamedTuple):
+    """A model and the memory it is evaluated in, which never holds a constraint."""
+
+    model: int  # address
+    data: int  # address
+    qpos: Array  # (nq,) of data; the rest of data belongs to it
+    qvel: Array  # (nv,)
+    ctrl: Array  # (nu,)
+    passive: Array  # (nv,) qfrc_passive
+    actuated: Array  # (nv,) qfrc_actuator
+
+
+@njit(cache=True)
+def acceleration(at: Actuated, q: Array, v: Array, u: Array) -> Array:
+    """D_t v (nv,) at (q, v) under the controls u."""
+    m, d, n = at.model, at.data, len(at.qvel)
+    at.qpos[:], at.qvel[:], at.ctrl[:] = q, v, u
+    kinematics(m, d)
+    com_pos(m, d)
+    tendon(m, d)
+    make_m(m, d)
+    factor_m(m, d)
+    transmission(m, d)
+    fwd_velocity(m, d)
+    fwd_actuation(m, d)
+    force = at.passive + at.actuated
+    # Inverse dynamics at rest is gravity: the rest of it at v is the connection, which belongs to D_t.
+    at.qvel[:] = 0.0
+    com_vel(m, d)
+    weight = np.empty(n)
+    rne(m, d, 0, weight.ctypes.data)
+    force -= weight
+    F = np.empty(n)
+    solve_m(m, d, F.ctypes.data, force.ctypes.data, 1)
+    return F

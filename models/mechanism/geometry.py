@@ -1,0 +1,193 @@
+"""The configurations of a mechanism that MuJoCo can load, with its mass matrix as the metric: g = M(q).
+
+A point is qpos (nq,), a tangent vector a qvel (nv,): rates of slides [m/s] and hinges [rad/s], and of a ball joint,
+the position of which is a unit quaternion, the rate [rad/s] in the frame of the body it carries. Nothing but inverse
+dynamics is asked of MuJoCo (``kernels``): no derivative of M is needed for the Levi-Civita connection. The thesis
+leaves open how to go on where no closed form is known (D.6); here, with d = q - p in the joints,
+
+    exp_p w, log_p q    err by O(|w|^4), O(|d|^4)
+    transport           errs by O(|d|^3), and keeps the length to rounding
+    curvature           is that of central differences
+
+in the joints' units. Where these series do not converge, for a reading that jumps by radians, exp and log are held:
+they differ from w, or d, by at most half of its length, by M at a third of the way.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from models.mechanism import kernels
+from sim.joint_states import BALL, SLIDE, quaternions, with_unit_quaternions
+from sim.signals import Array
+
+_FREE = int(mujoco.mjtJoint.mjJNT_FREE)
+_SINGULAR = 1e-12  # least eigenvalue of M, of the greatest, with its diagonal scaled to 1
+
+
+class MechanismManifold:
+    """A ``Manifold``. What a model has beside inertia, gravity for one, does not matter here.
+
+    The angles of hinges are not wrapped: a turn leads to another point. Raises ValueError for a model that is no
+    mechanism of slides, hinges and balls, see ``checked``.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self._model = checked(model)
+        self._model.opt.gravity[:] = 0.0
+        self._data = mujoco.MjData(self._model)
+        joints = range(model.njnt)
+        balls = [int(model.jnt_dofadr[j]) for j in joints if model.jnt_type[j] == BALL]
+        self._quaternions = quaternions(model, joints)
+        data = self._data
+        self._at = kernels.Mechanism(
+            self._model._address, data._address, data.qpos, data.qvel, np.array(balls, dtype=np.int64)
+        )
+        M = mass_matrix(self._model, data)
+        data.qpos[:] = np.nan  # so that the factors of M are computed before the first use
+        self.size, self.vector_size, self.dimension = model.nq, model.nv, model.nv
+        names = [model.joint(j).name or str(j) for j in joints]
+        self.name = f"the mechanism of the joints {', '.join(names)}"
+        self.injectivity_radius = _half_turn(M, balls)
+        self._slides = np.array(
+            [int(model.jnt_qposadr[j]) for j in joints if model.jnt_type[j] == SLIDE], dtype=np.intp
+        )
+
+    def __reduce__(self) -> tuple[type[MechanismManifold], tuple[mujoco.MjModel]]:
+        """A copy has memory of its own: addresses do not outlive what they are in."""
+        return type(self), (self._model,)
+
+    @property
+    def kappa(self) -> None:
+        """The curvature is not the same everywhere."""
+
+    @property
+    def origin(self) -> Array:
+        """Where the model has its joints: qpos0."""
+        return np.array(self._model.qpos0, dtype=np.float64)
+
+    def check(self, p: Array) -> Array:
+        point = np.asarray(p, dtype=np.float64)
+        if point.shape != (self.size,) or not np.isfinite(point).all():
+            raise ValueError(f"point = {point.tolist()}; allowed on {self.name}: {self.size} finite numbers")
+        return with_unit_quaternions(np.ascontiguousarray(point), self._quaternions, "point")
+
+    def exp(self, p: Array, w: Array) -> Array:
+        q: Array = kernels.exponential(self._at, p, w)
+        return q
+
+    def log(self, p: Array, q: Array) -> Array:
+        """Of ball joints half a turn apart, one of the two: where both are as short, either leads there."""
+        w: Array = kernels.logarithm(self._at, p, q)
+        return w
+
+    def distance(self, p: Array, q: Array) -> float:
+        return self.norm(p, self.log(p, q))
+
+    def norm(self, p: Array, w: Array) -> float:
+        return float(kernels.length(self._at, p, w))
+
+    def transport(self, p: Array, q: Array, w: Array) -> Array:
+        moved: Array = kernels.transported(self._at, p, q, w)
+        return moved
+
+    def curvature(self, p: Array, eta: Array, G: Array) -> Array:
+        R: Array = kernels.curved(self._at, p, eta, G)
+        return R
+
+    def christoffel(self, p: Array, u: Array, w: Array) -> Array:
+        """Gamma(u, w) at p: nabla_u w of fields with constant components."""
+        kernels.locate(self._at, p)
+        G: Array = kernels.connection(self._at, u, w)
+        return G
+
+    def mass(self, p: Array) -> Array:
+        """M (nv, nv) at p."""
+        kernels.locate(self._at, p)
+        M = np.empty((self.dimension, self.dimension))
+        mujoco.mj_fullM(self._model, self._data, M)
+        return M
+
+    def coordinates(self, p: Array, q: Array) -> Array:
+        """What the joints have moved by, (nv,) [m, rad]; a rotation vector for a ball joint."""
+        d: Array = kernels.difference(self._at, p, q)
+        return d
+
+    def point(self, p: Array, c: Array) -> Array:
+        q: Array = kernels.moved(self._at, p, c, 1.0)
+        return q
+
+    def components(self, p: Array, w: Array) -> Array:
+        return w.copy()
+
+    def vector(self, p: Array, c: Array) -> Array:
+        return c.copy()
+
+    def rounded(self, p: Array, bits: int) -> Array:
+        """To 2 pi / 2^bits of a hinge, 1 m / 2^bits of a slide; ValueError where there are balls, unless bits = 0."""
+        if not bits:
+            return p.copy()
+        if self._quaternions:
+            raise ValueError(f"resolution = {bits!r}; allowed for ball joints, which have no encoders: 0")
+        unit = np.full(self.size, 2.0 * math.pi / 2.0**bits)
+        unit[self._slides] = 1.0 / 2.0**bits
+        return unit * np.round(p / unit)
+
+
+def checked(model: mujoco.MjModel) -> mujoco.MjModel:
+    """A copy of a model of slides, hinges and balls.
+
+    Raises ValueError, which names all that is not allowed: no joints, free joints, equality constraints, armature that
+    depends on the configuration (of tendons, or of actuators that move anything but a slide or a hinge), or a mass
+    matrix that is not positive definite at qpos0.
+    """
+    single = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+    geared = [
+        i
+        for i in np.flatnonzero(model.actuator_armature).tolist()
+        if int(model.actuator_trntype[i]) not in single or model.jnt_type[model.actuator_trnid[i, 0]] == BALL
+    ]
+    wrong = {
+        "no joints": model.njnt == 0,
+        "free joints": bool((model.jnt_type == _FREE).any()),
+        "equality constraints": model.neq > 0,
+        "armature of tendons": bool(np.any(model.tendon_armature)),
+        "armature of actuators that do not move one slide or hinge": bool(geared),
+    }
+    found = [what for what, is_so in wrong.items() if is_so]
+    if not found and not _is_positive(mass_matrix(model, mujoco.MjData(model))):
+        found = ["a mass matrix that is not positive definite at qpos0"]
+    if found:
+        raise ValueError(
+            f"model = one with {', '.join(found)}; allowed: slides, hinges and balls, each of which moves mass"
+        )
+    return copy.copy(model)
+
+
+def mass_matrix(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    """M (nv, nv) at data.qpos, by the bindings."""
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_makeM(model, data)
+    M = np.empty((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, M)
+    return M
+
+
+def _is_positive(M: Array) -> bool:
+    scale = np.sqrt(np.diag(M))
+    if not (np.isfinite(M).all() and (scale > 0.0).all()):
+        return False
+    return bool(np.linalg.eigvalsh(M / np.outer(scale, scale))[0] > _SINGULAR)
+
+
+def _half_turn(M: Array, balls: Sequence[int]) -> float:
+    """The length of half a turn of the ball joint that turns most easily, by M at qpos0; without one, infinite."""
+    inverse = np.linalg.inv(M)
+    softest = [np.linalg.eigvalsh(inverse[k : k + 3, k : k + 3])[-1] for k in balls]
+    return math.pi / math.sqrt(max(softest)) if softest else math.inf

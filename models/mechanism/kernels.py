@@ -1,0 +1,212 @@
+"""The geometry of a mass matrix, compiled: what ``geometry.MechanismManifold`` is made of.
+
+With c(v) the velocity-dependent part of MuJoCo's inverse dynamics (``mj_rne`` without gravity), which is quadratic,
+
+    Gamma(v, v) = M^-1 c(v),      Gamma(u, w) = M^-1 [c(u + w) - c(u - w)] / 4 + [u, w] / 2,
+
+where [u, w] = u x w in every ball joint, whose velocities are those of a frame that turns, and nought elsewhere. u is
+the direction: nabla_u w = d_u w + Gamma(u, w).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from models.mechanism.library import ADDRESS, INTEGER, NUMBER, function
+from sim.signals import Array
+
+kinematics = function("mj_kinematics", ADDRESS, ADDRESS)
+com_pos = function("mj_comPos", ADDRESS, ADDRESS)
+make_m = function("mj_makeM", ADDRESS, ADDRESS)
+factor_m = function("mj_factorM", ADDRESS, ADDRESS)
+com_vel = function("mj_comVel", ADDRESS, ADDRESS)
+rne = function("mj_rne", ADDRESS, ADDRESS, INTEGER, ADDRESS)
+solve_m = function("mj_solveM", ADDRESS, ADDRESS, ADDRESS, ADDRESS, INTEGER)
+mul_m = function("mj_mulM", ADDRESS, ADDRESS, ADDRESS, ADDRESS)
+integrate_pos = function("mj_integratePos", ADDRESS, ADDRESS, ADDRESS, NUMBER)
+differentiate_pos = function("mj_differentiatePos", ADDRESS, ADDRESS, NUMBER, ADDRESS, ADDRESS)
+
+_STEP = 1e-5  # [rad, m] of central differences: their error is about as large as that of rounding, 1e-10
+
+
+class Mechanism(NamedTuple):
+    """A model without gravity and the memory it is evaluated in."""
+
+    model: int  # address
+    data: int  # address
+    qpos: Array  # (nq,) of data; the rest of data belongs to it
+    qvel: Array  # (nv,) of data
+    balls: NDArray[np.int64]  # where ball joints have their first velocity
+
+
+@njit(cache=True)
+def solid(a: Array, size: int) -> Array:
+    """a (size,) as numbers one after the other, as C expects them; ValueError for another size."""
+    if len(a) != size:
+        raise ValueError("a point or a vector of another size than that of the mechanism")
+    copy = np.empty(size)
+    copy[:] = a
+    return copy
+
+
+@njit(cache=True)
+def locate(at: Mechanism, q: Array) -> None:
+    """Make M and its factors those at q, unless they are already."""
+    same = len(q) == len(at.qpos)
+    for k in range(min(len(q), len(at.qpos))):
+        same = same and at.qpos[k] == q[k]
+    if not same:
+        at.qpos[:] = q
+        kinematics(at.model, at.data)
+        com_pos(at.model, at.data)
+        make_m(at.model, at.data)
+        factor_m(at.model, at.data)
+
+
+@njit(cache=True)
+def moved(at: Mechanism, q: Array, step: Array, share: float) -> Array:
+    """q after so large a share of a step (nv,) in the joints."""
+    after, by = solid(q, len(at.qpos)), solid(step, len(at.qvel))
+    integrate_pos(at.model, after.ctypes.data, by.ctypes.data, share)
+    return after
+
+
+@njit(cache=True)
+def difference(at: Mechanism, p: Array, q: Array) -> Array:
+    """The step in the joints (nv,) from p to q."""
+    step, start, end = np.empty(len(at.qvel)), solid(p, len(at.qpos)), solid(q, len(at.qpos))
+    differentiate_pos(at.model, step.ctypes.data, 1.0, start.ctypes.data, end.ctypes.data)
+    return step
+
+
+@njit(cache=True)
+def bias(at: Mechanism, v: Array) -> Array:
+    """c(v) at where M is."""
+    c = np.empty(len(at.qvel))
+    at.qvel[:] = v
+    com_vel(at.model, at.data)
+    rne(at.model, at.data, 0, c.ctypes.data)
+    return c
+
+
+@njit(cache=True)
+def raised(at: Mechanism, c: Array) -> Array:
+    """M^-1 c."""
+    w = np.empty(len(c))
+    solve_m(at.model, at.data, w.ctypes.data, c.ctypes.data, 1)
+    return w
+
+
+@njit(cache=True)
+def bracket(at: Mechanism, u: Array, w: Array) -> Array:
+    """[u, w]."""
+    turned = np.zeros(len(u))
+    for k in at.balls:
+        turned[k] = u[k + 1] * w[k + 2] - u[k + 2] * w[k + 1]
+        turned[k + 1] = u[k + 2] * w[k] - u[k] * w[k + 2]
+        turned[k + 2] = u[k] * w[k + 1] - u[k + 1] * w[k]
+    return turned
+
+
+@njit(cache=True)
+def spray(at: Mechanism, v: Array) -> Array:
+    """Gamma(v, v) at where M is."""
+    return raised(at, bias(at, v))
+
+
+@njit(cache=True)
+def connection(at: Mechanism, u: Array, w: Array) -> Array:
+    """Gamma(u, w) at where M is."""
+    symmetric = raised(at, 0.25 * (bias(at, u + w) - bias(at, u - w)))
+    return symmetric + 0.5 * bracket(at, u, w)
+
+
+@njit(cache=True)
+def size(at: Mechanism, w: Array) -> float:
+    """|w|_g at where M is."""
+    v, momentum = solid(w, len(at.qvel)), np.empty(len(at.qvel))
+    mul_m(at.model, at.data, momentum.ctypes.data, v.ctypes.data)
+    return math.sqrt(max(float(v @ momentum), 0.0))
+
+
+@njit(cache=True)
+def length(at: Mechanism, p: Array, w: Array) -> float:
+    """|w|_g."""
+    locate(at, p)
+    return size(at, w)
+
+
+@njit(cache=True)
+def bounded(at: Mechanism, bend: Array, w: Array, share: float) -> Array:
+    """A correction of w, shortened to a share of the length of w if it is longer: held where a series diverges."""
+    much, most = size(at, bend), share * size(at, w)
+    return bend if much <= most else bend * (most / much)
+
+
+@njit(cache=True)
+def exponential(at: Mechanism, p: Array, w: Array) -> Array:
+    """The geodesic v' = -Gamma(v, v) from v = w, a third of the way along which its acceleration is its mean: with
+
+        a = -Gamma_p(w, w),    b = -Gamma_{p + w/3}(w + a/3, w + a/3),    p + (w + b/2 + [w, a]/12).
+
+    The last term is that of a frame which turns while the velocity in it changes.
+    """
+    locate(at, p)
+    a = bounded(at, -spray(at, w), w, 1.0)
+    locate(at, moved(at, p, w, 1.0 / 3.0))
+    bend = -0.5 * spray(at, w + a / 3.0) + bracket(at, w, a) / 12.0
+    return moved(at, p, w + bounded(at, bend, w, 0.5), 1.0)
+
+
+@njit(cache=True)
+def logarithm(at: Mechanism, p: Array, q: Array) -> Array:
+    """The same, solved for w to the third order in d = q - p."""
+    d = difference(at, p, q)
+    locate(at, p)
+    G = bounded(at, spray(at, d), d, 1.0)
+    locate(at, moved(at, p, d, 1.0 / 3.0))
+    bend = 0.5 * spray(at, d + G / 6.0) + bracket(at, d, G) / 12.0
+    return d + bounded(at, bend, d, 0.5)
+
+
+@njit(cache=True)
+def transported(at: Mechanism, p: Array, q: Array, w: Array) -> Array:
+    """w - Gamma_m(d, w - Gamma_m(d, w) / 2), with d = q - p and m half-way, brought back to the length of w."""
+    d = difference(at, p, q)
+    before = length(at, p, w)
+    locate(at, moved(at, p, d, 0.5))
+    there = w - connection(at, d, w - 0.5 * connection(at, d, w))
+    after = length(at, q, there)
+    return there * (before / after) if after > 0.0 else there
+
+
+@njit(cache=True)
+def curved(at: Mechanism, p: Array, X: Array, Y: Array) -> Array:
+    """R(X, Y) X = d_X Gamma(Y, X) - d_Y Gamma(X, X) + Gamma(X, Gamma(Y, X)) - Gamma(Y, Gamma(X, X)) - Gamma([X, Y], X).
+
+    Evaluated for directions of length 1 in the joints, as it is quadratic in X and linear in Y.
+    """
+    large, far = np.abs(X).max(), np.abs(Y).max()
+    if large == 0.0 or far == 0.0:
+        return np.zeros(len(X))
+    x, y = X / large, Y / far
+    locate(at, moved(at, p, x, _STEP))
+    along = connection(at, y, x)
+    locate(at, moved(at, p, x, -_STEP))
+    along = along - connection(at, y, x)
+    locate(at, moved(at, p, y, _STEP))
+    across = spray(at, x)
+    locate(at, moved(at, p, y, -_STEP))
+    across = across - spray(at, x)
+    locate(at, p)
+    R: Array = (along - across) / (2.0 * _STEP)
+    R += connection(at, x, connection(at, y, x)) - connection(at, y, spray(at, x))
+    if len(at.balls):
+        R -= connection(at, bracket(at, x, y), x)
+    R *= large * large * far
+    return R

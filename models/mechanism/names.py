@@ -1,0 +1,5 @@
+"""The mechanisms that come with the software."""
+
+from typing import Literal
+
+MechanismName = Literal["rigid-body", "cart-pendulum", "two-link", "seven-joint"]

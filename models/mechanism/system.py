@@ -1,0 +1,108 @@
+"""Mechanisms as Euler-Lagrange systems (D.2.2): x' = v, D_t v = M^-1 (actuators + springs and dampers - gravity)."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from models.manifold.system import moved
+from models.mechanism import forces
+from models.mechanism.geometry import MechanismManifold
+from sim.checks import check
+from sim.joint_states import SLIDE, state_names
+from sim.signals import Array
+
+_FIXED, _UNBIASED = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE)
+_AFFINE = int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtBias.mjBIAS_AFFINE)
+_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
+
+
+class MechanismSystem:
+    """A ``LagrangianSystem`` of a model of slides, hinges and balls, with the state (qpos, qvel) and the input ctrl.
+
+    Actuators are MuJoCo's, of any kind that has no state of its own, and act within their ranges of control and force;
+    springs, dampers, tendons, gravity compensation and the drag of a medium are MuJoCo's too. What MuJoCo treats as a
+    constraint is not modelled: contacts, limits of joints and tendons, and friction loss.
+
+    Raises ValueError for what ``geometry.checked`` refuses, for actuators with a state, a delay or a plug-in, for
+    flexible parts, and for a ``constant`` or ``amplitude`` that is not one finite number for each input; nought if not
+    given.
+    """
+
+    def __init__(self, model: mujoco.MjModel, constant: Sequence[float] = (), amplitude: Sequence[float] = ()) -> None:
+        self.manifold = MechanismManifold(model)
+        wrong = {
+            "actuators with a state": model.na > 0,
+            "actuators with a delay": bool(np.any(model.actuator_delay)),
+            "plug-ins": model.nplugin > 0,
+            "flexible parts": model.nflex > 0,
+        }
+        if found := [what for what, is_so in wrong.items() if is_so]:
+            raise ValueError(
+                f"model = one with {', '.join(found)}; allowed: actuators that do at once what they are told"
+            )
+        self._model = copy.copy(model)
+        self._data = data = mujoco.MjData(self._model)
+        self._at = forces.Actuated(
+            self._model._address, data._address, data.qpos, data.qvel, data.ctrl, data.qfrc_passive, data.qfrc_actuator
+        )
+        self.states = state_names(model, range(model.njnt))
+        self.inputs = tuple(_input_name(model, i) for i in range(model.nu))
+        self.constant, self.amplitude = self._given("constant", constant), self._given("amplitude", amplitude)
+        self.damped = _is_damped(model)
+
+    def __reduce__(self) -> tuple[type[MechanismSystem], tuple[mujoco.MjModel, tuple[float, ...], tuple[float, ...]]]:
+        """A copy has memory of its own: addresses do not outlive what they are in."""
+        return type(self), (self._model, self.constant, self.amplitude)
+
+    def force(self, x: Array, v: Array, u: Array) -> Array:
+        """D_t v (nv,) [m/s^2, rad/s^2]."""
+        F: Array = forces.acceleration(self._at, x, v, u)
+        return F
+
+    def flow(self, state: Array, u: Array, h: float) -> Array:
+        return moved(self, state, u, h)
+
+    def _given(self, name: str, values: Sequence[float]) -> tuple[float, ...]:
+        n = len(self.inputs)
+        if len(values) not in (0, n) or not all(map(math.isfinite, values)):
+            raise ValueError(f"{name} = {tuple(values)!r}; allowed: {n} finite numbers, of {', '.join(self.inputs)}")
+        return tuple(map(float, values)) or (0.0,) * n
+
+
+def heavier(model: mujoco.MjModel, factor: float) -> mujoco.MjModel:
+    """A copy in which the body on the last joint has its mass and inertia times ``factor`` > 0: a load, or an error."""
+    check(factor, "factor", 0.0, open_low=True)
+    other = copy.copy(model)
+    link = int(model.jnt_bodyid[-1])
+    other.body_mass[link] *= factor
+    other.body_inertia[link] *= factor
+    mujoco.mj_setConst(other, mujoco.MjData(other))
+    return other
+
+
+def _input_name(model: mujoco.MjModel, i: int) -> str:
+    """A motor's has the unit of what it exerts; that of another actuator's control is its own affair."""
+    name = model.actuator(i).name.partition("/")[2] or model.actuator(i).name or str(i)
+    joint = int(model.actuator_trnid[i, 0])
+    is_motor = (int(model.actuator_gaintype[i]), int(model.actuator_biastype[i])) == (_FIXED, _UNBIASED)
+    strength = float(model.actuator_gainprm[i, 0]) * float(np.linalg.norm(model.actuator_gear[i]))
+    if not is_motor or int(model.actuator_trntype[i]) != _JOINT or strength != 1.0:
+        return f"{name} [-]"
+    return f"{name} [{'N' if model.jnt_type[joint] == SLIDE else 'N m'}]"
+
+
+def _is_damped(model: mujoco.MjModel) -> bool:
+    """Whether anything that acts may depend on the velocity."""
+    gain, bias = model.actuator_gaintype == _AFFINE[0], model.actuator_biastype == _AFFINE[1]
+    known = (gain | (model.actuator_gaintype == _FIXED)) & (bias | (model.actuator_biastype == _UNBIASED))
+    coefficients = (
+        model.dof_damping, model.dof_dampingpoly, model.tendon_damping, model.tendon_dampingpoly,
+        model.actuator_damping, model.actuator_dampingpoly, model.opt.density, model.opt.viscosity,
+        gain * model.actuator_gainprm[:, 2], bias * model.actuator_biasprm[:, 2],
+    )  # fmt: skip
+    return not known.all() or any(bool(np.any(each)) for each in coefficients)

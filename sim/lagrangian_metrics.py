@@ -1,0 +1,163 @@
+"""How well the velocity of a Lagrangian system was found: errors, convergence, Lyapunov functions of a run (Paper D).
+
+With the truth (x, v) and an estimate (xi, eta), v^ = PT_{xi -> x} eta and Delta v = v - v^. Errors of position and
+velocity are told in the components of the manifold at the truth: a joint's angle and rate, a body rate, and [1/s] where
+there is no body. A run has converged if over its last quarter the velocity error keeps its tolerance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.manifold.manifold import CutLocusError, Manifold
+from sim.convergence import decay_rate
+from sim.log import Recording
+from sim.signals import Array, Status
+
+LAST = 0.25
+"""of a run, by which convergence is judged"""
+FOUND = 0.01
+"""of the velocity at the start, below which the error counts as gone"""
+
+SETTLED = 0.05
+"""[rad] of the angle to a reference, below which a body has settled on it"""
+
+_SIMULTANEOUS = 1e-9  # [s]
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityErrors:
+    """Of the estimates of one vehicle, at their times (m,)."""
+
+    t: Array  # (m,) [s]
+    position: Array  # (m,) theta = dist(x, xi)
+    components: Array  # (m, n) of Delta v
+    norm: Array  # (m,) |Delta v|_g
+    lyapunov: Array  # (m, 3): |Delta v|^2 / 2, S, <s, Delta v>, of which V and W are made
+    found: Array  # (m,) 1 where the estimator had an estimate, else 0
+
+    @staticmethod
+    def of(recording: Recording, name: str, manifold: Manifold) -> VelocityErrors:
+        """Of one vehicle's run, whose state is (x, v)."""
+        estimates = recording.agents[name].estimates
+        t = np.array([estimate.t for estimate in estimates])
+        truth = recording.truths[name][np.searchsorted(recording.t, t - _SIMULTANEOUS)]
+        x = np.array([estimate.x for estimate in estimates])
+        found = np.array([estimate.status is not Status.INITIALISING for estimate in estimates], dtype=np.float64)
+        return VelocityErrors.between(t, truth, x, found, manifold)
+
+    @staticmethod
+    def between(t: Array, truth: Array, x: Array, found: Array, manifold: Manifold) -> VelocityErrors:
+        """Of estimates x (m, nx) at t (m,) [s], where the state was ``truth`` (m, nx)."""
+        rows = [errors_of(manifold, *pair) for pair in zip(truth, x, strict=True)]
+        position, components, norm, lyapunov = (np.array(values) for values in zip(*rows, strict=True))
+        return VelocityErrors(t, position, components, norm, lyapunov, found)
+
+    def V(self, B: float) -> Array:  # noqa: N802  the thesis' letters
+        """(m,) |Delta v|^2 / 2 + B S of Theorem D.2."""
+        value: Array = self.lyapunov[:, 0] + B * self.lyapunov[:, 1]
+        return value
+
+    def W(self, B: float) -> Array:  # noqa: N802
+        """(m,) |Delta v|^2 / 2 + 3/2 B |s|^2 - sqrt(B) <s, Delta v>, for constant gains of a double pole."""
+        kinetic, S, product = self.lyapunov.T
+        value: Array = kinetic + 3.0 * B * S - math.sqrt(B) * product
+        return value
+
+    def after(self, t: float) -> slice:
+        """The estimates from t [s] on."""
+        return slice(int(np.searchsorted(self.t, t - _SIMULTANEOUS)), None)
+
+    @property
+    def last(self) -> slice:
+        """The estimates by which convergence is judged."""
+        return self.after((1.0 - LAST) * float(self.t[-1]))
+
+    def found_from(self, limit: float) -> float:
+        """[s] the last time without an estimate or with |Delta v|_g above a limit; 0 if there is none."""
+        above = np.flatnonzero(~((self.norm <= limit) & (self.found > 0.0)))
+        return float(self.t[above[-1]]) if len(above) else 0.0
+
+
+def errors_of(manifold: Manifold, truth: Array, estimate: Array) -> tuple[float, Array, float, Array]:
+    """theta, the components (n,) of Delta v, |Delta v|_g and (|Delta v|^2 / 2, S, <s, Delta v>) at one time.
+
+    Infinite, and NaN, where no shortest geodesic joins the two.
+    """
+    n = manifold.size
+    x, v, xi, eta = truth[:n], truth[n:], estimate[:n], estimate[n:]
+    try:
+        off = v - manifold.transport(xi, x, eta)
+        s = -manifold.log(x, xi)
+    except CutLocusError:
+        nothing = np.full(manifold.dimension, np.inf)
+        return manifold.injectivity_radius, nothing, math.inf, np.full(3, np.nan)
+    speed, theta, both = manifold.norm(x, off), manifold.norm(x, s), manifold.norm(x, s + off)
+    product = 0.5 * (both**2 - speed**2 - theta**2)
+    return theta, manifold.components(x, off), speed, np.array([0.5 * speed**2, 0.5 * theta**2, product])
+
+
+def rms(values: Array) -> float:
+    """The root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def lagrangian_summary(
+    recording: Recording, name: str, manifold: Manifold, settled: float, seed: int, wall_seconds: float
+) -> dict[str, Any]:
+    """The flat summary of a run; ``velocity_rms`` and ``position_rms`` are those from ``settled`` [s] on."""
+    errors, truth = VelocityErrors.of(recording, name, manifold), recording.truths[name]
+    late = errors.after(settled)
+    speeds = np.array([manifold.norm(row[: manifold.size], row[manifold.size :]) for row in truth])
+    statuses = [estimate.status for estimate in recording.agents[name].estimates]
+    step = float(np.median(np.diff(errors.t))) if len(errors.t) > 1 else 0.0
+    return {
+        "velocity_rms": rms(np.linalg.norm(errors.components[late], axis=1)),
+        "position_rms": rms(errors.position[late]),
+        "velocity_rms_last_quarter": rms(errors.norm[errors.last]),
+        "velocity_error_start": float(errors.norm[0]),
+        "velocity_error_end": float(errors.norm[-1]),
+        "found_from_s": errors.found_from(FOUND * float(speeds[0])) if speeds[0] > 0.0 else None,
+        "decay_rate_per_s": decay_rate(errors.t, errors.norm, FOUND),
+        "speed_max": float(speeds.max()),
+        "lost_s": statuses.count(Status.LOST) * step,
+        "run_time_s": float(recording.t[-1]),
+        "real_time_factor": float(recording.t[-1]) / wall_seconds,
+        "seed": seed,
+    }
+
+
+def tracking_figures(recording: Recording, name: str, manifold: Manifold, settled: float) -> dict[str, Any]:
+    """How well a reference attitude was kept: the root mean square of the angle to it from ``settled`` [s] on, and the
+
+    last time at which the angle was more than ``SETTLED``.
+    """
+    t, truth = recording.t, recording.truths[name]
+    reference = _reference(recording, name, truth.shape[1])
+    known = [bool(np.isfinite(row).all()) for row in reference]
+    angle = np.array(
+        [
+            2.0 * manifold.distance(row[: manifold.size], wanted[: manifold.size]) if is_known else math.inf
+            for row, wanted, is_known in zip(truth, reference, known, strict=True)
+        ]
+    )
+    above = np.flatnonzero(angle > SETTLED)
+    late = t >= settled - _SIMULTANEOUS
+    return {
+        "attitude_rms_rad": rms(angle[late]),
+        "settled_at_s": float(t[above[-1]]) if len(above) and above[-1] < len(t) - 1 else None if len(above) else 0.0,
+    }
+
+
+def _reference(recording: Recording, name: str, size: int) -> Array:
+    """(n, size) the state that the plan in force holds at each look; NaN before the first plan."""
+    reference = np.full((len(recording.t), size), np.nan)
+    for adopted, plan in recording.agents[name].plans:
+        held = recording.t >= max(adopted, plan.t_start) - _SIMULTANEOUS
+        nearest = np.clip(np.searchsorted(plan.t, recording.t[held] - 0.5 * np.diff(plan.t[:2])[0]), 0, len(plan.t) - 1)
+        reference[held] = plan.x[nearest]
+    return reference

@@ -1,0 +1,91 @@
+"""``arm-velocity``: the joint velocities of a mechanism from its encoders, any that MuJoCo can load (thesis D.6).
+
+The metric is the mass matrix of the model that is believed; the plant may carry a load that the observer does not know.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from models.manifold.mission import LagrangianMission
+from models.manifold.sensors import PositionQuality
+from models.mechanism.entity import build_model
+from models.mechanism.system import MechanismSystem, heavier
+from sim.checks import check
+from sim.number_lists import NumberList
+from sim.plant import Equipment, MujocoPlant
+from sim.plugins import Part, checked_sensors, load
+from sim.scenarios.experiment import Experiment
+from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, velocity_errors
+from sim.signals import Array
+
+VEHICLE = "mechanism"
+
+
+@dataclass(frozen=True)
+class ArmVelocityConfig(LagrangianFields):
+    """Fields of the scenario."""
+
+    reading: PositionQuality = field(default_factory=lambda: PositionQuality(resolution=14))
+    """how the encoders err"""
+    settled: float = 1.0
+    """from when on errors count [s]"""
+    mechanism: str = "two-link"
+    """rigid-body, cart-pendulum, two-link, seven-joint, or the path of an MJCF file"""
+    load: float = 1.0
+    """mass of the last link, times what the observer believes"""
+    start: NumberList = ()
+    """position and velocity at the start, as the state has them; the model's own position, at rest, if not given"""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self.load, "load", 0.01, 100.0)
+        if not all(map(math.isfinite, self.start)):
+            raise ValueError(f"start = {self.start!r}; allowed: finite numbers")
+
+
+class ArmVelocity:
+    """The joint velocities of a mechanism from its encoders."""
+
+    Config = ArmVelocityConfig
+    controller = "joint_tracking"
+    estimator = "riemannian_observer"
+
+    @staticmethod
+    def build(
+        config: ArmVelocityConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
+    ) -> Experiment:
+        """The closed loop of one seed. Raises ValueError for a model that is no mechanism of slides, hinges, balls."""
+        controller = controller or Part.of(load("controllers", ArmVelocity.controller))
+        estimator = estimator or Part.of(load("estimators", ArmVelocity.estimator))
+        model = build_model(config.mechanism, name=VEHICLE)
+        model.opt.timestep = TICK
+        system, real = MechanismSystem(model), heavier(model, config.load)
+        mission = LagrangianMission(system, config.reading, config.period, config.speed_max)
+        truth = LagrangianMission(MechanismSystem(real), config.reading, config.period, config.speed_max)
+        sensors = checked_sensors(estimator, mission)
+        start = _start(config, system)
+        plant = MujocoPlant(real, {VEHICLE: Equipment(start, sensors)}, np.random.default_rng(seed))
+        loop = Loop("arm-velocity", VEHICLE, plant, mission, truth, {"mechanism": config.mechanism})
+        return loop.experiment(config, seed, controller, estimator)
+
+    @staticmethod
+    def errors(config: ArmVelocityConfig, x: Array, truth: Array) -> dict[str, Array]:
+        """The errors of estimates (n, nx), named with their units."""
+        system = MechanismSystem(heavier(build_model(config.mechanism, name=VEHICLE), config.load))
+        return velocity_errors(LagrangianMission(system, config.reading, config.period, config.speed_max), x, truth)
+
+
+def _start(config: ArmVelocityConfig, system: MechanismSystem) -> Array:
+    manifold = system.manifold
+    if not config.start:
+        return np.concatenate([manifold.origin, np.zeros(manifold.vector_size)])
+    given = np.array(config.start)
+    if given.shape != (len(system.states),):
+        raise ValueError(
+            f"start = {config.start!r}; allowed: {len(system.states)} numbers, of {', '.join(system.states)}"
+        )
+    return np.concatenate([manifold.check(given[: manifold.size]), given[manifold.size :]])

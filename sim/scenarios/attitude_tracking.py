@@ -1,0 +1,86 @@
+"""``attitude-tracking``: a rigid body follows a reference attitude without a gyro (thesis, further research).
+
+The observer of Paper D tells the rates from attitudes alone, and intrinsic tracking closes the loop on S^3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from models.manifold.constant_curvature import sphere
+from models.manifold.mission import LagrangianMission
+from models.manifold.sensors import PositionQuality
+from models.manifold.systems import RigidBody
+from sim.checks import check
+from sim.lagrangian_metrics import tracking_figures
+from sim.plugins import Part, checked_sensors, load
+from sim.scenarios.demands import Demand
+from sim.scenarios.experiment import Experiment
+from sim.scenarios.lagrangian import LagrangianFields, Loop, velocity_errors
+from sim.scenarios.sphere_observer import rigid_body_plant
+from sim.signals import Array
+
+VEHICLE = "body"
+
+
+@dataclass(frozen=True)
+class AttitudeTrackingFields(LagrangianFields):
+    """Fields of the scenario."""
+
+    reading: PositionQuality = field(default_factory=lambda: PositionQuality(noise=0.005))
+    """how the attitude errs"""
+    rate: float = 500.0
+    """readings, estimates and commands a second [Hz]"""
+    settled: float = 5.0
+    """from when on errors count [s]"""
+    tolerance: float = 0.5
+    """root mean square of the rate's error after that [rad/s]"""
+    speed: float = 0.0
+    """at the start [rad/s]; attitude and axis are drawn"""
+    inertia: float = 0.05
+    """of the body [kg m^2]"""
+    attitude_tolerance: float = 0.1
+    """root mean square of the angle to the reference after that [rad]"""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(self.speed, "speed", 0.0, 100.0)
+        check(self.inertia, "inertia", 1e-6, 1e6)
+        check(self.attitude_tolerance, "attitude_tolerance", 0.0, 10.0, open_low=True)
+
+
+class AttitudeTrackingScenario:
+    """A rigid body follows a reference attitude without a gyro."""
+
+    Config = AttitudeTrackingFields
+    controller = "attitude_tracking"
+    estimator = "riemannian_observer"
+
+    @staticmethod
+    def build(
+        config: AttitudeTrackingFields, seed: int, controller: Part | None = None, estimator: Part | None = None
+    ) -> Experiment:
+        """The closed loop of one seed, from an attitude that is uniform among all."""
+        controller = controller or Part.of(load("controllers", AttitudeTrackingScenario.controller))
+        estimator = estimator or Part.of(load("estimators", AttitudeTrackingScenario.estimator))
+        mission = _mission(config)
+        draws, noise = np.random.default_rng(seed).spawn(2)
+        axis = draws.standard_normal(3)
+        start = np.concatenate([sphere(3).draw(draws), config.speed * axis / np.linalg.norm(axis)])
+        plant = rigid_body_plant(VEHICLE, start, checked_sensors(estimator, mission), config.inertia, noise)
+        demand = Demand("attitude_rms_rad", most=config.attitude_tolerance)
+        loop = Loop(
+            "attitude-tracking", VEHICLE, plant, mission, mission, {"space": "body"}, tracking_figures, (demand,)
+        )
+        return loop.experiment(config, seed, controller, estimator)
+
+    @staticmethod
+    def errors(config: AttitudeTrackingFields, x: Array, truth: Array) -> dict[str, Array]:
+        """The errors of estimates (n, nx), named with their units."""
+        return velocity_errors(_mission(config), x, truth)
+
+
+def _mission(config: AttitudeTrackingFields) -> LagrangianMission:
+    return LagrangianMission(RigidBody(config.inertia), config.reading, config.period, config.speed_max)

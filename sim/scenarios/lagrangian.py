@@ -1,0 +1,121 @@
+"""What the scenarios of Paper D share: a Lagrangian system in the loop with an observer of its velocity.
+
+position -> estimator -> controller -> forces
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from models.manifold.manifold import Manifold
+from models.manifold.mission import LagrangianMission
+from models.manifold.sensors import PositionQuality
+from sim.checks import check, check_rate
+from sim.lagrangian_metrics import errors_of, lagrangian_summary
+from sim.log import Recording
+from sim.loop import Agent
+from sim.plugins import Part, checked_controller, checked_estimator
+from sim.protocols import Plant
+from sim.scenarios.demands import Demand, judged
+from sim.scenarios.experiment import Experiment
+from sim.signals import Array
+
+TICK = 1e-3
+"""[s] of the plants"""
+_LONGEST = 600.0  # [s]
+
+
+@dataclass(frozen=True)
+class LagrangianFields:
+    """Fields that every one of these scenarios has."""
+
+    reading: PositionQuality = field(default_factory=PositionQuality)
+    """how the position errs"""
+    rate: float = 1000.0
+    """readings, estimates and commands a second [Hz]"""
+    duration: float = 10.0
+    """[s]"""
+    speed_max: float = 30.0
+    """what |v|_g = sqrt(2 T) is at most, T being the kinetic energy, by which some estimators tell jumps [-]"""
+    settled: float = 2.0
+    """from when on errors count [s]"""
+    tolerance: float = 0.1
+    """root mean square of the velocity error after that, which counts as converged [rad/s, m/s]"""
+
+    def __post_init__(self) -> None:
+        check_rate(self.rate, "rate", TICK)
+        check(self.duration, "duration", 2.0 / self.rate, _LONGEST)
+        if abs(self.duration / TICK - round(self.duration / TICK)) > 1e-6:
+            raise ValueError(f"duration = {self.duration!r}; allowed: a whole number of ticks of {TICK:g} s")
+        check(self.speed_max, "speed_max", 0.0, 1e6, open_low=True)
+        check(self.settled, "settled", 0.0, self.duration)
+        check(self.tolerance, "tolerance", 0.0, 1e6, open_low=True)
+
+    @property
+    def period(self) -> float:
+        """[s] between readings."""
+        return round(1.0 / (self.rate * TICK)) * TICK
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What a scenario makes of its fields: the plant, what an observer knows, and what a figure is told with."""
+
+    name: str  # of the scenario
+    vehicle: str
+    plant: Plant
+    mission: LagrangianMission  # as it is believed
+    truth: LagrangianMission  # as it is
+    told: Mapping[str, Any]  # beside the fields, for the drawings
+    figures: Callable[[Recording, str, Manifold, float], dict[str, Any]] | None = None  # further ones of the summary
+    demands: tuple[Demand, ...] = ()  # of them, beside that of the velocity error
+
+    def experiment(self, fields: LagrangianFields, seed: int, controller: Part, estimator: Part) -> Experiment:
+        """The closed loop of one seed."""
+        planner, tracker = checked_controller(controller, self.mission)
+        observer = checked_estimator(estimator, self.mission)
+        manifold = self.truth.system.manifold
+
+        def finished(t: float, truths: Mapping[str, Array]) -> bool:
+            return not np.isfinite(truths[self.vehicle]).all()
+
+        def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
+            figures = lagrangian_summary(recording, self.vehicle, manifold, fields.settled, seed, wall_seconds)
+            if self.figures is not None:
+                figures |= self.figures(recording, self.vehicle, manifold, fields.settled)
+            return judged(figures, [Demand("velocity_rms", most=fields.tolerance), *self.demands])
+
+        agent = Agent(observer, planner, tracker, len(self.mission.system.inputs))
+        record = {
+            "scenario": self.name,
+            "drawing": "renders.lagrangian.drawing",
+            "seed": seed,
+            "fields": dataclasses.asdict(fields),
+            "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
+            "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
+            "mission": {
+                "manifold": manifold.name,
+                "states": self.truth.system.states,
+                "inputs": self.truth.system.inputs,
+                "tolerance": fields.tolerance,
+                **self.told,
+            },
+        }
+        return Experiment(self.plant, {self.vehicle: agent}, fields.duration, finished, summarise, record)
+
+
+def velocity_errors(mission: LagrangianMission, x: Array, truth: Array) -> dict[str, Array]:
+    """Of estimates (m, nx): the distance, and each component of Delta v, by name with unit."""
+    manifold = mission.system.manifold
+    rows = [errors_of(manifold, row, estimate) for row, estimate in zip(truth, x, strict=True)]
+    off = np.array([row[1] for row in rows])
+    names = mission.system.states[-manifold.dimension :]
+    return {
+        "distance [-]": np.array([row[0] for row in rows]),
+        **{name: off[:, k] for k, name in enumerate(names)},
+    }

@@ -1,0 +1,142 @@
+"""``sphere-observer``: the velocity of what moves on a curved space, from its position alone (D.5).
+
+body               a rigid body on a ball joint in MuJoCo: attitudes, S^3
+sphere             a point on S^3 as an ODE, under the force of the example in D.5 or a potential
+hyperbolic-plane   a point on H^2 as an ODE, in a bowl
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+
+from models.manifold.constant_curvature import hyperbolic_space, sphere
+from models.manifold.mission import LagrangianMission
+from models.manifold.sensors import PositionQuality
+from models.manifold.systems import PointSystem, RigidBody, linear, printed
+from models.mechanism.entity import build_spec
+from sim.checks import check
+from sim.number_lists import NumberList
+from sim.ode_plant import OdePlant, OdeVehicle
+from sim.plant import Equipment, MujocoPlant
+from sim.plugins import Part, checked_sensors, load
+from sim.protocols import Plant, Sensor
+from sim.scenarios.experiment import Experiment
+from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, velocity_errors
+from sim.signals import Array
+
+VEHICLE = "body"
+SpaceName = Literal["body", "sphere", "hyperbolic-plane"]
+ForceName = Literal["none", "linear", "printed"]
+
+_FASTEST = 100.0  # [rad/s, 1/s]
+_STRONGEST = 1e4  # [1/s^2]
+
+
+@dataclass(frozen=True)
+class SphereObserverConfig(LagrangianFields):
+    """Fields of the scenario."""
+
+    reading: PositionQuality = field(default_factory=lambda: PositionQuality(noise=0.01))
+    """how the position errs"""
+    space: SpaceName = "body"
+    """what moves: a rigid body in MuJoCo, a point on S^3, or one on the hyperbolic plane"""
+    force: ForceName = "none"
+    """on a point: none, of the potential c p_0, or that of the example in D.5"""
+    strength: float = 1.0
+    """c of the linear potential [1/s^2]"""
+    speed: float = 6.0
+    """at the start, |omega| [rad/s] of a body or |v| [1/s] of a point; position and direction are drawn"""
+    start: NumberList = ()
+    """position and velocity at the start, as the state has them; drawn if not given"""
+    inertia: float = 0.05
+    """of the body [kg m^2]"""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, kind in (("space", SpaceName), ("force", ForceName)):
+            if getattr(self, name) not in get_args(kind):
+                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: {', '.join(get_args(kind))}")
+        if self.force == "printed" and self.space != "sphere":
+            raise ValueError(f"force = 'printed' with space = {self.space!r}; allowed: with space = sphere")
+        if self.force != "none" and self.space == "body":
+            raise ValueError(f"force = {self.force!r} with space = 'body'; allowed: none, its torques are its input")
+        check(self.strength, "strength", -_STRONGEST, _STRONGEST)
+        check(self.speed, "speed", 0.0, _FASTEST)
+        check(self.inertia, "inertia", 1e-6, 1e6)
+        if not all(map(math.isfinite, self.start)):
+            raise ValueError(f"start = {self.start!r}; allowed: finite numbers")
+
+
+class SphereObserver:
+    """The velocity of what moves on a curved space, from its position alone."""
+
+    Config = SphereObserverConfig
+    controller = "input_signal"
+    estimator = "riemannian_observer"
+
+    @staticmethod
+    def build(
+        config: SphereObserverConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
+    ) -> Experiment:
+        """The closed loop of one seed. Raises ValueError for a start off the space."""
+        controller = controller or Part.of(load("controllers", SphereObserver.controller))
+        estimator = estimator or Part.of(load("estimators", SphereObserver.estimator))
+        mission = config_mission(config)
+        draws, noise = np.random.default_rng(seed).spawn(2)
+        sensors = checked_sensors(estimator, mission)
+        start = _start(config, mission, draws)
+        plant: Plant
+        if isinstance(mission.system, PointSystem):
+            plant = OdePlant({VEHICLE: OdeVehicle(mission.system, start, sensors)}, TICK, noise)
+        else:
+            plant = rigid_body_plant(VEHICLE, start, sensors, config.inertia, noise)
+        told = {"space": config.space}
+        loop = Loop("sphere-observer", VEHICLE, plant, mission, mission, told)
+        return loop.experiment(config, seed, controller, estimator)
+
+    @staticmethod
+    def errors(config: SphereObserverConfig, x: Array, truth: Array) -> dict[str, Array]:
+        """The errors of estimates (n, nx), named with their units."""
+        return velocity_errors(config_mission(config), x, truth)
+
+
+def config_mission(config: SphereObserverConfig) -> LagrangianMission:
+    """What an observer is told."""
+    if config.space == "body":
+        system: PointSystem | RigidBody = RigidBody(config.inertia)
+    else:
+        space = sphere(3) if config.space == "sphere" else hyperbolic_space(2)
+        potentials = {"none": linear(0.0, 0), "linear": linear(config.strength, 0), "printed": printed}
+        system = PointSystem(space, potentials[config.force])
+    return LagrangianMission(system, config.reading, config.period, config.speed_max)
+
+
+def _start(config: SphereObserverConfig, mission: LagrangianMission, rng: np.random.Generator) -> Array:
+    """The state at the start."""
+    system = mission.system
+    manifold, n = system.manifold, len(system.states)
+    if config.start:
+        given = np.array(config.start)
+        if given.shape != (n,):
+            raise ValueError(f"start = {config.start!r}; allowed: {n} numbers, of {', '.join(system.states)}")
+        position = manifold.check(given[: manifold.size])
+        return np.concatenate([position, given[manifold.size :]])
+    if isinstance(system, PointSystem):
+        position = system.manifold.draw(rng)
+        return system.state(position, config.speed * system.manifold.draw_vector(rng, position))
+    position, axis = sphere(3).draw(rng), rng.standard_normal(3)
+    return np.concatenate([position, config.speed * axis / np.linalg.norm(axis)])
+
+
+def rigid_body_plant(
+    name: str, start: Array, sensors: tuple[Sensor, ...], inertia: float, rng: np.random.Generator
+) -> MujocoPlant:
+    """The rigid body in MuJoCo, with the inertia [kg m^2] about every axis."""
+    spec = build_spec("rigid-body", name=name)
+    body = spec.body(f"{name}/body")
+    body.inertia = (inertia, inertia, inertia)
+    return MujocoPlant(spec.compile(), {name: Equipment(start, sensors)}, rng)

@@ -1,0 +1,101 @@
+"""The sampled observer on mechanisms, the metric of which is MuJoCo's mass matrix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import pytest
+
+from estimators.riemannian.gains import Gains
+from estimators.riemannian.sampled import SampledObserver
+from models.mechanism.entity import build_model
+from models.mechanism.names import MechanismName
+from models.mechanism.system import MechanismSystem, heavier
+from sim.signals import Array
+
+PERIOD, OMEGA = 1e-3, 30.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """The truth of a mechanism, once a millisecond."""
+
+    model: mujoco.MjModel
+    x: Array  # (n + 1, nq)
+    v: Array  # (n + 1, nv)
+    u: Array  # (n, nu)
+
+
+def run(name: MechanismName, amplitude: list[float], duration: float = 2.0) -> Run:
+    """Under u = amplitude sin 2 t, from 0.5 and a rate of 1 in every joint."""
+    model = build_model(name)
+    data, n = mujoco.MjData(model), round(duration / PERIOD)
+    mujoco.mj_integratePos(model, data.qpos, np.full(model.nv, 0.5), 1.0)
+    data.qvel[:] = 1.0
+    u = np.array(amplitude) * np.sin(2.0 * PERIOD * np.arange(n))[:, None]
+    x, v = [data.qpos.copy()], [data.qvel.copy()]
+    for held in u:
+        data.ctrl[:] = held
+        mujoco.mj_step(model, data)
+        x.append(data.qpos.copy())
+        v.append(data.qvel.copy())
+    return Run(model, np.array(x), np.array(v), u)
+
+
+def errors(truth: Run, model: mujoco.MjModel, bits: int = 0, *, disturbed: bool = False) -> Array:
+    """(n,) |eta - v| of an observer that believes in ``model``."""
+    system = MechanismSystem(model)
+    y = [system.manifold.rounded(x, bits) for x in truth.x]
+    observer = SampledObserver(system, Gains(bandwidth=OMEGA), y[0], disturbed=disturbed)
+    found = []
+    for u, reading, v in zip(truth.u, y[1:], truth.v[1:], strict=True):
+        observer.predict(PERIOD, u, reading)
+        observer.correct(reading, PERIOD)
+        found.append(np.abs(observer.eta - v).max())
+    return np.array(found)
+
+
+@pytest.fixture(scope="module")
+def two_link() -> Run:
+    return run("two-link", [4.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "amplitude"),
+    [
+        ("rigid-body", [0.3, 0.2, -0.3]),
+        ("cart-pendulum", [2.0, 0.2]),
+        ("two-link", [4.0, 1.0]),
+        ("seven-joint", [3.0, 12.0, 1.0, 6.0, 0.5, 1.0, 0.1]),
+    ],
+)
+def test_it_converges_to_the_velocity_where_readings_are_exact(name: MechanismName, amplitude: list[float]) -> None:
+    truth = run(name, amplitude)
+    off = errors(truth, truth.model)
+    assert off[0] > 0.9  # eta = 0 at the start
+    assert off[1000:].max() < 1e-4
+
+
+def test_with_encoders_it_is_a_hundred_times_better_than_differences(two_link: Run) -> None:
+    off = errors(two_link, two_link.model, 14)[500:]
+    step = 2.0 * np.pi / 2.0**14
+    differences = np.diff(step * np.round(two_link.x / step), axis=0) / PERIOD - two_link.v[1:]
+    assert np.sqrt((off**2).mean()) < 1e-3
+    assert np.sqrt((differences**2).mean()) > 100.0 * np.sqrt((off**2).mean())
+
+
+@pytest.mark.parametrize("jump", [0.5, 3.0])
+def test_readings_that_jump_are_got_over(two_link: Run, jump: float) -> None:
+    wild = Run(two_link.model, two_link.x.copy(), two_link.v, two_link.u)
+    wild.x[200:1000:100] += jump
+    off = errors(wild, two_link.model)
+    assert off.max() < 50.0
+    assert off[1500:].max() < 1e-3
+
+
+def test_a_transported_disturbance_makes_up_for_a_load(two_link: Run) -> None:
+    believed = heavier(two_link.model, 1.3)
+    plain, disturbed = (errors(two_link, believed, 14, disturbed=d)[500:] for d in (False, True))
+    assert np.sqrt((disturbed**2).mean()) < 0.5 * np.sqrt((plain**2).mean())

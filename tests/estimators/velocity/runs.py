@@ -1,0 +1,94 @@
+"""Systems that observers of the velocity are tried on, and what they read on a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from estimators.velocity.extended import LagrangianEkf
+from estimators.velocity.filtered_differences import FilteredDifferences
+from estimators.velocity.high_gain import HighGain
+from estimators.velocity.unscented import LagrangianUkf
+from models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
+from models.manifold.mission import LagrangianMission
+from models.manifold.sensors import PositionQuality
+from models.manifold.system import LagrangianSystem
+from models.manifold.systems import PointSystem, RigidBody, linear
+from sim.ode_plant import OdeMotion
+from sim.protocols import Estimator, Motion
+from sim.signals import Array, Estimate, Measurement
+from sim.tuning import RecordedCall
+
+PLUGINS: Mapping[str, Any] = {
+    "filtered_differences": FilteredDifferences,
+    "high_gain": HighGain,
+    "lagrangian_ekf": LagrangianEkf,
+    "lagrangian_ukf": LagrangianUkf,
+}
+MODELLED = ("high_gain", "lagrangian_ekf", "lagrangian_ukf")
+FILTERS = ("lagrangian_ekf", "lagrangian_ukf")
+
+
+def pointed(manifold: ConstantCurvature) -> tuple[LagrangianSystem, Array]:
+    """A point that falls in U = p_0 from off the origin, and its start at rest."""
+    system, n = PointSystem(manifold, linear(1.0, 0)), manifold.size
+    start = manifold.exp(np.eye(n)[0], 0.7 * np.eye(n)[1])
+    return system, system.state(start, np.zeros(n))
+
+
+SYSTEMS: Mapping[str, Callable[[], tuple[LagrangianSystem, Array]]] = {
+    "rigid body": lambda: (RigidBody(0.05), np.array([1.0, *np.zeros(6)])),
+    "sphere": lambda: pointed(sphere(2)),
+    "hyperbolic": lambda: pointed(hyperbolic_space(2)),
+    "flat": lambda: pointed(flat_space(2)),
+}
+
+
+def moving(name: str, speed: float) -> tuple[LagrangianSystem, Array]:
+    """The system with a start at which every component of v is ``speed``."""
+    system, start = SYSTEMS[name]()
+    manifold = system.manifold
+    x = start[: manifold.size]
+    return system, np.concatenate([x, manifold.vector(x, np.full(manifold.dimension, speed))])
+
+
+class Seen(OdeMotion):
+    """A state, for a sensor that reads nothing else."""
+
+    def __init__(self, x: Array) -> None:
+        self.state = x
+
+
+def recorded(
+    mission: LagrangianMission,
+    start: Array,
+    duration: float,
+    seed: int = 1,
+    input_at: Callable[[float], Array] | None = None,
+) -> list[RecordedCall]:
+    """A run of the mission's system; nought is the input where none is given."""
+    rng, sensor, system = np.random.default_rng(seed), mission.sensor, mission.system
+    x, u, calls = start, np.zeros(len(system.inputs)), []
+    for k in range(round(duration / mission.period) + 1):
+        t = k * mission.period
+        motion: Motion = Seen(x)
+        y = sensor.read(motion, rng)
+        read = () if y is None else (Measurement("position", t, y),)
+        calls.append(RecordedCall(t, read, u, x))
+        u = np.zeros(len(system.inputs)) if input_at is None else input_at(t)
+        x = system.flow(x, u, mission.period)
+    return calls
+
+
+def mission_of(system: LagrangianSystem, period: float = 0.01, **quality: Any) -> LagrangianMission:
+    return LagrangianMission(system, PositionQuality(**quality), period, speed_max=10.0)
+
+
+def replayed(estimator: Estimator, calls: Sequence[RecordedCall]) -> list[Estimate]:
+    return [estimator.update(call.t, call.measurements, call.command) for call in calls]
+
+
+def velocity_error(manifold: Any, estimate: Estimate, truth: Array) -> float:
+    return float(np.linalg.norm(estimate.x[manifold.size :] - truth[manifold.size :]))

@@ -131,20 +131,25 @@ def lagrangian_summary(
     }
 
 
+def angles_to_reference(recording: Recording, name: str, manifold: Manifold) -> Array:
+    """(n,) [rad] the angle from a body to the reference at each look; infinite before the first plan."""
+    truth, n = recording.truths[name], manifold.size
+    reference = _reference(recording, name, truth.shape[1])
+    known = [bool(np.isfinite(row).all()) for row in reference]
+    return np.array(
+        [
+            2.0 * manifold.distance(row[:n], wanted[:n]) if is_known else math.inf
+            for row, wanted, is_known in zip(truth, reference, known, strict=True)
+        ]
+    )
+
+
 def tracking_figures(recording: Recording, name: str, manifold: Manifold, settled: float) -> dict[str, Any]:
     """How well a reference attitude was kept: the root mean square of the angle to it from ``settled`` [s] on, and the
 
     last time at which the angle was more than ``SETTLED``.
     """
-    t, truth = recording.t, recording.truths[name]
-    reference = _reference(recording, name, truth.shape[1])
-    known = [bool(np.isfinite(row).all()) for row in reference]
-    angle = np.array(
-        [
-            2.0 * manifold.distance(row[: manifold.size], wanted[: manifold.size]) if is_known else math.inf
-            for row, wanted, is_known in zip(truth, reference, known, strict=True)
-        ]
-    )
+    t, angle = recording.t, angles_to_reference(recording, name, manifold)
     above = np.flatnonzero(angle > SETTLED)
     late = t >= settled - _SIMULTANEOUS
     return {

@@ -27,14 +27,16 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",
         "escape_time_s",
     ),
-    "mission": ("arrived", "arrival_time_s", "deadline_s", "planned_time_s", "flight_time_s", "run_time_s"),
+    "mission": (
+        "arrived", "arrival_time_s", "deadline_s", "planned_time_s", "flight_time_s", "run_time_s", "speed_max",
+    ),
     "path": (
         "path_length_m", "straight_line_m", "mean_height_m", "apex_m", "attack_angle_max_deg",
         "cost", "planned_cost", "control_effort", "radar_exposure_s",
     ),
     "safety": (
         "min_clearance_m", "wall_clearance_min_m", "ground_contacts", "touched_wall", "speed_max_m_s",
-        "missed_passes", "guarantee_lost", "speed_max",
+        "missed_passes", "guarantee_lost",
     ),
     "tracking": (
         "attitude_rms_rad", "settled_at_s",
@@ -46,17 +48,17 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 # By the end of a name; the longer first.
 UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "ms", "_s": "s", "_m": "m"}
-# What a name alone does not say. A velocity without a unit in its name is one of joints, of a body or of a point.
+# What a name alone does not say; |v| is a length in the metric of what moves.
 LABELS = {
-    "velocity_rms": ("velocity error, RMS once settled", "rad/s, m/s"),
-    "position_rms": ("distance of positions, RMS once settled", ""),
-    "velocity_rms_last_quarter": ("|Δv| in the metric, RMS of the last quarter", ""),
-    "velocity_error_start": ("|Δv| in the metric, at the start", ""),
-    "velocity_error_end": ("|Δv| in the metric, at the end", ""),
-    "found_from_s": ("velocity known to one percent after", "s"),
-    "speed_max": ("highest speed |v| in the metric", ""),
-    "attitude_rms_rad": ("angle to the reference, RMS once settled", "rad"),
-    "settled_at_s": ("settled on the reference after", "s"),
+    "velocity_rms": ("velocity error, rms", "rad/s, m/s"),
+    "position_rms": ("distance of position, rms", "in the metric"),
+    "velocity_rms_last_quarter": ("|Δv| of the last quarter", "in the metric"),
+    "velocity_error_start": ("|Δv| at the start", "in the metric"),
+    "velocity_error_end": ("|Δv| at the end", "in the metric"),
+    "found_from_s": ("velocity found after", "s"),
+    "speed_max": ("highest |v|", "in the metric"),
+    "attitude_rms_rad": ("angle to reference, rms", "rad"),
+    "settled_at_s": ("on the reference after", "s"),
 }
 SHORTFALL = "shortfall"  # the summary's key of what a run did not do; without it the mission did what it should
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")

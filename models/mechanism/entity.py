@@ -15,6 +15,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, get_args
 
+import dm_control
 import mujoco
 import numpy as np
 
@@ -22,15 +23,20 @@ from models.mechanism.geometry import checked
 from models.mechanism.names import MechanismName
 
 _HERE = Path(__file__).parent
+_SUITE = "dm_control:"
 _BELOW = 0.1  # of a mechanism's extent that the floor is beneath it, if it reaches below nought
 
 
 def file_of(mechanism: MechanismName | str | Path) -> Path:
-    """The MJCF file of a mechanism of that name, or at that path; ValueError if it is neither."""
+    """The MJCF file of a mechanism of that name, of dm_control's suite, or at that path; ValueError if it is none."""
     own = {name: _HERE / f"{name.replace('-', '_')}.xml" for name in get_args(MechanismName)}
-    path = own.get(str(mechanism), Path(mechanism))
+    suite = {f"{_SUITE}{file.stem}": file for file in (Path(dm_control.__file__).parent / "suite").glob("*.xml")}
+    path = (own | suite).get(str(mechanism), Path(mechanism))
     if not path.is_file():
-        raise ValueError(f"mechanism = {str(mechanism)!r}; allowed: {', '.join(own)}, or the path of an MJCF file")
+        raise ValueError(
+            f"mechanism = {str(mechanism)!r}; allowed: {', '.join(own)}, {_SUITE}NAME of its suite "
+            f"({', '.join(sorted(file.stem for file in suite.values()))}), or the path of an MJCF file"
+        )
     return path
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import mujoco
 import numpy as np
 
 from models.manifold.mission import LagrangianMission
@@ -34,7 +35,7 @@ class ArmVelocityConfig(LagrangianFields):
     settled: float = 1.0
     """from when on errors count [s]"""
     mechanism: str = "two-link"
-    """rigid-body, cart-pendulum, two-link, seven-joint, or the path of an MJCF file"""
+    """rigid-body, cart-pendulum, two-link, seven-joint, dm_control:NAME of its suite, or the path of an MJCF file"""
     load: float = 1.0
     """mass of the last link, times what the observer believes"""
     start: NumberList = ()
@@ -61,13 +62,13 @@ class ArmVelocity:
         """The closed loop of one seed. Raises ValueError for a model that is no mechanism of slides, hinges, balls."""
         controller = controller or Part.of(load("controllers", ArmVelocity.controller))
         estimator = estimator or Part.of(load("estimators", ArmVelocity.estimator))
-        model = build_model(config.mechanism, name=VEHICLE)
-        model.opt.timestep = TICK
-        system, real = MechanismSystem(model), heavier(model, config.load)
-        mission = LagrangianMission(system, config.reading, config.period, config.speed_max)
-        truth = LagrangianMission(MechanismSystem(real), config.reading, config.period, config.speed_max)
+        model, real = _models(config)
+        mission, truth = (
+            LagrangianMission(MechanismSystem(each), config.reading, config.period, config.speed_max)
+            for each in (model, real)
+        )
         sensors = checked_sensors(estimator, mission)
-        start = _start(config, system)
+        start = _start(config, mission)
         plant = MujocoPlant(real, {VEHICLE: Equipment(start, sensors)}, np.random.default_rng(seed))
         loop = Loop("arm-velocity", VEHICLE, plant, mission, truth, {"mechanism": config.mechanism})
         return loop.experiment(config, seed, controller, estimator)
@@ -75,12 +76,23 @@ class ArmVelocity:
     @staticmethod
     def errors(config: ArmVelocityConfig, x: Array, truth: Array) -> dict[str, Array]:
         """The errors of estimates (n, nx), named with their units."""
-        system = MechanismSystem(heavier(build_model(config.mechanism, name=VEHICLE), config.load))
-        return velocity_errors(LagrangianMission(system, config.reading, config.period, config.speed_max), x, truth)
+        return velocity_errors(believed(config), x, truth)
 
 
-def _start(config: ArmVelocityConfig, system: MechanismSystem) -> Array:
-    manifold = system.manifold
+def believed(config: ArmVelocityConfig) -> LagrangianMission:
+    """What an observer is told."""
+    return LagrangianMission(MechanismSystem(_models(config)[0]), config.reading, config.period, config.speed_max)
+
+
+def _models(config: ArmVelocityConfig) -> tuple[mujoco.MjModel, mujoco.MjModel]:
+    """As it is believed, and as it is."""
+    model = build_model(config.mechanism, name=VEHICLE)
+    model.opt.timestep = TICK
+    return model, heavier(model, config.load)
+
+
+def _start(config: ArmVelocityConfig, mission: LagrangianMission) -> Array:
+    system, manifold = mission.system, mission.system.manifold
     if not config.start:
         return np.concatenate([manifold.origin, np.zeros(manifold.vector_size)])
     given = np.array(config.start)

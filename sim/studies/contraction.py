@@ -142,8 +142,8 @@ def _claims(products: Array, at_zero: list[float], table: Mapping[str, tuple[flo
         Claim(
             "D.infinitely-thin", "printed", "The neighbourhood is infinitely thin as |eta| grows.", "Theorem D.1",
             "theta at the boundary falls to nought",
-            f"theta = {LAW:g} / |eta|; on S = 0 itself the largest eigenvalue is at most {max(at_zero):.3f} for |eta| up "
-            "to 100",
+            f"theta = {LAW:g} / |eta|; on S = 0 itself the largest eigenvalue is at most {max(at_zero):.3f} for |eta| "
+            "up to 100",
             off <= WITHIN and max(at_zero) < 0.0,
         ),
         Claim(

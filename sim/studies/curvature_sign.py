@@ -121,7 +121,8 @@ class CurvatureSign:
             tables=(_table(shares),),
             figure=_figure(done, shares),
             caption="(a), (b) Velocity error over that at the start: medians, and between the quartiles, at the speed "
-            "that the target asks for. (c) Share of runs that have converged, by speed, with 95 % limits of Clopper and Pearson.",
+            "that the target asks for. (c) Share of runs that have converged, by speed, with 95 % limits of Clopper "
+            "and Pearson.",
             claims=_claims(shares, late),
         )
 

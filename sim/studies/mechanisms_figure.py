@@ -1,0 +1,98 @@
+"""The picture of the study ``mechanisms``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from renders.figures import INK, STYLE
+from sim.studies.mechanism_runs import BUTTERWORTH, DISTURBED, DISTURBED_TUNED, OBSERVER, TUNED, Comparison
+
+COLOURS = {
+    OBSERVER: "#0d5fa8", TUNED: "#6aa5d8", DISTURBED: "#0f9472", DISTURBED_TUNED: "#7cc9b0",
+    BUTTERWORTH: "#c2183b", "high gain": "#e07b00",
+    "EKF": "#7a4fb5", "UKF": "#b79ad8",
+}  # fmt: skip
+
+Found = Mapping[str, Mapping[str, Comparison]]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is drawn."""
+
+    own: Found
+    loaded: Found
+    suite: Found
+    series: Mapping[str, Sequence[float]]
+
+
+def figure(shown: Shown) -> Figure:
+    """All of it."""
+    with matplotlib.rc_context(STYLE):
+        page = Figure(figsize=(13.0, 8.2), layout="constrained")
+        axes = page.subplots(2, 2, width_ratios=(1.35, 1.0))
+        _draw_bars(axes[0, 0], shown.own, "(a) exact model: error of the joint velocities")
+        _draw_bars(axes[0, 1], shown.loaded, "(b) last link 30 % heavier than believed")
+        _draw_series(axes[1, 0], shown.series)
+        _draw_suite(axes[1, 1], shown.suite)
+    return page
+
+
+def _draw_bars(axes: Axes, found: Found, title: str) -> None:
+    axes.set_title(title)
+    names = list(next(iter(found.values())))
+    width = 0.8 / len(names)
+    for k, name in enumerate(names):
+        x = np.arange(len(found)) + width * (k - 0.5 * (len(names) - 1))
+        values = [some[name].error for some in found.values()]
+        axes.bar(x, values, 0.92 * width, color=COLOURS[name], label=name)
+    axes.set_xticks(range(len(found)), list(found))
+    axes.set_yscale("log")
+    axes.set_ylabel("[rad/s, m/s]")
+    axes.grid(axis="x", visible=False)
+    top = max(c.error for some in found.values() for c in some.values())
+    axes.set_ylim(None, top * 20.0)
+    axes.legend(loc="upper left", ncols=2 if len(names) < 5 else 3, fontsize=8.0)
+
+
+def _draw_series(axes: Axes, series: Mapping[str, Sequence[float]]) -> None:
+    axes.set_title("(c) two-link arm: error over time")
+    for name in (BUTTERWORTH, OBSERVER):
+        axes.plot(series["t"], np.maximum(series[name], 1e-6), color=COLOURS[name], lw=1.2)
+        k = len(series["t"]) // 2
+        level = float(np.median(series[name]))
+        axes.annotate(
+            name, (series["t"][k], level), (0, 16), textcoords="offset points", color=COLOURS[name], weight="bold"
+        )
+    axes.set_yscale("log")
+    axes.set_xlim(0.0, series["t"][-1])
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("[rad/s]")
+
+
+def _draw_suite(axes: Axes, suite: Found) -> None:
+    axes.set_title("(d) dm_control's suite: times below the best Butterworth")
+    ratios = {name: some[BUTTERWORTH].error / some[OBSERVER].error for name, some in suite.items()}
+    order = sorted(ratios, key=lambda name: ratios[name])
+    for k, name in enumerate(order):
+        value = ratios[name]
+        colour = COLOURS[OBSERVER] if value >= 1.0 else COLOURS[BUTTERWORTH]
+        axes.plot([1.0, value], [k, k], color=colour, lw=7.0, solid_capstyle="butt")
+        axes.annotate(
+            f"{value:.0f}" if value >= 10.0 else f"{value:.2g}", (value, k),
+            (6 if value >= 1.0 else -6, 0), textcoords="offset points", va="center",
+            ha="left" if value >= 1.0 else "right", color=colour, weight="bold",
+        )  # fmt: skip
+    axes.axvline(1.0, color=INK, lw=1.0)
+    axes.set_yticks(range(len(order)), order)
+    axes.set_xscale("log")
+    low, high = min(*ratios.values(), 1.0), max(*ratios.values(), 1.0)
+    axes.set_xlim(low / 4.0, high * 4.0)
+    axes.set_ylim(-0.6, len(order) - 0.4)
+    axes.grid(axis="y", visible=False)

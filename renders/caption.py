@@ -15,9 +15,9 @@ from renders.palette import COLOURS, Part, Picture
 
 WHITE, SOFT, PANEL = (255, 255, 255, 255), (205, 214, 224, 255), (16, 24, 36, 176)
 DOTS, DASHES, ARROWS, RINGS, CIRCLES = (
-    (Part.RADAR, Part.ESTIMATE, Part.HYPOTHESIS, Part.BELIEVED),
+    (Part.RADAR, Part.ESTIMATE, Part.HYPOTHESIS, Part.BELIEVED, Part.REFERENCE),
     (Part.COMPLETION, Part.LOST_RAY),
-    (Part.FORCE, Part.VELOCITY),
+    (Part.FORCE, Part.VELOCITY, Part.TRUE_VELOCITY, Part.FOUND_VELOCITY),
     (Part.TARGET,),
     (Part.SPREAD, Part.IMAGE),
 )  # how a part is drawn; else a line
@@ -158,8 +158,11 @@ class Caption:
 
     def _notice(self, draw: ImageDraw.ImageDraw, text: str) -> None:
         if text:
-            font, middle, top = self._bold[16], self.width / 2, self._px(66)
+            font, middle, top = self._bold[16], self.width / 2, float(self._px(66))
             half = font.getlength(text) / 2 + self._px(16)
+            right, bottom = self._title_corner
+            if middle - half < right:
+                top = max(top, bottom + self._px(8))
             self._panel(draw, (middle - half, top, middle + half, top + self._px(40)))
             draw.text((middle, top + self._px(20)), text, (255, 214, 102, 255), font, "mm")
 

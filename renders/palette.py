@@ -35,6 +35,11 @@ class Part(Enum):
     LOST_RAY = "lost ray"
     IMAGE = "indistinguishable pose"
     TARGET_PATH = "path of the target"
+    TRUE_PATH = "truth"
+    TRUE_VELOCITY = "velocity"
+    FOUND_VELOCITY = "velocity, estimated"
+    REFERENCE = "reference"
+    GEODESIC = "geodesic to the estimate"
 
 
 COLOURS: dict[Part, Colour] = {
@@ -57,6 +62,11 @@ COLOURS: dict[Part, Colour] = {
     Part.LOST_RAY: (0.52, 0.57, 0.63),
     Part.IMAGE: (0.42, 0.48, 0.55),
     Part.TARGET_PATH: (1.00, 0.85, 0.05),
+    Part.TRUE_PATH: (1.00, 0.50, 0.05),
+    Part.TRUE_VELOCITY: (1.00, 0.50, 0.05),
+    Part.FOUND_VELOCITY: (0.05, 0.42, 0.95),
+    Part.REFERENCE: (0.10, 0.78, 0.48),
+    Part.GEODESIC: (0.86, 0.10, 0.72),
 }
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sim.signals import Array, Event, Plan
+from sim.signals import Array, Event, Plan, Status
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,19 @@ class RunLog:
     def title(self) -> str:
         return f"{self.config['scenario']}, seed {self.config['seed']}"
 
+    @cached_property
+    def _statuses(self) -> tuple[Array, tuple[Status, ...]]:
+        """When the estimator's status changed [s], and to what."""
+        changes = [event for event in self.events if event.kind == "estimator-status"]
+        named = tuple(Status[event.message.partition(":")[0].upper()] for event in changes)
+        return np.array([event.t for event in changes]), named
+
+    def status(self, t: float) -> Status:
+        """Of the newest estimate at ``t`` [s]."""
+        times, named = self._statuses
+        k = last_at(times, t)
+        return named[k] if k >= 0 else Status.OK
+
 
 def last_at(times: Array, t: float) -> int:
     """Which of the times (n,) is the last at or before ``t``; -1 before the first."""
@@ -44,11 +58,14 @@ def described(event: Event) -> tuple[str, str]:
     return event.kind.replace("-", " "), event.message
 
 
-def read_log(directory: str | Path) -> RunLog:
-    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+def read_log(directory: str | Path, *, may_diverge: bool = False) -> RunLog:
+    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken.
+
+    With ``may_diverge`` a run ends with its last finite state; without it, all states have to be finite.
+    """
     folder = existing_folder(directory)
     config, summary = (read_json(folder / name) for name in ("config.json", "summary.json"))
-    arrays = _read_arrays(folder / "log.npz")
+    arrays = _read_arrays(folder / "log.npz", may_diverge)
     if missing := [name for name in ("scenario", "seed") if name not in config]:
         raise ValueError(f"{str(folder / 'config.json')!r} does not describe a run: it lacks {' and '.join(missing)}")
     return RunLog(folder, config, summary, _read_events(folder / "events.jsonl"), **arrays)
@@ -91,7 +108,7 @@ def _read_events(path: Path) -> tuple[Event, ...]:
     return tuple(sorted(events, key=lambda event: event.t))
 
 
-def _read_arrays(path: Path) -> dict[str, Any]:
+def _read_arrays(path: Path, may_diverge: bool) -> dict[str, Any]:
     _require(path)
     try:
         with np.load(path, allow_pickle=False) as log:
@@ -107,6 +124,9 @@ def _read_arrays(path: Path) -> dict[str, Any]:
             f"{str(path)!r}: t {t.shape}, truth.x {x.shape} and command.u {u.shape} are not (n,), (n, nx) and (n, nu) "
             "with n at least 2"
         )
+    finite = int(np.logical_and.accumulate(np.isfinite(x).all(axis=1)).sum())
+    if may_diverge and finite >= 2:
+        t, x, u = t[:finite], x[:finite], u[:finite]
     if not (np.isfinite(t).all() and np.isfinite(x).all()):
         raise ValueError(f"{str(path)!r}: t or truth.x is not finite")
     return {"t": t, "x": x, "u": u, "plans": _plans(arrays, path), "adopted": arrays.get("plan.adopted", np.empty(0))}

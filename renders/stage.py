@@ -171,9 +171,9 @@ class Stage:
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)
             geom.emission = self._glow
 
-    def arrow(self, a: Array, b: Array, radius: float, colour: Colour) -> None:
+    def arrow(self, a: Array, b: Array, radius: float, colour: Colour, opacity: float = 1.0) -> None:
         """From one point (3,) to another, its shaft of a radius [m]."""
-        geom = self._geom(mujoco.mjtGeom.mjGEOM_ARROW, a, b, (*colour, 1.0))
+        geom = self._geom(mujoco.mjtGeom.mjGEOM_ARROW, a, b, (*colour, opacity))
         if geom is not None:
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_ARROW, radius, a, b)
             geom.emission = self._glow
@@ -198,15 +198,20 @@ class Stage:
             geom.pos[:], geom.mat[:] = centre, ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
             geom.emission = self._glow
 
-    def copy(self, geoms: Collection[int], rotation: Array, shift: Array, colour: Sequence[float]) -> None:
-        """Geoms of the model once more: what is at p at ``rotation`` p + ``shift``, in one colour, red to opacity."""
+    def copy(
+        self, geoms: Collection[int], rotation: Array, shift: Array, colour: Sequence[float], size: float = COPY_SIZE
+    ) -> None:
+        """Geoms of the model once more: what is at p at ``rotation`` p + ``shift``, in one colour, red to opacity.
+
+        They are drawn ``size`` times as large as they are.
+        """
         scene = self._renderer.scene
         for original in scene.geoms[: scene.ngeom]:
             if original.objtype == mujoco.mjtObj.mjOBJ_GEOM and original.objid in geoms:
                 geom = self._added(original.type, colour)
                 if geom is not None:
                     geom.dataid = original.dataid  # of a mesh
-                    geom.size[:] = COPY_SIZE * original.size
+                    geom.size[:] = size * original.size
                     geom.pos[:], geom.mat[:] = rotation @ original.pos + shift, rotation @ original.mat
 
     def _geom(self, kind: Any, a: Array, b: Array, colour: Sequence[float]) -> Any:

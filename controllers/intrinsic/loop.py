@@ -61,7 +61,9 @@ class IntrinsicTracker:
         self._none = np.zeros(len(mission.system.inputs))
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
-        """u (nu,): none while the estimator has no estimate."""
+        """u (nu,): none while the estimator has no estimate; ValueError for one of another shape than the plan's."""
+        if estimate.x.shape != plan.x.shape[1:]:
+            raise ValueError(f"the estimate's state has shape {estimate.x.shape}; allowed: {plan.x.shape[1:]}")
         if estimate.status is Status.INITIALISING:
             return self._none
         arc = min(max(int(np.searchsorted(plan.t, t + _SIMULTANEOUS, side="right")) - 1, 0), len(plan.u) - 1)

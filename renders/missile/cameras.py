@@ -9,11 +9,12 @@ import math
 
 import numpy as np
 
+from renders.framing import Box, framing
 from renders.missile.run_data import MissileRun
 from renders.stage import Optics, View
 
 OPTICS = {"chase": Optics(40.0, 1e-3, 40.0), "side": Optics(22.0, 0.05, 60.0), "target": Optics(48.0, 1e-3, 40.0)}
-SIDE_BOX = (0.07, 0.93, 0.13, 0.60)  # left, right, top and bottom of what the path takes of the picture
+SIDE_BOX = Box(0.07, 0.93, 0.13, 0.60)  # what the path takes of the picture; a low one lies on its lower edge
 SIDE_ELEVATION = -5.0  # [degrees]
 CHASE_DISTANCE = 11.5  # [m]
 TARGET_AZIMUTH, TARGET_ELEVATION = 54.0, -9.0  # [degrees]
@@ -44,18 +45,4 @@ def side_view(run: MissileRun, aspect: float) -> View:
     points = np.vstack([run.path, ends, *(run.plan_ahead(plan.t_start, 40) for plan in run.log.plans[:1])])
     low, high = points.min(axis=0), points.max(axis=0)
     box = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, high[2])])
-    tangent = math.tan(math.radians(OPTICS["side"].field_of_view) / 2.0)
-    left, right, top, bottom = SIDE_BOX
-    e = math.radians(SIDE_ELEVATION)
-    forward, upward = np.array([0.0, math.cos(e), math.sin(e)]), np.array([0.0, -math.sin(e), math.cos(e)])
-    lookat, distance = box.mean(axis=0), 1000.0
-    for _ in range(12):  # centre, then fill; perspective couples the two only weakly
-        ahead = box - (lookat - distance * forward)
-        depth = ahead @ forward
-        across, along = ahead[:, 0] / depth / (tangent * aspect), ahead @ upward / depth / tangent
-        wide, tall = np.ptp(across) / (2.0 * (right - left)), np.ptp(along) / (2.0 * (bottom - top))
-        middle = 0.5 * (across.min() + across.max()) - (left + right - 1.0)
-        foot = along.min() - (1.0 - 2.0 * bottom)  # a low path lies on the lower edge of its part of the picture
-        lookat = lookat + distance * tangent * (aspect * middle * np.array([1.0, 0.0, 0.0]) + foot * upward)
-        distance *= max(wide, tall)
-    return View(lookat, distance, 90.0, SIDE_ELEVATION)
+    return framing(box, SIDE_BOX, OPTICS["side"], aspect, (90.0, SIDE_ELEVATION), low=True)

@@ -163,18 +163,9 @@ class RangingRun:
         after = int(bad[-1]) + 1 if len(bad) else 0
         return float(self.beliefs.t[after]) if after < len(self.beliefs.t) else None
 
-    @cached_property
-    def _statuses(self) -> tuple[Array, tuple[Status, ...]]:
-        """When the estimator's status changed [s], and to what."""
-        changes = [event for event in self.log.events if event.kind == "estimator-status"]
-        named = tuple(Status[event.message.partition(":")[0].upper()] for event in changes)
-        return np.array([event.t for event in changes]), named
-
     def status(self, t: float) -> Status:
         """Of the newest estimate at ``t`` [s]."""
-        times, named = self._statuses
-        k = last_at(times, t)
-        return named[k] if k >= 0 else Status.OK
+        return self.log.status(t)
 
     @cached_property
     def said(self) -> Flags:

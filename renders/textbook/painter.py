@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
 
 import matplotlib
-import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 
+from renders.blitted import Blitted
 from renders.caption import pace
 from renders.figures import STYLE
 from renders.film import Frame
@@ -28,8 +26,7 @@ class BoardPainter:
     """What stands still is drawn once; over it comes what a frame shows."""
 
     board: Board
-    canvas: FigureCanvasAgg
-    still: Any
+    blitted: Blitted
     heading: Text
     notice: Text
 
@@ -42,11 +39,7 @@ class BoardPainter:
         told = f"{frame.t:.2f} s, {pace(frame, run.duration)}"
         self.heading.set_text(f"mathnavi · {scenario} · {estimator} · seed {seed} · {told}")
         self.notice.set_text(frame.notice)
-        self.canvas.restore_region(self.still)  # type: ignore[no-untyped-call]
-        for artist in (*self.board.moving, self.heading, self.notice):
-            self.board.figure.draw_artist(artist)
-        pixels = self.canvas.buffer_rgba()  # type: ignore[no-untyped-call]
-        return np.asarray(pixels)[..., :3].copy()
+        return self.blitted.picture()
 
 
 @contextmanager
@@ -55,13 +48,7 @@ def painting(run: TextbookRun, width: int, height: int, samples: int) -> Iterato
     with matplotlib.rc_context({**STYLE, "figure.facecolor": "white"}):
         dpi = height / INCHES_HIGH
         board = Board(run, width / dpi, INCHES_HIGH)
-        board.figure.set_dpi(dpi)
         board.figure.set_layout_engine("constrained", rect=(0.01, 0.01, 0.98, 0.92))
         heading = board.figure.text(0.02, 0.975, "", va="top", size=10.5)
         notice = board.figure.text(0.98, 0.975, "", va="top", ha="right", size=11.5, weight="bold", color="#c2183b")
-        for artist in (*board.moving, heading, notice):
-            artist.set_animated(True)
-        canvas = FigureCanvasAgg(board.figure)
-        canvas.draw()  # type: ignore[no-untyped-call]
-        still = canvas.copy_from_bbox(board.figure.bbox)  # type: ignore[no-untyped-call]
-        yield BoardPainter(board, canvas, still, heading, notice)
+        yield BoardPainter(board, Blitted(board.figure, (*board.moving, heading, notice), dpi), heading, notice)

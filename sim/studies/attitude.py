@@ -84,7 +84,9 @@ class AttitudeStudy:
 
 def flight(name: str, seed: int, seconds: float) -> Trial:
     """One run; the start and the noise are those of the seed, whatever closes the loop."""
-    fields: dict[str, Any] = {"duration": seconds, "speed": SPEED, "reading.noise": NOISE}
+    fields: dict[str, Any] = {
+        "duration": seconds, "settled": min(5.0, 0.6 * seconds), "speed": SPEED, "reading.noise": NOISE,
+    }  # fmt: skip
     measure = f"{__name__}:angles"
     if name == TRUE:
         return trial("attitude-tracking", seed, estimator="full_state", fields=fields, measure=measure)

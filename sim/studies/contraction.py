@@ -36,6 +36,7 @@ LAW, WITHIN = 0.905, 0.02  # |eta| theta at the boundary, and how near to it
 THIN = 1e-2  # S up to which the law holds
 _SMALLEST, _LARGEST = 1e-3, 1.5  # [rad] theta
 _FASTEST = 1e4  # |eta|
+_PIXELS = 40  # along an axis of the map
 _METRIC = SasakiMetric()
 
 
@@ -122,7 +123,7 @@ class Contraction:
             ],
             tables=(Table("Table D.1: largest difference of the two sides", ("bracket", "as printed", "put right"),
                           [(name, f"{p:.1e}", f"{t:.1e}") for name, (p, t) in table.items()]),),
-            figure=_figure(thetas, boundary),
+            figure=_figure(thetas, boundary, min(_PIXELS, config.distances)),
             caption="(a) Below a line the observer contracts: |eta| against the distance between x and xi. Dashed: "
             f"|eta| theta = {LAW:g}. (b) The largest eigenvalue with C = -1; negative is contraction.",
             claims=_claims(products, at_zero, table),
@@ -210,7 +211,7 @@ def _Y(x: casadi.SX) -> casadi.SX:  # noqa: N802
 # ---- the figure
 
 
-def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array]) -> Figure:
+def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array], pixels: int) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(11.5, 4.8), layout="constrained")
         first, second = page.subplots(1, 2)
@@ -224,13 +225,13 @@ def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array]) -> Figure:
                                color=COLOURS[term], weight="bold")  # fmt: skip
         first.plot(thetas, LAW / thetas, color=INK, lw=1.0, ls=(0, (4, 3)))
         first.set(xscale="log", yscale="log", xlabel=r"$\theta = $ dist$(x, \xi)$", ylabel=r"$|\eta|_g$")
-        _draw_map(page, second)
+        _draw_map(page, second, pixels)
     return page
 
 
-def _draw_map(page: Figure, axes: Any) -> None:
+def _draw_map(page: Figure, axes: Any, pixels: int) -> None:
     axes.set_title("(b) largest eigenvalue, C = -1")
-    thetas, speeds = np.geomspace(1e-2, _LARGEST, 40), np.geomspace(0.1, 100.0, 40)
+    thetas, speeds = np.geomspace(1e-2, _LARGEST, pixels), np.geomspace(0.1, 100.0, pixels)
     values = np.array([[worst_eigenvalue(t, s, "minus-one", 9) for t in thetas] for s in speeds])
     picture = axes.pcolormesh(
         thetas, speeds, np.clip(values, -3.0, 3.0), cmap="RdBu_r", shading="gouraud", vmin=-3.0, vmax=3.0

@@ -105,6 +105,7 @@ class Compared:
     tuning: Motion
     motion: Motion
     estimators: tuple[str, ...]
+    values: int  # of a sweep, at most
 
 
 def compared(job: Compared) -> list[Comparison]:
@@ -114,13 +115,13 @@ def compared(job: Compared) -> list[Comparison]:
     peak = float(np.abs([call.truth[rates] for call in calls]).max())
     found = []
     for name in job.estimators:
-        plugin, config, setting, at_edge = _tuned(name, job.tuning)
+        plugin, config, setting, at_edge = _tuned(name, job)
         error = recorded_error(plugin.build(config, mission), calls, rates, BEGIN)
         found.append(Comparison(job.motion.mechanism, name, error, setting, at_edge, peak))
     return found
 
 
-def _tuned(name: str, tuning: Motion) -> tuple[Any, Any, float, bool]:
+def _tuned(name: str, job: Compared) -> tuple[Any, Any, float, bool]:
     """A plug-in, its configuration, the value of the swept field, and whether that is at the edge of the sweep."""
     if name not in SWEPT:
         plugin = load("estimators", "riemannian_observer")
@@ -128,7 +129,8 @@ def _tuned(name: str, tuning: Motion) -> tuple[Any, Any, float, bool]:
     called, field, grid = SWEPT[name]
     plugin = load("estimators", called)
     config = plugin.Config(disturbance=True) if name == DISTURBED_TUNED else plugin.Config()
-    mission, calls = recorded(tuning)
+    mission, calls = recorded(job.tuning)
+    grid = tuple(grid[k] for k in sorted({round(k) for k in np.linspace(0, len(grid) - 1, min(job.values, len(grid)))}))
     rates = slice(mission.system.manifold.size, None)
     found = tuned(plugin, config, mission, calls, field, grid, rates, BEGIN)
     return plugin, replace(config, **{field: found.best}), found.best, found.at_edge
@@ -154,7 +156,7 @@ def error_series(job: Compared) -> dict[str, list[float]]:
     rates = slice(mission.system.manifold.size, None)
     series: dict[str, list[float]] = {"t": [call.t for call in calls[::10]]}
     for name in job.estimators:
-        plugin, config, _, _ = _tuned(name, job.tuning)
+        plugin, config, _, _ = _tuned(name, job)
         estimator = plugin.build(config, mission)
         x = [estimator.update(call.t, call.measurements, call.command).x for call in calls]
         off = [float(np.linalg.norm(a[rates] - call.truth[rates])) for a, call in zip(x, calls, strict=True)]

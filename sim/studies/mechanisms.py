@@ -50,8 +50,12 @@ HELPS = 1.1  # times below the best Butterworth, from which the observer helps
 class MechanismsConfig:
     """How much is run."""
 
+    own: int = len(OWN)
+    """mechanisms of our own, at most"""
     suite: int = len(SUITE)
     """mechanisms of dm_control's suite, at most"""
+    values: int = len(CUTOFFS)
+    """of a sweep, at most, spread over it"""
     seconds: int = 5
     """of a run"""
 
@@ -63,38 +67,40 @@ class Mechanisms:
     """The observer on any mechanism that MuJoCo can load, with its mass matrix as the metric (D.6)."""
 
     Config = MechanismsConfig
-    quick = MechanismsConfig(suite=2, seconds=2)
+    quick = MechanismsConfig(suite=2, values=4, seconds=2)
     title = "Any mechanism: the mass matrix as the metric"
     on_terrain = False
 
     @staticmethod
     def run(config: MechanismsConfig, setup: Setup) -> Findings:
+        mechanisms = OWN[: config.own]
+        timed = [name for name in MOST if name in mechanisms]
         own, T = tuple(name for name in (OBSERVER, *SWEPT) if name != DISTURBED_TUNED), float(config.seconds)
         simple = tuple(name for name in own if name not in SLOW)
         jobs = Jobs()
-        for name in OWN:
+        for name in mechanisms:
             tuning, motion = Motion(name, TUNED_AT, T, seed=1), Motion(name, SHOWN_AT, T, seed=2)
-            jobs.add(name, compared, [Compared(tuning, motion, own)])
+            jobs.add(name, compared, [Compared(tuning, motion, own, config.values)])
             light, heavy = Motion(name, TUNED_AT, T, LOAD, seed=1), Motion(name, SHOWN_AT, T, LOAD, seed=2)
-            jobs.add(("load", name), compared, [Compared(light, heavy, LOADED)])
+            jobs.add(("load", name), compared, [Compared(light, heavy, LOADED, config.values)])
         for name in SUITE[: config.suite]:
             there = f"dm_control:{name}"
             tuning, motion = (
                 Motion(there, frequency, T, tracked=False, seed=seed)
                 for frequency, seed in ((TUNED_AT, 1), (SHOWN_AT, 2))
             )
-            jobs.add(name, compared, [Compared(tuning, motion, simple)])
-        for name in MOST:
+            jobs.add(name, compared, [Compared(tuning, motion, simple, config.values)])
+        for name in timed:
             jobs.add(("cost", name), update_cost, [Motion(name, SHOWN_AT, T)])
         tuning, motion = Motion("two-link", TUNED_AT, T, seed=1), Motion("two-link", SHOWN_AT, T, seed=2)
-        example = Compared(tuning, motion, (OBSERVER, BUTTERWORTH))
+        example = Compared(tuning, motion, (OBSERVER, BUTTERWORTH), config.values)
         jobs.add("series", error_series, [example])
         done = jobs.done(setup)
         evidence = Evidence(
-            {name: {c.estimator: c for c in done[name][0]} for name in OWN},
-            {name: {c.estimator: c for c in done["load", name][0]} for name in OWN},
+            {name: {c.estimator: c for c in done[name][0]} for name in mechanisms},
+            {name: {c.estimator: c for c in done["load", name][0]} for name in mechanisms},
             {name: {c.estimator: c for c in done[name][0]} for name in SUITE[: config.suite]},
-            {name: float(np.median(done["cost", name][0])) for name in MOST},
+            {name: float(np.median(done["cost", name][0])) for name in timed},
         )
         return Findings(
             summary=(
@@ -149,8 +155,8 @@ def claims(e: Evidence) -> list[Claim]:
             "riemannian.mechanisms", "target", "Encoders tell joint velocities better by the observer.", "D.1, D.6",
             f"exact model: at least {LEAST['two-link']:g} times below the best Butterworth for two joints, "
             f"{LEAST['seven-joint']:g} for seven",
-            ", ".join(f"{name} {e.ratio(name):.0f} times ({_told(e, name)})" for name in LEAST),
-            all(e.ratio(name) >= least for name, least in LEAST.items()),
+            ", ".join(f"{name} {e.ratio(name):.0f} times ({_told(e, name)})" for name in LEAST if name in e.own),
+            all(e.ratio(name) >= least for name, least in LEAST.items() if name in e.own),
         ),
         Claim(
             "riemannian.model-error", "target", "A transported disturbance makes up for an error of the model.", "D.6",
@@ -160,14 +166,15 @@ def claims(e: Evidence) -> list[Claim]:
                 f"{e.loaded[name][DISTURBED].error:.3f} rad/s (tuned {e.loaded[name][DISTURBED_TUNED].error:.3f}, "
                 f"Butterworth {e.loaded[name][BUTTERWORTH].error:.3f})"
                 for name in GAINED
+                if name in e.own
             ),
-            all(e.gain(name) >= least for name, least in GAINED.items()),
+            all(e.gain(name) >= least for name, least in GAINED.items() if name in e.own),
         ),
         Claim(
             "riemannian.cost", "target", "An update is cheap.", "D.6",
             f"curvature included, at most {MOST['two-link']:g} us for two joints and {MOST['seven-joint']:g} for seven",
             ", ".join(f"{name} {cost:.0f} us" for name, cost in e.cost.items()),
-            all(e.cost[name] <= most for name, most in MOST.items()),
+            all(cost <= MOST[name] for name, cost in e.cost.items()),
         ),
         Claim(
             "riemannian.menagerie", "target", "It runs on mechanisms that were not made for it.", "D.6",
@@ -179,8 +186,8 @@ def claims(e: Evidence) -> list[Claim]:
         Claim(
             "D.prohibitive", "printed", "Distance and transport are prohibitive unless the space is simple.", "D.6",
             "no update in real time at 1 kHz on seven joints",
-            f"by series in the mass matrix {e.cost['seven-joint']:.0f} us",
-            e.cost["seven-joint"] > 1000.0,
+            f"by series in the mass matrix at most {max(e.cost.values()):.0f} us",
+            max(e.cost.values()) > 1000.0,
         ),
     ]  # fmt: skip
 

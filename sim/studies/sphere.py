@@ -70,8 +70,10 @@ class Sphere:
         jobs.add("bodies", off_geodesic, range(config.bodies))
         done = jobs.done(setup)
         names = (OBSERVER, *FILTERS)
-        trials = [tumbling(name, seed, 6.0) for name in names for seed in range(config.noisy)]
-        carts = [cart_pendulum(gains, 10.0) for gains in GAINS]
+        trials = [
+            tumbling(name, seed, min(6.0, 2.0 + config.seconds)) for name in names for seed in range(config.noisy)
+        ]
+        carts = [cart_pendulum(gains, min(10.0, config.seconds)) for gains in GAINS]
         records = setup.fly([*trials, *carts])
         noisy = {name: records[k * config.noisy : (k + 1) * config.noisy] for k, name in enumerate(names)}
         runs = {(space, gains): done[space, gains][0] for space in SPACES for gains in GAINS}

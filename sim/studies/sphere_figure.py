@@ -91,6 +91,7 @@ def _draw_lyapunov(axes: Axes, run: Mapping[str, Array]) -> None:
     early = run["t"] <= _SHOWN
     for name, values, colour, at in (("$V$", V, "#e07b00", 100), ("$W$", W, "#0d5fa8", 250)):
         axes.plot(run["t"][early], values[early], color=colour, lw=1.8)
+        at = min(at, int(early.sum()) - 1)
         axes.annotate(
             name, (run["t"][early][at], values[early][at]), (6, 6), textcoords="offset points", color=colour,
             weight="bold", size=11.0,

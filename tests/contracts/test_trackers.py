@@ -17,10 +17,11 @@ from hypothesis import strategies as st
 
 import models.missile.dynamics
 from controllers.exciting.motion import pose_on
+from controllers.textbook.input_signal import DrivenMission
 from models.aerial.dynamics import TICK, flow, state_at
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from models.manifold.mission import LagrangianMission
 from models.missile.mission import MissileMission
-from models.textbook.mission import TextbookMission
 from models.unicycle.mission import RangingMission
 from sim.faults import Gusts
 from sim.loop import whole_ticks
@@ -33,8 +34,9 @@ from tests.controllers.missile import flights
 PLUGINS = {
     entry.name: entry
     for entry in entry_points(group="mathnavi.controllers")
-    # A signal for a system without a body follows no plan of a vehicle; its own tests hold it.
-    if typing.get_type_hints(entry.load().build)["mission"] is not TextbookMission
+    # A signal follows no plan of a vehicle, and a reference of a Lagrangian system is no plan from where it is; their
+    # own tests hold them.
+    if typing.get_type_hints(entry.load().build)["mission"] not in (DrivenMission, LagrangianMission)
 }
 GUST = GustModel(1.5, 3.0, 4.0)
 

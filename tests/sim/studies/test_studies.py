@@ -39,6 +39,11 @@ SMALLEST: dict[str, dict[str, int]] = {
         **{"starts": 1, "walls": 1, "states": 1, "places": 1, "headings": 1},
         **{"searches": 4, "gramians": 1, "seconds": 1},
     },
+    "sphere": {"points": 1, "seconds": 1, "noisy": 1, "bodies": 1},
+    "curvature-sign": {"seeds": 1},
+    "contraction": {"distances": 6, "directions": 3, "points": 1},
+    "attitude": {"seeds": 1, "others": 1, "seconds": 3},
+    "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
 }
@@ -70,15 +75,26 @@ CLAIMS = {
         *("range.indistinguishable", "range.standing-still", "range.flags-ranks", "C.small-time", "C.proposition-1"),
         *("C.singleton", "C.output-flow", "C.zero-input", "C.map"),
     },
+    "sphere": {
+        *("riemannian.identities", "riemannian.printed-gain", "riemannian.repaired-gain", "riemannian.mujoco"),
+        *("riemannian.noise", "D.converges", "D.transport-derivative", "D.transport-second", "D.lyapunov"),
+    },
+    "curvature-sign": {"riemannian.sign", "D.contraction-sign"},
+    "contraction": {"riemannian.contraction", "D.infinitely-thin", "D.brackets"},
+    "attitude": {"riemannian.attitude"},
+    "mechanisms": {
+        *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),
+        "D.prohibitive",
+    },
     "range-convergence": {"range.global", "range.bank", "range.nonconvex", "range.diffdrive", "range.consistency"},
     "range-observer": {
         *("range.identities", "range.print", "C.start", "C.observer", "C.converges-z", "C.converges-x", "C.noise-z"),
         *("C.noise-x", "C.position-better", "C.vector-average", "C.input", "C.proposition-2"),
     },
 }
-TIMED = {"cost-to-go", "missile-nodes", "missile-closed-loop", "range-convergence"}  # which measure times
+TIMED = {"cost-to-go", "missile-nodes", "missile-closed-loop", "range-convergence", "mechanisms"}  # which measure times
 UNMEASURED = {"noise", "ocp-problems"}  # over these hills no mission may arrive; not all problems are solved
-PRINTED = ("A.", "B.", "C.", "I.")  # the thesis' papers and its Introduction
+PRINTED = ("A.", "B.", "C.", "D.", "I.")  # the thesis' papers and its Introduction
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))
 
 

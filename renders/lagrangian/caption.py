@@ -1,0 +1,91 @@
+"""What is written on a picture of a system of Paper D."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from renders.caption import Label, Words, pace
+from renders.film import Frame
+from renders.lagrangian.run_data import LagrangianRun
+from renders.lagrangian.storyboard import amount, notices
+from renders.palette import Part
+from sim.plugins import called
+from sim.signals import Status
+
+SUBJECTS = {
+    "body": "a body on a ball joint: attitudes, S³",
+    "sphere": "a point on S³, seen through the map of Hopf",
+    "hyperbolic-plane": "a point on the hyperbolic plane, in Poincaré's disc",
+}
+
+
+def subject(run: LagrangianRun) -> str:
+    """What moves, in a few words."""
+    if run.space is not None:
+        return SUBJECTS[run.space]
+    joints = run.manifold.dimension
+    return f"{str(run.mechanism).rpartition('/')[2]}: {joints} degree{'s' if joints > 1 else ''} of freedom"
+
+
+def words(run: LagrangianRun, frame: Frame, labels: Sequence[Label]) -> Words:
+    """The words of a frame, with ``labels`` beside places."""
+    config, k = run.log.config, run.belief(frame.t)
+    estimator = called("estimators", str(config["estimator"]["name"])).rpartition(":")[2].replace("_", " ")
+    speed = float(np.linalg.norm(run.log.x[run.look(frame.t), run.manifold.size :]))
+    found, off, place, note = "", "–", "–", ""
+    if k >= 0 and math.isfinite(run.off[k]):
+        found = f"estimated {float(np.linalg.norm(run.velocity[1][k])):.2f}"
+        off = amount(float(run.off[k]))
+        place = distance(run, k)
+        note = f"drawn ×{run.magnification:,.0f}" if run.magnification > 1.0 else ""
+    return Words(
+        title=[f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']}", subject(run)],
+        numbers=(
+            ("TIME", f"{frame.t:.2f} s", pace(frame, run.duration)),
+            (f"SPEED [{run.unit}]", f"{speed:.2f}", found),
+            (f"VELOCITY OFF BY [{run.unit}]", off, ""),
+            ("POSITION OFF BY", place, note),
+        ),
+        state=_state(run, frame.t, k),
+        legend=_legend(run, frame.camera),
+        notice=frame.notice,
+        share=frame.t / run.duration,
+        moments=[t / run.duration for t, _ in notices(run)],
+        labels=labels,
+    )
+
+
+def distance(run: LagrangianRun, k: int) -> str:
+    """By how much the position of estimate k is off, to be read: the largest of its coordinates about the truth."""
+    apart = run.apart(k)
+    if apart is None:
+        return "half a turn"
+    apart = np.abs(apart)
+    most = int(np.argmax(apart))
+    largest = float(apart[most])
+    if run.mechanism is None:
+        return f"{largest:.4f}"
+    if run.manifold.size == run.manifold.dimension and run.states[most].endswith("[m]"):
+        return f"{1e6 * largest:.0f} µm" if largest < 1e-3 else f"{1e3 * largest:.0f} mm"
+    degrees = math.degrees(largest)
+    return f"{degrees:.2f}°" if degrees >= 0.01 else f"{1e6 * largest:.0f} µrad"
+
+
+def _state(run: LagrangianRun, t: float, k: int) -> str:
+    if k < 0:
+        return "waiting for a reading"
+    if run.log.status(t) is Status.LOST:
+        return "lost: no usable readings"
+    return "velocity known" if run.off[k] <= run.tolerance else "finding the velocity"
+
+
+def _legend(run: LagrangianRun, camera: str) -> list[Part]:
+    """What there is to see."""
+    reference = [Part.REFERENCE] if run.reference(run.duration) is not None else []
+    if run.mechanism is None:
+        return [Part.TRUE_PATH, Part.ESTIMATE, Part.GEODESIC]
+    geodesic = [Part.GEODESIC] if run.space == "body" and camera == "panel" else []
+    return [Part.TRUE_PATH, Part.ESTIMATE, *reference, *geodesic, Part.TRUE_VELOCITY, Part.FOUND_VELOCITY]

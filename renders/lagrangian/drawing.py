@@ -1,0 +1,19 @@
+"""How systems of Paper D are drawn (``renders.drawing``)."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+
+from renders.lagrangian.painter import ScenePainter, scene_painting
+from renders.lagrangian.report import report
+from renders.lagrangian.run_data import LagrangianRun, load_run
+from renders.lagrangian.storyboard import CAMERAS, highlight, storyboard
+
+__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+
+cameras, still_camera = CAMERAS, CAMERAS[0]
+
+
+def painter(run: LagrangianRun, width: int, height: int, samples: int) -> AbstractContextManager[ScenePainter]:
+    """What draws the frames of a run; OpenGL's backend must have been chosen."""
+    return scene_painting(run, width, height, samples)

@@ -1,0 +1,95 @@
+"""A run of Paper D on one page: whether the velocity was found, pictures of it, errors and signals over time."""
+
+from __future__ import annotations
+
+from renders import page
+from renders.figures import events_figure
+from renders.lagrangian import figures
+from renders.lagrangian.caption import subject
+from renders.lagrangian.run_data import LagrangianRun
+from renders.lagrangian.storyboard import amount, highlight, is_good, verdict
+from renders.page import Markup, quantity
+from renders.report import again, events_card, rest, still_block, summary_cards, why
+
+
+def report(run: LagrangianRun) -> Markup:
+    """The report's HTML."""
+    config = run.log.config
+    title = f"{config['scenario']}, {run.space or run.mechanism}, seed {config['seed']}"
+    return page.document(
+        title,
+        *_headline(run, title),
+        *_pictures(run),
+        page.section("Errors", *_errors(run)),
+        page.section("Summary", summary_cards(run.log.summary)),
+        page.section("Signals", *_signals(run)),
+        page.section("Events", events_card(run.log.events)),
+        page.section("Do it again", *again(run.directory, config)),
+        page.footer(rest(run.log.summary)),
+    )
+
+
+def _headline(run: LagrangianRun, title: str) -> tuple[Markup, Markup]:
+    summary, unit = run.log.summary, run.unit
+    tiles: dict[str, object] = {
+        f"velocity error, RMS once settled (allowed {run.tolerance:g})": _measured(summary.get("velocity_rms"), unit),
+        "at the end": _measured(float(run.off[-1]), unit),
+    }
+    if run.has_begun_wrong:
+        tiles["at the start"] = _measured(float(run.off[0]), unit)
+        tiles["found to one percent after"] = quantity("found_from_s", summary.get("found_from_s"))
+    if "attitude_rms_rad" in summary:
+        tiles["angle to the reference, RMS once settled"] = quantity("attitude_rms_rad", summary["attitude_rms_rad"])
+        tiles["settled on the reference after"] = quantity("settled_at_s", summary.get("settled_at_s"))
+    said = verdict(run)
+    told = f"{said[0].upper()}{said[1:]}{why(summary)}. What moves: {subject(run)}."
+    return page.heading(title, told, is_good(run)), page.tiles(tiles)
+
+
+def _measured(value: float | None, unit: str) -> str:
+    return page.UNKNOWN if value is None else f"{amount(float(value))} {unit}"
+
+
+def _pictures(run: LagrangianRun) -> list[Markup]:
+    moment = sum(highlight(run)) / 2.0
+    drawn = f" The errors of its position are drawn {run.magnification:,.0f} times as large as they are."
+    note = drawn if run.magnification > 1.0 else ""
+    blocks = [
+        still_block(
+            run.directory, "panel", moment, f"What moves and its estimate, {moment:.2f} s after the start.",
+            f"After {moment:.2f} s: truth and estimate, and the velocity up to then.{note}",
+        )
+    ]  # fmt: skip
+    if run.space is not None:
+        where = "in Poincaré's disc" if run.space == "hyperbolic-plane" else "on the sphere"
+        words = f"Truth and estimate {where}, and the geodesic from one to the other.{note}"
+        blocks.append(page.figure_block(figures.path_figure(run), "path", words))
+    return blocks
+
+
+def _errors(run: LagrangianRun) -> list[Markup]:
+    words = "Each component of the velocity, true and estimated."
+    blocks = [page.figure_block(figures.velocity_figure(run), "velocity", words)]
+    words = "The error of the velocity, moved in parallel to where the system is, its components, and the distance."
+    if run.space == "body":
+        words += " The distance of attitudes is half the angle between them."
+    blocks.append(page.figure_block(figures.errors_figure(run), "errors", words))
+    B = run.lyapunov_gain
+    if B is not None:
+        words = (
+            f"V = |Δv|²/2 + B S and W = |Δv|²/2 + 3/2 B |s|² − √B ⟨s, Δv⟩ with B = {B:g} 1/s²: with constant gains it "
+            "is W that shows that the velocity converges too."
+        )
+        blocks.append(page.figure_block(figures.lyapunov_figure(run, B), "lyapunov", words))
+    return blocks
+
+
+def _signals(run: LagrangianRun) -> list[Markup]:
+    words = "What acted on it"
+    if run.innovation is not None:
+        words += ", and the distance between each reading and what was predicted of it"
+    blocks = [page.figure_block(figures.signals_figure(run), "signals", f"{words}.")]
+    if run.log.events:
+        drawn = events_figure(run.log.events, run.duration)
+        blocks.append(page.figure_block(drawn, "events", "The times at which each kind of event happened."))
+    return blocks

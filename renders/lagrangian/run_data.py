@@ -1,0 +1,216 @@
+"""A run of Paper D as pictures need it: where the system was, where it is believed to be, and both velocities."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimators.riemannian.gains import Gains
+from models.manifold.attitude import Attitude
+from models.manifold.constant_curvature import hyperbolic_space, sphere
+from models.manifold.manifold import CutLocusError, Manifold
+from models.mechanism.entity import build_model
+from models.mechanism.geometry import MechanismManifold
+from models.mechanism.system import heavier
+from renders.run_log import RunLog, last_at, read_log
+from sim.lagrangian_metrics import VelocityErrors
+from sim.signals import Array, Status
+
+REACH = 0.5  # [rad, m] that an error of the position, the largest or a usual one, is drawn as, at most
+USUAL = 0.9  # share of the errors of a mechanism that are not larger than that
+MOST_LOOKED_AT = 2000  # estimates among which that is looked for
+SPACES: dict[str, Manifold] = {"body": Attitude(), "sphere": sphere(3), "hyperbolic-plane": hyperbolic_space(2)}
+_SIMULTANEOUS = 1e-9  # [s]
+
+
+@dataclass(frozen=True, eq=False)
+class LagrangianRun:
+    """The run of one system; x is a point, v a velocity of its manifold."""
+
+    log: RunLog
+    manifold: Manifold
+    space: str | None  # of SPACES; None for a mechanism
+    mechanism: str | None  # what MuJoCo moved, as ``build_spec`` takes it; None for a point
+    states: tuple[str, ...]  # (nx,) with units
+    inputs: tuple[str, ...]
+    tolerance: float  # of the velocity [rad/s, m/s, 1/s]
+    t_estimate: Array  # (m,) [s]
+    estimate: Array  # (m, nx)
+    innovation: Array | None  # (m,) distance between a reading and what was predicted of it; NaN before the first
+
+    @property
+    def directory(self) -> Path:
+        return self.log.directory
+
+    @property
+    def t(self) -> Array:
+        """(n,) [s]."""
+        return self.log.t
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.log.t[-1])
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the run ended early, because the state was no longer finite."""
+        return self.duration < float(self.log.config["fields"]["duration"]) - _SIMULTANEOUS
+
+    @cached_property
+    def truth(self) -> Array:
+        """(m, nx) the true states at the times of the estimates."""
+        states: Array = self.log.x[np.searchsorted(self.t, self.t_estimate - _SIMULTANEOUS)]
+        return states
+
+    @cached_property
+    def errors(self) -> VelocityErrors:
+        """Of all estimates."""
+        said = np.array([self.log.status(float(t)) is not Status.INITIALISING for t in self.t_estimate])
+        return VelocityErrors.between(
+            self.t_estimate, self.truth, self.estimate, said.astype(np.float64), self.manifold
+        )
+
+    @cached_property
+    def off(self) -> Array:
+        """(m,) the length of the components of the velocity error, in their units."""
+        lengths: Array = np.linalg.norm(self.errors.components, axis=1)
+        return lengths
+
+    @cached_property
+    def velocity(self) -> tuple[Array, Array]:
+        """(m, nv) true and estimated, the latter moved to where the system is; NaN where there is no one way there."""
+        n, manifold = self.manifold.size, self.manifold
+        v = self.truth[:, n:]
+        off = [
+            manifold.vector(x[:n], c) if np.isfinite(c).all() else np.full(manifold.vector_size, np.nan)
+            for x, c in zip(self.truth, self.errors.components, strict=True)
+        ]
+        return v, v - np.array(off)
+
+    @property
+    def velocity_names(self) -> tuple[str, ...]:
+        """(nv,) with units."""
+        return self.states[self.manifold.size :]
+
+    @property
+    def unit(self) -> str:
+        """Of velocities; of a mechanism with joints of two kinds, both."""
+        units = dict.fromkeys(name.partition("[")[2].rstrip("]") for name in self.velocity_names)
+        return ", ".join(units)
+
+    @cached_property
+    def largest_speed(self) -> float:
+        """Of the true velocity, the length of its components."""
+        return float(np.linalg.norm(self.log.x[:, self.manifold.size :], axis=1).max())
+
+    @property
+    def has_begun_wrong(self) -> bool:
+        """Whether the first estimate of the velocity was further off than the run may be."""
+        return bool(self.off[0] > self.tolerance)
+
+    @property
+    def found_from(self) -> float | None:
+        """[s] from when on the velocity is known to one percent of that at the start; None where that is at rest."""
+        told = self.log.summary.get("found_from_s")
+        return None if told is None else float(told)
+
+    @cached_property
+    def lyapunov_gain(self) -> float | None:
+        """B of V and W; None for an estimator that is not the observer (D.6)."""
+        fields = self.log.config["estimator"]["fields"]
+        if not {"bandwidth", "gains"} <= set(fields):
+            return None
+        return Gains(float(fields["bandwidth"]), law=fields["gains"]).velocity()
+
+    @cached_property
+    def magnification(self) -> float:
+        """By how much the errors of the position are drawn larger than they are: 1, 2, 5, 10 and so on."""
+        looked_at = np.unique(np.linspace(0, len(self.t_estimate) - 1, MOST_LOOKED_AT).astype(int))
+        sizes = [float(np.abs(c).max()) for k in looked_at if self.errors.found[k] and (c := self.apart(k)) is not None]
+        # Of a mechanism found at rest even the largest error is small, and most are much smaller than that.
+        share = USUAL if self.space is None and not self.has_begun_wrong else 1.0
+        largest = float(np.quantile(sizes, share)) if sizes else 0.0
+        if not 0.0 < largest < REACH:
+            return 1.0
+        power = 10.0 ** math.floor(math.log10(REACH / largest))
+        return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= REACH / largest)
+
+    def look(self, t: float) -> int:
+        """The last look at or before ``t`` [s]."""
+        return max(last_at(self.t, t), 0)
+
+    def belief(self, t: float) -> int:
+        """Which estimate is the newest at ``t`` [s]; -1 where there is none, or none that knows anything."""
+        k = last_at(self.t_estimate, t)
+        return k if k >= 0 and self.errors.found[k] > 0.0 else -1
+
+    def position(self, t: float) -> Array:
+        """(size,) at ``t`` [s]."""
+        x: Array = self.log.x[self.look(t), : self.manifold.size]
+        return x
+
+    def apart(self, k: int) -> Array | None:
+        """(n,) coordinates of estimate k about the truth; None where there are none."""
+        n = self.manifold.size
+        try:
+            return self.manifold.coordinates(self.truth[k, :n], self.estimate[k, :n])
+        except CutLocusError:
+            return None
+
+    def drawn(self, k: int) -> Array:
+        """(size,) where estimate k is drawn: off by ``magnification`` times its error."""
+        return self.towards(k, 1.0)
+
+    def towards(self, k: int, share: float) -> Array:
+        """(size,) a share of the way from the truth to where estimate k is drawn, in the chart about the truth."""
+        n, apart = self.manifold.size, self.apart(k)
+        if apart is None:
+            end: Array = self.estimate[k, :n] if share > 0.5 else self.truth[k, :n]
+            return end
+        point: Array = self.manifold.point(self.truth[k, :n], share * self.magnification * apart)
+        return point
+
+    def reference(self, t: float) -> Array | None:
+        """(size,) where a body should be at ``t`` [s]; None where nothing asks for it."""
+        k = last_at(self.log.adopted, t)
+        if "attitude_rms_rad" not in self.log.summary or k < 0:
+            return None
+        plan = self.log.plans[k]
+        x: Array = plan.x[max(last_at(plan.t, t), 0), : self.manifold.size]
+        return x
+
+
+def load_run(directory: str | Path) -> LagrangianRun:
+    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    log = read_log(directory, may_diverge=True)
+    with np.load(log.directory / "log.npz", allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files if name.startswith("estimate.")}
+    try:
+        return _described(log, log.config["mission"], arrays)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{str(log.directory)!r} does not hold the run of a Lagrangian system: {error!r}") from None
+
+
+def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Array]) -> LagrangianRun:
+    space = mission.get("space")
+    if space is None:
+        mechanism: str | None = str(mission["mechanism"])
+        model = heavier(build_model(mission["mechanism"]), float(log.config["fields"]["load"]))
+        manifold: Manifold = MechanismManifold(model)
+    else:
+        manifold, mechanism = SPACES[space], "rigid-body" if space == "body" else None
+    states, inputs = (tuple(map(str, mission[kind])) for kind in ("states", "inputs"))
+    seen = arrays["estimate.t"] <= log.t[-1] + _SIMULTANEOUS
+    t, x = arrays["estimate.t"][seen], arrays["estimate.x"][seen]
+    size = manifold.size + manifold.vector_size
+    if not (len(states) == log.x.shape[1] == size and x.shape == (len(t), size) and len(t)):
+        raise ValueError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states {states}")
+    innovation = arrays["estimate.innovation"][seen, 0] if "estimate.innovation" in arrays else None
+    return LagrangianRun(log, manifold, space, mechanism, states, inputs, float(mission["tolerance"]), t, x, innovation)

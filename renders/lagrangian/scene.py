@@ -1,0 +1,186 @@
+"""A mechanism drawn by MuJoCo, with its estimate as a ghost, and both velocities as arrows.
+
+The model is the one that moved. The ghost is where the estimate has it, its errors drawn larger than they are. The
+arrows are those of one point, the tip of the last body; of a body on a ball joint they are its rate of turning.
+
+Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+"""
+
+from __future__ import annotations
+
+import math
+from types import TracebackType
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from models.mechanism.entity import build_spec
+from renders.caption import Label
+from renders.framing import Box, framing
+from renders.lagrangian.run_data import LagrangianRun
+from renders.lagrangian.storyboard import RECENT
+from renders.lagrangian.views import AZIMUTH, ELEVATION, azimuth
+from renders.palette import COLOURS, Part, Picture
+from renders.stage import Optics, Stage
+from sim.signals import Array
+
+OPTICS = Optics(28.0, 0.02, 40.0)
+FREE = Box(0.12, 0.96, 0.15, 0.67)  # of a picture, in which all may move
+GROUPS = (0, 1, 2)  # of geoms that MuJoCo shows
+SAMPLES = 60  # of the run, for what moves to be in the picture
+MERGED, FAINT, SHOWN = 0.25, 0.08, 0.42  # drawn error at which a ghost is clear; opacity merged and clear
+REFERENCE_SHOWN = 0.30  # likewise; where a body is on its reference, that is not seen
+ARROW, TURNING = 0.42, 0.62  # of the size of the scene: the fastest velocity, of the tip or of a body that turns
+THICK, THIN = 0.020, 0.010  # of it: radii of the arrows
+HULL = 1.08  # of a ghost: how much larger it is, so that where it lies on the truth it is a hull around it
+PATH_POINTS = 160
+PATH_WIDTH = 3.2  # [pixels] at a picture 720 pixels high
+BULK = 0.6  # of the sphere around a geom that it fills, more or less
+NOSE = (0.26, 0.0, 0.0)  # [m] of the rigid body
+TIP = 0.9  # of the distance of the farthest geom of the last body, beyond which geoms are its tip
+
+
+class Scene:
+    """A context manager: the renderer is closed at its end, or OSMesa complains when the process ends."""
+
+    def __init__(self, run: LagrangianRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
+        self.run = run
+        assert run.mechanism is not None
+        spec = build_spec(run.mechanism)
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+        spec.visual.quality.offsamples = samples
+        self._light(spec)
+        self.model = spec.compile()
+        self.stage = Stage(self.model, width, height, glow=0.25)
+        moves = self.model.body_weldid != 0
+        self._bodies = np.flatnonzero(moves)
+        self._geoms = {int(b): frozenset(np.flatnonzero(self.model.geom_bodyid == b).tolist()) for b in self._bodies}
+        self._moving = [g for geoms in self._geoms.values() for g in geoms]
+        self._ghost = mujoco.MjData(self.model)
+        self._is_ball = run.mechanism == "rigid-body" and run.space is not None
+        self._last = max((b for b, geoms in self._geoms.items() if geoms), default=int(self._bodies[-1]))
+        self._tip = np.array(NOSE) if self._is_ball else self._farthest()
+        places = [self._reached(float(t)) for t in np.linspace(0.0, run.duration, SAMPLES)]
+        points = np.vstack(places)
+        self._view = framing(points, FREE, OPTICS, width / height, (azimuth(run), ELEVATION))
+        self._size = float(np.ptp(points, axis=0).max())
+        speeds = [
+            np.linalg.norm(self._velocity_of(run.log.x[run.look(t)])) for t in np.linspace(0.0, run.duration, 400)
+        ]
+        self._scale = (TURNING if self._is_ball else ARROW) * self._size / max(float(np.max(speeds)), 1e-9)
+
+    def __enter__(self) -> Scene:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stage.close()
+
+    def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
+        """The picture at time ``t`` [s]."""
+        run, stage = self.run, self.stage
+        stage.look(self._view, OPTICS, GROUPS)
+        stage.data.qpos[:] = run.position(t)
+        stage.begin(fog=False, shadows=True)
+        self._add_path(t)
+        if (reference := run.reference(t)) is not None:
+            apart = float(run.manifold.distance(run.position(t), reference))
+            self._add_ghost(reference, Part.REFERENCE, REFERENCE_SHOWN * min(apart / MERGED, 1.0))
+        self._add_arrow(run.log.x[run.look(t)], Part.TRUE_VELOCITY, THIN, 1.0)
+        k = run.belief(t)
+        if k >= 0:
+            off = run.apart(k)
+            clear = 1.0 if off is None else min(run.magnification * float(np.abs(off).max()) / MERGED, 1.0)
+            self._add_ghost(run.drawn(k), Part.ESTIMATE, FAINT + (SHOWN - FAINT) * clear)
+            found = np.concatenate([run.truth[k, : run.manifold.size], run.velocity[1][k]])
+            if np.isfinite(found).all():
+                self._add_arrow(found, Part.FOUND_VELOCITY, THICK, 0.45)
+        return stage.end(sky=False)
+
+    def labels(self, t: float, camera: str) -> list[Label]:
+        """Nothing is named: the legend says what there is."""
+        return []
+
+    def _light(self, spec: Any) -> None:
+        """From where it comes to the camera that looks at a mechanism: what is near the ends of shadows flickers."""
+        turn = math.radians(azimuth(self.run) - AZIMUTH)
+        c, s = math.cos(turn), math.sin(turn)
+        rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        for light in spec.worldbody.lights:
+            light.pos = spec.stat.center + rotation @ (light.pos - spec.stat.center)
+            light.dir = rotation @ light.dir
+
+    # ---- what is added
+
+    def _add_ghost(self, position: Array, part: Part, opacity: float) -> None:
+        """What moves once more, at a position (nq,)."""
+        data = self._ghost
+        data.qpos[:] = position
+        mujoco.mj_kinematics(self.model, data)
+        for b, geoms in self._geoms.items():
+            true, ghost = (d.xmat[b].reshape(3, 3) for d in (self.stage.data, data))
+            rotation = ghost @ true.T
+            shift = data.xpos[b] - rotation @ self.stage.data.xpos[b]
+            self.stage.copy(geoms, rotation, shift, (*COLOURS[part], opacity), HULL)
+
+    def _add_arrow(self, state: Array, part: Part, radius: float, opacity: float) -> None:
+        """Of the velocity in a state (nq + nv,)."""
+        velocity = self._velocity_of(state)
+        start = self._ghost.xpos[self._last] if self._is_ball else self._place()
+        self.stage.arrow(start, start + self._scale * velocity, radius * self._size, COLOURS[part], opacity)
+
+    def _add_path(self, t: float) -> None:
+        """Where the tip has been lately."""
+        times = np.linspace(max(t - RECENT, 0.0), t, PATH_POINTS)
+        places = []
+        for s in times:
+            self._ghost.qpos[:] = self.run.position(float(s))
+            mujoco.mj_kinematics(self.model, self._ghost)
+            places.append(self._place())
+        if float(np.ptp(np.array(places), axis=0).max()) > 1e-3:
+            self.stage.line(np.array(places), COLOURS[Part.TRUE_PATH], PATH_WIDTH)
+
+    # ---- where things are
+
+    def _place(self) -> Array:
+        """(3,) [m] the tip, where the ghost is."""
+        data = self._ghost
+        place: Array = data.xpos[self._last] + data.xmat[self._last].reshape(3, 3) @ self._tip
+        return place
+
+    def _velocity_of(self, state: Array) -> Array:
+        """(3,) of the tip [m/s], or the rate of turning [rad/s], in the world's frame; the ghost is left there."""
+        data, nq = self._ghost, self.model.nq
+        data.qpos[:] = state[:nq]
+        mujoco.mj_kinematics(self.model, data)
+        if self._is_ball:
+            turned: Array = data.xmat[self._last].reshape(3, 3) @ state[nq:]
+            return turned
+        mujoco.mj_comPos(self.model, data)
+        jacobian = np.zeros((3, self.model.nv))
+        mujoco.mj_jac(self.model, data, jacobian, None, self._place(), self._last)
+        velocity: Array = jacobian @ state[nq:]
+        return velocity
+
+    def _farthest(self) -> Array:
+        """(3,) [m] the tip of the last body, in its frame: the middle of what is farthest from its joint."""
+        places = self.model.geom_pos[list(self._geoms[self._last])]
+        if not len(places):
+            return np.zeros(3)
+        away = np.linalg.norm(places, axis=1)
+        middle: Array = places[away >= TIP * away.max()].mean(axis=0)
+        return middle
+
+    def places(self, position: Array) -> Array:
+        """(m, 3) [m] the middles of all geoms that move, at a position (nq,)."""
+        self._ghost.qpos[:] = position
+        mujoco.mj_kinematics(self.model, self._ghost)
+        middles: Array = self._ghost.geom_xpos[self._moving]
+        return middles.copy()
+
+    def _reached(self, t: float) -> Array:
+        """(m, 3) [m] points around all geoms that move, at ``t`` [s]."""
+        middles, reach = self.places(self.run.position(t)), BULK * self.model.geom_rbound[self._moving, None]
+        return np.vstack([middles - reach, middles + reach, self._ghost.xpos[self._bodies]])

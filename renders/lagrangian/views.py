@@ -1,0 +1,32 @@
+"""From which side a run of Paper D is looked at, and which chart its space has."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from models.manifold.attitude import product
+from renders.lagrangian.charts import Chart, Disc, Globe
+from renders.lagrangian.run_data import LagrangianRun
+
+INCHES_HIGH = 7.2  # of a picture that matplotlib draws, whatever its pixels
+AZIMUTH, ELEVATION = 62.0, -14.0  # [degrees] of the line of sight
+BESIDE = 118.0  # [degrees] from the axis about which a body turns to that line: a little towards the camera
+
+
+def azimuth(run: LagrangianRun) -> float:
+    """[degrees] A body is seen from beside the axis about which it turns when it is fastest."""
+    if run.space != "body":
+        return AZIMUTH
+    fastest = run.log.x[int(np.argmax(np.linalg.norm(run.log.x[:, 4:], axis=1)))]
+    q, omega = fastest[:4], np.concatenate([[0.0], fastest[4:]])
+    axis = product(product(q, omega), q * (1.0, -1.0, -1.0, -1.0))[1:]
+    return math.degrees(math.atan2(axis[1], axis[0])) + BESIDE
+
+
+def chart_of(run: LagrangianRun) -> Chart | None:
+    """None for a mechanism, the configurations of which have no picture but itself."""
+    if run.space == "hyperbolic-plane":
+        return Disc(run.log.x[:, : run.manifold.size])
+    return None if run.space is None else Globe(azimuth(run), ELEVATION)

@@ -1,0 +1,103 @@
+"""Intrinsic tracking: from anywhere onto the reference, as the law of its error says, and only where inputs suffice."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controllers.intrinsic.attitude import AttitudeReference, AttitudeTracking
+from controllers.intrinsic.joints import JointTracking
+from controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
+from models.manifold.constant_curvature import hyperbolic_space, sphere
+from models.manifold.mission import LagrangianMission
+from models.manifold.systems import PointSystem, RigidBody, linear
+from models.mechanism.entity import build_model
+from models.mechanism.system import MechanismSystem
+from sim.signals import Array, Estimate, PlanRequest, Status
+
+BODY, GAINS, H = RigidBody(0.05), TrackingGains(9.0, 6.0), 0.005
+
+
+def followed(start: Array, seconds: float) -> list[float]:
+    """Angles [rad] of a body to the reference, its state being known."""
+    reference, manifold = AttitudeReference(1.0, 1.5, H), BODY.manifold
+    inverse, x, angles = InverseForce(BODY), start, []
+    for k in range(round(seconds / H)):
+        wanted = reference.state(k)
+        feedforward = inverse(wanted[:4], wanted[4:], reference.acceleration(k))
+        u = inverse(x[:4], x[4:], wanted_force(BODY, GAINS, x, wanted, feedforward))
+        x = BODY.flow(x, u, H)
+        angles.append(2.0 * manifold.distance(x[:4], reference.state(k + 1)[:4]))
+    return angles
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 2**32 - 1))
+def test_a_body_finds_the_reference_from_anywhere(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    angles = followed(np.concatenate([sphere(3).draw(rng), rng.uniform(-3.0, 3.0, 3)]), 4.0)
+    assert angles[-1] < 0.02
+
+
+def test_the_error_falls_as_its_law_says() -> None:
+    """e'' + 6 e' + 9 e = 0 from e(0) = .5, e'(0) = 0, about an axis that the reference does not turn about."""
+    start = np.array([math.cos(0.25), math.sin(0.25), 0.0, 0.0])
+    rest, none, x = np.array([1.0, 0, 0, 0, 0, 0, 0]), np.zeros(3), np.concatenate([start, np.zeros(3)])
+    inverse, found = InverseForce(BODY), []
+    for _ in range(200):
+        x = BODY.flow(x, inverse(x[:4], x[4:], wanted_force(BODY, GAINS, x, rest, none)), H)
+        found.append(2.0 * math.asin(x[1]))
+    t = H * np.arange(1, 201)
+    assert found == pytest.approx(0.5 * (1.0 + 3.0 * t) * np.exp(-3.0 * t), abs=0.005)
+
+
+def test_half_a_turn_away_the_rate_is_damped() -> None:
+    state = np.array([0.0, 1.0, 0.0, 0.0, 0.3, -0.2, 0.1])
+    rest = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert wanted_force(BODY, GAINS, state, rest, np.zeros(3)) == pytest.approx(-6.0 * state[4:])
+
+
+def test_a_mechanism_keeps_its_reference() -> None:
+    mission = LagrangianMission(MechanismSystem(build_model("two-link")))
+    planner, tracker = JointTracking.build(JointTracking.Config(), mission)
+    start = np.zeros(4)
+    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, start), None))
+    assert plan.ok
+    assert len(plan.t) == len(plan.x) == len(plan.u) + 1
+    x = plan.x[0]
+    for k in range(200):
+        x = mission.system.flow(x, tracker.command(k * 1e-3, Estimate(k * 1e-3, x), plan), 1e-3)
+    assert x == pytest.approx(plan.x[200], abs=3e-3)
+    with pytest.raises(ValueError, match="shape"):
+        tracker.command(0.0, Estimate(0.0, np.zeros(5)), plan)
+
+
+def test_plans_are_the_reference_whatever_the_estimate_says() -> None:
+    mission = LagrangianMission(BODY)
+    planner, tracker = AttitudeTracking.build(AttitudeTracking.Config(), mission)
+    first = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None))
+    second = planner.plan(PlanRequest(0.1, 0.1, Estimate(0.1, mission.start_state), first))
+    assert np.array_equal(first.x[100:], second.x[:101])
+    nothing = Estimate(0.0, np.full(7, math.nan))
+    assert planner.plan(PlanRequest(0.2, 0.2, nothing, second)).status is Status.NOT_FINITE
+    blind = Estimate(0.0, mission.start_state, status=Status.INITIALISING)
+    assert np.array_equal(tracker.command(0.0, blind, first), np.zeros(3))
+
+
+def test_inputs_that_do_not_suffice_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"inputs that move .* allowed for tracking: one for each"):
+        InverseForce(PointSystem(hyperbolic_space(2), linear(1.0, 0)))
+    with pytest.raises(ValueError, match="joint_tracking on the attitudes; allowed: on slides and hinges"):
+        JointTracking.build(JointTracking.Config(), LagrangianMission(BODY))
+    with pytest.raises(ValueError, match=r"attitude_tracking on .*; allowed: on the attitudes"):
+        AttitudeTracking.build(AttitudeTracking.Config(), LagrangianMission(MechanismSystem(build_model("two-link"))))
+
+
+@pytest.mark.parametrize("fields", [{"k_p": 0.0}, {"k_d": math.nan}, {"rate": -1.0}, {"frequency": 0.0}])
+def test_gains_and_references_that_are_none_are_refused(fields: dict[str, float]) -> None:
+    with pytest.raises(ValueError, match=f"{next(iter(fields))} = .*; allowed"):
+        AttitudeTracking.Config(**fields)

@@ -1,0 +1,57 @@
+"""Gains: where their poles are, and that their slopes are those of the functions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from estimators.riemannian.gains import Gains
+
+LAWS = [
+    Gains(2.0, 0.7),
+    Gains(2.0, 1.0, "printed"),
+    Gains(2.0, 1.0, "constant", "matched", 1.0),
+    Gains(2.0, 1.0, "constant", "matched", -1.0),
+]
+
+
+@given(st.floats(0.01, 300.0), st.floats(0.1, 3.0), st.floats(1e-4, 0.5))
+def test_constant_gains_put_the_poles_of_the_sampled_error(omega: float, zeta: float, h: float) -> None:
+    """(e_x, e_v) -> [[1 - alpha, (1 - alpha) h], [-beta, 1 - beta h]] (e_x, e_v) on R."""
+    alpha, beta = Gains(omega, zeta).weights(0.0, h)
+    matrix = np.array([[1.0 - alpha, (1.0 - alpha) * h], [-beta, 1.0 - beta * h]])
+    poles = np.exp(np.roots([1.0, 2.0 * zeta * omega, omega**2]).astype(complex) * h)
+    assert np.trace(matrix) == pytest.approx(poles.sum().real, abs=1e-9)
+    assert np.linalg.det(matrix) == pytest.approx(np.prod(poles).real, abs=1e-9)
+
+
+@given(st.floats(0.1, 100.0), st.floats(1e-3, 0.1))
+def test_with_a_disturbance_three_poles_are_one(omega: float, h: float) -> None:
+    alpha, beta, gamma = Gains(omega).disturbed_weights(h)
+    predict = np.array([[1.0, h, 0.5 * h * h], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
+    correct = np.eye(3) - np.outer([alpha, beta, gamma], [1.0, 0.0, 0.0])
+    polynomial = np.poly(correct @ predict)
+    assert polynomial == pytest.approx(np.poly(np.full(3, np.exp(-omega * h))), abs=1e-8)
+
+
+@pytest.mark.parametrize("gains", LAWS, ids=lambda gains: f"{gains.law} {gains.curvature} {gains.kappa:g}")
+@pytest.mark.parametrize("theta", [1e-3, 0.2, 1.1])
+def test_slopes_are_those_of_the_gains(gains: Gains, theta: float) -> None:
+    S, step = 0.5 * theta**2, 1e-4 * 0.5 * theta**2
+
+    def at(value: float) -> float:
+        return float(np.sqrt(2.0 * value))
+
+    for function, slope in ((gains.position, gains.position_slope), (gains.curved, gains.curved_slope)):
+        numeric = (function(at(S + step)) - function(at(S - step))) / (2.0 * step)
+        assert slope(theta) == pytest.approx(numeric, rel=1e-5, abs=2e-3 if theta < 0.01 else 1e-7)
+
+
+def test_the_curvature_term_of_theorem_d_2_is_minus_one_at_the_truth() -> None:
+    for kappa in (1.0, -1.0):
+        matched = Gains(2.0, 1.0, "constant", "matched", kappa)
+        assert matched.curved(0.0) == -1.0
+        assert matched.curved(1e-3) == pytest.approx(-1.0, abs=1e-6)
+        assert (matched.curved(1.0) < -1.0) == (kappa > 0.0)

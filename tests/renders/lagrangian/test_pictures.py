@@ -1,0 +1,144 @@
+"""Pictures of what moves show it and where it is believed to be; stills and videos are written whole."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from PIL import Image
+
+from renders import opengl
+from renders.film import Frame
+from renders.lagrangian.caption import words
+from renders.lagrangian.drawing import painter
+from renders.lagrangian.panel import Panel
+from renders.lagrangian.run_data import LagrangianRun
+from renders.palette import Part
+from renders.video import write_still, write_video
+from sim.signals import Array
+
+needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
+POINTS = ("sphere", "hyperbolic-plane")
+
+
+@pytest.fixture(scope="session")
+def pictures(folders: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Array]:
+    """What the script beside this file draws."""
+    out = tmp_path_factory.mktemp("pictures") / "out.npz"
+    script = Path(__file__).with_name("draw_and_leave_out.py")
+    environment = opengl.environment() | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    named = [str(folders[name]) for name in ("body", "arm", "tracking")]
+    done = subprocess.run(
+        [sys.executable, str(script), *named, str(out)], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""  # an unclosed renderer complains at exit
+    return dict(np.load(out))
+
+
+def changed(one: Array, other: Array, at: Array, radius: float) -> int:
+    """How many pixels near places (m, 3) differ between two pictures."""
+    rows, columns = np.nonzero(np.abs(one.astype(int) - other.astype(int)).max(axis=-1) > 12)
+    away = np.hypot(columns[:, None] - at[:, 0], rows[:, None] - at[:, 1])
+    return int(np.count_nonzero(away.min(axis=1) < radius))
+
+
+@needs_opengl
+@pytest.mark.parametrize("name", ["body", "arm", "tracking"])
+def test_what_moves_and_its_ghost_are_in_sight_where_they_should_be(name: str, pictures: Mapping[str, Array]) -> None:
+    shown = pictures[f"{name}.with"]
+    assert shown.std() > 15.0
+    truth, estimate = pictures[f"{name}.truth"], pictures[f"{name}.estimate"]
+    for places in (truth, estimate, pictures.get(f"{name}.reference", truth)):
+        column, row, depth = places.T
+        assert (depth > 0.0).all()
+        assert ((column > 0.0) & (column < 480.0) & (row > 0.0) & (row < 270.0)).all()
+    assert changed(shown, pictures[f"{name}.no estimate"], estimate, 12.0) > 150
+    assert changed(pictures[f"{name}.no estimate"], pictures[f"{name}.neither"], truth, 12.0) > 150
+
+
+@needs_opengl
+def test_only_what_has_a_reference_shows_it(pictures: Mapping[str, Array]) -> None:
+    assert {name.partition(".")[0] for name in pictures if name.endswith(".reference")} == {"tracking"}
+    shown, without = pictures["tracking.with"], pictures["tracking.no reference"]
+    assert changed(shown, without, pictures["tracking.reference"], 12.0) > 100
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_a_point_is_drawn_without_opengl(name: str, runs: dict[str, LagrangianRun]) -> None:
+    with painter(runs[name], 640, 360, 0) as artist:
+        early, late, again = (artist.paint(Frame(t, "scene", 0.0, 1.0)) for t in (0.05, 1.0, 0.05))
+    assert early.shape == (360, 640, 3)
+    assert early.std() > 10.0
+    np.testing.assert_array_equal(early, again)
+    coloured = [(np.ptp(picture.astype(int), axis=2) > 90).sum() for picture in (early, late)]
+    assert coloured[0] < coloured[1]
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_the_geodesic_to_an_estimate_that_is_off_is_drawn(name: str, runs: dict[str, LagrangianRun]) -> None:
+    def magenta(t: float) -> int:
+        with painter(runs[name], 640, 360, 0) as artist:
+            picture = artist.paint(Frame(t, "scene", 0.0, 1.0)).astype(int)
+        return int(((picture[..., 0] - picture[..., 1] > 80) & (picture[..., 2] - picture[..., 1] > 80)).sum())
+
+    off = float(runs[name].t_estimate[np.argmax(runs[name].errors.position)])
+    assert magenta(off) > 10 + magenta(1.2)
+
+
+@pytest.mark.parametrize("name", ["body", "arm", "silent", "sphere"])
+def test_curves_of_the_panel_grow_with_time(name: str, runs: dict[str, LagrangianRun]) -> None:
+    panel = Panel(runs[name], 360, 540)
+    early, late = (panel.picture(t) for t in (0.1, 1.2))
+    assert early.shape == (540, 360, 3)
+    dark = [(picture.max(axis=2) < 120).sum() for picture in (early, late)]
+    assert dark[0] < dark[1]
+
+
+@needs_opengl
+def test_a_still_is_not_blank(folders: dict[str, Path], tmp_path: Path) -> None:
+    path = write_still(folders["cart"], None, tmp_path / "panel.png", width=480, height=270)
+    picture = np.asarray(Image.open(path)).astype(float)
+    assert picture.shape == (270, 480, 3)
+    assert picture[:, :300].std() > 20.0
+    assert picture[:, 300:].std() > 10.0
+
+
+@needs_opengl
+def test_a_video_has_the_size_and_length_asked_for(folders: dict[str, Path], tmp_path: Path) -> None:
+    path = write_video(
+        folders["hyperbolic-plane"], path=tmp_path / "v.mp4", width=160, height=90, fps=2, progress=False
+    )
+    assert [file.name for file in tmp_path.iterdir()] == ["v.mp4"]
+    with av.open(str(path)) as container:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert 8 * 2 <= len(pictures) <= 20 * 2
+    assert min(picture.std() for picture in pictures) > 10.0
+
+
+def test_the_caption_says_what_is_known(runs: dict[str, LagrangianRun]) -> None:
+    def told(name: str, t: float) -> tuple[str, str, str]:
+        said = words(runs[name], Frame(t, "panel", 0.0, 0.0), [])
+        return said.numbers[2][0], said.numbers[2][1], said.state
+
+    assert told("body", 0.0)[0] == "VELOCITY OFF BY [rad/s]"
+    assert told("body", 0.04)[2] == "finding the velocity"
+    assert told("body", 1.2)[2] == "velocity known"
+    assert told("sphere", 0.0)[0] == "VELOCITY OFF BY [1/s]"
+    assert told("cart", 0.0)[0] == "VELOCITY OFF BY [m/s, rad/s]"
+    assert told("silent", 1.0)[1:] == ("–", "waiting for a reading")
+
+
+def test_the_legend_names_what_there_is_to_see(runs: dict[str, LagrangianRun]) -> None:
+    legends = {name: set(words(run, Frame(0.5, "panel", 0.0, 0.0), []).legend) for name, run in runs.items()}
+    assert legends["sphere"] == {Part.TRUE_PATH, Part.ESTIMATE, Part.GEODESIC}
+    assert legends["tracking"] - legends["body"] == {Part.REFERENCE}
+    assert legends["body"] - legends["arm"] == {Part.GEODESIC}
+    alone = words(runs["body"], Frame(0.5, "scene", 0.0, 0.0), []).legend
+    assert legends["body"] - set(alone) == {Part.GEODESIC}  # the globe is in the panel

@@ -29,7 +29,7 @@ CUTOFFS = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 50.0, 80.0, 120.0)  # [Hz]
 DENSITIES = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # [rad/s^1.5]
 OWN = ("two-link", "seven-joint", "cart-pendulum")
 SUITE = (
-    "acrobot", "ball_in_cup", "cartpole", "cheetah", "finger", "hopper", "pendulum", "reacher", "swimmer", "walker",
+    "acrobot", "ball_in_cup", "cartpole", "cheetah", "finger", "hopper", "pendulum", "reacher", "walker",
 )  # fmt: skip
 OBSERVER, TUNED = "observer", "observer, tuned"
 DISTURBED, DISTURBED_TUNED = "observer, disturbance", "observer, disturbance, tuned"

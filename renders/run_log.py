@@ -14,6 +14,10 @@ import numpy as np
 from sim.signals import Array, Event, Plan, Status
 
 
+class NothingToDrawError(ValueError):
+    """A run that ended before there was anything to be seen."""
+
+
 @dataclass(frozen=True, eq=False)
 class RunLog:
     """The run of a single vehicle."""
@@ -125,7 +129,9 @@ def _read_arrays(path: Path, may_diverge: bool) -> dict[str, Any]:
             "with n at least 2"
         )
     finite = int(np.logical_and.accumulate(np.isfinite(x).all(axis=1)).sum())
-    if may_diverge and finite >= 2:
+    if may_diverge:
+        if finite < 2:
+            raise NothingToDrawError(f"{str(path)!r}: truth.x is not finite from the second look on")
         t, x, u = t[:finite], x[:finite], u[:finite]
     if not (np.isfinite(t).all() and np.isfinite(x).all()):
         raise ValueError(f"{str(path)!r}: t or truth.x is not finite")

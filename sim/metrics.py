@@ -50,7 +50,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
 UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "ms", "_s": "s", "_m": "m"}
 # What a name alone does not say; |v| is a length in the metric of what moves.
 LABELS = {
-    "velocity_rms": ("velocity error, rms", "rad/s, m/s"),
+    "velocity_rms": ("velocity error, rms", "in units of v"),
     "position_rms": ("distance of position, rms", "in the metric"),
     "velocity_rms_last_quarter": ("|Δv| of the last quarter", "in the metric"),
     "velocity_error_start": ("|Δv| at the start", "in the metric"),

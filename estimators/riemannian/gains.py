@@ -20,12 +20,14 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from estimators.velocity.poles import pole_weights
+
 GainName = Literal["constant", "printed"]
 CurvatureName = Literal["minus-one", "matched", "none", "plus-one"]
 
 _CONSTANT_C = {"minus-one": -1.0, "none": 0.0, "plus-one": 1.0}
 _SMALL = 1e-4  # [rad] below which tan(a) / a is 1 to 3e-9
-_PRINTED_B, _PRINTED_FLOOR = 3.0, 1e-7
+_PRINTED_A, _PRINTED_B, _PRINTED_FLOOR = 3.0, 3.0, 1e-7
 
 
 @dataclass(frozen=True)
@@ -43,14 +45,14 @@ class Gains:
         if self.law == "constant":
             return 2.0 * self.damping * self.bandwidth
         S = 0.5 * theta * theta
-        return _PRINTED_B * (1.0 + S) / math.sqrt(S + _PRINTED_FLOOR)
+        return _PRINTED_A * (1.0 + S) / math.sqrt(S + _PRINTED_FLOOR)
 
     def position_slope(self, theta: float) -> float:
         """dA / dS [1/s]."""
         if self.law == "constant":
             return 0.0
         S = 0.5 * theta * theta + _PRINTED_FLOOR
-        slope: float = _PRINTED_B * (S - 0.5 * (1.0 + S - _PRINTED_FLOOR)) / S**1.5
+        slope: float = _PRINTED_A * (S - 0.5 * (1.0 + S - _PRINTED_FLOOR)) / S**1.5
         return slope
 
     def velocity(self) -> float:
@@ -81,14 +83,7 @@ class Gains:
         """alpha and beta [1/s] of a reading h [s] after the one before: see ``sampled``."""
         if self.law == "printed":
             return -math.expm1(-self.position(theta) * h), self.velocity() * h
-        decay, turn = 0.5 * self.position(theta), self.bandwidth**2 * (1.0 - self.damping**2)
-        alpha, rho = -math.expm1(-2.0 * decay * h), math.exp(-decay * h)
-        # (1 - rho_1)(1 - rho_2) of the poles rho e^(+-i w h), w^2 = turn, without cancellation where h is short.
-        if turn >= 0.0:
-            bend = 2.0 * math.sin(0.5 * math.sqrt(turn) * h) ** 2
-        else:
-            bend = -2.0 * math.sinh(0.5 * math.sqrt(-turn) * h) ** 2
-        return alpha, (math.expm1(-decay * h) ** 2 + 2.0 * rho * bend) / h
+        return pole_weights(self.bandwidth, self.damping, h)
 
     def disturbed_weights(self, h: float) -> tuple[float, float, float]:
         """alpha, beta [1/s] and gamma [1/s^2] of three poles at rho = e^(-omega h)."""

@@ -10,9 +10,8 @@ import numpy as np
 from estimators.riemannian.gains import CurvatureName, GainName, Gains
 from estimators.riemannian.sampled import SampledObserver
 from estimators.velocity.position_observer import PositionObserver
-from estimators.velocity.readings import Persistence
+from estimators.velocity.readings import Persistence, SpeedGate, innovation
 from models.manifold.mission import LagrangianMission
-from models.manifold.system import LagrangianSystem
 from sim.checks import check, check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
@@ -62,7 +61,7 @@ class RiemannianObserver:
     @staticmethod
     def build(config: RiemannianObserverConfig, mission: LagrangianMission) -> PositionObserver:
         """ValueError for the matched C where the curvature is not the same everywhere."""
-        return PositionObserver(_Intrinsic(config, mission.system), mission, config.timeout)
+        return PositionObserver(_Intrinsic(config, mission), mission, config.timeout)
 
     @staticmethod
     def sensors(config: RiemannianObserverConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
@@ -80,6 +79,11 @@ class RiemannianObserver:
                 Domain.NONE, Rate.NONE, InputDependence.UNIFORM, Domain.LOCAL, Domain.GLOBAL,
                 note="the position converges; A ~ S^(-1/2) makes S = 0 a sliding set on which the velocity error stays",
             )  # fmt: skip
+        if config.curvature in ("none", "plus-one"):
+            return ObserverProperties(
+                Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
+                note="without C = -1 the speed at which it converges is bounded, the less the more the space is curved",
+            )  # fmt: skip
         return ObserverProperties(
             Domain.SEMI_GLOBAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
             note="from xi = x and any velocity up to about 3 omega, within the injectivity radius",
@@ -87,17 +91,20 @@ class RiemannianObserver:
 
 
 class _Intrinsic:
-    """A ``VelocityLaw``. Readings beyond the share of the injectivity radius are refused, until they last."""
+    """A ``VelocityLaw``. Readings that the system cannot have come to, or that are beyond the share of the injectivity
 
-    def __init__(self, config: RiemannianObserverConfig, system: LagrangianSystem) -> None:
-        manifold = system.manifold
+    radius, are refused until they last.
+    """
+
+    def __init__(self, config: RiemannianObserverConfig, mission: LagrangianMission) -> None:
+        manifold = mission.system.manifold
         if config.curvature == "matched" and manifold.kappa is None:
             raise ValueError(
                 f"curvature = 'matched' on {manifold.name}; allowed where the curvature is not constant: minus-one, "
                 "none, plus-one"
             )
         kappa = manifold.kappa or 0.0
-        self._config, self._system = config, system
+        self._config, self._mission, self._manifold = config, mission, manifold
         self._gains = Gains(config.bandwidth, config.damping, config.gains, config.curvature, kappa)
         self._observer: SampledObserver | None = None
         self._distance = np.nan
@@ -111,24 +118,38 @@ class _Intrinsic:
     def extra(self) -> dict[str, Array]:
         """The distance between the last reading and what was predicted of it, and the disturbance."""
         delta = None if self._observer is None else self._observer.delta
-        nothing = np.zeros(self._system.manifold.vector_size)
+        nothing = np.zeros(self._manifold.vector_size)
         return {"innovation": np.array([self._distance]), "disturbance": nothing if delta is None else delta}
 
     def start(self, y: Array) -> None:
         config = self._config
-        self._distance, self._persistence = 0.0, Persistence()
-        self._observer = SampledObserver(self._system, self._gains, y, disturbed=config.disturbance, share=config.share)
+        self._distance, self._since, self._y = 0.0, 0.0, y  # the last reading that was used, and how old it is [s]
+        self._gate, self._persistence = SpeedGate(self._mission, y), Persistence()
+        self._observer = SampledObserver(
+            self._mission.system, self._gains, y, disturbed=config.disturbance, share=config.share
+        )
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         assert self._observer is not None
-        self._observer.predict(h, u, y)
+        self._since += h
+        reached = y is not None and self._is_reached(y)
+        self._observer.predict(h, u, y if reached else None)
 
     def correct(self, y: Array, h: float) -> bool:
         assert self._observer is not None
-        found = self._observer.correct(y, h)
-        self._distance = found.distance
-        if not self._persistence.admits(found.accepted):
+        reached = self._is_reached(y)
+        found = self._observer.correct(y, h) if reached else None
+        self._distance = self._manifold.distance(self._observer.xi, y) if found is None else found.distance
+        good = found is not None and found.accepted
+        if not self._persistence.admits(good):
             return False
-        if not found.accepted:
+        if good:
+            self._y, self._since = y, 0.0
+        else:
             self.start(y)
         return True
+
+    def _is_reached(self, y: Array) -> bool:
+        """Whether the system can have come to y since it was last read."""
+        moved = innovation(self._manifold, self._y, y)
+        return moved is not None and self._gate.passes(self._y, moved, self._since)

@@ -12,7 +12,9 @@ reading y, h after the one before, with L = log_{xi^-} y = -grad S,
     alpha = 1 - rho_1 rho_2,  beta = (1 - rho_1)(1 - rho_2) / h,  rho_i = e^(lambda_i h)        constant gains
     alpha = 1 - e^(-A h),  beta = B h                                                  gains that depend on S
 
-is stable for every h, lambda_i being the roots of lambda^2 + A lambda + B. With a disturbance delta that the force
+lambda_i being the roots of lambda^2 + A lambda + B: stable for every h where the space is flat. Where it is curved, so
+is what the curvature term adds only while h |eta| is small; a term that would move xi by more than half of |L| in the
+time h, as after a gap in the readings, is made that small. With a disturbance delta that the force
 lacks, which is transported as the velocity is, there are three poles at rho = e^(-omega h):
 
     alpha = 1 - rho^3,  beta = 3/2 (1 - rho)^2 (1 + rho) / h,  delta = delta^- + gamma L,  gamma = (1 - rho)^3 / h^2.
@@ -28,6 +30,8 @@ from estimators.riemannian.gains import Gains
 from models.manifold.manifold import is_beyond
 from models.manifold.system import LagrangianSystem
 from sim.signals import Array
+
+_LARGEST = 0.5  # of |L| that the curvature term moves xi by within h
 
 
 @dataclass(frozen=True)
@@ -78,13 +82,20 @@ class SampledObserver:
             alpha, beta = self._gains.weights(theta, h)
         else:
             alpha, beta, gamma = self._gains.disturbed_weights(h)
-        turn = h * self._gains.curved(theta) * manifold.curvature(before, self.eta, -L)
+        turn = self._turn(theta, L, h)
         after = manifold.exp(before, alpha * L)
         self.eta = manifold.transport(before, after, self.eta + beta * L + turn)
         if self.delta is not None:
             self.delta = manifold.transport(before, after, self.delta + gamma * L)
         self.xi = after
         return Innovation(theta, accepted=True)
+
+    def _turn(self, theta: float, L: Array, h: float) -> Array:
+        """h C R(eta, -L), at most _LARGEST |L| / h long."""
+        manifold = self._manifold
+        turn = h * self._gains.curved(theta) * manifold.curvature(self.xi, self.eta, -L)
+        size, most = manifold.norm(self.xi, turn), _LARGEST * theta / h
+        return turn if size <= most else turn * (most / size)
 
     def _force(self, measured: Array | None, u: Array) -> Array:
         """At xi: that at the measured position, brought there; that at xi itself where there is none."""

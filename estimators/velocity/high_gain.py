@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.riemannian.gains import Gains
+from estimators.velocity.poles import pole_weights
 from estimators.velocity.position_observer import PositionObserver
 from estimators.velocity.readings import Persistence, SpeedGate, innovation
 from models.manifold.manifold import Manifold
@@ -81,7 +81,7 @@ class _HighGain:
     extra: Mapping[str, Array] = NOTHING
 
     def __init__(self, config: HighGainConfig, mission: LagrangianMission) -> None:
-        self._mission, self._system, self._gains = mission, mission.system, Gains(config.bandwidth)
+        self._mission, self._system, self._bandwidth = mission, mission.system, config.bandwidth
         self._manifold = mission.system.manifold
 
     @property
@@ -106,7 +106,7 @@ class _HighGain:
         if L is None or not good:
             self.start(y)
             return True
-        alpha, beta = self._gains.weights(0.0, h)
+        alpha, beta = pole_weights(self._bandwidth, 1.0, h)
         self._state = _recentred(manifold, x, alpha * L, manifold.components(x, v) + beta * L)
         self._y = y
         return True

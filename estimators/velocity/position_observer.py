@@ -41,7 +41,7 @@ class VelocityLaw(Protocol):
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         """Move on by h [s] with u (nu,) held, to a reading y (size,) if there is one; ``correct`` follows.
 
-        CutLocusError or LinAlgError where that cannot be.
+        CutLocusError, LinAlgError or ArithmeticError where that cannot be.
         """
         ...
 
@@ -64,7 +64,10 @@ class PositionObserver:
         self._extra = dict(law.extra)
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate, with what the law tells; ``refused`` and ``restarts`` (1,) are how often that was so far."""
+        """The estimate, with what the law tells.
+
+        ``refused`` (1,) readings so far, and ``restarts`` (1,) after a step that led nowhere.
+        """
         for reading in measurements:
             y = usable(reading, self._manifold)
             if y is not None and reading.t > self._t_used + _SIMULTANEOUS:
@@ -100,7 +103,7 @@ class PositionObserver:
         try:
             step()
             x, extra = self._law.state, self._law.extra
-        except (CutLocusError, np.linalg.LinAlgError):
+        except (CutLocusError, np.linalg.LinAlgError, ArithmeticError):
             self._t = None
             return
         if np.isfinite(x).all() and not any(np.isinf(values).any() for values in extra.values()):

@@ -63,7 +63,8 @@ class ConstantCurvature:
             raise ValueError(f"point = {np.asarray(p).tolist()}; allowed on {self.name}: {self.size} finite numbers")
         square = kernels.inner(self.kappa, point, point)
         scale = max(1.0, float(point @ point))
-        if self.kappa and (abs(square - self.kappa) > _OFF * scale or (self.kappa < 0.0 and point[0] <= 0.0)):
+        near = abs(square - self.kappa) <= _OFF * scale < math.inf
+        if self.kappa and (not near or (self.kappa < 0.0 and point[0] <= 0.0)):
             sheet = ", p_0 > 0" if self.kappa < 0.0 else ""
             raise ValueError(
                 f"point = {point.tolist()} is off {self.name}: <p, p> = {square:.9g}; allowed: {self.kappa:g}{sheet}"

@@ -42,11 +42,13 @@ def length(k: float, w: Array) -> float:
 
 @njit(cache=True, nogil=True)
 def brought_back(k: float, p: Array) -> Array:
-    """The point of the space on the ray through p; p itself in R^n."""
-    if k == 0.0:
-        return p.copy()
-    square = k * inner(k, p, p)
-    return p / math.sqrt(square) if square > 0.0 else np.full(len(p), np.nan)
+    """The point of the space near p: on the ray through it, where k < 0 above or below it; p itself in R^n."""
+    point = p.copy()
+    if k > 0.0:
+        point /= math.sqrt(inner(k, p, p))
+    elif k < 0.0:  # <p, p> of a point far out is the small difference of large numbers
+        point[0] = math.sqrt(1.0 + inner(1.0, p[1:], p[1:]))
+    return point
 
 
 @njit(cache=True, nogil=True)

@@ -11,7 +11,6 @@ and not smooth where sin x_2 = 0.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +23,8 @@ from models.manifold.constant_curvature import ConstantCurvature
 from models.manifold.system import moved
 from models.runge_kutta import Flow
 from sim.signals import Array
+
+_FARTHEST = 1e6  # p_0 = cosh(dist(p, origin)), 14.5 from it
 
 Potential = Callable[[casadi.SX], casadi.SX]
 """U(p) [1/s^2], of an ambient point (size,)"""
@@ -91,7 +92,9 @@ class PointSystem:
         """The state after dt [s], brought back onto the tangent bundle, and dt; less if the solution escapes."""
         n = self.manifold.size
         after, reached = self._flow.reach(x, u, dt)
-        return self._on_bundle(after[:n], after[n:]), reached
+        state = self._on_bundle(after[:n], after[n:])
+        # Farther out on hyperbolic space, rounding of the ambient coordinates is an error of position that counts.
+        return state, reached if self.manifold.kappa >= 0.0 or state[0] <= _FARTHEST else 0.0
 
     def rate(self, x: Array, u: Array) -> Array:
         """(p', v')."""
@@ -106,10 +109,7 @@ class PointSystem:
         return self._on_bundle(self.manifold.check(p), np.asarray(v, dtype=np.float64))
 
     def _on_bundle(self, p: Array, v: Array) -> Array:
-        if not self.manifold.kappa:
-            return np.concatenate([p, v])
-        square = self.manifold.kappa * self.manifold.inner(p, p, p)
-        p = p / math.sqrt(square)
+        p = self.manifold.brought_back(p)
         return np.concatenate([p, self.manifold.tangent(p, v)])
 
     @cached_property

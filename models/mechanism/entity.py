@@ -10,6 +10,7 @@ all with a torque motor on each joint, on the ball joint one about each axis of 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from itertools import count
 from pathlib import Path
@@ -53,8 +54,10 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
         raise ValueError(f"vehicle name {name!r} is empty or contains '/'; MuJoCo names need it as a separator")
     path = file_of(mechanism)
     try:
-        own = mujoco.MjSpec.from_file(str(path))
-        alone = own.copy().compile()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # what is old-fashioned in a file is for its maker to know
+            own = mujoco.MjSpec.from_file(str(path))
+            alone = own.copy().compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
         raise ValueError(

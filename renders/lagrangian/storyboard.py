@@ -70,7 +70,7 @@ def notices(run: LagrangianRun) -> list[tuple[float, str]]:
         told.append((0.0, "no usable reading yet"))
     elif float(said[0]) > CLEAR:
         told.append((float(said[0]), "first estimate"))
-    if run.has_begun_wrong and run.found_from is not None and run.found_from < run.duration:
+    if run.has_begun_wrong and run.found_from is not None:
         told.append((run.found_from, "velocity found to one percent"))
     if "settled_at_s" in run.log.summary:
         settled = run.log.summary["settled_at_s"]

@@ -132,14 +132,19 @@ def _drawn(folder: Path) -> set[Path]:
 
 def _draw(options: Options, folder: Path, errors: Console) -> None:
     """Video and report if they were asked for; a run without them is still a run."""
+    from renders.run_log import NothingToDrawError
+
     if options.video:
         from renders.video import write_video
 
         try:
             write_video(folder, progress=errors.is_terminal)
-        except (NoOpenGLError, RuntimeError) as error:
+        except (NoOpenGLError, NothingToDrawError, RuntimeError) as error:
             print(f"mathnavi: no video: {error}", file=sys.stderr)
     if options.report:
         from renders.report import write_report
 
-        write_report(folder)
+        try:
+            write_report(folder)
+        except NothingToDrawError as error:
+            print(f"mathnavi: no report: {error}", file=sys.stderr)

@@ -16,7 +16,7 @@ from renders.sweep_data import figures
 from sim.statistics import Rate as Share
 from sim.studies.parallel import computed
 from sim.studies.property_measures import ranging_drift
-from sim.studies.property_subjects import PRINTED, SUBJECTS, Subject
+from sim.studies.property_subjects import BRIEF, FAR, NEAR, PRINTED, SPEED, SUBJECTS, Subject
 from sim.studies.property_verdicts import STAYS, Evidence, Verdict, found, verdicts
 from sim.studies.study import Findings, Setup, check_counts
 
@@ -33,7 +33,7 @@ class ObserverPropertiesConfig:
     subjects: int = len(SUBJECTS)
     """estimators, at most"""
     seconds: int = 10
-    """of a run of a textbook system; a robot within a wall drives for twice as long"""
+    """of a run of a textbook system; a robot within a wall drives for twice as long, a velocity is found in less"""
 
     def __post_init__(self) -> None:
         check_counts(self)
@@ -57,10 +57,12 @@ class ObserverPropertiesStudy:
         }
         return Findings(
             summary=(
-                f"Runs without noise, of {config.seconds} s for the systems of the textbook and twice that for the "
-                "robots. A start nearby is told with a tenth of the error that a system has by itself, "
-                "or .05 m and 3°; one from anywhere with three times that error, or not at all. Found: a tenth of the "
-                "error of the start is left, or, without a start, RMS below .3 m and .2 rad.",
+                f"Runs without noise, of {config.seconds} s for the systems of the textbook, twice that for the "
+                f"robots and {BRIEF:g} times that for what finds a velocity. A start nearby is told with a tenth of "
+                "the error that a system has by itself, or .05 m and 3°; one from anywhere with three times that "
+                f"error, or not at all; of a velocity, the error is itself, {NEAR * SPEED:g} and {FAR * SPEED:g} rad/s "
+                "or 1/s. Found: a tenth of the error of the start is left, or, without a start, RMS below .3 m and "
+                ".2 rad.",
             ),
             rows=[
                 {"estimator": subject.name, "property": one.name, "declared": one.declared, "measured": one.measured,
@@ -80,15 +82,15 @@ def _flown(subjects: tuple[Subject, ...], config: ObserverPropertiesConfig, setu
     few, seconds = max(1, config.starts // 4), float(config.seconds)
     asked = {}
     for subject in subjects:
-        if subject.system:
+        if not subject.arena.tells_certainty:
             asked[subject, "true"] = [subject.true(seed, seconds) for seed in range(few)]
         asked[subject, "near"] = [subject.near(seed, seconds) for seed in range(config.starts)]
         asked[subject, "far"] = [subject.far(seed, seconds) for seed in range(config.starts)]
-        for name in subject.inputs:
+        for name in subject.arena.inputs:
             asked[subject, f"under {name}"] = [subject.under(name, seed, seconds) for seed in range(few)]
     records = iter(setup.fly([one for trials in asked.values() for one in trials]))
     done = {key: [next(records) for _ in trials] for key, trials in asked.items()}
-    robots = [subject for subject in subjects if not subject.system]
+    robots = [subject for subject in subjects if subject.arena.tells_certainty]
     drifts = computed(setup, ranging_drift, [subject.on_truth(seed) for subject in robots for seed in range(few)])
     drifted = {subject: drifts[k * few : (k + 1) * few] for k, subject in enumerate(robots)}
     drifted |= {key[0]: figures(runs, "drift").tolist() for key, runs in done.items() if key[1] == "true"}
@@ -97,7 +99,7 @@ def _flown(subjects: tuple[Subject, ...], config: ObserverPropertiesConfig, setu
             drifted[subject],
             done[subject, "near"],
             done[subject, "far"],
-            {name: done[subject, f"under {name}"] for name in subject.inputs},
+            {name: done[subject, f"under {name}"] for name in subject.arena.inputs},
         )
         for subject in subjects
     }
@@ -120,7 +122,8 @@ def _claims(judged: Mapping[Subject, list[Verdict]], seen: Mapping[Subject, Evid
     return [
         Claim(
             "range.properties", "target", "Every estimator is what it declares to be.", "2.3, Table 2.1",
-            "of the textbook's and of the ranging estimators, every entry agrees with runs without noise",
+            "of the estimators of the textbook, of ranges and of velocities, every entry agrees with runs without "
+            "noise",
             f"{len(every) - len(broken)} of {len(every)} entries of {len(judged)} estimators"
             + (f"; not {'; '.join(broken)}" if broken else ""),
             not broken,

@@ -15,6 +15,7 @@ from models.unicycle.mission import KnownStart, RangingMission
 from sim.fields import instance, with_fields
 from sim.plugins import load
 from sim.scenarios.experiment import Outcome
+from sim.scenarios.sphere_observer import SphereObserverConfig, config_mission
 from sim.scenarios.textbook import TextbookConfig
 from sim.signals import Array, Status
 from sim.studies.observability_maps import STANDARD, MapCase, drawn_start, driving
@@ -138,6 +139,11 @@ def _told(outcome: Outcome) -> float | None:
     if outcome.config["scenario"] == "textbook-observer":
         config = instance(TextbookConfig, outcome.config["fields"], "fields")
         believed, true = config.mission.start_state, config.start_state
+    elif outcome.config["scenario"] == "sphere-observer":  # from a reading without error, and taken to be at rest
+        moving = instance(SphereObserverConfig, outcome.config["fields"], "fields")
+        size = config_mission(moving).system.manifold.size
+        ((true, *_),) = outcome.recording.truths.values()
+        believed = np.where(np.arange(len(true)) < size, true, 0.0)
     else:
         known, true = outcome.config["mission"]["known_start"], np.array(outcome.config["mission"]["start"])
         if known is None:

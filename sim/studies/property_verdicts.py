@@ -89,7 +89,7 @@ def verdicts(declared: ObserverProperties, e: Evidence, depends: bool) -> list[V
         ),
         Verdict(
             "domain of attraction", declared.domain_of_attraction.value,
-            f"near {near.text()}; anywhere {far.text()}", _attracts(declared, near, far),
+            f"near {near.text()}; anywhere {far.text()}", _attracts(declared, e),
         ),
         Verdict(
             "rate", declared.rate.value,
@@ -108,17 +108,21 @@ def verdicts(declared: ObserverProperties, e: Evidence, depends: bool) -> list[V
         ),
         Verdict(
             "system's domain of operation", declared.system_domain.value, f"near {near.text()}, states from all over",
-            declared.system_domain is not Domain.GLOBAL or _attracts(declared, near, far),
+            declared.system_domain is not Domain.GLOBAL or _attracts(declared, e),
         ),
     ]  # fmt: skip
 
 
-def _attracts(declared: ObserverProperties, near: Share, far: Share) -> bool:
-    """Whether starts converge as they should: all for global, most of those nearby for less, few for none."""
+def _attracts(declared: ObserverProperties, e: Evidence) -> bool:
+    """Whether starts converge as they should: all for global, most of those nearby for less, few for none.
+
+    What converges from nowhere may come close, if it does not come closer.
+    """
+    near, far = found(e.near), found(e.far)
     if declared.domain_of_attraction is Domain.GLOBAL:
         return near.events + far.events == near.trials + far.trials
     if declared.domain_of_attraction is Domain.NONE:
-        return near.value <= 0.5
+        return near.value <= 0.5 or e.rate is Rate.NONE
     return near.value >= MOST
 
 

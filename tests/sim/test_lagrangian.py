@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -78,6 +79,27 @@ def test_readings_that_jump_leave_it_finite(estimator: str) -> None:
     assert outcome.summary["velocity_rms"] < 10.0
 
 
+def test_a_state_that_diverges_at_once_is_a_run_without_pictures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a step that MuJoCo cannot take: the run is written, judged, and said to have nothing to be drawn."""
+    step = mujoco.mj_step
+
+    def diverging(model: Any, data: Any, nstep: int = 1) -> None:
+        step(model, data, nstep)
+        data.qvel[:] = np.nan
+
+    monkeypatch.setattr(mujoco, "mj_step", diverging)
+    told = ["--duration", "1", "--settled", "0.5", "--report", "--video", "--out", str(tmp_path / "run")]
+    assert main(["run", "sphere-observer", *told]) == 1
+    printed = capsys.readouterr()
+    assert "velocity error, rms is not known" in " ".join(printed.out.split())
+    for kind in ("video", "report"):
+        assert f"no {kind}: " in printed.err
+    assert not list((tmp_path / "run").glob("*.html"))
+    assert (tmp_path / "run" / "summary.json").is_file()
+
+
 def test_errors_are_those_of_the_transported_velocity() -> None:
     manifold, truth = Attitude(), np.array([1.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.1])
     theta, off, speed, lyapunov = errors_of(manifold, truth, truth)
@@ -113,6 +135,7 @@ BAD = [
     ("sphere-observer", ["--space", "torus"], "torus"),
     ("sphere-observer", ["--start", "1", "1", "0", "0", "0", "0", "0"], "point = .* is off"),
     ("sphere-observer", ["--start", "1", "0", "0"], "start = .* allowed: 7 numbers"),
+    ("sphere-observer", ["--start", "1", "0", "0", "0", "1e200", "0", "0"], "start = 1e.200"),
     ("sphere-observer", ["--reading.noise", "nan"], "noise = nan"),
     ("sphere-observer", ["--rate", "0"], "rate = 0.0"),
     ("sphere-observer", ["--force", "printed"], "force = 'printed' with space = 'body'"),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from estimators.riemannian.plugin import RiemannianObserver
 from estimators.velocity.extended import LagrangianEkf
 from estimators.velocity.filtered_differences import FilteredDifferences
 from estimators.velocity.high_gain import HighGain
@@ -26,6 +27,7 @@ PLUGINS: Mapping[str, Any] = {
     "high_gain": HighGain,
     "lagrangian_ekf": LagrangianEkf,
     "lagrangian_ukf": LagrangianUkf,
+    "riemannian_observer": RiemannianObserver,
 }
 MODELLED = ("high_gain", "lagrangian_ekf", "lagrangian_ukf")
 FILTERS = ("lagrangian_ekf", "lagrangian_ukf")

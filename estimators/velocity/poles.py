@@ -1,0 +1,25 @@
+"""The weights of a sampled observer of a double integrator, whose error has its poles where they are wanted.
+
+With L = y - x^- at a reading, h after the one before, x = x^- + alpha L and v = v^- + beta L have the error dynamics
+
+    (e_x, e_v) -> [[1 - alpha, (1 - alpha) h], [-beta, 1 - beta h]] (e_x, e_v),
+
+whose poles are rho_i = e^(lambda_i h), lambda^2 + 2 zeta omega lambda + omega^2 = 0, for
+
+    alpha = 1 - rho_1 rho_2,    beta = (1 - rho_1)(1 - rho_2) / h.
+"""
+
+from __future__ import annotations
+
+import math
+
+
+def pole_weights(omega: float, zeta: float, h: float) -> tuple[float, float]:
+    """alpha and beta [1/s], without cancellation where h [s] is short and without overflow where it is long."""
+    alpha = -math.expm1(-2.0 * zeta * omega * h)
+    if zeta >= 1.0:
+        slow = omega / (zeta + math.sqrt(zeta * zeta - 1.0))
+        return alpha, math.expm1(-slow * h) * math.expm1(-(omega * omega / slow) * h) / h
+    decay, turn = zeta * omega, omega * math.sqrt(1.0 - zeta * zeta)
+    bend = 2.0 * math.sin(0.5 * turn * h) ** 2  # 1 - cos(turn h)
+    return alpha, (math.expm1(-decay * h) ** 2 + 2.0 * math.exp(-decay * h) * bend) / h

@@ -1,9 +1,11 @@
 """Intrinsic tracking on a configuration manifold: an estimate (x, v) after a reference (x_r, v_r), in no coordinates.
 
-    D_t v = PT_{x_r -> x} D_t v_r + k_p log_x x_r + k_d (PT_{x_r -> x} v_r - v),
+    D_t v = PT_{x_r -> x} D_t v_r + k_p e + k_d (PT_{x_r -> x} v_r - v) - R(e, v_r) v_r,    e = log_x x_r,
 
-under which a force-free space has the error dynamics e'' + k_d e' + k_p e = 0 to first order. The input u is that for
-which the system's force is this: force is affine in u, and of systems with as many inputs as dimensions invertible.
+under which e'' + k_d e' + k_p e = 0 to first order: without its last term, in which v_r is transported to x, geodesics
+beside each other would part by the Jacobi equation, e'' + R(e, v_r) v_r = 0, where the curvature is negative. The input
+u is that for which the system's force is this: force is affine in u within the inputs' ranges, and of systems with as
+many inputs as dimensions invertible.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from sim.checks import check_positive
 from sim.signals import Array
 
 _SINGULAR = 1e-9  # of the largest singular value of the inputs' effect
+_PROBE = 1e-3  # of each input, that its effect is seen by: within the ranges that actuators may have
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class InverseForce:
     def __init__(self, system: LagrangianSystem) -> None:
         manifold, inputs = system.manifold, system.inputs
         n = manifold.dimension
-        self._system, self._none, self._units = system, np.zeros(len(inputs)), np.eye(len(inputs))
+        self._system, self._none, self._probes = system, np.zeros(len(inputs)), _PROBE * np.eye(len(inputs))
         effect = self._effect(manifold.origin, np.zeros(manifold.vector_size))[1]
         values = np.linalg.svd(effect, compute_uv=False)
         if effect.shape != (n, n) or values[-1] <= _SINGULAR * values[0]:
@@ -56,7 +59,7 @@ class InverseForce:
         """The components of the force without an input, and what a unit of each input adds (n, nu)."""
         system, components = self._system, self._system.manifold.components
         without = components(x, system.force(x, v, self._none))
-        columns = [components(x, system.force(x, v, unit)) - without for unit in self._units]
+        columns = [(components(x, system.force(x, v, probe)) - without) / _PROBE for probe in self._probes]
         return without, np.stack(columns, axis=1) if columns else np.empty((len(without), 0))
 
 
@@ -76,5 +79,6 @@ def wanted_force(
         v_there = manifold.transport(x_r, x, v_r)
     except CutLocusError:
         return -gains.k_d * v
-    wanted: Array = a + gains.k_p * off + gains.k_d * (v_there - v)
+    # manifold.curvature is R(v, e) v = -R(e, v) v.
+    wanted: Array = a + gains.k_p * off + gains.k_d * (v_there - v) + manifold.curvature(x, v_there, off)
     return wanted

@@ -64,7 +64,7 @@ class SampledObserver:
         if self.delta is not None:
             self.delta = manifold.transport(before, after, self.delta)
         # A force that depends on the velocity is that at the velocity it leads to.
-        self.eta = manifold.transport(before, after, self.eta + h * F) if self._system.damped else half
+        self.eta = manifold.transport(before, after, self.eta + h * F) if self._system.velocity_dependent else half
         self.xi = after
         self._measured = None if y is None or is_beyond(manifold, after, y, self._share) else y
         self.eta = half + (0.5 * h) * self._force(self._measured, u)
@@ -103,6 +103,6 @@ class SampledObserver:
         if measured is None:
             F = system.force(self.xi, self.eta, u)
         else:
-            v = manifold.transport(self.xi, measured, self.eta) if system.damped else self.eta
+            v = manifold.transport(self.xi, measured, self.eta) if system.velocity_dependent else self.eta
             F = manifold.transport(measured, self.xi, system.force(measured, v, u))
         return F if self.delta is None else F + self.delta

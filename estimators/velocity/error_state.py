@@ -25,7 +25,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from estimators.velocity.readings import Persistence, innovation, reading_variance
-from estimators.velocity.tangent_bundle import TangentBundle
+from estimators.velocity.state_errors import StateErrors
 from models.manifold.mission import LagrangianMission
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.signals import Array
@@ -55,7 +55,7 @@ class ErrorStateFilter:
         self._model, self._mission, self._propagation = model, mission, propagation
         self._system, self._manifold = mission.system, mission.system.manifold
         self._n = self._manifold.dimension
-        self._bundle, self._limit = TangentBundle(self._manifold), float(chdtri(self._n, model.gate))
+        self._bundle, self._limit = StateErrors(self._manifold), float(chdtri(self._n, model.gate))
         self.covariance = np.full((2 * self._n, 2 * self._n), np.nan)  # P, of e
         self._nis = math.nan
 

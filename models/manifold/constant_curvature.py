@@ -62,7 +62,7 @@ class ConstantCurvature:
         if point.shape != (self.size,) or not np.isfinite(point).all():
             raise ValueError(f"point = {np.asarray(p).tolist()}; allowed on {self.name}: {self.size} finite numbers")
         square = kernels.inner(self.kappa, point, point)
-        scale = max(1.0, float(point @ point))
+        scale = max(1.0, kernels.inner(1.0, point, point))
         near = abs(square - self.kappa) <= _OFF * scale < math.inf
         if self.kappa and (not near or (self.kappa < 0.0 and point[0] <= 0.0)):
             sheet = ", p_0 > 0" if self.kappa < 0.0 else ""

@@ -45,7 +45,7 @@ class LagrangianSystem(Protocol):
         ...
 
     @property
-    def damped(self) -> bool:
+    def velocity_dependent(self) -> bool:
         """Whether the force depends on the velocity."""
         ...
 
@@ -70,5 +70,5 @@ def moved(system: LagrangianSystem, state: Array, u: Array, h: float) -> Array:
     F = system.force(x, v, u)
     after = manifold.exp(x, h * v + (0.5 * h * h) * F)
     half = manifold.transport(x, after, v + (0.5 * h) * F)
-    end = manifold.transport(x, after, v + h * F) if system.damped else half
+    end = manifold.transport(x, after, v + h * F) if system.velocity_dependent else half
     return np.concatenate([after, half + (0.5 * h) * system.force(after, end, u)])

@@ -64,7 +64,7 @@ class PointSystem:
 
     manifold: ConstantCurvature
     potential: Potential
-    damped = False
+    velocity_dependent = False
 
     @property
     def constant(self) -> tuple[float, ...]:
@@ -158,7 +158,7 @@ class RigidBody:
         *(f"body_rate_{axis} [rad/s]" for axis in "xyz"),
     )
     inputs = ("torque_x [N m]", "torque_y [N m]", "torque_z [N m]")
-    damped = False
+    velocity_dependent = False
 
     def force(self, x: Array, v: Array, u: Array) -> Array:
         """omega' = tau / I (3,) [rad/s^2]."""

@@ -72,11 +72,6 @@ class TangentBundle:
         """Z."""
         return casadi.vertcat(v, -self.christoffel(x, v, v))
 
-    def split(self, x: casadi.SX, v: casadi.SX, field: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
-        """The horizontal and the vertical part (n,) of a vector (2 n,) on TX at (x, v)."""
-        along, up = field[: self.n], field[self.n :]
-        return along, up + self.christoffel(x, v, along)
-
     def sasaki(self, a: float, b: float, c: float) -> BundleField:
         """G (2 n, 2 n) in the coordinates (x, v)."""
 

@@ -9,10 +9,10 @@ x is where the system is and xi where the observer is; with theta = dist(x, xi),
     K^i_alpha|beta = Y (S^i g_alpha,beta + K^i_beta S_alpha)                                                (D.18)
     K^j_alpha|k K^alpha_m = Y (S^j g_km - delta^j_k S_m)                                                    (D.19)
 
-    Y_1 = theta cot theta,  Y_2 = (1 - Y_1) / theta^2,  Y_3 = -sin theta / theta,  Y_4 = -(1 + Y_3) / theta^2,
+    Y_1 = theta cot theta,  Y_2 = (1 - Y_1) / 2 S,  Y_3 = -sin theta / theta,  Y_4 = -(1 + Y_3) / 2 S,
     Y = kappa tan(theta / 2) / theta,
 
-where theta stands for sqrt(kappa) theta, and so for coth, sinh and tanh in hyperbolic space. (D.15) is solved for the
+with coth, sinh and tanh in hyperbolic space, where 2 S = theta^2 keeps its sign. (D.15) is solved for the
 mixed derivative and (D.19) has its indices so that it is true; as printed, ``printed_transport_along_x``, it is not.
 """
 

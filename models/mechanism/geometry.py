@@ -187,7 +187,10 @@ def _is_positive(M: Array) -> bool:
 
 
 def _half_turn(M: Array, balls: Sequence[int]) -> float:
-    """The length of half a turn of the ball joint that turns most easily, by M at qpos0; without one, infinite."""
+    """The length of half a turn of the ball joint that turns most easily, by M at qpos0; without one, infinite.
+
+    It is asked of the distance over all joints, and M elsewhere is not that at qpos0: a guard, and no bound.
+    """
     inverse = np.linalg.inv(M)
     softest = [np.linalg.eigvalsh(inverse[k : k + 3, k : k + 3])[-1] for k in balls]
     return math.pi / math.sqrt(max(softest)) if softest else math.inf

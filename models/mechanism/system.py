@@ -53,7 +53,7 @@ class MechanismSystem:
         self.states = state_names(model, range(model.njnt))
         self.inputs = tuple(_input_name(model, i) for i in range(model.nu))
         self.constant, self.amplitude = self._given("constant", constant), self._given("amplitude", amplitude)
-        self.damped = _is_damped(model)
+        self.velocity_dependent = _depends_on_velocity(model)
 
     def __reduce__(self) -> tuple[type[MechanismSystem], tuple[mujoco.MjModel, tuple[float, ...], tuple[float, ...]]]:
         """A copy has memory of its own: addresses do not outlive what they are in."""
@@ -96,7 +96,7 @@ def _input_name(model: mujoco.MjModel, i: int) -> str:
     return f"{name} [{'N' if model.jnt_type[joint] == SLIDE else 'N m'}]"
 
 
-def _is_damped(model: mujoco.MjModel) -> bool:
+def _depends_on_velocity(model: mujoco.MjModel) -> bool:
     """Whether anything that acts may depend on the velocity."""
     gain, bias = model.actuator_gaintype == _AFFINE[0], model.actuator_biastype == _AFFINE[1]
     known = (gain | (model.actuator_gaintype == _FIXED)) & (bias | (model.actuator_biastype == _UNBIASED))

@@ -20,7 +20,7 @@ from sim.number_lists import NumberList
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_sensors, load
 from sim.scenarios.experiment import Experiment
-from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, given_start, velocity_errors
+from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, checked_speed, given_start, velocity_errors
 from sim.signals import Array
 
 VEHICLE = "mechanism"
@@ -68,7 +68,7 @@ class ArmVelocity:
             for each in (model, real)
         )
         sensors = checked_sensors(estimator, mission)
-        start = _start(config, mission)
+        start = checked_speed(_start(config, mission), mission)
         plant = MujocoPlant(real, {VEHICLE: Equipment(start, sensors)}, np.random.default_rng(seed))
         loop = Loop("arm-velocity", VEHICLE, plant, mission, truth, {"mechanism": config.mechanism})
         return loop.experiment(config, seed, controller, estimator)

@@ -18,7 +18,7 @@ from sim.lagrangian_metrics import tracking_figures
 from sim.plugins import Part, checked_sensors, load
 from sim.scenarios.demands import Demand
 from sim.scenarios.experiment import Experiment
-from sim.scenarios.lagrangian import LagrangianFields, Loop, velocity_errors
+from sim.scenarios.lagrangian import LagrangianFields, Loop, checked_speed, velocity_errors
 from sim.scenarios.sphere_observer import rigid_body_plant
 from sim.signals import Array
 
@@ -69,6 +69,7 @@ class AttitudeTrackingScenario:
         draws, noise = np.random.default_rng(seed).spawn(2)
         axis = draws.standard_normal(3)
         start = np.concatenate([sphere(3).draw(draws), config.speed * axis / np.linalg.norm(axis)])
+        start = checked_speed(start, mission)
         plant = rigid_body_plant(VEHICLE, start, checked_sensors(estimator, mission), config.inertia, noise)
         demand = Demand("attitude_rms_rad", most=config.attitude_tolerance)
         loop = Loop(

@@ -20,6 +20,7 @@ from sim.lagrangian_metrics import errors_of, lagrangian_summary
 from sim.log import Recording
 from sim.loop import Agent
 from sim.number_lists import NumberList
+from sim.ode_plant import OdePlant
 from sim.plugins import Part, checked_controller, checked_estimator
 from sim.protocols import Plant
 from sim.scenarios.demands import Demand, judged
@@ -84,13 +85,16 @@ class Loop:
         manifold = self.truth.system.manifold
 
         def finished(t: float, truths: Mapping[str, Array]) -> bool:
-            return not np.isfinite(truths[self.vehicle]).all()
+            escaped = isinstance(self.plant, OdePlant) and self.plant.escaped(self.vehicle) is not None
+            return escaped or not np.isfinite(truths[self.vehicle]).all()
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
             figures = lagrangian_summary(recording, self.vehicle, manifold, fields.settled, seed, wall_seconds)
             if self.figures is not None:
                 figures |= self.figures(recording, self.vehicle, manifold, fields.settled)
-            return judged(figures, [Demand("velocity_rms", most=fields.tolerance), *self.demands])
+            figures["escaped"] = bool(recording.t[-1] < fields.duration - 0.5 * TICK)
+            whole, found = Demand("escaped", most=False), Demand("velocity_rms", most=fields.tolerance)
+            return judged(figures, [whole, found, *self.demands])
 
         agent = Agent(observer, planner, tracker, len(self.mission.system.inputs))
         record = {
@@ -122,6 +126,15 @@ def given_start(start: NumberList, mission: LagrangianMission) -> Array:
     for value in start[size:]:
         check(value, "start", -_FASTEST, _FASTEST)
     return np.concatenate([system.manifold.check(np.array(start[:size])), start[size:]])
+
+
+def checked_speed(start: Array, mission: LagrangianMission) -> Array:
+    """The start (x, v); ValueError for one faster than the mission says that the system ever is."""
+    manifold = mission.system.manifold
+    speed = manifold.norm(start[: manifold.size], start[manifold.size :])
+    if not speed <= mission.speed_max:
+        raise ValueError(f"speed_max = {mission.speed_max!r}; allowed: at least |v|_g = {speed:.6g} of the start")
+    return start
 
 
 def velocity_errors(mission: LagrangianMission, x: Array, truth: Array) -> dict[str, Array]:

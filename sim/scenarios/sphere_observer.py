@@ -25,12 +25,12 @@ from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_sensors, load
 from sim.protocols import Plant, Sensor
 from sim.scenarios.experiment import Experiment
-from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, given_start, velocity_errors
+from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, checked_speed, given_start, velocity_errors
 from sim.signals import Array
 
 VEHICLE = "body"
 SpaceName = Literal["body", "sphere", "hyperbolic-plane"]
-ForceName = Literal["none", "linear", "printed"]
+ForceName = Literal["by-space", "none", "linear", "printed"]
 
 _FASTEST = 100.0  # [rad/s, 1/s]
 _STRONGEST = 1e4  # [1/s^2]
@@ -44,8 +44,9 @@ class SphereObserverConfig(LagrangianFields):
     """how the position errs"""
     space: SpaceName = "body"
     """what moves: a rigid body in MuJoCo, a point on S^3, or one on the hyperbolic plane"""
-    force: ForceName = "none"
-    """on a point: none, of the potential c p_0, or that of the example in D.5"""
+    force: ForceName = "by-space"
+    """on a point: none, of the potential c p_0, or that of the example in D.5; by space, linear on the hyperbolic
+    plane, from where a free point leaves every bound, and else none"""
     strength: float = 1.0
     """c of the linear potential [1/s^2]"""
     speed: float = 6.0
@@ -62,7 +63,7 @@ class SphereObserverConfig(LagrangianFields):
                 raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: {', '.join(get_args(kind))}")
         if self.force == "printed" and self.space != "sphere":
             raise ValueError(f"force = 'printed' with space = {self.space!r}; allowed: with space = sphere")
-        if self.force != "none" and self.space == "body":
+        if self.force not in ("by-space", "none") and self.space == "body":
             raise ValueError(f"force = {self.force!r} with space = 'body'; allowed: none, its torques are its input")
         check(self.strength, "strength", -_STRONGEST, _STRONGEST)
         check(self.speed, "speed", 0.0, _FASTEST)
@@ -88,7 +89,7 @@ class SphereObserver:
         mission = config_mission(config)
         draws, noise = np.random.default_rng(seed).spawn(2)
         sensors = checked_sensors(estimator, mission)
-        start = _start(config, mission, draws)
+        start = checked_speed(_start(config, mission, draws), mission)
         plant: Plant
         if isinstance(mission.system, PointSystem):
             plant = OdePlant({VEHICLE: OdeVehicle(mission.system, start, sensors)}, TICK, noise)
@@ -111,7 +112,8 @@ def config_mission(config: SphereObserverConfig) -> LagrangianMission:
     else:
         space = sphere(3) if config.space == "sphere" else hyperbolic_space(2)
         potentials = {"none": linear(0.0, 0), "linear": linear(config.strength, 0), "printed": printed}
-        system = PointSystem(space, potentials[config.force])
+        usual = "linear" if config.space == "hyperbolic-plane" else "none"
+        system = PointSystem(space, potentials[usual if config.force == "by-space" else config.force])
     return LagrangianMission(system, config.reading, config.period, config.speed_max)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,13 +13,15 @@ from hypothesis import strategies as st
 from controllers.intrinsic.attitude import AttitudeReference, AttitudeTracking
 from controllers.intrinsic.joints import JointTracking
 from controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
-from models.manifold.constant_curvature import hyperbolic_space, sphere
+from models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
 from models.manifold.mission import LagrangianMission
 from models.manifold.systems import PointSystem, RigidBody, linear
 from models.mechanism.entity import build_model
 from models.mechanism.system import MechanismSystem
 from sim.signals import Array, Estimate, PlanRequest, Status
 
+GEARED = """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body></worldbody>
+<actuator><motor joint="hinge" gear="100" ctrllimited="true" ctrlrange="-.2 .2"/></actuator></mujoco>"""
 BODY, GAINS, H = RigidBody(0.05), TrackingGains(9.0, 6.0), 0.005
 
 
@@ -53,6 +56,31 @@ def test_the_error_falls_as_its_law_says() -> None:
         found.append(2.0 * math.asin(x[1]))
     t = H * np.arange(1, 201)
     assert found == pytest.approx(0.5 * (1.0 + 3.0 * t) * np.exp(-3.0 * t), abs=0.005)
+
+
+@pytest.mark.parametrize("space", [sphere(2), hyperbolic_space(2)], ids=["sphere", "hyperbolic"])
+def test_beside_a_reference_that_moves_it_falls_alike_on_every_curvature(space: ConstantCurvature) -> None:
+    """|v_r|^2 = 16 > k_p: without the term of the curvature the error would grow on the hyperbolic plane."""
+    system, none = PointSystem(space, linear(0.0, 0)), np.zeros(3)
+    o = space.origin
+    reference = system.state(o, space.vector(o, np.array([4.0, 0.0])))
+    beside = space.exp(o, space.vector(o, np.array([0.0, 0.02])))
+    x = system.state(beside, space.transport(o, beside, reference[3:]))
+    found = []
+    for _ in range(200):
+        wanted = wanted_force(system, GAINS, x, reference, none)
+        x, reference = system.flow(x, wanted, H), system.flow(reference, none, H)
+        found.append(space.distance(x[:3], reference[:3]))
+    t = H * np.arange(1, 201)
+    assert found == pytest.approx(0.02 * (1.0 + 3.0 * t) * np.exp(-3.0 * t), abs=6e-4)
+
+
+def test_an_input_is_found_within_the_range_of_its_actuator(tmp_path: Path) -> None:
+    path = tmp_path / "geared.xml"
+    path.write_text(GEARED, encoding="utf-8")
+    system = MechanismSystem(build_model(path))
+    x, v, u = np.array([0.3]), np.array([0.5]), np.array([0.03])
+    assert InverseForce(system)(x, v, system.force(x, v, u)) == pytest.approx(u)
 
 
 def test_half_a_turn_away_the_rate_is_damped() -> None:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 
+import casadi
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from estimators.riemannian.continuous import rates
 from estimators.riemannian.contraction import SasakiMetric, largest_eigenvalue, lie_derivative, linearised
-from estimators.riemannian.gains import Gains
+from estimators.riemannian.gains import CurvatureName, Gains
 from models.manifold.constant_curvature import ConstantCurvature, sphere
+from models.manifold.tangent_bundle import TangentBundle
+from models.manifold.tangent_bundle import lie_derivative as lie_derivative_of
 from models.manifold.two_point import TwoPoint
 from sim.signals import Array
 
@@ -73,6 +77,49 @@ def test_the_lie_derivative_is_symmetric() -> None:
     L = lie_derivative(TwoPoint(space, x, xi), space.draw_vector(rng, xi), Gains(2.0), SasakiMetric())
     assert L.shape == (4, 4)
     assert pytest.approx(L.T) == L
+
+
+@pytest.mark.parametrize("kappa", [1.0, -1.0])
+@pytest.mark.parametrize("curvature", ["minus-one", "none", "plus-one"])
+def test_it_is_the_lie_derivative_of_the_sasaki_metric(kappa: float, curvature: CurvatureName) -> None:
+    """L_X of the metric on TX along the field X of (D.6), in a stereographic chart, has the same eigenvalues."""
+    rng, gains, metric = np.random.default_rng(3), Gains(2.0, 0.7, "constant", curvature, kappa), SasakiMetric()
+    space = ConstantCurvature(2, kappa)
+    x = space.draw(rng)
+    z, v = rng.uniform(-0.4, 0.4, 2), rng.standard_normal(2)
+    bundle = TangentBundle(2, lambda z: 4.0 / (1.0 + kappa * casadi.sumsqr(z)) ** 2 * casadi.SX.eye(2))
+    at, rate = casadi.SX.sym("z", 2), casadi.SX.sym("v", 2)
+    G = bundle.sasaki(metric.a, metric.b, metric.c)
+    L = lie_derivative_of(lambda z, v: observer_in_chart(bundle, space, gains, x, z, v), G, at, rate)
+    point, slope = on_chart(kappa, at)
+    evaluated = casadi.Function("at", [at, rate], [L, G(at, rate), point, slope @ rate])(z, v)
+    found, W, xi, eta = (np.array(each).squeeze() for each in evaluated)
+    expected = largest_eigenvalue(TwoPoint(space, x, xi), eta, gains, metric)
+    assert eigh(found, W, eigvals_only=True)[-1] == pytest.approx(expected, rel=1e-9)
+
+
+def on_chart(kappa: float, z: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
+    """The ambient point at z, seen from the point opposite the origin, and its derivative."""
+    square = kappa * casadi.sumsqr(z)
+    point = casadi.vertcat(1.0 - square, 2.0 * z) / (1.0 + square)
+    return point, casadi.jacobian(point, z)
+
+
+def observer_in_chart(
+    bundle: TangentBundle, space: ConstantCurvature, gains: Gains, x: Array, z: casadi.SX, v: casadi.SX
+) -> casadi.SX:
+    """(z', v') of (D.6) without a force."""
+    kappa, (point, slope) = space.kappa, on_chart(space.kappa, z)
+    signs = casadi.diag(casadi.DM([kappa, 1.0, 1.0]))
+    cosine = kappa * casadi.dot(point, signs @ x)
+    theta = casadi.acos(cosine) if kappa > 0.0 else casadi.acosh(cosine)
+    G = -theta / (casadi.sin(theta) if kappa > 0.0 else casadi.sinh(theta)) * (x - cosine * point)
+    eta = slope @ v
+    turn = kappa * (casadi.dot(eta, signs @ G) * eta - casadi.dot(eta, signs @ eta) * G)
+    into = casadi.solve(bundle.metric(z), slope.T @ signs)  # the components in the chart of a tangent vector
+    moved = into @ (eta - gains.position(0.0) * G)
+    turned = into @ (-gains.velocity() * G + gains.curved(0.0) * turn)
+    return casadi.vertcat(moved, turned - bundle.christoffel(z, moved, v))
 
 
 @pytest.mark.parametrize("values", [(0.0, 1.0, 0.0), (1.0, 0.2, 0.5), (-1.0, -1.0, 0.0), (math.nan, 1.0, 0.0)])

@@ -78,6 +78,22 @@ def test_w_falls_along_the_repaired_observer() -> None:
     assert (np.diff(W)[large[1:]] < 0.0).all()
 
 
+def test_with_gaps_the_curvature_term_does_not_throw_it_off() -> None:
+    """h |eta| = 1.6: Euler's step of C R(eta, L) alone would turn every correction around."""
+    space, h, none = hyperbolic_space(2), 0.4, np.zeros(3)
+    system = PointSystem(space, linear(0.0, 0))
+    o = space.origin
+    x = system.state(o, space.vector(o, np.array([4.0, 0.0])))
+    observer = SampledObserver(system, Gains(5.0), o)
+    observer.eta = space.vector(o, np.array([4.0, 0.05]))
+    for _ in range(8):
+        x, _ = system.reach(x, none, h)
+        observer.predict(h, none, x[:3])
+        observer.correct(x[:3], h)
+    _, _, error, _ = errors_of(space, x, np.concatenate([observer.xi, observer.eta]))
+    assert error < 0.1
+
+
 def test_a_reading_beyond_its_share_of_the_injectivity_radius_is_refused() -> None:
     system, x = begun(sphere(3), 1.0)
     observer = SampledObserver(system, Gains(5.0), x[:4], share=0.9)

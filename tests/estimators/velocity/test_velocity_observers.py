@@ -3,6 +3,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -83,6 +84,22 @@ def test_outliers_are_refused_and_counted(name: str) -> None:
         for each in (found, undisturbed)
     )
     assert worst < 1.5 * expected
+
+
+@pytest.mark.parametrize("name", sorted(PLUGINS))
+def test_q_and_minus_q_are_one_reading(name: str) -> None:
+    system, start = moving("rigid body", 1.0)
+    mission = mission_of(system, noise=1e-3)
+    calls = recorded(mission, start, 0.5)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], len(calls))
+    turned = [
+        replace(call, measurements=tuple(replace(m, value=sign * m.value) for m in call.measurements))
+        for sign, call in zip(signs, calls, strict=True)
+    ]
+    found, expected = replayed(built(name, mission), turned), replayed(built(name, mission), calls)
+    for one, other in zip(found, expected, strict=True):
+        assert one.x[4:] == pytest.approx(other.x[4:], abs=1e-9)
+        assert abs(one.x[:4] @ other.x[:4]) == pytest.approx(1.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", sorted(PLUGINS))

@@ -188,3 +188,13 @@ def test_attitudes_half_a_turn_apart_are_refused() -> None:
     for function in (Attitude().log, lambda a, b: Attitude().transport(a, b, np.ones(3))):
         with pytest.raises(CutLocusError, match="half a turn apart"):
             function(p, q)
+
+
+@pytest.mark.parametrize("away", [1e2, 1e4, 1e6])
+def test_far_out_a_point_is_put_back_above_where_it_is(away: float) -> None:
+    """<p, p> is the small difference of large numbers there, and has no sign that could be trusted."""
+    space = hyperbolic_space(2)
+    point = space.check(np.array([away, away, 0.0]) if away > 1e2 else np.array([math.hypot(1.0, away), away, 0.0]))
+    assert point == pytest.approx([math.hypot(1.0, away), away, 0.0], rel=1e-15)
+    with pytest.raises(ValueError, match="is off H"):
+        space.check(np.array([1e200, 1e200, 0.0]))

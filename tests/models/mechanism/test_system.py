@@ -61,7 +61,7 @@ def test_the_force_is_mujocos_without_constraints(model: mujoco.MjModel) -> None
         expected = accelerations(model, x, v, u)
         found = system.force(x, v, u) - system.manifold.christoffel(x, v, v)
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(expected).max())
-        assert system.damped or np.array_equal(system.force(x, v, u), system.force(x, 0.0 * v, u))
+        assert system.velocity_dependent or np.array_equal(system.force(x, v, u), system.force(x, 0.0 * v, u))
 
 
 def test_states_and_inputs_have_names_and_units() -> None:
@@ -86,11 +86,11 @@ def test_states_and_inputs_have_names_and_units() -> None:
 )
 def test_what_depends_on_the_velocity_is_said_to(extra: str, option: str) -> None:
     system, v = MechanismSystem(chain("hh", extra, option)), np.array([1.0, -2.0])
-    assert system.damped
+    assert system.velocity_dependent
     u = np.ones(len(system.inputs))
     assert not np.allclose(system.force(np.zeros(2), v, u), system.force(np.zeros(2), 0.0 * v, u))
     position = '<actuator><position joint="joint_0" kp="2"/></actuator>'
-    assert not MechanismSystem(chain("hh", position)).damped
+    assert not MechanismSystem(chain("hh", position)).velocity_dependent
 
 
 def test_the_rigid_body_moves_as_the_one_of_s3() -> None:

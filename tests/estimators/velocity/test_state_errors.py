@@ -5,7 +5,7 @@ import pytest
 
 from estimators.velocity.error_state import Propagation
 from estimators.velocity.extended import linearised
-from estimators.velocity.tangent_bundle import TangentBundle
+from estimators.velocity.state_errors import StateErrors
 from estimators.velocity.unscented import Unscented
 from models.manifold.constant_curvature import sphere
 from sim.signals import Array
@@ -15,7 +15,7 @@ from tests.estimators.velocity.runs import SYSTEMS, moving
 @pytest.mark.parametrize("name", sorted(SYSTEMS))
 def test_a_difference_is_what_has_to_be_added(name: str) -> None:
     system, state = moving(name, 0.6)
-    bundle, n = TangentBundle(system.manifold), system.manifold.dimension
+    bundle, n = StateErrors(system.manifold), system.manifold.dimension
     rng = np.random.default_rng(3)
     for _ in range(20):
         error = 0.5 * rng.standard_normal(2 * n)
@@ -25,7 +25,7 @@ def test_a_difference_is_what_has_to_be_added(name: str) -> None:
 def test_a_covariance_means_the_same_where_the_frame_jumps() -> None:
     """Just before and just after p_0 = 0 on the sphere: what it says of an error, as an ambient vector."""
     manifold = sphere(2)
-    bundle = TangentBundle(manifold)
+    bundle = StateErrors(manifold)
     p, q = (manifold.check(np.array([1e-9 * sign, 0.6, 0.8])) for sign in (1.0, -1.0))
     P = np.diag([1.0, 4.0, 9.0, 16.0])
     turned = bundle.turned(P, p, q)

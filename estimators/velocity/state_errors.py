@@ -15,7 +15,7 @@ from models.manifold.manifold import Manifold
 from sim.signals import Array
 
 
-class TangentBundle:
+class StateErrors:
     """Sums and differences of states (size + vector_size,) and errors (2 n,); CutLocusError where there are none."""
 
     def __init__(self, manifold: Manifold) -> None:

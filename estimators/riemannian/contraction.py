@@ -8,7 +8,8 @@ to TX, and in an orthonormal frame that is transported along
     P a = R(eta - A G, a) eta - B H a + nabla_a Phi + C kappa (<eta, H a> eta - |eta|^2 H a)
           + C' kappa <G, a> (<eta, G> eta - |eta|^2 G),
 
-with G = grad S, H = Hess S (D.14), A' and C' the slopes by S, Phi the force transported from x to xi and R(X, Y) Z = kappa (<Y, Z> X - <X, Z> Y).
+with G = grad S, H = Hess S (D.14), A' and C' the slopes by S, Phi the force transported from x to xi and
+R(X, Y) Z = kappa (<Y, Z> X - <X, Z> Y).
 In the generalised Sasaki metric W = [a c; c b] > 0 the squared distance of the two changes by (a, b)' L (a, b),
 
     L = W [M N; P Q] + [M N; P Q]' W,

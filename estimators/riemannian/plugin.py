@@ -76,7 +76,7 @@ class RiemannianObserver:
         """Table 2.1."""
         if config.gains == "printed":
             return ObserverProperties(
-                Domain.NONE, Rate.NONE, InputDependence.UNIFORM, Domain.LOCAL, Domain.GLOBAL,
+                Domain.NONE, Rate.NONE, InputDependence.NON_UNIFORM, Domain.LOCAL, Domain.GLOBAL,
                 note="the position converges; A ~ S^(-1/2) makes S = 0 a sliding set on which the velocity error stays",
             )  # fmt: skip
         if config.curvature in ("none", "plus-one"):

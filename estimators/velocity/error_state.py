@@ -130,7 +130,7 @@ class ErrorStateFilter:
 
 
 def filter_properties(note: str) -> ObserverProperties:
-    """Table 2.1, of any of them."""
+    """Table 2.1, of any of them: the gain falls from that of the start, and the error ever more slowly with it."""
     return ObserverProperties(
-        Domain.LOCAL, Rate.EXPONENTIAL, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL, note=note
+        Domain.LOCAL, Rate.ASYMPTOTIC, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL, note=note
     )

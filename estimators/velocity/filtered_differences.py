@@ -66,7 +66,7 @@ class FilteredDifferences:
     def properties(config: FilteredDifferencesConfig) -> ObserverProperties:
         """Table 2.1: it lags behind, by half a period or by what the filter adds to that."""
         return ObserverProperties(
-            Domain.NONE, Rate.NONE, InputDependence.UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
+            Domain.NONE, Rate.NONE, InputDependence.NON_UNIFORM, Domain.GLOBAL, Domain.GLOBAL,
             stays_on_truth=False, note="without noise the error of v is its lag times the acceleration",
         )  # fmt: skip
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from models.manifold.constant_curvature import ConstantCurvature, sphere
 from models.manifold.two_point import TwoPoint
+from sim.signals import Array
 from sim.studies.contraction import table_d_1
 from sim.studies.riemannian_identities import Place, residuals
 

@@ -88,7 +88,7 @@ def test_what_no_network_can_be_is_refused() -> None:
         Air(("a", "b", "a"))
     with pytest.raises(ValueError, match="receiver = 'z'; allowed: a, b, c"):
         Air(NAMES).send(Message(0.0, "a", "", None), "z", 0.0)
-    with pytest.raises(ValueError, match="most delay = 0.1"):
+    with pytest.raises(ValueError, match=r"most delay = 0\.1"):
         DelayedLinks(Air(NAMES), 0.2, 0.1, rng)
     with pytest.raises(ValueError, match=r"loss = 1\.5"):
         LossyLinks(Air(NAMES), 1.5, 0.0, rng)

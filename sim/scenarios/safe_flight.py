@@ -29,9 +29,9 @@ from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, terrain_names
 from models.terrain.visibility import Radar
 from sim.checks import check, check_rate
+from sim.cockpit import Agent
 from sim.faults import CorruptedPlan, Delayed, Disturbance, Disturbed, FailingSolver, Gusts, PositionJumps
 from sim.log import Recording
-from sim.loop import Agent
 from sim.metrics import TimedRadar, flight_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, checked_sensors, load

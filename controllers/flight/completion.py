@@ -82,10 +82,11 @@ def complete(
     speed: float,
     acceleration: float,
     end: float = -math.inf,
+    level: float = -math.inf,
 ) -> None:
     """Append the way from vertical flight to rest on the target, not before ``end`` [s]: until then it hovers first.
 
-    ``clearance`` [m] is what level flight keeps above the ground; ``speed`` [m/s] and ``acceleration`` [m/s^2] are the
+    ``clearance`` [m] is what level flight keeps above the ground, and ``level`` [m] is its least height; ``speed`` [m/s] and ``acceleration`` [m/s^2] are the
     bounds the plan may use.
     """
     up = np.array([0.0, 0.0, 1.0])
@@ -97,7 +98,8 @@ def complete(
     across = target[:2] - here[:2]
     distance = float(np.hypot(*across))
     if distance > 0.0:
-        level = max(here[2], target[2], highest_ground(terrain, here[:2], target[:2]) + clearance + _LEVEL_MARGIN)
+        safe = highest_ground(terrain, here[:2], target[:2]) + clearance + _LEVEL_MARGIN
+        level = max(here[2], target[2], safe, level)
         _straight(arcs, up, level - here[2], speed, acceleration, Phase.CLIMB)
         _straight(arcs, np.append(across / distance, 0.0), distance, speed, acceleration, Phase.CRUISE)
     drop = float(arcs.x[-1][2] - target[2])

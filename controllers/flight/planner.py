@@ -237,6 +237,7 @@ def complete_by(arcs: ArcList, certificate: Certificate, arrival: float | None =
         certificate.speed_max,
         certificate.acceleration_max,
         -math.inf if arrival is None else arrival + braking,
+        certificate.cruise_level,
     )
 
 

@@ -86,8 +86,8 @@ def complete(
 ) -> None:
     """Append the way from vertical flight to rest on the target, not before ``end`` [s]: until then it hovers first.
 
-    ``clearance`` [m] is what level flight keeps above the ground, and ``level`` [m] is its least height; ``speed`` [m/s] and ``acceleration`` [m/s^2] are the
-    bounds the plan may use.
+    ``clearance`` [m] is what level flight keeps above the ground, and ``level`` [m] is its least height; ``speed``
+    [m/s] and ``acceleration`` [m/s^2] are the bounds the plan may use.
     """
     up = np.array([0.0, 0.0, 1.0])
     rise = float(arcs.x[-1][5])

@@ -77,10 +77,15 @@ class VelocityErrors:
         """The estimates by which convergence is judged."""
         return self.after((1.0 - LAST) * float(self.t[-1]))
 
-    def found_from(self, limit: float) -> float:
-        """[s] the last time without an estimate or with |Delta v|_g above a limit; 0 if there is none."""
+    def found_from(self, limit: float) -> float | None:
+        """[s] the last time without an estimate or with |Delta v|_g above a limit; 0 if there is none.
+
+        None if that is the end: it was not found.
+        """
         above = np.flatnonzero(~((self.norm <= limit) & (self.found > 0.0)))
-        return float(self.t[above[-1]]) if len(above) else 0.0
+        if not len(above):
+            return 0.0
+        return float(self.t[above[-1]]) if above[-1] < len(self.t) - 1 else None
 
 
 def errors_of(manifold: Manifold, truth: Array, estimate: Array) -> tuple[float, Array, float, Array]:
@@ -102,8 +107,8 @@ def errors_of(manifold: Manifold, truth: Array, estimate: Array) -> tuple[float,
 
 
 def rms(values: Array) -> float:
-    """The root of the mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
+    """The root of the mean square; NaN of nothing, as of a run that ended before it was to be judged."""
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else math.nan
 
 
 def lagrangian_summary(

@@ -40,8 +40,8 @@ class Tuning:
 
     @property
     def best(self) -> float:
-        """The value with the least error."""
-        return self.grid[int(np.argmin(self.errors))]
+        """The value with the least error; one that is not finite is the worst."""
+        return self.grid[int(np.argmin(np.nan_to_num(self.errors, nan=np.inf)))]
 
     @property
     def at_edge(self) -> bool:

@@ -20,7 +20,7 @@ from sim.number_lists import NumberList
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_sensors, load
 from sim.scenarios.experiment import Experiment
-from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, velocity_errors
+from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, given_start, velocity_errors
 from sim.signals import Array
 
 VEHICLE = "mechanism"
@@ -92,12 +92,7 @@ def _models(config: ArmVelocityConfig) -> tuple[mujoco.MjModel, mujoco.MjModel]:
 
 
 def _start(config: ArmVelocityConfig, mission: LagrangianMission) -> Array:
-    system, manifold = mission.system, mission.system.manifold
+    manifold = mission.system.manifold
     if not config.start:
         return np.concatenate([manifold.origin, np.zeros(manifold.vector_size)])
-    given = np.array(config.start)
-    if given.shape != (len(system.states),):
-        raise ValueError(
-            f"start = {config.start!r}; allowed: {len(system.states)} numbers, of {', '.join(system.states)}"
-        )
-    return np.concatenate([manifold.check(given[: manifold.size]), given[manifold.size :]])
+    return given_start(config.start, mission)

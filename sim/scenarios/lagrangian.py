@@ -19,6 +19,7 @@ from sim.checks import check, check_rate
 from sim.lagrangian_metrics import errors_of, lagrangian_summary
 from sim.log import Recording
 from sim.loop import Agent
+from sim.number_lists import NumberList
 from sim.plugins import Part, checked_controller, checked_estimator
 from sim.protocols import Plant
 from sim.scenarios.demands import Demand, judged
@@ -28,6 +29,7 @@ from sim.signals import Array
 TICK = 1e-3
 """[s] of the plants"""
 _LONGEST = 600.0  # [s]
+_FASTEST = 1e4  # [rad/s, m/s, 1/s] that a start may be told with
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,19 @@ class Loop:
             },
         }
         return Experiment(self.plant, {self.vehicle: agent}, fields.duration, finished, summarise, record)
+
+
+def given_start(start: NumberList, mission: LagrangianMission) -> Array:
+    """The state (x, v) of these numbers, x put exactly on its space.
+
+    Raises ValueError for one of another size, off the space, not finite or too fast.
+    """
+    system, size = mission.system, mission.system.manifold.size
+    if len(start) != len(system.states):
+        raise ValueError(f"start = {start!r}; allowed: {len(system.states)} numbers, of {', '.join(system.states)}")
+    for value in start[size:]:
+        check(value, "start", -_FASTEST, _FASTEST)
+    return np.concatenate([system.manifold.check(np.array(start[:size])), start[size:]])
 
 
 def velocity_errors(mission: LagrangianMission, x: Array, truth: Array) -> dict[str, Array]:

@@ -25,7 +25,7 @@ from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_sensors, load
 from sim.protocols import Plant, Sensor
 from sim.scenarios.experiment import Experiment
-from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, velocity_errors
+from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, given_start, velocity_errors
 from sim.signals import Array
 
 VEHICLE = "body"
@@ -118,13 +118,8 @@ def config_mission(config: SphereObserverConfig) -> LagrangianMission:
 def _start(config: SphereObserverConfig, mission: LagrangianMission, rng: np.random.Generator) -> Array:
     """The state at the start."""
     system = mission.system
-    manifold, n = system.manifold, len(system.states)
     if config.start:
-        given = np.array(config.start)
-        if given.shape != (n,):
-            raise ValueError(f"start = {config.start!r}; allowed: {n} numbers, of {', '.join(system.states)}")
-        position = manifold.check(given[: manifold.size])
-        return np.concatenate([position, given[manifold.size :]])
+        return given_start(config.start, mission)
     if isinstance(system, PointSystem):
         position = system.manifold.draw(rng)
         return system.state(position, config.speed * system.manifold.draw_vector(rng, position))

@@ -25,8 +25,8 @@ from sim.tuning import RecordedCall, recorded_error, tuned
 BITS, OMEGA = 14, 30.0
 BEGIN = 1.0  # [s] from when on errors count
 LOAD = 1.3  # times the mass of the last link, where the model errs
-CUTOFFS = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 50.0, 80.0, 120.0)  # [Hz]
-DENSITIES = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # [rad/s^1.5]
+CUTOFFS = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 50.0, 80.0, 120.0, 180.0, 250.0)  # [Hz]
+DENSITIES = (0.00003, 0.0001, 0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # [rad/s^1.5]
 OWN = ("two-link", "seven-joint", "cart-pendulum")
 SUITE = (
     "acrobot", "ball_in_cup", "cartpole", "cheetah", "finger", "hopper", "pendulum", "reacher", "walker",
@@ -34,7 +34,7 @@ SUITE = (
 OBSERVER, TUNED = "observer", "observer, tuned"
 DISTURBED, DISTURBED_TUNED = "observer, disturbance", "observer, disturbance, tuned"
 BUTTERWORTH = "Butterworth"
-BANDWIDTHS = (3.0, 5.0, 10.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0)  # [1/s]
+BANDWIDTHS = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 500.0)  # [1/s]
 
 SWEPT: Mapping[str, tuple[str, str, tuple[float, ...]]] = {
     TUNED: ("riemannian_observer", "bandwidth", BANDWIDTHS),

@@ -76,23 +76,32 @@ def _draw_series(axes: Axes, series: Mapping[str, Sequence[float]]) -> None:
     axes.set_ylabel("[rad/s]")
 
 
+def _draw_ratio(axes: Axes, height: float, value: float, colour: str) -> None:
+    axes.plot([1.0, value], [height, height], color=colour, lw=5.0, solid_capstyle="butt")
+    side = 1 if value >= 1.0 else -1
+    axes.annotate(
+        f"{value:.0f}" if value >= 10.0 else f"{value:.2g}", (value, height), (6 * side, 0),
+        textcoords="offset points", va="center", ha="left" if side > 0 else "right", color=colour, weight="bold",
+        fontsize=8.5,
+    )  # fmt: skip
+
+
 def _draw_suite(axes: Axes, suite: Found) -> None:
     axes.set_title("(d) dm_control's suite: times below the best Butterworth")
-    ratios = {name: some[BUTTERWORTH].error / some[OBSERVER].error for name, some in suite.items()}
+    ratios, disturbed = (
+        {name: some[BUTTERWORTH].error / some[by].error for name, some in suite.items()}
+        for by in (OBSERVER, DISTURBED_TUNED)
+    )
     order = sorted(ratios, key=lambda name: ratios[name])
     for k, name in enumerate(order):
-        value = ratios[name]
-        colour = COLOURS[OBSERVER] if value >= 1.0 else COLOURS[BUTTERWORTH]
-        axes.plot([1.0, value], [k, k], color=colour, lw=7.0, solid_capstyle="butt")
-        axes.annotate(
-            f"{value:.0f}" if value >= 10.0 else f"{value:.2g}", (value, k),
-            (6 if value >= 1.0 else -6, 0), textcoords="offset points", va="center",
-            ha="left" if value >= 1.0 else "right", color=colour, weight="bold",
-        )  # fmt: skip
+        colour = COLOURS[OBSERVER] if ratios[name] >= 1.0 else COLOURS[BUTTERWORTH]
+        _draw_ratio(axes, k + 0.17, ratios[name], colour)
+        _draw_ratio(axes, k - 0.2, disturbed[name], COLOURS[DISTURBED_TUNED])
     axes.axvline(1.0, color=INK, lw=1.0)
     axes.set_yticks(range(len(order)), order)
     axes.set_xscale("log")
-    low, high = min(*ratios.values(), 1.0), max(*ratios.values(), 1.0)
+    every = (*ratios.values(), *disturbed.values(), 1.0)
+    low, high = min(every), max(every)
     axes.set_xlim(low / 4.0, high * 4.0)
     axes.set_ylim(-0.6, len(order) - 0.4)
     axes.grid(axis="y", visible=False)

@@ -45,3 +45,8 @@ def test_nothing_to_choose_from_and_nothing_to_measure_are_refused() -> None:
         tuned(HighGain, HighGain.Config(), mission, calls, "bandwidth", (), VELOCITY, 0.0)
     with pytest.raises(ValueError, match=r"begin = 1\.0; allowed"):
         tuned(HighGain, HighGain.Config(), mission, calls, "bandwidth", (1.0,), VELOCITY, 1.0)
+
+
+def test_a_value_that_diverges_is_never_the_best() -> None:
+    assert Tuning("f", (1.0, 2.0, 3.0), (math.nan, 2.0, 1.0)).best == 3.0
+    assert Tuning("f", (1.0, 2.0, 3.0), (2.0, 3.0, math.inf)).best == 1.0

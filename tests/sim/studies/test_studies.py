@@ -39,7 +39,7 @@ SMALLEST: dict[str, dict[str, int]] = {
         **{"starts": 1, "walls": 1, "states": 1, "places": 1, "headings": 1},
         **{"searches": 4, "gramians": 1, "seconds": 1},
     },
-    "sphere": {"points": 1, "seconds": 1, "noisy": 1, "bodies": 1},
+    "sphere": {"points": 1, "seconds": 1, "noisy": 1, "fast": 1, "values": 1, "bodies": 1},
     "curvature-sign": {"seeds": 1},
     "contraction": {"distances": 6, "directions": 3, "points": 1},
     "attitude": {"seeds": 1, "others": 1, "seconds": 1},

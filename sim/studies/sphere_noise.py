@@ -3,9 +3,9 @@
 Two questions: how large the error is once all have settled, and how long it takes from rest to the rate of the body.
 What is called tuned is so for the first, by a sweep of one field on a run that is not reported.
 
-The error is what a user of the rates has, |omega^ - omega|, each in its own body's axes. That of the thesis brings
-omega^ to the attitude of the body before, |Delta v|_g, and so leaves out what the error of the attitude adds; it is told
-beside.
+The error is what a user of the rates has, |omega^ - omega|, each in its own body's axes. That of the thesis,
+|Delta v|_g, brings omega^ to the attitude of the body before, and so leaves out what the error of the attitude adds;
+it is told beside.
 """
 
 from __future__ import annotations
@@ -226,6 +226,26 @@ def noise_tables(noise: Noise) -> tuple[Table, Table]:
             "From rest to the body's rate: time until 1 % [s]", ("estimator", *(f"{v:g} rad/s" for v in speeds)), times
         ),
     )
+
+
+def noise_rows(noise: Noise) -> list[dict[str, Any]]:
+    """For the study's file."""
+    rows: list[dict[str, Any]] = [
+        {"what": "noise", "estimator": name, "rms_rad_s": band.median, "carried_rms_rad_s": noise.carried[name].median}
+        for name, band in noise.errors.items()
+    ]
+    rows += [
+        {"what": "tuning", "estimator": name, "setting": value, "rms_rad_s": error}
+        for name, t in noise.tunings.items()
+        for value, error in zip(t.grid, t.errors, strict=True)
+    ]
+    rows += [
+        {"what": "settling", "estimator": name, "speed_rad_s": speed, "t_s": at}
+        for name, by_speed in noise.settled.items()
+        for speed, times in by_speed.items()
+        for at in times
+    ]
+    return rows
 
 
 def _settled(times: Sequence[float]) -> str:

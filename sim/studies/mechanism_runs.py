@@ -141,9 +141,12 @@ def _tuned(name: str, job: Compared) -> tuple[Any, Any, float, bool]:
     called, swept, grid = SWEPT[name]
     plugin = load("estimators", called)
     config = plugin.Config(disturbance=True) if name == DISTURBED_TUNED else plugin.Config()
+    values = spread(grid, job.values)
+    if len(values) == 1:  # there is nothing to choose from
+        return plugin, replace(config, **{swept: values[0]}), values[0], True
     mission, calls = recorded(job.tuning)
     rates = slice(mission.system.manifold.size, None)
-    found = tuned(plugin, config, mission, calls, swept, spread(grid, job.values), rates, BEGIN)
+    found = tuned(plugin, config, mission, calls, swept, values, rates, BEGIN)
     return plugin, replace(config, **{swept: found.best}), found.best, found.at_edge
 
 

@@ -96,7 +96,7 @@ class Mechanisms:
             )
             jobs.add(name, compared, [Compared(tuning, motion, simple, config.values)])
         for name in timed:
-            jobs.add(("cost", name), update_cost, [Motion(name, SHOWN_AT, T)])
+            jobs.add(("cost", name), update_cost, [Motion(name, SHOWN_AT, T, seed=2)])
         done = jobs.done(setup)
         evidence = Evidence(
             {name: {c.estimator: c for c in done[name][0]} for name in mechanisms},

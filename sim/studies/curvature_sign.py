@@ -60,39 +60,41 @@ class CurvatureSignConfig:
 
 @dataclass(frozen=True)
 class Forced:
-    """One run: all that a worker needs."""
+    """One motion, and what C it is followed with: all that a worker needs."""
 
     space: str
     speed: float  # v0 / omega
-    term: CurvatureName
+    terms: tuple[CurvatureName, ...]
     seed: int
     factor: float = 1.0  # of the potential's strength
 
 
-def error_left(run: Forced) -> list[float]:
-    """|Delta v| of the velocity at the start, ten times a second; infinite from when the observer has lost the point.
-
-    The same seed is the same motion for every C.
-    """
+def errors_left(run: Forced) -> list[list[float]]:
+    """For every C, |Delta v| of the velocity at the start, ten times a second; infinite from when the point is lost."""
     space: ConstantCurvature = sphere(3) if run.space == "S^3" else hyperbolic_space(2)
     system = PointSystem(space, linear(run.factor * STRENGTH[run.space] * OMEGA**2, 0))
-    rng, n = np.random.default_rng(run.seed), space.size
+    rng, u = np.random.default_rng(run.seed), np.zeros(space.size)
     p = space.draw(rng)
-    x, u = system.state(p, run.speed * OMEGA * space.draw_vector(rng, p)), np.zeros(n)
-    gains = Gains(OMEGA, 1.0, "constant", run.term, space.kappa)
-    observer, left = SampledObserver(system, gains, p), [1.0]
-    for k in range(1, round(DURATION / STEP) + 1):
-        x, _ = system.reach(x, u, STEP)
+    motion = [system.state(p, run.speed * OMEGA * space.draw_vector(rng, p))]
+    for _ in range(round(DURATION / STEP)):
+        motion.append(system.reach(motion[-1], u, STEP)[0])
+    gains = (Gains(OMEGA, 1.0, "constant", term, space.kappa) for term in run.terms)
+    return [_followed(SampledObserver(system, each, p), space, motion, run.speed * OMEGA) for each in gains]
+
+
+def _followed(observer: SampledObserver, space: ConstantCurvature, motion: Sequence[Array], v0: float) -> list[float]:
+    left, n, u = [1.0], space.size, np.zeros(space.size)
+    for k, x in enumerate(motion[1:], 1):
         try:
             observer.predict(STEP, u, x[:n])
             kept = observer.correct(x[:n], STEP).accepted
-            off = x[n:] - space.transport(observer.xi, x[:n], observer.eta)
+            if kept and k % round(OFTEN / STEP) == 0:
+                off = x[n:] - space.transport(observer.xi, x[:n], observer.eta)
+                left.append(space.norm(x[:n], off) / v0)
         except CutLocusError:
             kept = False
         if not kept:
             return left + [np.inf] * (round(DURATION / OFTEN) + 1 - len(left))
-        if k % round(OFTEN / STEP) == 0:
-            left.append(space.norm(x[:n], off) / (run.speed * OMEGA))
     return left
 
 
@@ -106,20 +108,21 @@ class CurvatureSign:
 
     @staticmethod
     def run(config: CurvatureSignConfig, setup: Setup) -> Findings:
-        jobs = Jobs()
+        jobs, forces = Jobs(), list(product(SPEEDS, FACTORS[1 : config.strengths]))
         cases = [(space, speed, term) for space, speeds in SPEEDS.items() for speed, term in product(speeds, TERMS)]
-        for case in cases:
-            jobs.add(case, error_left, [Forced(*case, seed) for seed in range(config.seeds)])
-        forces = [
-            (space, factor, term) for space, factor, term in product(SPEEDS, FACTORS[1 : config.strengths], COMPARED)
-        ]
-        for space, factor, term in forces:
-            runs = [Forced(space, JUDGED[space], term, seed, factor) for seed in range(config.others)]
-            jobs.add((space, factor, term, "force"), error_left, runs)
+        for space, speeds in SPEEDS.items():
+            for speed in speeds:
+                jobs.add((space, speed), errors_left, [Forced(space, speed, TERMS, k) for k in range(config.seeds)])
+        for space, factor in forces:
+            runs = [Forced(space, JUDGED[space], COMPARED, seed, factor) for seed in range(config.others)]
+            jobs.add((space, factor, "force"), errors_left, runs)
         done = jobs.done(setup)
-        left = {case: np.array(done[case]) for case in cases}
+        left = {(s, v, c): np.array(done[s, v])[:, TERMS.index(c)] for s, v, c in cases}
         shares = {case: tuple(share(left[case], t) for t in TIMES) for case in cases}
-        by_force = {key: share(np.array(done[*key, "force"]), DURATION) for key in forces}
+        by_force = {
+            (s, f, c): share(np.array(done[s, f, "force"])[:, COMPARED.index(c)], DURATION)
+            for (s, f), c in product(forces, COMPARED)
+        }
         by_force |= {(s, 1.0, c): shares[s, JUDGED[s], c][-1] for s, c in product(SPEEDS, COMPARED)}
         return Findings(
             summary=(

@@ -112,7 +112,7 @@ class Sphere:
                 f"seed {TUNED_ON}. In stationary noise and with an exact model a tuned EKF wins: it is told how large "
                 "the noise is, and its gain falls as it learns. It also settles first, from any rate. The observer is "
                 "told nothing of the noise, and settles in 6.6 / omega where |v|, half the body rate, is less than "
-                "about 3 omega; so does high gain of the same omega, in the coordinates about its own attitude.",
+                "about 3 omega; high gain of the same omega does so too, and more surely at the greatest rate.",
             ),
             rows=_rows(evidence),
             tables=(_identity_table(evidence), *noise_tables(evidence.noise)),

@@ -3,9 +3,9 @@
 Two questions: how large the error is once all have settled, and how long it takes from rest to the rate of the body.
 What is called tuned is so for the first, by a sweep of one field on a run that is not reported.
 
-The error is what a user of the rates has, |omega^ - omega|, each in its own body's axes. That of the thesis,
-|Delta v|_g, brings omega^ to the attitude of the body before, and so leaves out what the error of the attitude adds;
-it is told beside.
+The error is that of the thesis, and of every run's summary: |Delta v|, omega^ brought to the attitude of the body
+before. What a user of the rates has, |omega^ - omega|, each in its own body's axes, is told beside: the error of the
+attitude adds |omega| times itself.
 """
 
 from __future__ import annotations
@@ -163,8 +163,8 @@ class Noise:
     """What came of it."""
 
     tunings: Mapping[str, Tuning]
-    errors: Mapping[str, Band]  # |omega^ - omega| [rad/s] by estimator
-    carried: Mapping[str, Band]  # |Delta v|_g, as a body rate [rad/s]
+    errors: Mapping[str, Band]  # |Delta v| as a body rate [rad/s] by estimator
+    plain: Mapping[str, Band]  # |omega^ - omega| [rad/s]
     settled: Mapping[str, Mapping[float, Sequence[float]]]  # [s] by estimator and speed, a value for each seed
 
     @staticmethod
@@ -176,7 +176,7 @@ class Noise:
         """Of what the runs gave, and of the settling by speed."""
         plain, carried = ({name: median(np.array([one[name][k] for one in found])) for name in NAMES} for k in (0, 1))
         settled = {name: {speed: [one[name] for one in some] for speed, some in late.items()} for name in SETTLED}
-        return Noise(tunings, plain, carried, settled)
+        return Noise(tunings, carried, plain, settled)
 
     def times(self, name: str) -> float:
         """How many times the observer's error that of another estimator is."""
@@ -198,14 +198,14 @@ def noise_claim(noise: Noise) -> Claim:
         f"{name.removesuffix(', tuned')} {noise.errors[name].median:.4f} ({1.0 / noise.times(name):.2g} times better)"
         for name in (EKF, UKF, HIGH_GAIN_TUNED, TUNED)
     )
-    as_carried = noise.carried[DIFFERENCES].median / noise.carried[OBSERVER].median
+    plain = noise.plain[DIFFERENCES].median / noise.plain[OBSERVER].median
     return Claim(
         "riemannian.noise", "target", "Noisy attitudes tell the body rate better by the observer.", "D.1",
         "error at least 2500 times below that of differences, and 10 times below the better Butterworth filter's",
         f"{ratios[0]:.0f} times, and {ratios[1]:.0f} times below {better}: {noise.errors[OBSERVER].median:.4f} rad/s; "
         f"{noise.times(BUTTERWORTH):.0f} times below the best of a sweep of cutoffs ({noise.setting(BUTTERWORTH)} Hz); "
-        f"as |Delta v|_g, without what the attitude's error adds, {noise.carried[OBSERVER].median:.4f} rad/s, "
-        f"{as_carried:.0f} times below differences. Tuned on another run: {rivals}",
+        f"with what the attitude's error adds, |omega^ - omega|, {noise.plain[OBSERVER].median:.4f} rad/s, "
+        f"{plain:.0f} times below differences. Tuned on another run: {rivals}",
         ratios[0] >= 2500.0 and ratios[1] >= 10.0,
     )  # fmt: skip
 
@@ -213,11 +213,11 @@ def noise_claim(noise: Noise) -> Claim:
 def noise_tables(noise: Noise) -> tuple[Table, Table]:
     """Errors once all have settled, and how long that takes."""
     rows = [
-        (n, noise.setting(n), noise.errors[n].text(), f"{noise.times(n):.3g}", f"{noise.carried[n].median:.3g}")
+        (n, noise.setting(n), noise.errors[n].text(), f"{noise.times(n):.3g}", f"{noise.plain[n].median:.3g}")
         for n in NAMES
     ]
     setting = "omega [1/s], cutoff [Hz], q [rad/s^1.5]"
-    head = ("estimator", setting, "error [rad/s]", "times the observer's", "as |Delta v|_g [rad/s]")
+    head = ("estimator", setting, "error [rad/s]", "times the observer's", "|omega^ - omega| [rad/s]")
     speeds = tuple(next(iter(noise.settled.values())))
     times = [(name, *(_settled(noise.settled[name][speed]) for speed in speeds)) for name in SETTLED]
     return (
@@ -231,7 +231,7 @@ def noise_tables(noise: Noise) -> tuple[Table, Table]:
 def noise_rows(noise: Noise) -> list[dict[str, Any]]:
     """For the study's file."""
     rows: list[dict[str, Any]] = [
-        {"what": "noise", "estimator": name, "rms_rad_s": band.median, "carried_rms_rad_s": noise.carried[name].median}
+        {"what": "noise", "estimator": name, "rms_rad_s": band.median, "plain_rms_rad_s": noise.plain[name].median}
         for name, band in noise.errors.items()
     ]
     rows += [

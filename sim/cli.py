@@ -16,7 +16,10 @@ from importlib.metadata import version
 from sim.commands.errors import INTERRUPTED, PIPE_CLOSED, BadInputError
 
 COMMANDS = {
-    "list": ("sim.commands.listing", "what is installed: controllers, estimators, scenarios, studies, terrains"),
+    "list": (
+        "sim.commands.listing",
+        "what is installed: controllers, estimators, consensus, scenarios, studies, terrains",
+    ),
     "run": ("sim.commands.run", "fly a scenario and write its log, summary, video and report"),
     "sweep": ("sim.commands.sweep", "fly a scenario over many seeds and variations, into a store that resumes"),
     "store": ("sim.commands.store", "show or export what a sweep has stored"),

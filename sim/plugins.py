@@ -16,7 +16,7 @@ from importlib.metadata import entry_points
 from numbers import Real
 from typing import Any, TypeVar, get_type_hints
 
-from sim.protocols import Estimator, Planner, Sensor
+from sim.protocols import Consensus, Estimator, Planner, Sensor
 
 Quality = TypeVar("Quality")
 
@@ -27,6 +27,7 @@ GROUPS = {
 NEEDED = {  # of the class itself, beside Config
     "controllers": ("build",),
     "estimators": ("build", "sensors", "quality"),
+    "consensus": ("build", "within_starts"),
     "scenarios": ("build", "controller", "estimator"),
     "studies": ("run", "quick", "title"),
 }
@@ -101,6 +102,15 @@ def checked_estimator(part: Part, mission: Any) -> Estimator:
     estimator: Estimator = _called("estimators", part, "build", mission)
     _check_made(f"estimators: {part.name!r}: build() returned the estimator", estimator, "update")
     return estimator
+
+
+def checked_consensus(part: Part, mission: Any) -> Consensus:
+    """What a vehicle agrees with others by; ValueError as for a controller."""
+    _check_class("consensus", part.plugin, part.name)
+    consensus: Consensus = _called("consensus", part, "build", mission)
+    for method in ("talk", "start"):
+        _check_made(f"consensus: {part.name!r}: build() returned", consensus, method)
+    return consensus
 
 
 def checked_sensors(part: Part, mission: Any) -> tuple[Sensor, ...]:

@@ -185,6 +185,37 @@ class Companion(Protocol):
         ...
 
 
+@runtime_checkable
+class Consensus(Protocol):
+    """How a vehicle agrees with its neighbours on a number, faster than it plans (thesis, A.8.2).
+
+    The vehicles talk in rounds: in each, every one takes in what it was sent and is then heard by its neighbours.
+    """
+
+    period: float  # [s] between two rounds
+
+    @property
+    def value(self) -> float:
+        """What the vehicle holds agreed now; NaN while it knows nothing."""
+        ...
+
+    @property
+    def refused(self) -> Mapping[str, int]:
+        """How many messages were not used, by why: "garbage", "stranger", "repeated", "from the future", ..."""
+        ...
+
+    def start(self, value: float) -> None:
+        """The vehicle's own number from now on; not finite if it has none. It is told in the next round."""
+        ...
+
+    def talk(self, t: float, received: Sequence[Message]) -> Any:
+        """One round at t [s]: take in what has arrived since the last, and return what to tell all neighbours.
+
+        Each message carries its sender's time of sending. Nothing that is received raises.
+        """
+        ...
+
+
 class ControllerPlugin(Protocol):
     """An entry point of ``mathnavi.controllers``: builds the pair (planner, tracker)."""
 
@@ -223,4 +254,16 @@ class EstimatorPlugin(Protocol):
     @staticmethod
     def properties(config: Any) -> ObserverProperties:
         """What it claims to be, as Table 2.1 has it. A stranger's plug-in may leave it out: "not declared"."""
+        ...
+
+
+class ConsensusPlugin(Protocol):
+    """An entry point of ``mathnavi.consensus``."""
+
+    Config: ClassVar[type[Any]]  # a frozen dataclass; its fields become --consensus.FIELD
+    within_starts: ClassVar[bool]  # whether what is agreed stays between the least and the largest start
+
+    @staticmethod
+    def build(config: Any, mission: Any) -> Consensus:
+        """What one vehicle agrees by, for one run. ``mission`` is what it may know of its fleet, a ``Node``."""
         ...

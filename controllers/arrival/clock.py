@@ -1,0 +1,184 @@
+"""The plug-in ``clock``: the vehicles agree on one time without a clock that they share (Remark A.6).
+
+A vehicle reads only its own clock c_m; its corrected time is c_m + x_m, and x_m is a consensus state beside the arrival
+time. From two messages, mine to l and l's to me, each with the local times at which it was sent and taken, the
+difference of the two clocks follows as in the network time protocol (Mills, RFC 5905, section 8)
+
+    theta_lm = ((taken_l - sent_m) + (sent_l - taken_m)) / 2 = c_l - c_m + (delay there - delay back) / 2,
+
+so a delay that is the same both ways drops out. The corrections then follow the Laplacian protocol,
+
+    x_m' = s sum_l a_lm (x_l + theta_lm - x_m) + y_m,
+
+in rounds as ``laplacian`` describes. At rest the corrected times of two neighbours differ by at most half of what the
+delays between them do where they have no other way to each other, and other ways average it. Clocks that drift against
+each other by rho leave a spread of about rho / (s lambda_2), unless rates are agreed upon too:
+
+    y_m' = s_y sum_l a_lm (y_l + d theta_lm / dt - y_m),
+
+with the rate of theta_lm over a baseline. Delays that vary disturb that rate by their variation over the baseline,
+which is far more than quartz drifts by; so it is left out by default.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from controllers.arrival.inbox import SIMULTANEOUS, Inbox, edge_weight, finite
+from models.fleet.graph import Node
+from sim.checks import check, check_positive
+from sim.protocols import Consensus
+from sim.signals import Message
+
+
+@dataclass(frozen=True)
+class ClockConfig:
+    """Fields of the plug-in."""
+
+    scaling: float = 20.0
+    """s, of the corrections' protocol [1/s]"""
+    rate_scaling: float = 0.0
+    """s_y, of the rates' protocol [1/s]; 0: rates are not agreed upon"""
+    period: float = 1.0 / 60.0
+    """between two rounds [s]"""
+    memory: float = 0.25
+    """longest round trip that is used, and after which what a neighbour told counts no longer [s]"""
+    baseline: float = 2.0
+    """over which a rate is measured [s]"""
+    apart: float = 60.0
+    """by which two clocks may differ [s]; a message that is further ahead is from the future"""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "scaling", "period", "baseline", "apart")
+        check(self.rate_scaling, "rate_scaling", 0.0)
+        check(self.memory, "memory", 2.0 * self.period)
+
+
+class Clock:
+    """Clock consensus (Remark A.6): corrections of local clocks, from messages with local time stamps."""
+
+    Config = ClockConfig
+    within_starts = False  # corrections make up for the clocks' differences
+
+    @staticmethod
+    def build(config: ClockConfig, mission: Node) -> Consensus:
+        """For one vehicle; the times that it is given are those of its own clock."""
+        return ClockConsensus(config, mission)
+
+
+@dataclass(frozen=True)
+class ClockTold:
+    """What a vehicle tells all its neighbours."""
+
+    correction: float  # [s] x_m
+    rate: float  # y_m
+    valency: float  # d_m
+    taken: Mapping[str, tuple[float, float]]  # of each neighbour's last message: when it was sent, and taken here [s]
+
+    @staticmethod
+    def sound(payload: Any) -> bool:
+        """Whether a payload is one of these, with finite numbers."""
+        if not (isinstance(payload, ClockTold) and isinstance(payload.taken, Mapping)):
+            return False
+        numbers = [payload.correction, payload.rate, payload.valency]
+        for stamps in payload.taken.values():
+            if not (isinstance(stamps, tuple) and len(stamps) == 2):
+                return False
+            numbers.extend(stamps)
+        return all(map(finite, numbers)) and payload.valency >= 0.0
+
+
+@dataclass
+class _Link:
+    """What is known of one neighbour."""
+
+    taken: float  # [s] own clock
+    theta: float  # [s] how far its clock is ahead
+    told: ClockTold
+    since: float  # [s] own clock, the baseline's begin
+    theta_then: float  # [s]
+    rate: float | None = None  # of theta
+
+
+class ClockConsensus:
+    """One vehicle's correction x_m."""
+
+    def __init__(self, config: ClockConfig, node: Node) -> None:
+        self.period = config.period
+        self._config, self._node = config, node
+        self._inbox = Inbox(node, ClockTold.sound, config.apart)
+        self._unusable: Counter[str] = Counter()
+        self._correction = self._rate = 0.0
+        self._stamps: dict[str, tuple[float, float]] = {}  # of each neighbour's last message: sent, taken
+        self._links: dict[str, _Link] = {}
+        self._last: float | None = None  # [s] own clock, of the last round
+
+    @property
+    def value(self) -> float:
+        """x_m [s], to be added to what the vehicle's own clock shows."""
+        return self._correction
+
+    @property
+    def rate(self) -> float:
+        """y_m, by which the correction grows with its own clock."""
+        return self._rate
+
+    @property
+    def refused(self) -> Mapping[str, int]:
+        return self._inbox.refused + self._unusable
+
+    def start(self, value: float) -> None:
+        """A first guess of the correction [s]; one that is not finite changes nothing."""
+        if math.isfinite(value):
+            self._correction = float(value)
+
+    def talk(self, t: float, received: Sequence[Message]) -> ClockTold:
+        """One round when its own clock shows t [s]."""
+        for message in self._inbox.take(t, received):
+            self._compare(t, message)
+        if self._last is not None:
+            self._correction += self._rate * min(max(t - self._last, 0.0), self._config.memory)
+            self._integrate(t)
+        self._last = t
+        return ClockTold(self._correction, self._rate, self._node.valency, dict(self._stamps))
+
+    def _compare(self, t: float, message: Message) -> None:
+        """How far a neighbour's clock is ahead, if it has answered a message of ours."""
+        told: ClockTold = message.payload
+        name = message.sender
+        if message.t < t - self._config.apart - self._config.memory:
+            self._unusable["late"] += 1
+            return
+        self._stamps[name] = (message.t, t)
+        if self._node.name not in told.taken:
+            return
+        sent, taken = told.taken[self._node.name]
+        round_trip = (t - sent) - (message.t - taken)
+        if not -SIMULTANEOUS <= round_trip <= self._config.memory:
+            self._unusable["round trip"] += 1
+            return
+        theta = 0.5 * ((taken - sent) + (message.t - t))
+        if abs(theta) > self._config.apart or abs(told.correction) > 2.0 * self._config.apart:
+            self._unusable["clocks too far apart"] += 1
+            return
+        link = self._links.setdefault(name, _Link(t, theta, told, t, theta))
+        link.taken, link.theta, link.told = t, theta, told
+        if t - link.since >= self._config.baseline:
+            link.rate = (theta - link.theta_then) / (t - link.since)
+            link.since, link.theta_then = t, theta
+
+    def _integrate(self, t: float) -> None:
+        correction, rate = self._correction, self._rate
+        for name, link in sorted(self._links.items()):
+            if t - link.taken > self._config.memory + SIMULTANEOUS:
+                continue
+            known = (self._node.valency, link.told.valency)
+            weight = edge_weight(self._node.weights[name], self._config.scaling * self.period, *known)
+            self._correction += weight * (link.told.correction + link.theta - correction)
+            if link.rate is not None:
+                weight = edge_weight(self._node.weights[name], self._config.rate_scaling * self.period, *known)
+                self._rate += weight * (link.told.rate + link.rate - rate)

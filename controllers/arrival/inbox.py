@@ -1,0 +1,102 @@
+"""What a vehicle hears: which messages count, and the last that each neighbour told.
+
+Nothing that arrives raises: what does not count is refused and counted by why. What counts does not depend on the order
+in which the messages of a round arrive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from models.fleet.graph import Node
+from sim.signals import Message
+
+SIMULTANEOUS = 1e-9  # [s]
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a vehicle tells all its neighbours."""
+
+    value: float | None  # None: an outlier that has heard of no other value yet
+    valency: float  # d_m of the sender, its links' weights together
+    outlier: bool = False  # the sender's own number takes no part
+
+    @staticmethod
+    def sound(payload: Any) -> bool:
+        """Whether a payload is one of these, with finite numbers."""
+        return (
+            isinstance(payload, Told)
+            and (payload.value is None or finite(payload.value))
+            and finite(payload.valency)
+            and payload.valency >= 0.0
+        )
+
+
+def finite(value: Any) -> bool:
+    """Whether it is a finite floating-point number."""
+    return isinstance(value, float) and math.isfinite(value)
+
+
+def edge_weight(weight: float, amount: float, own: float, others: float) -> float:
+    """w_lm = a_lm min(amount, 1 / (2 max(d_l, d_m))): what a link moves in a round (see ``laplacian``)."""
+    return weight * min(amount, 0.5 / max(own, others))
+
+
+class Inbox:
+    """The messages of one vehicle."""
+
+    def __init__(self, node: Node, sound: Callable[[Any], bool], ahead: float = 0.0) -> None:
+        """``sound`` says whether a payload can be used; a sender's clock may be ``ahead`` [s] of one's own at most."""
+        self.refused: Counter[str] = Counter()
+        self._node, self._sound, self._ahead = node, sound, ahead
+        self._since = -math.inf
+        self._heard: dict[str, Message] = {}
+
+    @property
+    def heard(self) -> Mapping[str, Message]:
+        """The last message that counts of each neighbour, by its time of sending."""
+        return self._heard
+
+    def begin(self, t: float, received: Sequence[Any]) -> None:
+        """Forget what was heard, and what has arrived by t [s]; what was sent before t counts no longer."""
+        self._since = math.inf
+        self.take(t, received)
+        self._since = t
+        self._heard = {}
+
+    def take(self, t: float, received: Sequence[Any]) -> list[Message]:
+        """Those that count of what has arrived by t [s], in the order of their sending."""
+        sound = [message for message in received if self._is_sound(message)]
+        self.refused["garbage"] += len(received) - len(sound)
+        taken = []
+        for message in sorted(sound, key=lambda each: each.t):
+            if why := self._objection(t, message):
+                self.refused[why] += 1
+            else:
+                self._heard[message.sender] = message
+                taken.append(message)
+        self.refused = +self.refused  # without zeros
+        return taken
+
+    def _is_sound(self, message: Any) -> bool:
+        return (
+            isinstance(message, Message)
+            and isinstance(message.sender, str)
+            and finite(message.t)
+            and self._sound(message.payload)
+        )
+
+    def _objection(self, t: float, message: Message) -> str:
+        last = self._heard.get(message.sender)
+        if message.sender not in self._node.weights:
+            return "stranger"
+        if message.t > t + self._ahead + SIMULTANEOUS:
+            return "from the future"
+        if message.t < self._since - SIMULTANEOUS:
+            return "from before the start"
+        return "repeated or overtaken" if last is not None and message.t <= last.t else ""

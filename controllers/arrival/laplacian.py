@@ -1,0 +1,172 @@
+"""The plug-in ``laplacian``: the Laplacian protocol (A.9) to (A.11) on the fast time scale, scaled by s.
+
+    eta_m' = s sum_l a_lm (eta_l - eta_m),        eta' = -s L eta,
+
+which reaches the average of the starts with the rate s lambda_2. A vehicle integrates its own state over each round of
+length h with the values that it heard last, held:
+
+    eta_m <- eta_m + sum_l w_lm (eta_l - eta_m),        w_lm = a_lm min(s h, 1 / (2 max(d_l, d_m))).
+
+- w is symmetric, because the two ends of a link know both valencies (each tells its own). So the average is conserved
+  on a static graph without loss or delay. The exponential that integrates each state exactly with its neighbours held,
+  1 - exp(-s h d_m), conserves sum_m eta_m d_m / (1 - exp(-s h d_m)) instead, which is not the average where valencies
+  differ, and is slower than lambda_2 by about s h d_m / 2.
+- A state is replaced by a convex combination with at least half of itself, so for every h and every s it stays within
+  what is heard, and I - W has its eigenvalues between 0 and 1: no disagreement grows or swings.
+- While s h max d <= 1/2 the round is I - s h L, and the rate -ln(1 - s h lambda_2) / h, above s lambda_2 by a
+  fraction of about s h lambda_2 / 2. With longer rounds the links saturate and it falls behind.
+
+With a delay tau there are two ways to compare. By default (``own = "now"``) a vehicle compares what it hears with what
+it is now: it agrees for any delay (a convex combination still), more slowly, and not quite on the average. With ``own =
+"then"`` it compares with what it was when the message was sent, as Olfati-Saber and Murray analyse it: the average is
+kept, and it is stable if and only if s tau < pi / (2 lambda_n).
+
+An outlier (A.14) tells the average of its neighbours' values, weighted by a_lm; see ``outlier``. With links this makes
+the others' graph its Schur complement (Kron reduction), whose Laplacian is symmetric again and which is connected
+if the whole graph is: their average is kept but for the one round by which the outlier lags.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from controllers.arrival.inbox import SIMULTANEOUS, Inbox, Told, edge_weight
+from controllers.arrival.outlier import DELTA, is_outlier
+from models.fleet.graph import Node
+from sim.checks import check, check_positive
+from sim.protocols import Consensus
+from sim.signals import Message
+
+
+@dataclass(frozen=True)
+class LaplacianConfig:
+    """Fields of the plug-in."""
+
+    scaling: float = 20.0
+    """s, of the protocol [1/s]"""
+    period: float = 1.0 / 60.0
+    """h, between two rounds [s]"""
+    memory: float = 0.25
+    """after which what a neighbour told counts no longer [s]"""
+    own: Literal["now", "then"] = "now"
+    """what of itself a vehicle compares with what it hears: its value now, or when that was sent"""
+    delta: float = DELTA
+    """of the outlier detection rule (A.14)"""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "scaling", "period")
+        check(self.memory, "memory", self.period)
+        check(self.delta, "delta", 0.0, 1.0, open_low=True)
+        if self.own not in ("now", "then"):
+            raise ValueError(f"own = {self.own!r}; allowed: now, then")
+
+
+class Laplacian:
+    """The Laplacian protocol (A.10): the average, at the rate of the algebraic connectivity."""
+
+    Config = LaplacianConfig
+    within_starts = True
+
+    @staticmethod
+    def build(config: LaplacianConfig, mission: Node) -> Consensus:
+        """For one vehicle."""
+        return LaplacianConsensus(config, mission)
+
+
+class LaplacianConsensus:
+    """One vehicle's state eta_m."""
+
+    def __init__(self, config: LaplacianConfig, node: Node) -> None:
+        self.period = config.period
+        self._config, self._node = config, node
+        self._inbox = Inbox(node, Told.sound)
+        self._value = self._own = math.nan
+        self._outlier = True  # until it has a number of its own
+        self._started = False  # and has not yet told it
+        self._times: list[float] = []  # [s] of its rounds within memory
+        self._values: list[float] = []  # eta_m after each
+
+    @property
+    def value(self) -> float:
+        """eta_m, at the end of a planning period the agreed eta_d."""
+        return self._value
+
+    @property
+    def outlier(self) -> bool:
+        """Whether it only follows."""
+        return self._outlier
+
+    @property
+    def refused(self) -> Mapping[str, int]:
+        return self._inbox.refused
+
+    def start(self, value: float) -> None:
+        """The vehicle's own eta_m at the beginning of a planning period.
+
+        It decides by (A.14), from the estimate and the agreement of the period that ends, whether it takes part. A
+        vehicle without a finite estimate follows, and one that had none before takes part again.
+        """
+        value = float(value)
+        judged = math.isfinite(self._own) and math.isfinite(self._value)
+        beyond = judged and is_outlier(self._value, self._own, self._node.planning_period, self._config.delta)
+        self._outlier = beyond or not math.isfinite(value)
+        self._own = value
+        if not self._outlier:
+            self._value = value
+        self._started = True
+
+    def talk(self, t: float, received: Sequence[Message]) -> Told:
+        """One round. The first after a start only tells it: what was said of the period before counts no longer."""
+        if self._started:
+            self._started = False
+            self._inbox.begin(t, received)
+            self._times, self._values = [], []
+        else:
+            self._inbox.take(t, received)
+        if heard := self._last_heard(t):
+            value = self._followed(heard) if self._outlier else self._integrated(heard)
+            self._value = value if math.isfinite(value) else self._value
+        self._remember(t)
+        silent = self._outlier and not heard  # what it holds comes from before the start
+        return Told(None if silent else self._value, self._node.valency, self._outlier)
+
+    def _last_heard(self, t: float) -> list[tuple[float, float, float, float]]:
+        """Of each neighbour that told a value within memory: a_lm, eta_l, d_l, and when it was sent [s]."""
+        oldest = t - self._config.memory - SIMULTANEOUS
+        return [
+            (self._node.weights[name], message.payload.value, message.payload.valency, message.t)
+            for name, message in sorted(self._inbox.heard.items())  # so that sums do not depend on who spoke first
+            if message.t >= oldest and message.payload.value is not None
+        ]
+
+    def _followed(self, heard: Sequence[tuple[float, float, float, float]]) -> float:
+        total = sum(weight for weight, *_ in heard)
+        return _within(sum(weight / total * value for weight, value, *_ in heard), [value for _, value, *_ in heard])
+
+    def _integrated(self, heard: Sequence[tuple[float, float, float, float]]) -> float:
+        amount = self._config.scaling * self.period
+        moved = [(edge_weight(a, amount, self._node.valency, d), value, sent) for a, value, d, sent in heard]
+        if self._config.own == "then":
+            return self._value + sum(w * (value - self._at(sent)) for w, value, sent in moved)
+        kept = 1.0 - sum(w for w, *_ in moved)
+        values = [value for _, value, _ in moved]
+        return _within(kept * self._value + sum(w * value for w, value, _ in moved), [self._value, *values])
+
+    def _at(self, t: float) -> float:
+        """Its own state at an earlier time [s]."""
+        return self._values[max(0, bisect_right(self._times, t + SIMULTANEOUS) - 1)]
+
+    def _remember(self, t: float) -> None:
+        self._times.append(t)
+        self._values.append(self._value)
+        while self._times[0] < t - self._config.memory - self.period:
+            del self._times[0], self._values[0]
+
+
+def _within(value: float, of: Sequence[float]) -> float:
+    """Rounding does not carry a convex combination beyond what it combines."""
+    return min(max(value, min(of)), max(of))

@@ -1,0 +1,92 @@
+"""The plug-in ``maximum``: the vehicles agree on the largest of their numbers, which only rises.
+
+The least times in which the vehicles can arrive have one common value that all can keep: their maximum, up to the
+deadline D of the fleet. Each vehicle tells the largest that it knows, so all know it after as many rounds as the
+graph's diameter, whatever the order of messages, and no message that is late, lost or doubled makes it fall. A vehicle
+whose own number is above D announces itself an outlier: it follows what the others agree on, and comes back when its
+own number is at most D again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from controllers.arrival.inbox import Inbox, Told
+from models.fleet.graph import Node
+from sim.checks import check_positive
+from sim.protocols import Consensus
+from sim.signals import Message
+
+
+@dataclass(frozen=True)
+class MaximumConfig:
+    """Fields of the plug-in."""
+
+    period: float = 1.0 / 60.0
+    """between two rounds [s]"""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "period")
+
+
+class Maximum:
+    """Max-consensus: the largest number, which only rises, up to the fleet's deadline."""
+
+    Config = MaximumConfig
+    within_starts = True
+
+    @staticmethod
+    def build(config: MaximumConfig, mission: Node) -> Consensus:
+        """For one vehicle; ValueError for a deadline that is NaN."""
+        if math.isnan(mission.deadline):
+            raise ValueError(f"deadline = {mission.deadline!r}; allowed: a number")
+        return MaximumConsensus(config, mission)
+
+
+class MaximumConsensus:
+    """The largest number that one vehicle knows of."""
+
+    def __init__(self, config: MaximumConfig, node: Node) -> None:
+        self.period = config.period
+        self._node = node
+        self._inbox = Inbox(node, Told.sound)
+        self._beyond = 0  # numbers heard above D
+        self._largest: float | None = None
+        self._own = math.nan
+
+    @property
+    def value(self) -> float:
+        """What is agreed; D where nothing is and its own number is above it."""
+        if self._largest is not None:
+            return self._largest
+        return self._node.deadline if self._own > self._node.deadline else math.nan
+
+    @property
+    def outlier(self) -> bool:
+        """Whether it only follows: its own number is above D, or it has none."""
+        return not (math.isfinite(self._own) and self._own <= self._node.deadline)
+
+    @property
+    def refused(self) -> Mapping[str, int]:
+        return self._inbox.refused + Counter({"beyond the deadline": self._beyond})
+
+    def start(self, value: float) -> None:
+        """The vehicle's own number; the agreed one rises to it if it is at most D."""
+        self._own = float(value)
+        if not self.outlier:
+            self._rise(self._own)
+
+    def talk(self, t: float, received: Sequence[Message]) -> Told:
+        for message in self._inbox.take(t, received):
+            told: Told = message.payload
+            if told.value is not None and told.value > self._node.deadline:
+                self._beyond += 1
+            elif told.value is not None:
+                self._rise(told.value)
+        return Told(self._largest, self._node.valency, self.outlier)
+
+    def _rise(self, value: float) -> None:
+        self._largest = value if self._largest is None else max(self._largest, value)

@@ -1,0 +1,195 @@
+"""Who talks with whom: the weighted graph G = (V, E, A) of a fleet (thesis, A.8.1).
+
+A = [a_lm] (n, n) holds a_lm > 0 where the vehicles l and m hear each other and 0 where they do not; the graph is
+undirected. Its Laplacian is L = diag(d_1, ..., d_n) - A with the valencies d_m = sum_l a_lm, and the second smallest
+eigenvalue lambda_2 of L is the algebraic connectivity, with which the protocol (A.10) reaches consensus (Theorem 8 of
+Olfati-Saber and Murray, "Consensus problems in networks of agents with switching topology and time-delays", 2004, the
+thesis' [35]); it is positive if and only if the graph is connected.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations, pairwise
+from typing import Any
+
+import numpy as np
+from scipy.sparse.csgraph import shortest_path
+
+from sim.checks import check
+from sim.signals import Array
+
+
+@dataclass(frozen=True)
+class Node:
+    """What one vehicle may know of the fleet that it talks with."""
+
+    name: str
+    weights: Mapping[str, float]  # a_lm > 0 of each neighbour l
+    planning_period: float = 5.0 / 3.0  # [s] h, after which the vehicles agree anew
+    deadline: float = math.inf  # [s] D, the latest common time that the fleet may agree on
+
+    @property
+    def valency(self) -> float:
+        """d_m = sum_l a_lm."""
+        return sum(self.weights.values())
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """An undirected weighted graph of named vehicles.
+
+    ValueError for no names or a name that is there twice, weights that are not square, finite, non-negative and
+    symmetric, and for self-loops.
+    """
+
+    names: tuple[str, ...]  # (n,)
+    weights: Array  # (n, n) a_lm
+
+    def __post_init__(self) -> None:
+        names = tuple(self.names)
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
+        if not names:
+            raise ValueError("names = []; allowed: at least one")
+        weights = np.array(self.weights, dtype=np.float64)
+        if weights.shape != (len(names), len(names)):
+            raise ValueError(
+                f"weights of shape {weights.shape}; allowed: {(len(names), len(names))}, a row and a column a vehicle"
+            )
+        for l, m in zip(*np.nonzero(~(np.isfinite(weights) & (weights >= 0.0))), strict=True):  # noqa: E741
+            raise ValueError(f"{_entry(names, l, m)} = {float(weights[l, m])!r}; allowed: a finite value >= 0")
+        for m in np.flatnonzero(np.diag(weights)):
+            raise ValueError(f"{_entry(names, m, m)} = {float(weights[m, m])!r}; allowed: 0, no self-loop")
+        for l, m in zip(*np.nonzero(weights != weights.T), strict=True):  # noqa: E741
+            raise ValueError(
+                f"{_entry(names, l, m)} = {float(weights[l, m])!r} and {_entry(names, m, l)} = "
+                f"{float(weights[m, l])!r}; allowed: equal, for the graph is undirected"
+            )
+        weights.setflags(write=False)
+        object.__setattr__(self, "names", names)
+        object.__setattr__(self, "weights", weights)
+
+    # ---- graphs of a kind
+
+    @staticmethod
+    def of(names: Sequence[str], edges: Mapping[tuple[str, str], float]) -> Graph:
+        """The graph with these edges (l, m): a_lm; ValueError for an end that is no name."""
+        weights = np.zeros((len(names), len(names)))
+        order = {name: k for k, name in enumerate(names)}
+        for (sender, receiver), weight in edges.items():
+            for end in (sender, receiver):
+                _check_known(end, tuple(names))
+            weights[order[sender], order[receiver]] = weights[order[receiver], order[sender]] = weight
+        return Graph(tuple(names), weights)
+
+    @staticmethod
+    def line(names: Sequence[str], weight: float = 1.0) -> Graph:
+        """Each with the next."""
+        return Graph.of(names, dict.fromkeys(pairwise(names), weight))
+
+    @staticmethod
+    def ring(names: Sequence[str], weight: float = 1.0) -> Graph:
+        """Each with the next and the last with the first; ValueError for fewer than three."""
+        if len(names) < 3:
+            raise ValueError(f"names = {list(names)!r}; allowed in a ring: at least 3")
+        return Graph.of(names, dict.fromkeys(pairwise([*names, names[0]]), weight))
+
+    @staticmethod
+    def complete(names: Sequence[str], weight: float = 1.0) -> Graph:
+        """Each with every other."""
+        return Graph.of(names, dict.fromkeys(combinations(names, 2), weight))
+
+    @staticmethod
+    def random_connected(
+        names: Sequence[str], chance: float, rng: np.random.Generator, least: float = 1.0, most: float = 1.0
+    ) -> Graph:
+        """A random tree, and beside it every other edge with this chance; weights uniform from ``least`` to ``most``.
+
+        ValueError for a chance that is none, or weights that are not positive or not in order.
+        """
+        check(chance, "chance", 0.0, 1.0)
+        check(least, "least weight", 0.0, open_low=True)
+        check(most, "most weight", least)
+        order = [names[k] for k in rng.permutation(len(names))]
+        tree = {(order[k], order[int(rng.integers(k))]) for k in range(1, len(order))}
+        edges = {}
+        for pair in combinations(names, 2):
+            drawn, weight = rng.random() < chance, float(rng.uniform(least, most))
+            if drawn or pair in tree or pair[::-1] in tree:
+                edges[pair] = weight
+        return Graph.of(names, edges)
+
+    # ---- what it is
+
+    @cached_property
+    def laplacian(self) -> Array:
+        """(n, n) L = diag(d) - A."""
+        laplacian: Array = np.diag(self.weights.sum(axis=1)) - self.weights
+        return laplacian
+
+    @cached_property
+    def eigenvalues(self) -> Array:
+        """(n,) of L, ascending; the first is 0."""
+        values: Array = np.asarray(np.linalg.eigvalsh(self.laplacian), dtype=np.float64)
+        return values
+
+    @property
+    def algebraic_connectivity(self) -> float:
+        """lambda_2; infinite for a vehicle alone, which agrees with itself at once."""
+        return float(self.eigenvalues[1]) if len(self.names) > 1 else math.inf
+
+    @cached_property
+    def hops(self) -> Array:
+        """(n, n) links on the shortest way between two vehicles; infinite where there is none."""
+        hops: Array = np.asarray(shortest_path(self.weights > 0.0, unweighted=True), dtype=np.float64)
+        return hops
+
+    @property
+    def diameter(self) -> float:
+        """Links on the longest of the shortest ways; infinite if the graph is not connected."""
+        return float(self.hops.max())
+
+    @property
+    def connected(self) -> bool:
+        """Whether there is a way between any two vehicles."""
+        return math.isfinite(self.diameter)
+
+    def checked_connected(self) -> Graph:
+        """Itself; ValueError if it is not connected, naming whom the first vehicle does not reach."""
+        if not self.connected:
+            apart = [name for name, far in zip(self.names, self.hops[0], strict=True) if not math.isfinite(far)]
+            raise ValueError(f"the graph is not connected: no way from {self.names[0]} to {', '.join(apart)}; allowed: "
+                             "a way between any two vehicles, or they do not agree")  # fmt: skip
+        return self
+
+    def neighbours(self, name: str) -> tuple[str, ...]:
+        """N_m, in the order of the names; ValueError for a name that is none."""
+        row = self._row(name)
+        return tuple(other for other, weight in zip(self.names, row, strict=True) if weight > 0.0)
+
+    def node(self, name: str, planning_period: float = 5.0 / 3.0, deadline: float = math.inf) -> Node:
+        """What a vehicle knows; ValueError for a name that is none."""
+        row = zip(self.names, self._row(name).tolist(), strict=True)
+        return Node(name, {other: weight for other, weight in row if weight > 0.0}, planning_period, deadline)
+
+    def linked(self, sender: str, receiver: str, t: float) -> bool:
+        """Whether one hears the other, as ``sim.network.Linked`` asks; t [s] does not matter."""
+        return receiver in self.names and bool(self._row(sender)[self.names.index(receiver)] > 0.0)
+
+    def _row(self, name: str) -> Array:
+        _check_known(name, self.names)
+        row: Array = self.weights[self.names.index(name)]
+        return row
+
+
+def _entry(names: Sequence[str], row: Any, column: Any) -> str:
+    return f"weights[{names[row]}, {names[column]}]"
+
+
+def _check_known(name: str, names: tuple[str, ...]) -> None:
+    if name not in names:
+        raise ValueError(f"name = {name!r}; allowed: {', '.join(names)}")

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
+from controllers.arrival.distance import Trajectory
 from controllers.arrival.separation import TOPIC, Answer, Proposal, Separation
 from controllers.arrival.zone import Zone, checked_start
 from models.aerial.dynamics import state_at
@@ -342,3 +343,12 @@ def test_a_start_that_is_not_separated_names_who_how_far_and_what_is_allowed() -
         Separation("v0", ["v1", "v0"], zone, a, np.random.default_rng(0))
     with pytest.raises(ValueError, match=r"distance = 0.0; allowed: a finite value > 0"):
         Zone(0.0)
+
+
+def test_a_plan_faster_than_allowed_brings_its_own_speed_into_the_zone() -> None:
+    zone = Zone(10.0, bound=1.0, speed_max=50.0, clock_error=0.01)
+    slow, fast = Trajectory.of(hover(lane(0))), Trajectory.of(straight((0.0, 13.5, 0.0), (100.0, 0.0, 0.0), 1.0))
+    assert zone.required == zone.between(slow, slow) == pytest.approx(13.0)
+    assert zone.between(slow, fast) == zone.between(fast, slow) == pytest.approx(14.0)
+    assert not zone.kept(slow, fast, 0.0)
+    assert zone.kept(slow, Trajectory.of(hover(np.array([0.0, 13.5, 0.0]))), 0.0)

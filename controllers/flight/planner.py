@@ -84,6 +84,10 @@ class RecedingHorizon:
             return Plan.failure(Status.SOLVER_FAILED, "; ".join(filter(None, (reason, solution))), solve_ms=solve_ms)
         return self._assembled(problem, solution, request.t_start, solve_ms)
 
+    def length_to_go(self, points: Array) -> Array:
+        """(n,) [m] from points (n, 3) [m] to the target, around the ground and the threats known so far."""
+        return self._landscape.cost(points)
+
     def _solved(
         self, problem: Problem, current: Plan | None, t_start: float, spent: float
     ) -> tuple[Solution | str, float]:

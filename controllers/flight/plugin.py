@@ -131,7 +131,7 @@ def solver(config: FlightConfig) -> Solver:
     return Reference(config.backend, config.tolerance)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)  # each vehicle of a fleet has a target of its own
 def _cost_to_go(
     terrain: HeightField, target: tuple[float, float, float], radars: tuple[Radar, ...], nodes: int, layers: int
 ) -> FactoredCost:

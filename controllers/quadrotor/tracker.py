@@ -48,7 +48,8 @@ from sim.signals import Array, Estimate, Plan
 _FASTEST = 0.2  # of the attitude's bandwidth times the period: commands are held over a period
 _TURNING = 0.8  # [m/s] least speed at which the nose turns into it
 _TURN_BANDWIDTH, _TURN_ACCELERATION = 3.0, 4.0  # [rad/s, rad/s^2] of the heading
-_LEAST_THRUST = 0.2  # of g: the least vertical part of f, so that the thrust always points up
+LEAST_THRUST = 0.15
+"""of g: the least vertical part of f, so that the thrust always points up"""
 _APART = 1.0  # [m, m/s] of a plan from the reference: nothing that joins it is that far away
 _VERTICAL = np.array([0.0, 0.0, 1.0])
 
@@ -150,7 +151,7 @@ class GeometricTracker:
         f_dot = z[3] + R @ (self._drag * (R.T @ acceleration)) / vehicle.mass
         if within @ within >= feedback @ feedback:  # a feedback at its limit hardly changes
             f_dot = f_dot - self._k_p * (v - z[1]) - self._k_v * (acceleration - z[2])
-        f = within_tilt(f, _LEAST_THRUST * vehicle.gravity, self._tangent)
+        f = within_tilt(f, LEAST_THRUST * vehicle.gravity, self._tangent)
         R_d = attitude_of(f, self._heading)
         omega_d = rates_of(R_d, f, f_dot, self._heading, self._turn)
 
@@ -167,7 +168,7 @@ class GeometricTracker:
         rates = []
         for at in (t, t + self.period):
             z = self._reference.ahead(plan, at)
-            f = within_tilt(z[2] + self._gravity, _LEAST_THRUST * self._vehicle.gravity, self._tangent)
+            f = within_tilt(z[2] + self._gravity, LEAST_THRUST * self._vehicle.gravity, self._tangent)
             rates.append(rates_of(attitude_of(f, self._heading), f, z[3], self._heading, 0.0))
         turning: Array = (rates[1] - rates[0]) / self.period
         return turning

@@ -51,7 +51,7 @@ class Quadrotor:
     thrust_coefficient: float = 1.2e-5  # [N s^2] c_T
     thrust_max: float = 9.0  # [N] of each rotor; a rotor cannot pull down
     motor_lag: float = 0.03  # [s] tau_m
-    drag: tuple[float, float, float] = (0.25, 0.25, 0.35)  # [N s/m] the diagonal of D
+    drag: tuple[float, float, float] = (0.25, 0.25, 0.1)  # [N s/m] the diagonal of D
     gravity: float = 9.81  # [m/s^2] g
 
     def __post_init__(self) -> None:

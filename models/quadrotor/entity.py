@@ -45,6 +45,7 @@ def build_spec(
     root = TerrainArena(height_field).mjcf_model
     spec = mujoco.MjSpec.from_string(root.to_xml_string(), assets=root.get_assets())
     spec.option.gravity = (0.0, 0.0, -gravities.pop())
+    _light(spec)
     for name, vehicle in each.items():
         one = mujoco.MjSpec.from_file(str(_XML))
         one.option.gravity = spec.option.gravity
@@ -58,6 +59,20 @@ def build_model(
 ) -> mujoco.MjModel:
     """The compiled model of ``build_spec``."""
     return build_spec(height_field, names, vehicles).compile()
+
+
+def _light(spec: Any) -> None:
+    """Day: the sun in the south-east, a sky, and grass instead of rock."""
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = (0.38, 0.38, 0.40), (0.25, 0.25, 0.25)
+    spec.worldbody.add_light(
+        name="sun", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=(-0.5, 0.6, -0.9), diffuse=(0.65, 0.63, 0.58),
+        specular=(0.2, 0.2, 0.2), castshadow=False,
+    )  # fmt: skip
+    spec.add_texture(
+        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=(0.36, 0.56, 0.82), rgb2=(0.88, 0.92, 0.95), width=128, height=768,
+    )  # fmt: skip
+    spec.geom("terrain").rgba = (0.50, 0.56, 0.40, 1.0)
 
 
 def _set_parameters(spec: Any, vehicle: Quadrotor) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from controllers.flight.plugin import FlightConfig, planner
 from controllers.quadrotor.bound import tracking_bound
-from controllers.quadrotor.similarity import SimilarPlanner, Similarity
+from controllers.quadrotor.similarity import Similarity, SimilarPlanner
 from controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
 from models.quadrotor.mission import QuadrotorMission
 from sim.protocols import Planner, Tracker

@@ -84,4 +84,4 @@ class QuadrotorMission:
 
     def full_state_quality(self) -> None:
         """What the readings are worth follows from the mission's noise; the tracker's bound asks for no more."""
-        return None
+        return

@@ -349,7 +349,8 @@ def _fleet(
             return fleet
     raise ValueError(
         f"drawn_distance = {config.drawn_distance!r}: none of {_DRAWS} fleets drawn can start; the last: "
-        f"{reasons[-1]}; allowed: other shares of the side, fewer vehicles, a smaller separation, or --starts and --target"
+        f"{reasons[-1]}; allowed: other shares of the side, fewer vehicles, a smaller separation, or --starts and "
+        "--target"
     )
 
 

@@ -10,10 +10,25 @@ from hypothesis import strategies as st
 from controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
 from controllers.arrival.maximum import MaximumConfig, MaximumConsensus
 from models.fleet.graph import Graph
+from sim.network import Network
 from sim.protocols import Consensus
-from sim.signals import Array
+from sim.signals import Array, Message
 
 NAMES = ("a", "b", "c", "d", "e", "f", "g", "h")
+
+
+class Shuffled:
+    """Hands over what has arrived in any order."""
+
+    def __init__(self, network: Network, rng: np.random.Generator) -> None:
+        self._network, self._rng = network, rng
+
+    def send(self, message: Message, receiver: str, t: float) -> None:
+        self._network.send(message, receiver, t)
+
+    def receive(self, receiver: str, t: float) -> list[Message]:
+        arrived = self._network.receive(receiver, t)
+        return [arrived[k] for k in self._rng.permutation(len(arrived))]
 
 
 @st.composite

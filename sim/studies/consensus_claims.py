@@ -62,7 +62,7 @@ def claims(
             "A.laplacian-rate", "printed", "The protocol reaches consensus globally exponentially, with the speed of "
             "the algebraic connectivity.", "A.8.1, Theorem 8 of [35]",
             "from any start at most exp(-s lambda_2 t), and exactly that in the slowest mode",
-            f"random starts never above it by more than {above:.0e}; the slowest mode at "
+            f"random starts {'never' if above <= 1e-9 else f'up to {above:.1%}'} above it; the slowest mode at "
             f"{span([_relative(f) for f in rates.values()], '+.1%')} of it, which is what rounds of s h lambda_2 <= "
             f"{SLOW:g} add to it",
             bool(near and above <= 1e-9),

@@ -19,7 +19,7 @@ from sim.plugins import Part, checked_consensus, load, names
 from sim.protocols import Consensus, ConsensusPlugin
 from sim.signals import Array, Message
 from sim.studies.consensus_talk import talked
-from tests.fleet import NAMES, graphs, started, starts_for
+from tests.fleet import NAMES, Shuffled, graphs, started, starts_for
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.consensus")}
 LINE = Graph.line(NAMES[:3])
@@ -82,6 +82,19 @@ def test_the_same_messages_give_the_same_values(
     plugin: type[ConsensusPlugin], graph: Graph, seed: int, loss: float, delay: float
 ) -> None:
     one, other = (spoken(plugin, graph, starts_for(graph, seed), radio(graph, seed, loss, delay), 30) for _ in range(2))
+    np.testing.assert_array_equal(one, other)
+
+
+@settings(max_examples=10)
+@given(graph=graphs(), seed=st.integers(0, 2**32 - 1), delay=st.floats(0.05, 0.3))
+def test_the_order_in_which_the_messages_of_a_round_arrive_does_not_matter(
+    plugin: type[ConsensusPlugin], graph: Graph, seed: int, delay: float
+) -> None:
+    starts = starts_for(graph, seed)
+    one, other = (
+        spoken(plugin, graph, starts, Shuffled(radio(graph, seed, 0.0, delay), np.random.default_rng(order)), 30)
+        for order in range(2)
+    )
     np.testing.assert_array_equal(one, other)
 
 

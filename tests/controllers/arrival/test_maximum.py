@@ -15,26 +15,14 @@ from models.fleet.graph import Graph
 from sim.network import Air, DelayedLinks, LossyLinks
 from sim.signals import Message
 from sim.studies.consensus_talk import talked
-from tests.fleet import graphs, maxima, started, starts_for
-
-
-class Shuffled(Air):
-    """Hands over what has arrived in any order."""
-
-    def __init__(self, names: tuple[str, ...], rng: np.random.Generator) -> None:
-        super().__init__(names)
-        self._rng = rng
-
-    def receive(self, receiver: str, t: float) -> list[Message]:
-        arrived = super().receive(receiver, t)
-        return [arrived[k] for k in self._rng.permutation(len(arrived))]
+from tests.fleet import Shuffled, graphs, maxima, started, starts_for
 
 
 @settings(max_examples=40)
 @given(graphs(), st.integers(0, 2**32 - 1))
 def test_all_know_the_maximum_after_the_diameter_whatever_the_order_of_messages(graph: Graph, seed: int) -> None:
     starts = starts_for(graph, seed)
-    air = Shuffled(graph.names, np.random.default_rng(seed))
+    air = Shuffled(Air(graph.names), np.random.default_rng(seed))
     values = talked(started(maxima(graph, math.inf), starts), graph, air, int(graph.diameter))
     reached = graph.hops[int(starts.argmax())]
     for k in range(len(values)):

@@ -52,8 +52,8 @@ def claims(
             "least as its slowest graph",
             f"off by {', '.join(f'{value:+.1%} ({kind})' for kind, value in off.items())}; with "
             f"{', '.join(f'{fraction:g}' for fraction in then)} of that delay at "
-            f"{', '.join(f'{rate:+.2f}' for rate in then.values())}, compared with the own value now always at > "
-            f"{min(now):.2f}; switching at >= {switching.least:.2f} (slowest graph {switching.reference:.2f}); two "
+            f"{', '.join(f'{rate:+.2f}' for rate in then.values())}, compared with the own value now at "
+            f"{span(now, '.2f')}; switching at >= {switching.least:.2f} (slowest graph {switching.reference:.2f}); two "
             f"halves of a ring at {halves.rate:.3f} (their mean {halves.reference:.3f}); {LOSS:.0%} lost: "
             f"{span([f.rate / f.reference for f in loss], '.3f')} of lambda_2",
             bool(near and split and links and min(now) > 0.0),

@@ -1,6 +1,7 @@
-"""What MuJoCo's joints contribute to a state (q, v): a slide or a hinge one number each, a ball joint 4 and 3.
+"""What MuJoCo's joints contribute to a state (q, v): a slide or a hinge one number each, a ball 4 and 3, a free one 7, 6.
 
-q of a ball joint is a unit quaternion (w, x, y, z), v its rate [rad/s] in the frame of the body it carries.
+q of a ball joint is a unit quaternion (w, x, y, z), v its rate [rad/s] in the frame of the body it carries. A free
+joint is a position [m] in the world frame before such a quaternion, and a velocity [m/s] there before such a rate.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ import numpy as np
 from sim.signals import Array
 
 SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
-BALL = int(mujoco.mjtJoint.mjJNT_BALL)
+BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
+SIZES = {SLIDE: (1, 1), HINGE: (1, 1), BALL: (4, 3), FREE: (7, 6)}
+"""of a joint's part of q and of v"""
 
 _OFF = 1e-6  # of a quaternion's length from 1 that is rounding, a float's at the worst
 _UNIT = {SLIDE: "m", HINGE: "rad"}
@@ -25,7 +28,12 @@ def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]
     for j in joints:
         full, kind = model.joint(j).name, int(model.jnt_type[j])
         name = full.partition("/")[2] or full or str(j)
-        if kind == BALL:
+        if kind == FREE:
+            positions += [f"position_{name}_{axis} [m]" for axis in "xyz"]
+            velocities += [f"velocity_{name}_{axis} [m/s]" for axis in "xyz"]
+            positions += [f"attitude_{name}_{axis} [-]" for axis in "wxyz"]
+            velocities += [f"rate_{name}_{axis} [rad/s]" for axis in "xyz"]
+        elif kind == BALL:
             positions += [f"position_{name}_{axis} [-]" for axis in "wxyz"]
             velocities += [f"velocity_{name}_{axis} [rad/s]" for axis in "xyz"]
         else:
@@ -35,9 +43,11 @@ def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]
 
 
 def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ...]:
-    """Where the ball joints among these, which lie together in the model, have their quaternions in q."""
+    """Where the balls and free joints among these, which lie together in the model, have their quaternions in q."""
     first = int(model.jnt_qposadr[joints[0]])
-    at = [int(model.jnt_qposadr[j]) - first for j in joints if model.jnt_type[j] == BALL]
+    before = {BALL: 0, FREE: 3}  # numbers of the joint that come before its quaternion
+    kinds = [(j, int(model.jnt_type[j])) for j in joints]
+    at = [int(model.jnt_qposadr[j]) - first + before[kind] for j, kind in kinds if kind in before]
     return tuple(slice(k, k + 4) for k in at)
 
 

@@ -1,9 +1,8 @@
 """A plant whose physics is MuJoCo: named vehicles in one compiled model, with their sensors.
 
-A vehicle NAME is everything in the model whose name starts with ``NAME/``: its joints (slides, hinges and balls) are
-its state, (qpos, qvel), and its actuators, in the order of the model, its input, unless a drive stands in between. A
-ball joint has four positions, a unit quaternion, and three velocities, in the frame of what it carries. The plant steps
-the ``mujoco.MjModel`` itself and counts ticks in whole numbers, so that time does not drift.
+A vehicle NAME is everything in the model whose name starts with ``NAME/``: its joints are its state, (qpos, qvel), as
+``sim.joint_states`` has it, and its actuators, in the order of the model, its input, unless a drive stands in between.
+The plant steps the ``mujoco.MjModel`` itself and counts ticks in whole numbers, so that time does not drift.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.input_bounds import input_bound
-from sim.joint_states import BALL, HINGE, SLIDE, quaternions, state_names, with_unit_quaternions
+from sim.joint_states import FREE, SIZES, SLIDE, quaternions, state_names, with_unit_quaternions
 from sim.loop import whole_ticks
 from sim.own_sensors import OwnSensors
 from sim.protocols import Drive, Sensor
@@ -75,20 +74,21 @@ class _Vehicle:
             known = sorted({model.joint(j).name.partition("/")[0] for j in range(model.njnt)})
             raise ValueError(f"the model has no vehicle {name!r}; it has {known}")
         kinds = [int(model.jnt_type[j]) for j in joints]
-        if not set(kinds) <= {SLIDE, HINGE, BALL}:
-            raise ValueError(f"vehicle {name!r} has joints other than slides, hinges and balls")
         positions, velocities = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-        turns = kinds[-1] == BALL
-        q = _slice(joints, int(positions[0]), int(positions[-1]) + (4 if turns else 1))
-        v = _slice(joints, int(velocities[0]), int(velocities[-1]) + (3 if turns else 1))
+        q = _slice(joints, int(positions[0]), int(positions[-1]) + SIZES[kinds[-1]][0])
+        v = _slice(joints, int(velocities[0]), int(velocities[-1]) + SIZES[kinds[-1]][1])
         self.motion = JointMotion(data.qpos[q], data.qvel[v], data.qacc[v], sensed)
         self.actuators = data.ctrl[_slice(actuators, actuators[0], actuators[-1] + 1)] if actuators else data.ctrl[:0]
         self.drive = equipment.drive
         self.control = np.zeros(self.drive.input_size) if self.drive else self.actuators  # the input that acts
         self.wrench = data.xfrc_applied[int(model.jnt_bodyid[joints[0]])]  # force and torque, world frame
-        slides = [j for j in joints if model.jnt_type[j] == SLIDE]
-        self.slides = [(int(model.jnt_qposadr[j]) - q.start, model.jnt_axis[j].copy()) for j in slides]
-        self.slide_rates = [int(model.jnt_dofadr[j]) - v.start for j in slides]
+        self.slides: list[tuple[int, Array]] = []  # where in q, and along which axis: a free joint begins with three
+        self.slide_rates: list[int] = []
+        for j, kind in zip(joints, kinds, strict=True):
+            axes = {SLIDE: model.jnt_axis[j : j + 1].copy(), FREE: np.eye(3)}.get(kind, np.empty((0, 3)))
+            first, rate = int(model.jnt_qposadr[j]) - q.start, int(model.jnt_dofadr[j]) - v.start
+            self.slides += [(first + k, axis) for k, axis in enumerate(axes)]
+            self.slide_rates += [rate + k for k in range(len(axes))]
         self.quaternions = quaternions(model, joints)
         self.geoms = frozenset(
             g for g in range(model.ngeom) if model.body(int(model.geom_bodyid[g])).name.startswith(f"{name}/")

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from sim.observer_properties import ObserverProperties
-from sim.signals import Array, Estimate, Event, Measurement, Message, Plan, PlanRequest
+from sim.signals import Array, Estimate, Event, Measurement, Message, Plan, PlanRequest, Spoken
 
 
 class Motion(Protocol):
@@ -159,6 +159,29 @@ class Tracker(Protocol):
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         """The input (nu,) to hold until t + period."""
+        ...
+
+
+@runtime_checkable
+class Companion(Protocol):
+    """What a vehicle says to others and hears of them, between the instants at which it plans."""
+
+    period: float  # [s]
+
+    def talk(self, t: float, received: Sequence[Message]) -> Spoken:
+        """Answer what was received since the last call, and say what is to be said."""
+        ...
+
+    def propose(self, t: float, plan: Plan) -> None:
+        """The vehicle's planner has a plan, which is to take over at its start; it stands for any proposed before."""
+        ...
+
+    def admits(self, t: float, plan: Plan) -> bool:
+        """Whether a plan that was proposed may take over now; one that may not is withdrawn."""
+        ...
+
+    def adopted(self, t: float, plan: Plan) -> None:
+        """The plan is the one that is flown from now on."""
         ...
 
 

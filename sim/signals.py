@@ -42,6 +42,7 @@ class Status(Enum):
     BOUNDS = "the plan exceeds the speed or acceleration bound"
     DEADLINE = "the plan ends after the deadline"
     NO_ARRIVAL = "the plan does not come to rest at the target"
+    NOT_ADMITTED = "the plan was not acknowledged by every other vehicle when it should have started"
 
 
 class Phase(IntEnum):
@@ -133,6 +134,15 @@ class Message:
     sender: str
     topic: str
     payload: Any
+
+
+@dataclass(frozen=True)
+class Spoken:
+    """What a companion has to say at one time."""
+
+    messages: tuple[tuple[str, Message], ...] = ()  # (receiver, message), for the network
+    briefing: tuple[Message, ...] = ()  # for the vehicle's own planner: an arrival time that was agreed on
+    events: tuple[tuple[str, str], ...] = ()  # (kind, message), for the log
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,11 @@ settings.register_profile("mathnavi", derandomize=True, deadline=None, max_examp
 settings.load_profile("mathnavi")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest tests first, so that none of them is what one worker ends with while the others are idle."""
+    items.sort(key=lambda item: item.path.name != "test_studies.py")
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the kernels before the first test and before any worker: each then loads them from the cache.
 

@@ -67,6 +67,7 @@ class Certificate:
     target: Array  # (3,) [m]
     arrival_radius: float  # [m]
     border: float = 0.0  # [m] that is kept from the edge of the map
+    cruise_level: float = -np.inf  # [m] below which no completion path flies level
 
     @staticmethod
     def of(mission: FlightMission, bound: TrackingBound) -> Certificate:
@@ -92,6 +93,7 @@ class Certificate:
             np.array(mission.target, dtype=np.float64),
             radius,
             bound.horizontal,
+            mission.cruise_level,
         )
 
     def refuse(self, plan: Plan) -> Refusal | None:

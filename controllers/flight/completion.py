@@ -43,6 +43,15 @@ class ArcList:
         self.u.append(np.asarray(u, dtype=float))
         self.phase.append(int(phase))
 
+    def wait(self, k: int, duration: float) -> None:
+        """Hover for ``duration`` [s] at the rest in which arc k begins, which puts off all that follows."""
+        if duration <= _NEGLIGIBLE:
+            return
+        self.t[k + 1 :] = [self.t[k] + duration, *(t + duration for t in self.t[k + 1 :])]
+        self.x.insert(k + 1, self.x[k])
+        self.u.insert(k, np.zeros(3))
+        self.phase.insert(k, int(Phase.HOVER))
+
     def rest(self) -> None:
         """Round the velocity that rounding left over to exactly zero."""
         self.x[-1] = np.concatenate([self.x[-1][:3], np.zeros(3)])
@@ -72,26 +81,31 @@ def complete(
     clearance: float,
     speed: float,
     acceleration: float,
+    end: float = -math.inf,
+    level: float = -math.inf,
 ) -> None:
-    """Append the way from vertical flight to rest on the target.
+    """Append the way from vertical flight to rest on the target, not before ``end`` [s]: until then it hovers first.
 
-    ``clearance`` [m] is what level flight keeps above the ground; ``speed`` [m/s] and ``acceleration`` [m/s^2] are the
-    bounds the plan may use.
+    ``clearance`` [m] is what level flight keeps above the ground, and ``level`` [m] is its least height; ``speed``
+    [m/s] and ``acceleration`` [m/s^2] are the bounds the plan may use.
     """
     up = np.array([0.0, 0.0, 1.0])
     rise = float(arcs.x[-1][5])
     arcs.add(-math.copysign(acceleration, rise) * up, abs(rise) / acceleration, Phase.MANOEUVRE)
     arcs.rest()
+    first = len(arcs.u)
     here = arcs.x[-1][:3]
     across = target[:2] - here[:2]
     distance = float(np.hypot(*across))
     if distance > 0.0:
-        level = max(here[2], target[2], highest_ground(terrain, here[:2], target[:2]) + clearance + _LEVEL_MARGIN)
+        safe = highest_ground(terrain, here[:2], target[:2]) + clearance + _LEVEL_MARGIN
+        level = max(here[2], target[2], safe, level)
         _straight(arcs, up, level - here[2], speed, acceleration, Phase.CLIMB)
         _straight(arcs, np.append(across / distance, 0.0), distance, speed, acceleration, Phase.CRUISE)
     drop = float(arcs.x[-1][2] - target[2])
     phase = Phase.DESCENT if drop > 0.0 else Phase.CLIMB
     _straight(arcs, -math.copysign(1.0, drop) * up, abs(drop), speed, acceleration, phase)
+    arcs.wait(first, end - arcs.t[-1])
 
 
 def highest_ground(terrain: HeightField, a: Array, b: Array) -> float:

@@ -23,8 +23,8 @@ from sim.signals import Array
 
 # Indices into Problem.packed.
 MANOEUVRE, FLOOR, SPEED, ACCELERATION, BETA, PSI, EPSILON, WIDTH, DEPTH = range(9)
-TERRAIN_WEIGHT, APPROACH_WEIGHT, CLIMB_WEIGHT, SPACING = range(9, 13)
-PACKED_SIZE = 13
+TERRAIN_WEIGHT, APPROACH_WEIGHT, CLIMB_WEIGHT, SPACING, WANTED, WANTED_WEIGHT = range(9, 15)
+PACKED_SIZE = 15
 
 BORDER = 1.0  # [m] that the plan's end keeps from the edge of the map
 _SUFFICIENT, _SHORTEST = 1e-4, 1e-3  # of the line search: share of the promised decrease, length of a step
@@ -134,7 +134,12 @@ def objective(
         low = height + packed[FLOOR] - p[2]
         if low > 0.0:
             cost += 0.5 * packed[TERRAIN_WEIGHT] * low * low
-    if packed[PSI] > 0.0:
+    if packed[WANTED_WEIGHT] > 0.0:
+        gradient, hessian = np.empty(3), np.empty((3, 3))
+        _position(p, start, unknowns, base[looked], weights[looked], 0.0)
+        off = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian) - packed[WANTED]
+        cost += 0.5 * packed[WANTED_WEIGHT] * off * off
+    elif packed[PSI] > 0.0:
         gradient, hessian = np.empty(3), np.empty((3, 3))
         _position(p, start, unknowns, base[looked], weights[looked], 0.0)
         here = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian)
@@ -316,9 +321,20 @@ def linearise(
         lower[size + row] = scale * (height + packed[FLOOR] - p[2])
         upper[size + row] = infinity
         row += 1
-    # Terminal cost and the target approaching controls of Definition A.1, soft.
+    # Terminal cost and the target approaching controls of Definition A.1, soft; or the length to go that is wanted.
     upper[size + row], lower[size + row] = infinity, -infinity
-    if packed[PSI] > 0.0:
+    if packed[WANTED_WEIGHT] > 0.0:
+        weight, end = packed[WANTED_WEIGHT], weights[looked]
+        _position(p, start, unknowns, base[looked], weights[looked], 0.0)
+        off = length_to_go(ground, ratio, scales, p[0], p[1], p[2], slope, bend) - packed[WANTED]
+        for j in range(n):
+            for a in range(3):
+                gradient[3 * j + a] += weight * off * end[j] * slope[a]
+                for m in range(n):
+                    for b in range(3):
+                        hessian[3 * j + a, 3 * m + b] += weight * end[j] * slope[a] * end[m] * slope[b]
+        clipped = _add_curvature(hessian, lost, end, weight * off, bend)
+    elif packed[PSI] > 0.0:
         psi, end = packed[PSI], weights[looked]
         beyond, bend_beyond = np.empty(3), np.empty((3, 3))
         _position(p, start, unknowns, base[looked], weights[looked], 0.0)

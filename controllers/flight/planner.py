@@ -26,6 +26,7 @@ from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
 _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
 _COMMIT_TRIES = 3
 _SAME_TIME = 1e-9  # [s]
+ARRIVAL = "arrival time"  # the topic of messages that ask for one
 
 
 class Solver(Protocol):
@@ -40,7 +41,9 @@ class RecedingHorizon:
     """Plans by optimisation over the grid ``parameters.lengths``, every ``period`` [s].
 
     ``cost_to_go(radars)`` builds the terminal cost for the threats known so far; a message with the topic "radar" and a
-    ``Radar`` as payload adds one.
+    ``Radar`` as payload adds one. One with the topic "arrival time" and a time t_a [s] as payload asks for an arrival
+    at t_a: with tau = t_a - t_1 left, Psi(p_N) = Psi(p_1) (1 - T_p / tau), in the place of Psi as a cost and of S_eps;
+    within reach of the horizon, an exact arrival at t_a.
     """
 
     def __init__(
@@ -56,6 +59,7 @@ class RecedingHorizon:
         self._parameters, self._certificate, self._solver = parameters, certificate, solver
         self._cost_to_go, self._radars = cost_to_go, tuple(radars)
         self._landscape = Landscape.build(certificate.terrain, cost_to_go(self._radars))
+        self._arrival: float | None = None  # [s] that is asked for
         shorter = [self._over(parameters.lengths[:k]) for k in range(1, parameters.arcs + 1)]
         self._ends = np.array([part.horizon for part in shorter])  # (n,) [s] of the arcs
         for part in shorter:
@@ -71,13 +75,18 @@ class RecedingHorizon:
         committed, spent, reason = self._committed(request, start, arrival)
         if committed is not None:
             return committed
-        if self._within_reach(arrival - request.t_start):  # committed before: the plan being flown stays
+        asked = self._arrival is None or abs(arrival - self._arrival) <= _SAME_TIME
+        if self._within_reach(arrival - request.t_start) and asked:  # committed before: the plan being flown stays
             return Plan.failure(Status.INFEASIBLE, reason, solve_ms=spent)
-        problem = Problem(self._parameters, self._landscape, start)
+        problem = Problem(self._parameters, self._landscape, start, wanted=self._wanted(start, request.t_start))
         solution, solve_ms = self._solved(problem, current, request.t_start, spent)
         if isinstance(solution, str):
             return Plan.failure(Status.SOLVER_FAILED, "; ".join(filter(None, (reason, solution))), solve_ms=solve_ms)
         return self._assembled(problem, solution, request.t_start, solve_ms)
+
+    def length_to_go(self, points: Array) -> Array:
+        """(n,) [m] from points (n, 3) [m] to the target, around the ground and the threats known so far."""
+        return self._landscape.cost(points)
 
     def _solved(
         self, problem: Problem, current: Plan | None, t_start: float, spent: float
@@ -92,6 +101,18 @@ class RecedingHorizon:
         if heard:
             self._radars += heard
             self._landscape = dataclasses.replace(self._landscape, cost=self._cost_to_go(self._radars))
+
+        for message in messages:
+            if message.topic == ARRIVAL and isinstance(message.payload, float) and math.isfinite(message.payload):
+                self._arrival = message.payload
+
+    def _wanted(self, start: Array, t_start: float) -> float | None:
+        """[m] of Psi's length to go that is wanted at p_N; None where no arrival time is asked for."""
+        if self._arrival is None:
+            return None
+        left = max(self._arrival - t_start, self._parameters.horizon)
+        here = float(self._landscape.cost(start[:3])[0])
+        return here * (1.0 - self._parameters.horizon / left)
 
     def _within_reach(self, duration: float) -> bool:
         """Whether an arrival in ``duration`` [s] fits the horizon, lengthened by its first arc at most."""
@@ -110,17 +131,9 @@ class RecedingHorizon:
 
     def _committed(self, request: PlanRequest, start: Array, arrival: float) -> tuple[Plan | None, float, str]:
         """A certified plan that arrives exactly at a node within the horizon; or none, the time spent [ms], and why."""
-        target, h = self._certificate.target, self._parameters.h
+        target = self._certificate.target
         current, reason, spent = request.current, "", 0.0
-        left = arrival - request.t_start
-        durations = [left] if self._within_reach(left) else []
-        if not durations:
-            speed = max(float(np.linalg.norm(start[3:])), _COMMIT_SPEED)
-            first = max(2, math.ceil(float(np.linalg.norm(target - start[:3])) / (h * speed)))
-            # A little more than the horizon is within reach of slightly longer arcs. Beyond it the terminal cost
-            # would have to tell how to fly past the target, which it cannot.
-            durations = [n * h for n in range(first, first + _COMMIT_TRIES) if self._within_reach(n * h)]
-        for duration in durations:
+        for duration in self._durations(start, (arrival if self._arrival is None else self._arrival) - request.t_start):
             problem = Problem(self._over(self._grid(duration)), self._landscape, start, hold=target)
             solution, spent = self._solved(problem, current, request.t_start, spent)
             if isinstance(solution, str):
@@ -132,6 +145,19 @@ class RecedingHorizon:
                 return plan, spent, ""
             reason = f"arrival in {duration:.1f} s: {refusal.message}"
         return None, spent, reason
+
+    def _durations(self, start: Array, left: float) -> list[float]:
+        """In which to try to arrive exactly [s]: ``left``, and, unless that was chosen before, what is possible."""
+        fixed = [left] if left > 0.0 and self._within_reach(left) else []
+        if fixed and self._arrival is None:
+            return fixed
+        h = self._parameters.h
+        speed = max(float(np.linalg.norm(start[3:])), _COMMIT_SPEED)
+        first = max(2, math.ceil(float(np.linalg.norm(self._certificate.target - start[:3])) / (h * speed)))
+        # A little more than the horizon is within reach of slightly longer arcs. Beyond it the terminal cost
+        # would have to tell how to fly past the target, which it cannot.
+        possible = [n * h for n in range(first, first + _COMMIT_TRIES) if self._within_reach(n * h)]
+        return fixed + [duration for duration in possible if self._arrival is None or duration > left]
 
     def _guess(self, current: Plan | None, t_start: float, problem: Problem) -> Array:
         """The optimised part of the plan being flown, at the middle of each arc, with nothing after its end."""
@@ -158,7 +184,7 @@ class RecedingHorizon:
         if not self._certificate.terrain.contains(*arcs.x[-1][:2]):
             message = f"the manoeuvre ends at {np.round(arcs.x[-1][:2]).tolist()} m"
             return Plan.failure(Status.OFF_MAP, message, solve_ms=solve_ms)
-        complete_by(arcs, self._certificate)
+        complete_by(arcs, self._certificate, self._arrival)
         shares = np.array(parameters.lengths) / parameters.h  # exactly 1 on a uniform grid
         effort = float(parameters.h * (shares[:, None] * solution.accelerations**2).sum())
         togo = 0.0 if problem.hold is not None else parameters.psi_per_metre * float(self._landscape.cost(end[:3])[0])
@@ -201,8 +227,12 @@ class Retreat:
         return arcs.plan(math.nan, math.nan)
 
 
-def complete_by(arcs: ArcList, certificate: Certificate) -> None:
-    """Complete within the bounds that the certificate allows."""
+def complete_by(arcs: ArcList, certificate: Certificate, arrival: float | None = None) -> None:
+    """Complete within the bounds that the certificate allows, so as to arrive at ``arrival`` [s] but no sooner.
+
+    To arrive is to come within the arrival radius, which a vehicle that brakes onto the target does before it rests.
+    """
+    braking = math.sqrt(2.0 * certificate.arrival_radius / certificate.acceleration_max)
     complete(
         arcs,
         certificate.terrain,
@@ -210,6 +240,8 @@ def complete_by(arcs: ArcList, certificate: Certificate) -> None:
         certificate.clearance_min,
         certificate.speed_max,
         certificate.acceleration_max,
+        -math.inf if arrival is None else arrival + braking,
+        certificate.cruise_level,
     )
 
 

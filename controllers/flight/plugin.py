@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from controllers.flight.certificate import Certificate
+from controllers.flight.certificate import Certificate, TrackingBound
 from controllers.flight.checks import check_fields
 from controllers.flight.cost_to_go import FactoredCost, factored_cost
 from controllers.flight.planner import RecedingHorizon, Solver
@@ -101,21 +101,25 @@ class SafeFlight:
     @staticmethod
     def build(config: FlightConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
         bound = tracking_bound(config.bandwidth, mission)
-        certificate = Certificate.of(mission, bound)
-        period = config.replan_period(mission.control_period)
-        parameters = Parameters(
-            lengths=config.lengths,
-            speed_max=certificate.speed_max * _INSIDE,
-            acceleration_max=certificate.acceleration_max * _INSIDE,
-            beta=config.beta,
-            clearance=mission.clearance_min + config.margin,
-        )
+        return planner(config, mission, bound), CriticallyDamped(mission.control_period, config.bandwidth, bound)
 
-        def cost_to_go(radars: tuple[Radar, ...]) -> FactoredCost:
-            return _cost_to_go(mission.terrain, mission.target, radars, config.grid_nodes, config.grid_layers)
 
-        planner = RecedingHorizon(parameters, certificate, solver(config), cost_to_go, mission.radars, period)
-        return planner, CriticallyDamped(mission.control_period, config.bandwidth, bound)
+def planner(config: FlightConfig, mission: FlightMission, bound: TrackingBound) -> RecedingHorizon:
+    """The planner over a tracker that keeps ``bound``, whichever that is."""
+    certificate = Certificate.of(mission, bound)
+    parameters = Parameters(
+        lengths=config.lengths,
+        speed_max=certificate.speed_max * _INSIDE,
+        acceleration_max=certificate.acceleration_max * _INSIDE,
+        beta=config.beta,
+        clearance=mission.clearance_min + config.margin,
+    )
+
+    def cost_to_go(radars: tuple[Radar, ...]) -> FactoredCost:
+        return _cost_to_go(mission.terrain, mission.target, radars, config.grid_nodes, config.grid_layers)
+
+    period = config.replan_period(mission.control_period)
+    return RecedingHorizon(parameters, certificate, solver(config), cost_to_go, mission.radars, period)
 
 
 def solver(config: FlightConfig) -> Solver:
@@ -127,7 +131,7 @@ def solver(config: FlightConfig) -> Solver:
     return Reference(config.backend, config.tolerance)
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=64)  # each vehicle of a fleet has a target of its own
 def _cost_to_go(
     terrain: HeightField, target: tuple[float, float, float], radars: tuple[Radar, ...], nodes: int, layers: int
 ) -> FactoredCost:

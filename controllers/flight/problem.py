@@ -16,7 +16,9 @@ and the manoeuvre, one arc of duration M = N_bar h_1, N_bar = ceil(v_max / (h_1 
 
 H is the cubic spline of the terrain. The bounds are Euclidean, unlike the print's L-infinity boxes, because Psi is:
 in a box the best speed is its corner's. Sum h_i beta is constant on a given grid and left out. Near the target the
-terminal cost gives way to ``hold``: p_N = p_f, with fewer arcs, so that the vehicle arrives exactly.
+terminal cost gives way to ``hold``: p_N = p_f, with fewer arcs, so that the vehicle arrives exactly. A vehicle that is
+to arrive at a given time is told how far to go it should have at p_N, L: Psi and the row of S_eps give way to
+kappa_L / 2 (Psi(p_N) / psi - L)^2, psi being the cost of a metre.
 
 The print's grid is uniform; there, 4 points an arc are looked at. A stretched one, h_{i+1} = r h_i, looks further ahead
 with as many unknowns: fine over what is flown before the next plan, coarse over what will be planned again. Its long
@@ -43,6 +45,7 @@ POINTS_ON_MANOEUVRE = 15
 _PATH = 125.0  # [m] between the points of a stretched one, at most
 _CLIMB_WEIGHT = 1e-3  # rho_w [1 / (m/s)^2 * cost]: without it w would be undetermined where the ground is far below
 _APPROACH_WEIGHT = 1e5  # kappa_S
+_WANTED_WEIGHT = 10.0  # kappa_L [1/m^2 * cost]: where effort would have a second saved or lost, it is off by a metre
 
 
 @dataclass(frozen=True)
@@ -159,6 +162,7 @@ class Problem:
     landscape: Landscape
     start: Array  # (6,) p_1 [m], v_1 [m/s]
     hold: Array | None = None  # (3,) [m]: p_N must be here
+    wanted: float | None = None  # [m] that Psi's length to go should be at p_N, in the place of Psi
 
     @property
     def arcs(self) -> int:
@@ -184,6 +188,8 @@ class Problem:
         out[kernels.WIDTH], out[kernels.DEPTH] = self.landscape.terrain.width, self.landscape.terrain.depth
         out[kernels.TERRAIN_WEIGHT], out[kernels.APPROACH_WEIGHT] = self.terrain_weight, _APPROACH_WEIGHT
         out[kernels.CLIMB_WEIGHT], out[kernels.SPACING] = _CLIMB_WEIGHT, self.landscape.terrain.spacing
+        if self.wanted is not None and self.hold is None:
+            out[kernels.WANTED], out[kernels.WANTED_WEIGHT] = self.wanted, _WANTED_WEIGHT
         return out
 
     @property

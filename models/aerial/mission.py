@@ -6,6 +6,7 @@ holds no truth of a run.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -65,6 +66,7 @@ class FlightMission:
     quality: EstimateQuality = field(default_factory=lambda: EstimateQuality.exact(GustModel()))
     control_period: float = CONTROL_TICKS * TICK  # [s] of estimator and tracker
     radars: tuple[Radar, ...] = ()  # known from the start; others come as messages
+    cruise_level: float = -math.inf  # [m] below which no completion path flies level: of a fleet, each has its own
 
     # ---- what an estimator needs to know of the vehicle, of any kind of mission
 

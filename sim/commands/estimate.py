@@ -17,6 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from renders.run_log import RunLog, read_log
+from sim.cockpit import Agent
 from sim.commands.arguments import Group, flags, parse
 from sim.commands.errors import BadInputError, bad_input
 from sim.commands.order import CommonOptions, Order, loaded, prepare, restored_part
@@ -26,7 +27,6 @@ from sim.commands.run import build, fly
 from sim.commands.saved import Saved
 from sim.commands.summary import verdict, warnings
 from sim.log import Recording
-from sim.loop import Agent
 from sim.playback import RecordedInputs, RecordedPlant, RecordedRun
 from sim.plugins import Part, called, names
 from sim.scenarios.experiment import Experiment, Outcome

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sim.cockpit import Agent
 from sim.log import Recording, write_run
-from sim.loop import Agent, simulate
+from sim.loop import simulate
+from sim.network import Network
 from sim.protocols import Plant
 from sim.signals import Array
 
@@ -42,10 +44,11 @@ class Experiment:
     finished: Callable[[float, Mapping[str, Array]], bool]
     summarise: Callable[[Recording, float], tuple[dict[str, Any], bool]]  # (recording, wall seconds)
     config: dict[str, Any]
+    network: Network | None = None  # of a fleet
 
     def run(self, progress: Callable[[float], None] | None = None) -> Outcome:
         """Simulate and judge; ``progress`` is told the simulated time [s]."""
         began = time.perf_counter()
-        recording = simulate(self.plant, self.agents, self.duration, self.finished, progress)
+        recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network)
         summary, success = self.summarise(recording, time.perf_counter() - began)
         return Outcome(recording, summary, self.config, success)

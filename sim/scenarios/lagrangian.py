@@ -16,9 +16,9 @@ from models.manifold.manifold import Manifold
 from models.manifold.mission import LagrangianMission
 from models.manifold.sensors import PositionQuality
 from sim.checks import check, check_rate
+from sim.cockpit import Agent
 from sim.lagrangian_metrics import errors_of, lagrangian_summary
 from sim.log import Recording
-from sim.loop import Agent
 from sim.number_lists import NumberList
 from sim.ode_plant import OdePlant
 from sim.plugins import Part, checked_controller, checked_estimator

@@ -24,9 +24,9 @@ from models.missile.entity import build_model
 from models.missile.mission import CASES, GustStrength, MissileMission, Place, Target
 from models.missile.sensors import StateNoise
 from models.missile.target import TargetMotion
+from sim.cockpit import Agent
 from sim.faults import ConstantWrench, Delayed, Disturbance, Disturbed, FailingSolver, Gusts
 from sim.log import Recording
-from sim.loop import Agent
 from sim.missile_metrics import missile_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load

@@ -21,8 +21,8 @@ from models.unicycle.drives import DifferentialDrive, IdealDrive
 from models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
 from models.unicycle.mission import KnownStart, RangingMission
 from models.unicycle.sensors import Outage
+from sim.cockpit import Agent
 from sim.log import Recording
-from sim.loop import Agent
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
 from sim.protocols import Sensor

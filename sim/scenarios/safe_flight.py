@@ -19,81 +19,42 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from controllers.flight.certificate import Certificate, Certified, TrackingBound
-from controllers.flight.planner import Retreat
+from controllers.flight.certificate import Certified, TrackingBound
 from models.aerial.dynamics import CONTROL_TICKS, TICK
 from models.aerial.entity import build_model
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
-from models.aerial.sensors import AccelerationSensor, Dropout
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, terrain_names
 from models.terrain.visibility import Radar
 from sim.checks import check, check_rate
-from sim.faults import CorruptedPlan, Delayed, Disturbance, Disturbed, FailingSolver, Gusts, PositionJumps
+from sim.cockpit import Agent
+from sim.faults import Disturbance, Disturbed, Gusts, PositionJumps
 from sim.log import Recording
-from sim.loop import Agent
 from sim.metrics import TimedRadar, flight_summary
 from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, checked_sensors, load
-from sim.protocols import Planner, Plant, Sensor
+from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, load
+from sim.protocols import Plant
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
-from sim.signals import Array, Estimate, Message, Plan, PlanRequest
+from sim.scenarios.flight_parts import (
+    LARGEST,
+    Faults,
+    Noise,
+    Point,
+    certified,
+    check_above_ground,
+    drawn_point,
+    faulty,
+    first_plan,
+    mounted,
+    wants_certificate,
+)
+from sim.signals import Array, Message, Plan
 
 VEHICLE = "vehicle"
-_LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, and numbers begin to overflow
 _LONGEST = 36_000.0  # [s] of simulated time that is logged
 _DRAWS = 500
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
-_BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
-
-Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Noise:
-    """How the sensors err."""
-
-    position: float = 0.0
-    """standard deviation of a position reading on each axis [m]"""
-    position_rate: float = 10.0
-    """position fixes a second [Hz]"""
-
-    def __post_init__(self) -> None:
-        check(self.position, "noise.position", 0.0, _LARGEST)
-        check_rate(self.position_rate, "noise.position_rate", TICK)
-
-
-@dataclass(frozen=True)
-class Faults:
-    """What goes wrong on purpose."""
-
-    solver_failure_rate: float = 0.0
-    """fraction of the requests on which the solver gives up"""
-    corrupted_plan_rate: float = 0.0
-    """fraction of the requests answered with NaN"""
-    late_plan_rate: float = 0.0
-    """fraction of the requests answered late_plan_latency too late to be of use"""
-    late_plan_latency: float = 2.0
-    """simulated time that a late answer takes [s]"""
-    position_jump: float = 0.0
-    """half-width w of the jump p := p + w once a planning period [m] (Table A.3); carries no guarantee"""
-    gust_rms: float = 0.0
-    """force per mass on each axis [m/s^2]"""
-    gust_time_constant: float = 3.0
-    """of the gusts' first-order model [s]"""
-    gust_limit: float = 4.0
-    """longest gust [m/s^2]"""
-    dropout_rate: float = 0.0
-    """fraction of the sensors' readings that are lost"""
-
-    def __post_init__(self) -> None:
-        for name in ("solver_failure_rate", "corrupted_plan_rate", "late_plan_rate", "dropout_rate"):
-            check(getattr(self, name), f"faults.{name}", 0.0, 1.0)
-        for name in ("late_plan_latency", "position_jump", "gust_rms"):
-            check(getattr(self, name), f"faults.{name}", 0.0, _LARGEST)
-        check(self.gust_time_constant, "faults.gust_time_constant", TICK, _LARGEST)
-        check(self.gust_limit, "faults.gust_limit", 0.0, _LARGEST, open_low=True)
 
 
 @dataclass(frozen=True)
@@ -136,16 +97,16 @@ class SafeFlightConfig:
             point = getattr(self, name)
             if point is not None and not all(math.isfinite(c) for c in point):
                 raise ValueError(f"{name} = {point!r}; allowed: three finite numbers")
-        for name, largest in (("drawn_heights", _LARGEST), ("drawn_separation", _DIAGONAL)):
+        for name, largest in (("drawn_heights", LARGEST), ("drawn_separation", _DIAGONAL)):
             low, high = getattr(self, name)
             if not 0.0 <= low <= high <= largest:
                 raise ValueError(
                     f"{name} = {(low, high)!r}; allowed: two finite numbers, 0 <= low <= high <= {largest:g}"
                 )
-        check(self.clearance_min, "clearance_min", 0.0, _LARGEST)
+        check(self.clearance_min, "clearance_min", 0.0, LARGEST)
         for name in ("speed_max", "acceleration_max", "arrival_radius"):
-            check(getattr(self, name), name, 0.0, _LARGEST, open_low=True)
-        check(self.deadline_factor, "deadline_factor", 1.0, _LARGEST)
+            check(getattr(self, name), name, 0.0, LARGEST, open_low=True)
+        check(self.deadline_factor, "deadline_factor", 1.0, LARGEST)
         check(self.radar_time, "radar_time", 0.0)
         check_rate(self.control_rate, "control_rate", TICK)
         for radar in self.radar:
@@ -185,25 +146,13 @@ class SafeFlight:
 
         raw, tracker = checked_controller(controller, mission, TrackingBound)
         faults = config.faults
-        faulty: Planner = raw
-        if faults.solver_failure_rate > 0.0:
-            faulty = FailingSolver(faulty, faults.solver_failure_rate, failing)
-        if faults.corrupted_plan_rate > 0.0:
-            faulty = CorruptedPlan(faulty, faults.corrupted_plan_rate, corrupting)
-        if faults.late_plan_rate > 0.0:
-            faulty = Delayed(faulty, faults.late_plan_latency, faults.late_plan_rate, delaying)
-        planner = _certified(faulty, mission, tracker.bound) if _wants_certificate(controller) else faulty
-
-        sensors: list[Sensor] = [*checked_sensors(estimator, mission), AccelerationSensor()]
-        if faults.dropout_rate > 0.0:
-            sensors = [
-                Dropout(sensor, faults.dropout_rate, rng)
-                for sensor, rng in zip(sensors, losing.spawn(len(sensors)), strict=True)
-            ]
+        flawed = faulty(raw, faults, (failing, corrupting, delaying))
+        planner = certified(flawed, mission, tracker.bound) if wants_certificate(controller) else flawed
+        sensors = mounted(estimator, mission, faults, losing)
         start = np.array([*mission.start, 0.0, 0.0, 0.0])
         body = MujocoPlant(
             _model(terrain, config.acceleration_max),
-            {VEHICLE: Equipment(start, tuple(sensors), config.acceleration_max)},
+            {VEHICLE: Equipment(start, sensors, config.acceleration_max)},
             sensing,
         )
         disturbances: list[Disturbance] = []
@@ -245,15 +194,6 @@ class SafeFlight:
         return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record)
 
 
-def _wants_certificate(controller: Part) -> bool:
-    return bool(getattr(controller.plugin, "certified", True))
-
-
-def _certified(planner: Planner, mission: FlightMission, bound: Any) -> Certified:
-    certificate = Certificate.of(mission, bound)
-    return Certified(planner, Retreat(certificate, planner.period), certificate, bound, mission.deadline_factor)
-
-
 @lru_cache(maxsize=2)
 def _model(terrain: HeightField, acceleration_max: float) -> mujoco.MjModel:
     return build_model(terrain, (VEHICLE,), acceleration_max)
@@ -291,7 +231,7 @@ def _certified_mission(
     for name in ("start", "target"):
         point = getattr(config, name)
         if point is not None:
-            _above_ground(name, point, mission)
+            check_above_ground(name, point, mission)
     if config.start is not None and config.target is not None:
         if math.dist(config.start, config.target) <= mission.arrival_radius:
             raise ValueError(
@@ -299,7 +239,7 @@ def _certified_mission(
                 f"allowed: more than arrival_radius = {mission.arrival_radius:g} m away from the start"
             )
         fixed = dataclasses.replace(mission, start=config.start, target=config.target)
-        plan = _first_plan(fixed, controller)
+        plan = first_plan(fixed, controller)
         if not plan.ok:
             raise ValueError(
                 f"start = {config.start!r}, target = {config.target!r}: no initial certificate: {plan.status.value} "
@@ -309,14 +249,14 @@ def _certified_mission(
     side = max(mission.terrain.width, mission.terrain.depth)
     nearest, farthest = config.drawn_separation
     for _ in range(_DRAWS):
-        start = config.start or _drawn(mission, config.drawn_heights, rng)
-        target = config.target or _drawn(mission, config.drawn_heights, rng)
+        start = config.start or drawn_point(mission, config.drawn_heights, rng)
+        target = config.target or drawn_point(mission, config.drawn_heights, rng)
         if not nearest * side <= math.dist(start[:2], target[:2]) <= farthest * side:
             continue
         if math.dist(start, target) <= mission.arrival_radius:
             continue
         drawn = dataclasses.replace(mission, start=start, target=target)
-        plan = _first_plan(drawn, controller)
+        plan = first_plan(drawn, controller)
         if plan.ok:
             return drawn, plan
     raise ValueError(
@@ -324,37 +264,6 @@ def _certified_mission(
         f"and target = {config.target!r} has its ends so far apart and an initial certificate; allowed: other shares "
         f"of the side, or both --start and --target"
     )
-
-
-def _above_ground(name: str, point: Point, mission: FlightMission) -> None:
-    terrain, (x, y, z) = mission.terrain, point
-    if not terrain.contains(x, y):
-        raise ValueError(
-            f"{name} = {point!r} is off the map; allowed: 0 to {terrain.width:g} m east, 0 to {terrain.depth:g} m north"
-        )
-    ground = float(terrain.height(x, y))
-    if z < ground + mission.clearance_min:
-        where = "under ground" if z < ground else "below the least clearance"
-        raise ValueError(
-            f"{name} = {point!r} is {where}; the ground there is {ground:.1f} m high; "
-            f"allowed: z >= {ground + mission.clearance_min:.1f} m"
-        )
-
-
-def _drawn(mission: FlightMission, heights: tuple[float, float], rng: np.random.Generator) -> Point:
-    terrain = mission.terrain
-    margin = _BORDER * max(terrain.width, terrain.depth)
-    x = float(rng.uniform(margin, terrain.width - margin))
-    y = float(rng.uniform(margin, terrain.depth - margin))
-    return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*heights))
-
-
-def _first_plan(mission: FlightMission, controller: Part) -> Plan:
-    """What the certified planner answers at the start; a planner without a certificate is held to it here too."""
-    planner, tracker = checked_controller(controller, mission, TrackingBound)
-    x = np.array([*mission.start, 0.0, 0.0, 0.0])
-    request = PlanRequest(0.0, 0.0, Estimate(0.0, x), None)
-    return _certified(planner, mission, tracker.bound).plan(request)
 
 
 def _record(

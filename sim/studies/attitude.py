@@ -1,4 +1,7 @@
-"""Attitude tracking without a gyro, from anywhere: the observer (D.6) and intrinsic tracking close the loop."""
+"""Attitude tracking without a gyro, from anywhere: the observer (D.6) and intrinsic tracking close the loop.
+
+It is held against a gyro without error beside the same noisy attitudes, as they are read, and against the true state.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +14,28 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from models.manifold.attitude import Attitude
+from models.manifold.mission import LagrangianMission
+from models.manifold.sensors import POSITION
 from renders.claims import Claim
 from renders.figures import INK, STYLE
 from renders.study_report import Table
 from sim.lagrangian_metrics import SETTLED, angles_to_reference
+from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from sim.protocols import Sensor
 from sim.scenarios.attitude_tracking import VEHICLE
 from sim.scenarios.experiment import Outcome
-from sim.signals import Array
+from sim.signals import Array, Estimate, Measurement, Status
 from sim.statistics import Band, rate
 from sim.store import Record
 from sim.studies.study import Findings, Setup, check_counts, median
 from sim.sweep.trial import Trial, trial
 
-TRUE, JUDGED = "true rate", "omega = 20"
+TRUE, STATE, JUDGED = "true rate", "true state", "omega = 20"
 BANDWIDTHS = {"omega = 5": 5.0, "omega = 10": 10.0, JUDGED: 20.0, "omega = 40": 40.0}
-COLOURS = {TRUE: "#6b7a8c", "omega = 5": "#e07b00", "omega = 10": "#0f9472", JUDGED: "#0d5fa8", "omega = 40": "#c2183b"}
+COLOURS = {
+    TRUE: "#6b7a8c", STATE: "#b3bcc7", JUDGED: "#0d5fa8",
+    "omega = 5": "#e07b00", "omega = 10": "#0f9472", "omega = 40": "#c2183b",
+}  # fmt: skip
 SPEED, NOISE = 3.0, 0.005  # [rad/s] of the body at the start, [rad] of attitudes about every axis
 CONVERGE, SLOWER = 0.99, 1.3
 OFTEN = 0.02  # [s] between what is kept of a run
@@ -38,7 +48,7 @@ class AttitudeConfig:
     seeds: int = 300
     """starts with the rate that the target compares, and with the true one"""
     others: int = 50
-    """starts with each other omega"""
+    """starts with each other omega, and with the true state"""
     seconds: int = 8
     """of a run"""
 
@@ -56,7 +66,12 @@ class AttitudeStudy:
 
     @staticmethod
     def run(config: AttitudeConfig, setup: Setup) -> Findings:
-        counts = {TRUE: config.seeds, **dict.fromkeys(BANDWIDTHS, config.others), JUDGED: config.seeds}
+        counts = {
+            TRUE: config.seeds,
+            STATE: config.others,
+            **dict.fromkeys(BANDWIDTHS, config.others),
+            JUDGED: config.seeds,
+        }
         trials = [flight(name, seed, float(config.seconds)) for name, n in counts.items() for seed in range(n)]
         records = iter(setup.fly(trials))
         flown = {name: [next(records) for _ in range(n)] for name, n in counts.items()}
@@ -67,6 +82,8 @@ class AttitudeStudy:
                 f"A body in MuJoCo, its attitude uniform among all, tumbling with {SPEED:g} rad/s about an axis that "
                 "is drawn, is to follow a reference that turns to and fro about three axes. Attitudes at 500 Hz with "
                 f"{1e3 * NOISE:g} mrad of noise about every axis; no gyro. Intrinsic tracking, k_p = 9, k_d = 6. "
+                "True rate: the same noisy attitudes, as they are read, and the body's rate without error; true state: "
+                "nor is there noise on the attitude. "
                 f"Settled: from when on the body is within {SETTLED:g} rad of the reference.",
             ),
             rows=[
@@ -88,10 +105,56 @@ def flight(name: str, seed: int, seconds: float) -> Trial:
         "duration": seconds, "settled": min(5.0, 0.6 * seconds), "speed": SPEED, "reading.noise": NOISE,
     }  # fmt: skip
     measure = f"{__name__}:angles"
-    if name == TRUE:
-        return trial("attitude-tracking", seed, estimator="full_state", fields=fields, measure=measure)
+    if name in (TRUE, STATE):
+        estimator = "full_state" if name == STATE else f"{__name__}:TrueRate"
+        return trial("attitude-tracking", seed, estimator=estimator, fields=fields, measure=measure)
     fields["estimator.bandwidth"] = BANDWIDTHS[name]
     return trial("attitude-tracking", seed, fields=fields, measure=measure)
+
+
+@dataclass(frozen=True)
+class TrueRateConfig:
+    """It has no fields."""
+
+
+class TrueRate:
+    """The attitude as it is read, noise and all, with the body's rate as it is: what a gyro without error would do."""
+
+    Config = TrueRateConfig
+
+    def __init__(self, mission: LagrangianMission) -> None:
+        self.period = mission.period
+        self._x, self._size = mission.start_state, mission.system.manifold.size
+        self._read = False
+
+    @staticmethod
+    def build(config: TrueRateConfig, mission: LagrangianMission) -> TrueRate:
+        return TrueRate(mission)
+
+    @staticmethod
+    def sensors(config: TrueRateConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        return mission.sensor, mission.full_state_sensor(None)
+
+    @staticmethod
+    def quality(config: TrueRateConfig, mission: LagrangianMission) -> None:
+        """Nothing is certified from it."""
+
+    @staticmethod
+    def properties(config: TrueRateConfig) -> ObserverProperties:
+        """Table 2.1."""
+        return ObserverProperties(
+            Domain.GLOBAL, Rate.FINITE_TIME, InputDependence.UNIFORM, Domain.LOCAL, Domain.GLOBAL,
+            note="the rate is read: there is nothing to observe",
+        )  # fmt: skip
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        x = self._x.copy()
+        for reading in measurements:
+            own = slice(0, self._size) if reading.name == POSITION else slice(self._size, None)
+            x[own] = reading.value[own]
+            self._read = True
+        self._x = x
+        return Estimate(t, x.copy(), None, Status.OK if self._read else Status.INITIALISING)
 
 
 def angles(outcome: Outcome) -> dict[str, Any]:
@@ -118,7 +181,8 @@ def _claim(times: Mapping[str, Array], bands: Mapping[str, Band], seconds: float
         "D.6, further research",
         f"uniform starts: at least {CONVERGE:.0%} converge, settling at most {SLOWER:g} times as late as with the true "
         "rate",
-        f"{settled.text()}; median {bands[JUDGED].median:.2f} s against {bands[TRUE].median:.2f} s, {ratio:.2f} times; "
+        f"{settled.text()}; median {bands[JUDGED].median:.2f} s against {bands[TRUE].median:.2f} s, {ratio:.2f} times "
+        f"(true state {bands[STATE].median:.2f} s); "
         f"{others}",
         settled.value >= CONVERGE and ratio <= SLOWER,
     )  # fmt: skip

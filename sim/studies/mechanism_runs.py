@@ -1,48 +1,51 @@
 """What the study ``mechanisms`` runs: one recorded flight of a mechanism, and every estimator over the same readings.
 
-Baselines are tuned by a stated sweep of one field each, on a run of its own; the observer's omega is given. What is
-reported is of another run, with another frequency.
+What is called tuned, and every baseline, is so by a stated sweep of one field, on a run of its own; the observer's
+omega is given. What is reported is of another run, with another frequency; encoders have no noise, only steps.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from models.manifold.mission import LagrangianMission
 from models.manifold.sensors import POSITION
 from sim.plugins import load
 from sim.scenarios.arm_velocity import VEHICLE, ArmVelocityConfig, believed
-from sim.signals import Measurement
 from sim.sweep.trial import trial
-from sim.tuning import RecordedCall, recorded_error, tuned
+from sim.tuning import RecordedCall, recorded_calls, replayed, spread, tuned
 
 BITS, OMEGA = 14, 30.0
 BEGIN = 1.0  # [s] from when on errors count
+OFTEN = 10  # calls between what is kept of an error over time
 LOAD = 1.3  # times the mass of the last link, where the model errs
 CUTOFFS = (1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 50.0, 80.0, 120.0, 180.0, 250.0)  # [Hz]
-DENSITIES = (0.00003, 0.0001, 0.0003, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0)  # [rad/s^1.5]
+DENSITIES = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)  # [rad/s^1.5]
 OWN = ("two-link", "seven-joint", "cart-pendulum")
 SUITE = (
     "acrobot", "ball_in_cup", "cartpole", "cheetah", "finger", "hopper", "pendulum", "reacher", "walker",
 )  # fmt: skip
 OBSERVER, TUNED = "observer", "observer, tuned"
 DISTURBED, DISTURBED_TUNED = "observer, disturbance", "observer, disturbance, tuned"
-BUTTERWORTH = "Butterworth"
-BANDWIDTHS = (1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 500.0)  # [1/s]
+BUTTERWORTH, HIGH_GAIN, EKF, UKF = "Butterworth", "high gain", "EKF", "UKF"
+BANDWIDTHS = (
+    0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 30.0, 50.0, 80.0, 120.0, 200.0, 300.0, 500.0, 1000.0,
+)  # fmt: skip  # [1/s]
 
 SWEPT: Mapping[str, tuple[str, str, tuple[float, ...]]] = {
     TUNED: ("riemannian_observer", "bandwidth", BANDWIDTHS),
     DISTURBED_TUNED: ("riemannian_observer", "bandwidth", BANDWIDTHS),
     BUTTERWORTH: ("filtered_differences", "cutoff", CUTOFFS),
-    "high gain": ("high_gain", "bandwidth", BANDWIDTHS),
-    "EKF": ("lagrangian_ekf", "acceleration", DENSITIES),
-    "UKF": ("lagrangian_ukf", "acceleration", DENSITIES),
+    HIGH_GAIN: ("high_gain", "bandwidth", BANDWIDTHS),
+    EKF: ("lagrangian_ekf", "acceleration", DENSITIES),
+    UKF: ("lagrangian_ukf", "acceleration", DENSITIES[::2]),  # a decade apart, for what it costs
 }
 """plug-in, the field that is swept, and its values"""
 
@@ -72,18 +75,7 @@ def recorded(motion: Motion) -> tuple[LagrangianMission, list[RecordedCall]]:
         inputs = len(believed(ArmVelocityConfig(mechanism=motion.mechanism)).system.inputs)
         fields["planner.amplitude"] = (1.0,) * inputs
     flight = trial("arm-velocity", motion.seed, controller=controller, fields=fields)
-    recording = flight.build().run().recording
-    agent, truth = recording.agents[VEHICLE], recording.truths[VEHICLE]
-    calls = [
-        RecordedCall(
-            float(t),
-            (Measurement(POSITION, float(t), agent.readings[POSITION][k]),),
-            agent.commands[max(0, k - 1)],
-            truth[k],
-        )
-        for k, t in enumerate(recording.t)
-    ]
-    return believed(flight.config), calls
+    return believed(flight.config), recorded_calls(flight.build().run().recording, VEHICLE, POSITION)
 
 
 @dataclass(frozen=True)
@@ -92,10 +84,20 @@ class Comparison:
 
     mechanism: str
     estimator: str
-    error: float  # [rad/s, m/s] root mean square of |qvel^ - qvel|
+    error: float  # [rad/s, m/s] root mean square of |qvel^ - qvel|; nan where it raised
     setting: float  # of the field that was swept; nan
     at_edge: bool  # of the sweep
     peak: float  # [rad/s, m/s] the largest joint speed
+    restarts: int  # of the estimator
+    refused: int  # readings
+    lost: int  # estimates that it says are lost
+    raised: str = ""  # what it did instead of an estimate
+    over_time: Sequence[float] = field(default=(), repr=False)  # |qvel^ - qvel|, every ``OFTEN`` calls, where asked for
+
+    @property
+    def ran(self) -> bool:
+        """All the time, with a finite error, and without starting anew."""
+        return not self.raised and bool(np.isfinite(self.error)) and not (self.restarts or self.lost)
 
 
 @dataclass(frozen=True)
@@ -106,19 +108,29 @@ class Compared:
     motion: Motion
     estimators: tuple[str, ...]
     values: int  # of a sweep, at most
+    shown: bool = False  # whether errors over time are kept
 
 
 def compared(job: Compared) -> list[Comparison]:
-    """Every estimator over the same readings."""
-    mission, calls = recorded(job.motion)
-    rates = slice(mission.system.manifold.size, None)
-    peak = float(np.abs([call.truth[rates] for call in calls]).max())
-    found = []
-    for name in job.estimators:
+    """Every estimator over the same readings; what a mechanism or an estimator raises is told."""
+    return [_comparison(name, job) for name in job.estimators]
+
+
+def _comparison(name: str, job: Compared) -> Comparison:
+    try:
+        mission, calls = recorded(job.motion)
+        rates = slice(mission.system.manifold.size, None)
+        peak = float(np.abs([call.truth[rates] for call in calls]).max())
         plugin, config, setting, at_edge = _tuned(name, job)
-        error = recorded_error(plugin.build(config, mission), calls, rates, BEGIN)
-        found.append(Comparison(job.motion.mechanism, name, error, setting, at_edge, peak))
-    return found
+        ran = replayed(plugin.build(config, mission), calls, rates)
+    except (ValueError, ArithmeticError, np.linalg.LinAlgError, mujoco.FatalError) as error:
+        told = f"{type(error).__name__}: {error}"
+        return Comparison(job.motion.mechanism, name, np.nan, np.nan, False, np.nan, 0, 0, 0, told)
+    over_time = ran.error[::OFTEN].tolist() if job.shown else ()
+    return Comparison(
+        job.motion.mechanism, name, ran.rms(BEGIN), setting, at_edge, peak, ran.restarts, ran.refused, ran.lost,
+        over_time=over_time,
+    )  # fmt: skip
 
 
 def _tuned(name: str, job: Compared) -> tuple[Any, Any, float, bool]:
@@ -126,14 +138,16 @@ def _tuned(name: str, job: Compared) -> tuple[Any, Any, float, bool]:
     if name not in SWEPT:
         plugin = load("estimators", "riemannian_observer")
         return plugin, plugin.Config(bandwidth=OMEGA, disturbance=name == DISTURBED), float("nan"), False
-    called, field, grid = SWEPT[name]
+    called, swept, grid = SWEPT[name]
     plugin = load("estimators", called)
     config = plugin.Config(disturbance=True) if name == DISTURBED_TUNED else plugin.Config()
+    values = spread(grid, job.values)
+    if len(values) == 1:  # there is nothing to choose from
+        return plugin, replace(config, **{swept: values[0]}), values[0], True
     mission, calls = recorded(job.tuning)
-    grid = tuple(grid[k] for k in sorted({round(k) for k in np.linspace(0, len(grid) - 1, min(job.values, len(grid)))}))
     rates = slice(mission.system.manifold.size, None)
-    found = tuned(plugin, config, mission, calls, field, grid, rates, BEGIN)
-    return plugin, replace(config, **{field: found.best}), found.best, found.at_edge
+    found = tuned(plugin, config, mission, calls, swept, values, rates, BEGIN)
+    return plugin, replace(config, **{swept: found.best}), found.best, found.at_edge
 
 
 def update_cost(motion: Motion) -> list[float]:
@@ -148,17 +162,3 @@ def update_cost(motion: Motion) -> list[float]:
         times.append(1e-3 * (time.thread_time_ns() - began))
     blocks: Sequence[Any] = np.array_split(np.array(times[100:]), max(1, (len(times) - 100) // 100))
     return [float(np.median(block)) for block in blocks]
-
-
-def error_series(job: Compared) -> dict[str, list[float]]:
-    """|qvel^ - qvel| over time [s] of each estimator, every ten milliseconds, for the picture."""
-    mission, calls = recorded(job.motion)
-    rates = slice(mission.system.manifold.size, None)
-    series: dict[str, list[float]] = {"t": [call.t for call in calls[::10]]}
-    for name in job.estimators:
-        plugin, config, _, _ = _tuned(name, job)
-        estimator = plugin.build(config, mission)
-        x = [estimator.update(call.t, call.measurements, call.command).x for call in calls]
-        off = [float(np.linalg.norm(a[rates] - call.truth[rates])) for a, call in zip(x, calls, strict=True)]
-        series[name] = off[::10]
-    return series

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import matplotlib
@@ -11,12 +11,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from renders.figures import INK, STYLE
-from sim.studies.mechanism_runs import BUTTERWORTH, DISTURBED, DISTURBED_TUNED, OBSERVER, TUNED, Comparison
+from sim.studies.mechanism_runs import (
+    BUTTERWORTH,
+    DISTURBED,
+    DISTURBED_TUNED,
+    EKF,
+    HIGH_GAIN,
+    OBSERVER,
+    TUNED,
+    UKF,
+    Comparison,
+)
 
 COLOURS = {
     OBSERVER: "#0d5fa8", TUNED: "#6aa5d8", DISTURBED: "#0f9472", DISTURBED_TUNED: "#7cc9b0",
-    BUTTERWORTH: "#c2183b", "high gain": "#e07b00",
-    "EKF": "#7a4fb5", "UKF": "#b79ad8",
+    BUTTERWORTH: "#c2183b", HIGH_GAIN: "#e07b00",
+    EKF: "#7a4fb5", UKF: "#b79ad8",
 }  # fmt: skip
 
 Found = Mapping[str, Mapping[str, Comparison]]
@@ -29,7 +39,8 @@ class Shown:
     own: Found
     loaded: Found
     suite: Found
-    series: Mapping[str, Sequence[float]]
+    example: str  # the mechanism of ``own`` of which errors over time are drawn
+    step: float  # [s] between them
 
 
 def figure(shown: Shown) -> Figure:
@@ -39,7 +50,7 @@ def figure(shown: Shown) -> Figure:
         axes = page.subplots(2, 2, width_ratios=(1.35, 1.0))
         _draw_bars(axes[0, 0], shown.own, "(a) exact model: error of the joint velocities")
         _draw_bars(axes[0, 1], shown.loaded, "(b) last link 30 % heavier than believed")
-        _draw_series(axes[1, 0], shown.series)
+        _draw_series(axes[1, 0], shown.own[shown.example], shown.step)
         _draw_suite(axes[1, 1], shown.suite)
     return page
 
@@ -56,22 +67,23 @@ def _draw_bars(axes: Axes, found: Found, title: str) -> None:
     axes.set_yscale("log")
     axes.set_ylabel("[rad/s, m/s]")
     axes.grid(axis="x", visible=False)
-    top = max(c.error for some in found.values() for c in some.values())
-    axes.set_ylim(None, top * 20.0)
+    errors = [c.error for some in found.values() for c in some.values() if np.isfinite(c.error)]
+    axes.set_ylim(0.3 * min(errors), max(errors) * 30.0)
     axes.legend(loc="upper left", ncols=2 if len(names) < 5 else 3, fontsize=8.0)
 
 
-def _draw_series(axes: Axes, series: Mapping[str, Sequence[float]]) -> None:
+def _draw_series(axes: Axes, some: Mapping[str, Comparison], step: float) -> None:
     axes.set_title("(c) two-link arm: error over time")
     for name in (BUTTERWORTH, OBSERVER):
-        axes.plot(series["t"], np.maximum(series[name], 1e-6), color=COLOURS[name], lw=1.2)
-        k = len(series["t"]) // 2
-        level = float(np.median(series[name]))
+        error = np.maximum(some[name].over_time, 1e-6)
+        t = step * np.arange(len(error))
+        axes.plot(t, error, color=COLOURS[name], lw=1.2)
         axes.annotate(
-            name, (series["t"][k], level), (0, 16), textcoords="offset points", color=COLOURS[name], weight="bold"
-        )
+            name, (t[len(t) // 2], float(np.median(error))), (0, 16), textcoords="offset points",
+            color=COLOURS[name], weight="bold",
+        )  # fmt: skip
+        axes.set_xlim(0.0, t[-1])
     axes.set_yscale("log")
-    axes.set_xlim(0.0, series["t"][-1])
     axes.set_xlabel("time [s]")
     axes.set_ylabel("[rad/s]")
 
@@ -89,10 +101,10 @@ def _draw_ratio(axes: Axes, height: float, value: float, colour: str) -> None:
 def _draw_suite(axes: Axes, suite: Found) -> None:
     axes.set_title("(d) dm_control's suite: times below the best Butterworth")
     ratios, disturbed = (
-        {name: some[BUTTERWORTH].error / some[by].error for name, some in suite.items()}
+        {name: some[BUTTERWORTH].error / some[by].error for name, some in suite.items() if np.isfinite(some[by].error)}
         for by in (OBSERVER, DISTURBED_TUNED)
     )
-    order = sorted(ratios, key=lambda name: ratios[name])
+    order = sorted(set(ratios) & set(disturbed), key=lambda name: ratios[name])
     for k, name in enumerate(order):
         colour = COLOURS[OBSERVER] if ratios[name] >= 1.0 else COLOURS[BUTTERWORTH]
         _draw_ratio(axes, k + 0.17, ratios[name], colour)

@@ -32,14 +32,16 @@ from sim.studies.missile_flights import (
     CASES,
     DECOUPLED,
     HEAVIER_KINDS,
-    KINDS,
     OPEN_LOOP,
+    OTHERS,
+    PAIRS,
     ROUGH,
     ROUGH_KINDS,
     TOWARDS,
     VEHICLE,
     WITHOUT_LEAD,
     Kind,
+    some,
 )
 from sim.studies.study import Findings, Setup, check_counts
 from sim.sweep.trial import trial
@@ -57,9 +59,16 @@ class MissileClosedLoopConfig:
     """flights of each kind with noise or failures"""
     replans: int = 200
     """at least so many are timed with each solver"""
+    others: int = OTHERS
+    """how many of the kinds of flights that no claim is about"""
+    pairs: int = PAIRS
+    """how many flights in space are planned apart and as one problem"""
 
     def __post_init__(self) -> None:
         check_counts(self)
+        for name, most in (("others", OTHERS), ("pairs", PAIRS)):
+            if (count := getattr(self, name)) > most:
+                raise ValueError(f"{name} = {count}; allowed: a whole number from 1 to {most}")
         if self.cases > len(CASES):
             raise ValueError(f"cases = {self.cases}; allowed: a whole number from 1 to {len(CASES)}")
 
@@ -74,7 +83,8 @@ class MissileClosedLoop:
 
     @staticmethod
     def run(config: MissileClosedLoopConfig, setup: Setup) -> Findings:
-        asked = {kind.name: kind.trials(config.cases, config.seeds) for kind in KINDS}
+        kinds = some(config.others, config.pairs)
+        asked = {kind.name: kind.trials(config.cases, config.seeds) for kind in kinds}
         flown = iter(setup.fly([each for trials in asked.values() for each in trials]))
         records = {name: [next(flown) for _ in trials] for name, trials in asked.items()}
         solvers = (
@@ -89,9 +99,9 @@ class MissileClosedLoop:
                 "is noise or failure. The state is exact where no estimator is named. Times are thread CPU times of "
                 "one replan, the first plan of a flight left out.",
             ),
-            rows=[_row(kind, records[kind.name]) for kind in KINDS],
-            tables=(_flights(records), _decoupling(records, config.cases), _times(replans)),
-            figure=_figure(paths, records, replans),
+            rows=[_row(kind, records[kind.name]) for kind in kinds],
+            tables=(_flights(kinds, records), _decoupling(records, config), _times(replans)),
+            figure=_figure(paths, kinds, records, replans),
             caption="(a) The case SM with mass and inertia +10 %, force -5 % and a steady gust, one plan, by autopilot."
             " (b) Miss of every flight. (c) Times of one replan.",
             claims=_claims(records, replans, backend),
@@ -177,10 +187,10 @@ def _claims(
     ]  # fmt: skip
 
 
-def _flights(records: Mapping[str, Sequence[Record]]) -> Table:
+def _flights(kinds: Sequence[Kind], records: Mapping[str, Sequence[Record]]) -> Table:
     columns = ("flights", "hits", "miss, median [m]", "largest [m]", "aspect error, largest [°]", "cost, mean")
     rows = []
-    for kind in KINDS:
+    for kind in kinds:
         row = _row(kind, records[kind.name])
         hits = f"{row['hits']} of {row['flights']}"
         if kind.seeded:
@@ -192,13 +202,13 @@ def _flights(records: Mapping[str, Sequence[Record]]) -> Table:
     return Table("Every kind of flight", columns, rows)
 
 
-def _decoupling(records: Mapping[str, Sequence[Record]], cases: int) -> Table:
+def _decoupling(records: Mapping[str, Sequence[Record]], config: MissileClosedLoopConfig) -> Table:
     """What it costs that the pitch planner and the yaw planner each see the other's motion only."""
     columns = ("flight", "case", "J planned, apart", "as one", "J flown, apart", "as one", "miss, apart [m]",
                "CPU time of a replan, apart [ms]", "as one [ms]")  # fmt: skip
     rows = []
-    for name, (apart, whole) in DECOUPLED.items():
-        for case, one, other in zip(CASES[:cases], records[apart.name], records[whole.name], strict=True):
+    for name, (apart, whole) in list(DECOUPLED.items())[: config.pairs]:
+        for case, one, other in zip(CASES[: config.cases], records[apart.name], records[whole.name], strict=True):
             planned, flown, ms = (figures((one, other), key) for key in ("planned_cost", "cost", "solve_ms_p50"))
             rows.append(
                 (name, case, *(f"{cost:.3f}" for cost in (*planned, *flown)), f"{one.summary['miss_m']:.1e}",
@@ -218,7 +228,10 @@ def _times(replans: Mapping[str, Mapping[str, Any]]) -> Table:
 
 
 def _figure(
-    paths: Mapping[str, Any], records: Mapping[str, Sequence[Record]], replans: Mapping[str, Mapping[str, Any]]
+    paths: Mapping[str, Any],
+    kinds: Sequence[Kind],
+    records: Mapping[str, Sequence[Record]],
+    replans: Mapping[str, Mapping[str, Any]],
 ) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.4, 7.6), layout="constrained")
@@ -232,7 +245,7 @@ def _figure(
         axes["path"].plot(700.0, 0.0, "x", color="#101824", ms=8, mew=2)
         axes["path"].set(xlabel="x [m]", ylabel="altitude [m]", title="(a) heavier, weaker, gust: one plan")
         axes["path"].legend(fontsize=8)
-        _misses(axes["miss"], records)
+        _misses(axes["miss"], kinds, records)
         for name, found in replans.items():
             ms: Array = np.sort(found["ms"])
             colour = "#c2183b" if name.startswith("fatrop") else "#6b7785"
@@ -249,11 +262,11 @@ def _figure(
     return figure
 
 
-def _misses(axes: Axes, records: Mapping[str, Sequence[Record]]) -> None:
-    for k, kind in enumerate(KINDS):
+def _misses(axes: Axes, kinds: Sequence[Kind], records: Mapping[str, Sequence[Record]]) -> None:
+    for k, kind in enumerate(kinds):
         miss = np.maximum(figures(records[kind.name], "miss_m"), 1e-9)
         axes.plot(miss, np.full(len(miss), k), "o", color=AUTOPILOTS[kind.autopilot], ms=4.5, alpha=0.55, mew=0)
-    axes.set_yticks(range(len(KINDS)), [kind.name for kind in KINDS], fontsize=7.5)
+    axes.set_yticks(range(len(kinds)), [kind.name for kind in kinds], fontsize=7.5)
     axes.invert_yaxis()
     axes.set_xscale("log")
     axes.axvline(1.0, color="#101824", ls=":", lw=1.2)

@@ -61,6 +61,7 @@ DECOUPLED = {  # pitch and yaw planners together, and the same flight as one pro
     ),
 }
 WITHOUT_LEAD = Kind("target at +30 m/s, without lead", {**TOWARDS.fields, "planner.lead": False}, period=None)
+CLAIMED = (OPEN_LOOP, *HEAVIER_KINDS, *ROUGH_KINDS, TOWARDS, AWAY, WITHOUT_LEAD)  # what the claims are about
 KINDS = (
     OPEN_LOOP,
     *HEAVIER_KINDS,
@@ -81,3 +82,14 @@ KINDS = (
     *(kind for pair in DECOUPLED.values() for kind in pair),
     Kind("30 % of the solves fail, rough", {**ROUGH, "faults.solver_failure_rate": 0.3}, period=None, seeded=True),
 )  # fmt: skip
+
+
+def some(others: int, pairs: int) -> tuple[Kind, ...]:
+    """Those that the claims are about, so many of the pairs of ``DECOUPLED``, and so many of the others."""
+    paired = [kind for pair in DECOUPLED.values() for kind in pair]
+    rest = [kind for kind in KINDS if kind not in CLAIMED and kind not in paired]
+    asked = (*CLAIMED, *paired[: 2 * pairs], *rest[:others])
+    return tuple(kind for kind in KINDS if kind in asked)
+
+
+OTHERS, PAIRS = len(KINDS) - len(CLAIMED) - 2 * len(DECOUPLED), len(DECOUPLED)

@@ -48,9 +48,16 @@ class RunTimeConfig:
 
     seeds: int = 6
     """missions for each pair of nodes and horizon, the same for all"""
+    nodes: int = len(NODES)
+    """how many of N = 4, 7, 10, 13, 16, 19"""
+    horizons: int = len(HORIZONS)
+    """how many of T_p = 5, 10, 15, 20, 30 s"""
 
     def __post_init__(self) -> None:
         check_counts(self)
+        for name, most in (("nodes", len(NODES)), ("horizons", len(HORIZONS))):
+            if not 4 <= (count := getattr(self, name)) <= most:  # the claims speak of N = 13 and T_p = 20 s
+                raise ValueError(f"{name} = {count}; allowed: a whole number from 4 to {most}")
 
 
 class RunTime:
@@ -62,6 +69,7 @@ class RunTime:
 
     @staticmethod
     def run(config: RunTimeConfig, setup: Setup) -> Findings:
+        nodes, horizons = NODES[: config.nodes], HORIZONS[: config.horizons]
         trials = {
             (n, horizon, seed): setup.trial(
                 seed, measure=SPACING, fields={"planner.nodes": n, "planner.horizon": horizon}
@@ -69,21 +77,21 @@ class RunTime:
             for seed in range(
                 config.seeds
             )  # all pairs of a mission one after the other, at the same load of the machine
-            for n in NODES
-            for horizon in HORIZONS
+            for n in nodes
+            for horizon in horizons
         }
         records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
         cells = {
             (n, horizon): _cell(n, horizon, [records[n, horizon, seed] for seed in range(config.seeds)])
-            for n in NODES
-            for horizon in HORIZONS
+            for n in nodes
+            for horizon in horizons
         }
         for (n, horizon), cell in cells.items():  # from the shortest horizon on
-            shorter = [cells[n, other] for other in HORIZONS if other < horizon]
+            shorter = [cells[n, other] for other in horizons if other < horizon]
             cell["area"] = _area(cell, [other for other in shorter if other["area"] == "C"])
-        load = {n: _load([cells[n, horizon] for horizon in HORIZONS]) for n in NODES}
-        means = [load[n]["mean_ms"] for n in NODES]
-        largest = [load[n]["max_ms"] for n in NODES]
+        load = {n: _load([cells[n, horizon] for horizon in horizons]) for n in nodes}
+        means = [load[n]["mean_ms"] for n in nodes]
+        largest = [load[n]["max_ms"] for n in nodes]
         ratio = cells[13, 20.0]["mean_ms"] / cells[4, 5.0]["mean_ms"]
         return Findings(
             summary=(
@@ -101,7 +109,7 @@ class RunTime:
                     "Figure A.4(a), A.6", "both grow from each N to the next",
                     "mean " + ", ".join(f"{t:.2f}" for t in means) + " ms; largest "
                     + ", ".join(f"{t:.1f}" for t in largest) + " ms (medians over the missions) at "
-                    f"N = {', '.join(map(str, NODES))}",
+                    f"N = {', '.join(map(str, nodes))}",
                     falls(means[::-1]) and falls(largest[::-1]),
                 ),
                 Claim(
@@ -156,11 +164,17 @@ def _loads(load: Mapping[int, Mapping[str, float]]) -> Table:
     return Table("Figure A.4(a): one replan, mean and deviation over the horizons", columns, cells)
 
 
+def _axes(cells: Mapping[tuple[int, float], Any]) -> tuple[list[int], list[float]]:
+    """The numbers of nodes and the horizons of the pairs."""
+    return list(dict.fromkeys(n for n, _ in cells)), list(dict.fromkeys(horizon for _, horizon in cells))
+
+
 def _strip(cells: Mapping[tuple[int, float], Mapping[str, Any]]) -> Table:
-    columns = ("N", *(f"T_p = {horizon:g} s" for horizon in HORIZONS))
+    nodes, horizons = _axes(cells)
+    columns = ("N", *(f"T_p = {horizon:g} s" for horizon in horizons))
     rows = [
-        (str(n), *(f"{cells[n, horizon]['area']}   {cells[n, horizon]['cost']:,.0f}" for horizon in HORIZONS))
-        for n in NODES
+        (str(n), *(f"{cells[n, horizon]['area']}   {cells[n, horizon]['cost']:,.0f}" for horizon in horizons))
+        for n in nodes
     ]
     return Table("Figure A.4(b): area, and mean cost of a mission", columns, rows)
 
@@ -169,9 +183,10 @@ def _figure(load: Mapping[int, Mapping[str, float]], cells: Mapping[tuple[int, f
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 3.6), layout="constrained")
         time, strip = figure.subplots(1, 2)
+        nodes, horizons = _axes(cells)
         for key, name, style in (("max", "largest", "s--"), ("mean", "mean", "o-")):
             time.errorbar(
-                NODES, [load[n][f"{key}_ms"] for n in NODES], [load[n][f"{key}_std_ms"] for n in NODES],
+                nodes, [load[n][f"{key}_ms"] for n in nodes], [load[n][f"{key}_std_ms"] for n in nodes],
                 fmt=style, capsize=3, label=name,
             )  # fmt: skip
         time.set_yscale("log")
@@ -181,13 +196,13 @@ def _figure(load: Mapping[int, Mapping[str, float]], cells: Mapping[tuple[int, f
         time.set(xlabel="N", ylabel="CPU time [ms]", title="(a) run-time of one replan")
         time.legend()
         for (n, horizon), cell in cells.items():
-            k, m = NODES.index(n), HORIZONS.index(horizon)
+            k, m = nodes.index(n), horizons.index(horizon)
             strip.fill(
                 [k - 0.5, k + 0.5, k + 0.5, k - 0.5], [m - 0.5, m - 0.5, m + 0.5, m + 0.5], color=AREAS[cell["area"]][0]
             )
             strip.text(k, m, cell["area"], ha="center", va="center", color="#1b2733", weight="bold")
-        strip.set_xticks(range(len(NODES)), [str(n) for n in NODES])
-        strip.set_yticks(range(len(HORIZONS)), [f"{horizon:g}" for horizon in HORIZONS])
+        strip.set_xticks(range(len(nodes)), [str(n) for n in nodes])
+        strip.set_yticks(range(len(horizons)), [f"{horizon:g}" for horizon in horizons])
         strip.set(xlabel="N", ylabel="T_p [s]", title="(b) useful horizons")
         strip.grid(False)
         handles = [Patch(color=colour, label=f"{area}: {meaning}") for area, (colour, meaning) in AREAS.items()]

@@ -13,20 +13,36 @@ import numpy as np
 
 from renders.claims import Claim
 from renders.study_report import Table
-from renders.sweep_data import figures
 from sim.signals import Array
-from sim.statistics import Band
 from sim.store import Record
 from sim.studies.jobs import Jobs
 from sim.studies.riemannian_identities import Place, residuals
 from sim.studies.sphere_figure import Shown, figure
-from sim.studies.sphere_runs import FILTERS, ContinuousRun, cart_pendulum, flown, off_geodesic, tumbling
-from sim.studies.study import Findings, Setup, check_counts, median
+from sim.studies.sphere_noise import (
+    CUTOFFS,
+    SETTLING,
+    SPEEDS,
+    SWEPT,
+    TUNED_ON,
+    Flight,
+    Noise,
+    Sweep,
+    Tumbling,
+    errors,
+    noise_claim,
+    noise_rows,
+    noise_tables,
+    settings,
+    settling,
+    swept,
+)
+from sim.studies.sphere_runs import ContinuousRun, cart_pendulum, flown, off_geodesic
+from sim.studies.study import Findings, Setup, check_counts
+from sim.tuning import Tuning
 
 SPACES = ("S^3", "H^2")
 GAINS = ("printed", "repaired")
 DIMENSIONS, CURVATURES = (2, 3, 5), (1.0, -1.0)
-OBSERVER = "observer"
 IDENTICAL = 1e-7  # largest residual of an identity
 _REPAIRED_AT = (2.9, 3.1)  # [s]
 _GONE = 0.01  # of the velocity error at the start
@@ -42,7 +58,11 @@ class SphereConfig:
     seconds: int = 30
     """of the runs in continuous time"""
     noisy: int = 8
-    """runs with noise of each estimator"""
+    """runs with noise"""
+    fast: int = len(SPEEDS)
+    """speeds from which settling is timed, at most"""
+    values: int = len(CUTOFFS)
+    """of a sweep, at most, spread over it"""
     bodies: int = 20
     """free bodies in MuJoCo"""
 
@@ -54,13 +74,15 @@ class Sphere:
     """The observer of D.5 as printed and repaired, on S^3, on H^2 and on the cart and pendulum (Figure D.4)."""
 
     Config = SphereConfig
-    quick = SphereConfig(points=20, seconds=6, noisy=1, bodies=2)
+    quick = SphereConfig(points=20, seconds=6, noisy=1, fast=1, values=4, bodies=2)
     title = "Riemannian observers: Figure D.4, as printed and repaired"
     on_terrain = False
 
     @staticmethod
     def run(config: SphereConfig, setup: Setup) -> Findings:
-        jobs = Jobs()
+        jobs, longest = Jobs(), min(6.0, 0.5 * config.seconds)
+        for name in SWEPT:
+            jobs.add(("tuned", name), swept, [Sweep(name, longest, config.values)])
         for gains in GAINS:
             for space in SPACES:
                 jobs.add((space, gains), flown, [ContinuousRun(space, gains, config.seconds)])
@@ -69,37 +91,36 @@ class Sphere:
                 jobs.add("identities", residuals, [Place(n, kappa, seed) for seed in range(config.points)])
         jobs.add("bodies", off_geodesic, range(config.bodies))
         done = jobs.done(setup)
-        names = (OBSERVER, *FILTERS)
-        trials = [
-            tumbling(name, seed, min(6.0, 2.0 + config.seconds)) for name in names for seed in range(config.noisy)
-        ]
-        carts = [cart_pendulum(gains, min(10.0, config.seconds)) for gains in GAINS]
-        records = setup.fly([*trials, *carts])
-        noisy = {name: records[k * config.noisy : (k + 1) * config.noisy] for k, name in enumerate(names)}
+        carts = setup.fly([cart_pendulum(gains, min(10.0, config.seconds)) for gains in GAINS])
         runs = {(space, gains): done[space, gains][0] for space in SPACES for gains in GAINS}
-        runs |= {("cart and pendulum", g): _series(r) for g, r in zip(GAINS, records[len(trials) :], strict=True)}
+        runs |= {("cart and pendulum", g): _series(r) for g, r in zip(GAINS, carts, strict=True)}
         evidence = Evidence(
             runs=runs,
             residuals=_worst(done["identities"]),
             tried=len(done["identities"]),
             off=np.array(done["bodies"]),
-            noise={name: median(figures(some, "velocity_rms")) for name, some in noisy.items()},
+            noise=_noise(config, setup, {name: done["tuned", name][0] for name in SWEPT}, longest),
         )
         return Findings(
             summary=(
                 "S^3: the data, the force and the gains of D.5, xi(0) = x(0) and eta(0) = 0. H^2: a point in a bowl, "
                 "U = 4 p_0. Cart and pendulum: in MuJoCo, exact positions at 1 kHz. Printed: A = 3 (1 + S) / sqrt(S + "
-                "1e-7), B = 3; repaired: A = B = 3; C = -1. The noisy runs are of a body in MuJoCo under torques, "
-                "attitudes at 1 kHz with .01 rad of noise about every axis, the observer with omega = 10; errors of "
-                "the body rate from 2 s on.",
+                "1e-7), B = 3; repaired: A = B = 3; C = -1.",
+                "The noisy runs are of a body in MuJoCo under torques, attitudes at 1 kHz with .01 rad of noise about "
+                "every axis, the observer with omega = 10; errors of the body rate once a third of a run is over, over "
+                "the same readings for every estimator. Tuned: the best of a sweep of one field on another run, of "
+                f"seed {TUNED_ON}. In stationary noise and with an exact model a tuned EKF wins: it is told how large "
+                "the noise is, and its gain falls as it learns. It also settles first, from any rate. The observer is "
+                "told nothing of the noise, and settles in 6.6 / omega where |v|, half the body rate, is less than "
+                "about 3 omega; high gain of the same omega does so too, and more surely at the greatest rate.",
             ),
             rows=_rows(evidence),
-            tables=(_identity_table(evidence), _noise_table(evidence)),
-            figure=figure(Shown(runs, evidence.noise, evidence.residuals)),
+            tables=(_identity_table(evidence), *noise_tables(evidence.noise)),
+            figure=figure(Shown(runs, evidence.noise.errors, evidence.residuals)),
             caption="(a) to (f) Distance between x and xi, and length of v - v^, with the gains as printed and "
             "repaired; dashed: 1 % of the velocity at the start. (g) v on S^3 and what the observer makes of it, "
             "three of four ambient components (Figure D.4). (h) Lyapunov functions along the repaired run. (i) Body "
-            "rates from noisy attitudes.",
+            "rates from noisy attitudes; blue: the observer.",
             claims=claims(evidence),
         )
 
@@ -112,7 +133,7 @@ class Evidence:
     residuals: Mapping[str, float]  # by equation, the largest
     tried: int  # pairs of points
     off: Array  # [rad] of free bodies in MuJoCo from their geodesics
-    noise: Mapping[str, Band]  # [rad/s] by estimator
+    noise: Noise
 
     def left(self, space: str, gains: str) -> float:
         """Of the velocity error at the start, at the end."""
@@ -135,9 +156,6 @@ def claims(e: Evidence) -> list[Claim]:
     thetas = ", ".join(f"{space} {e.runs[space, 'printed']['theta'][-1]:.1g}" for space in spaces)
     left = ", ".join(f"{space} {e.left(space, 'printed'):.1%}" for space in spaces)
     gone = {space: e.gone_at(space, "repaired") for space in spaces}
-    best = min((name for name in FILTERS if "Butterworth" in name), key=lambda name: e.noise[name].median)
-    own = e.noise[OBSERVER].median
-    ratios = e.noise["differences"].median / own, e.noise[best].median / own
     return [
         Claim(
             "riemannian.identities", "target", "The identities of the distance and of parallel transport hold.",
@@ -161,12 +179,7 @@ def claims(e: Evidence) -> list[Claim]:
             "RK4, 5 s at 10 rad/s: at most 1e-9 rad off", f"{e.off.max():.1e} rad at most, of {len(e.off)} bodies",
             bool(e.off.max() <= 1e-9),
         ),
-        Claim(
-            "riemannian.noise", "target", "Noisy attitudes tell the body rate better by the observer.", "D.1",
-            "error at least 2500 times below that of differences, and 10 times below the better Butterworth filter's",
-            f"{ratios[0]:.0f} times, and {ratios[1]:.0f} times below {best}: {own:.4f} rad/s",
-            ratios[0] >= 2500.0 and ratios[1] >= 10.0,
-        ),
+        noise_claim(e.noise),
         Claim(
             "D.converges", "printed", "The observer converges from xi = x, eta = 0.", "Theorem D.2, Figure D.4",
             "position and velocity error go",
@@ -194,6 +207,18 @@ def claims(e: Evidence) -> list[Claim]:
     ]  # fmt: skip
 
 
+def _noise(config: SphereConfig, setup: Setup, tunings: Mapping[str, Tuning], longest: float) -> Noise:
+    """Every estimator over noisy runs, and from several speeds."""
+    own, jobs = settings(tunings), Jobs()
+    speeds = SPEEDS[: config.fast]
+    jobs.add("errors", errors, [Flight(Tumbling(seed, longest), own) for seed in range(config.noisy)])
+    for speed in speeds:
+        runs = [Tumbling(seed, min(SETTLING, longest), speed) for seed in range((config.noisy + 1) // 2)]
+        jobs.add(speed, settling, [Flight(run, own) for run in runs])
+    done = jobs.done(setup)
+    return Noise.of(tunings, done["errors"], {speed: done[speed] for speed in speeds})
+
+
 def _worst(found: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {name: max(one[name] for one in found) for name in found[0]}
 
@@ -211,16 +236,9 @@ def _rows(e: Evidence) -> list[dict[str, Any]]:
             rows.append(
                 {"what": "run", "space": space, "gains": gains, "t_s": t, "distance": theta, "velocity_error": error}
             )
-    rows += [{"what": "noise", "estimator": name, "rms_rad_s": band.median} for name, band in e.noise.items()]
-    return rows
+    return rows + noise_rows(e.noise)
 
 
 def _identity_table(e: Evidence) -> Table:
     shown = [(name, f"{value:.1e}") for name, value in e.residuals.items()]
     return Table("Identities: largest residual", ("equation", "left side less right"), shown)
-
-
-def _noise_table(e: Evidence) -> Table:
-    own = e.noise[OBSERVER].median
-    shown = [(name, band.text(), f"{band.median / own:.1f}") for name, band in e.noise.items()]
-    return Table("Body rates from noisy attitudes", ("estimator", "error [rad/s]", "times the observer's"), shown)

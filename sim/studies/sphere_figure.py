@@ -20,6 +20,7 @@ COMPONENTS = ("#0d5fa8", "#e07b00", "#0f9472")
 _TITLES = {"S^3": "$S^3$", "H^2": "$H^2$", "cart and pendulum": "cart and pendulum, flat"}
 _HALO = [patheffects.withStroke(linewidth=3.0, foreground="white")]
 _LEAST = 1e-7  # that is drawn
+_LEAST_ERROR = 1e-4  # [rad/s] where the bars of (i) begin
 _LONGEST = 10.0  # [s] of (a) to (f)
 _SHOWN = 4.0  # [s] of (g) and (h)
 
@@ -105,15 +106,15 @@ def _draw_noise(axes: Axes, noise: Mapping[str, Band]) -> None:
     axes.set_title("(i) noisy attitudes at 1 kHz: body rate")
     names = list(noise)[::-1]
     for k, name in enumerate(names):
-        band, colour = noise[name], "#0d5fa8" if name == "observer" else "#6b7a8c"
-        axes.plot([1e-3, band.median], [k, k], color=colour, lw=7.0, solid_capstyle="butt", alpha=0.85)
+        band, colour = noise[name], "#0d5fa8" if name.startswith("observer") else "#6b7a8c"
+        axes.plot([_LEAST_ERROR, band.median], [k, k], color=colour, lw=7.0, solid_capstyle="butt", alpha=0.85)
         axes.annotate(
             f"{band.median:.3g} rad/s", (band.median, k), (6, 0), textcoords="offset points", va="center",
             color=colour, weight="bold",
         )  # fmt: skip
     axes.set_yticks(range(len(names)), names)
     axes.set_xscale("log")
-    axes.set_xlim(1e-3, 30.0 * max(band.median for band in noise.values()))
+    axes.set_xlim(_LEAST_ERROR, 100.0 * max(band.median for band in noise.values()))
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("root mean square error [rad/s]")

@@ -1,4 +1,4 @@
-"""What the study ``sphere`` runs: the observer (D.6) on S^3 and H^2, on the cart and pendulum, and with noise."""
+"""What the study ``sphere`` runs without noise: the observer (D.6) on S^3 and H^2, and on the cart and pendulum."""
 
 from __future__ import annotations
 
@@ -28,8 +28,6 @@ BOWL = 4.0  # [1/s^2] c of the potential on H^2
 H2_START, H2_VELOCITY = (0.8, 0.3), (0.9, 2.4)  # in normal coordinates about the origin, and in the frame there
 KEPT = 0.01  # [s] between what is kept of a run
 STEPS = {"printed": 2e-4, "repaired": 1e-3}  # [s]; the printed A is up to 9487 per second, of which RK4 bears 2.78
-TORQUES = {"planner.amplitude": (0.3, 0.2, 0.25), "planner.frequency": 2.0}  # [N m], [rad/s]
-FILTERS = {"differences": 0.0, "Butterworth 5 Hz": 5.0, "Butterworth 20 Hz": 20.0}  # cutoff [Hz]
 FASTEST = 10.0  # [rad/s] of the free body in MuJoCo
 
 _GAINS: Mapping[str, Mapping[str, Any]] = {
@@ -93,7 +91,7 @@ def _instant(system: PointSystem, state: Array) -> Instant:
     return x, system.force(x, state[n:], np.zeros(n))
 
 
-# ---- the cart and pendulum, and noise
+# ---- the cart and pendulum
 
 
 def cart_pendulum(gains: str, seconds: float) -> Trial:
@@ -112,15 +110,6 @@ def mechanism_errors(outcome: Outcome) -> dict[str, Any]:
     every = max(1, round(KEPT / float(errors.t[1] - errors.t[0])))
     kept = {"t": errors.t, "theta": errors.position, "speed_error": errors.norm}
     return {name: values[::every].tolist() for name, values in kept.items()}
-
-
-def tumbling(estimator: str, seed: int, seconds: float) -> Trial:
-    """A body in MuJoCo under torques, attitudes at 1 kHz with .01 rad of noise about every axis."""
-    fields: dict[str, Any] = {"duration": seconds, **TORQUES}
-    if estimator in FILTERS:
-        fields["estimator.cutoff"] = FILTERS[estimator]
-        return trial("sphere-observer", seed, estimator="filtered_differences", fields=fields)
-    return trial("sphere-observer", seed, estimator="riemannian_observer", fields=fields)
 
 
 # ---- MuJoCo's ball joint

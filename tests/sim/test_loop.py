@@ -14,8 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.aerial.dynamics import state_at
+from sim.cockpit import Agent
 from sim.log import Recording
-from sim.loop import Agent, simulate, whole_ticks
+from sim.loop import simulate, whole_ticks
 from sim.protocols import Plant, Sensor
 from sim.signals import Array, Estimate, Event, Measurement, Message, Phase, Plan, PlanRequest, Status
 from tests import flight

@@ -423,10 +423,26 @@ def test_what_is_no_quaternion_is_refused(quaternion: list[float]) -> None:
         plant.place("v", np.zeros(10))
 
 
-def test_a_free_joint_is_refused() -> None:
-    free = '<mujoco><worldbody><body name="v/b"><freejoint name="v/f"/><geom size=".1"/></body></worldbody></mujoco>'
-    with pytest.raises(ValueError, match="other than slides, hinges and balls"):
-        MujocoPlant(mujoco.MjModel.from_xml_string(free), {"v": Equipment(np.zeros(13))}, np.random.default_rng(0))
+FREE = """<mujoco><option timestep=".001" integrator="RK4"/><worldbody><body name="v/b"><freejoint name="v/f"/>
+  <inertial pos="0 0 0" mass="2" diaginertia=".1 .2 .25"/><geom size=".1"/></body></worldbody></mujoco>"""
+
+
+def test_a_free_joint_is_a_position_before_a_quaternion() -> None:
+    state = np.array([1.0, 2.0, 3.0, 0.5, 0.5, -0.5, 0.5, 4.0, 5.0, 6.0, 0.7, 0.8, 0.9])
+    plant = MujocoPlant(mujoco.MjModel.from_xml_string(FREE), {"v": Equipment(state)}, np.random.default_rng(0))
+    assert plant.state_names("v") == (
+        *(f"position_f_{axis} [m]" for axis in "xyz"), *(f"attitude_f_{axis} [-]" for axis in "wxyz"),
+        *(f"velocity_f_{axis} [m/s]" for axis in "xyz"), *(f"rate_f_{axis} [rad/s]" for axis in "xyz"),
+    )  # fmt: skip
+    np.testing.assert_array_equal(plant.state("v"), state)
+    plant.displace("v", np.array([1.0, -1.0, 0.5]))
+    np.testing.assert_array_equal(plant.state("v")[:3], [2.0, 1.0, 3.5])
+    plant.apply_wrench("v", np.array([2.0, 0.0, 0.0]))  # in the world frame, whatever the attitude
+    plant.step({"v": np.empty(0)}, 10)
+    np.testing.assert_allclose(plant.state("v")[7:10] - state[7:10], [0.01, 0.0, -0.0981], atol=1e-12)
+    assert abs(np.linalg.norm(plant.state("v")[3:7]) - 1.0) < 1e-15 * 4.0
+    with pytest.raises(ValueError, match=r"vehicle 'v': state = .* quaternion of length .*; allowed: 1"):
+        plant.place("v", 2.0 * state)
 
 
 @pytest.mark.parametrize("omega", [[10.0, 0.0, 0.0], [3.0, -6.0, 7.0], [0.1, 0.2, 0.0]])

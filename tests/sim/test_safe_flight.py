@@ -20,7 +20,8 @@ from models.terrain.library import load_terrain
 from sim.plugins import Part, load
 from sim.protocols import Planner, Tracker
 from sim.scenarios.experiment import Outcome
-from sim.scenarios.safe_flight import Faults, Noise, SafeFlight, SafeFlightConfig
+from sim.scenarios.flight_parts import Faults, Noise
+from sim.scenarios.safe_flight import SafeFlight, SafeFlightConfig
 from sim.signals import Array, Plan, PlanRequest
 from tests import flight
 

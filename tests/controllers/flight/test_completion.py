@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -83,3 +84,14 @@ def test_arcs_join_exactly(u: list[tuple[float, float, float]], duration: float)
     plan = arcs.plan(0.0, 0.0)
     assert len(plan.u) == len(u)
     np.testing.assert_array_equal(flow(plan.x[:-1], plan.u, duration), plan.x[1:])
+
+
+def test_level_flight_is_at_the_level_that_is_told_unless_the_ground_is_higher() -> None:
+    terrain, start, target = flight.mountains(), np.array([3e3, 3e3, 900.0]), np.array([9e3, 9e3, 900.0])
+    highest = highest_ground(terrain, start[:2], target[:2])
+    for level, expected in ((highest + 700.0, highest + 700.0), (0.0, highest + 51.0)):
+        arcs = ArcList.begin(0.0, np.concatenate([start, np.zeros(3)]))
+        complete(arcs, terrain, target, 50.0, 300.0, 40.0, level=level)
+        plan = arcs.plan(0.0, 0.0)
+        cruising = plan.x[:-1][plan.phase == Phase.CRUISE]
+        assert cruising[:, 2] == pytest.approx(expected)

@@ -23,7 +23,8 @@ from controllers.flight.tracker import CriticallyDamped, tracking_bound
 from estimators.full_state import FullState, FullStateConfig
 from models.aerial.dynamics import state_at
 from models.aerial.mission import FlightMission
-from sim.loop import Agent, simulate
+from sim.cockpit import Agent
+from sim.loop import simulate
 from sim.metrics import flown_clearance
 from sim.protocols import Planner
 from sim.signals import Array, Phase, Plan, PlanRequest, Status

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, cast
 
 import casadi as ca
@@ -75,6 +76,11 @@ def held(landscape: Landscape, lengths: tuple[float, ...], distance: float) -> P
     return Problem(parameters, landscape, start, hold=target)
 
 
+def timed(problem: Problem, share: float) -> Problem:
+    """With a length to go at p_N that is this share of that at the start."""
+    return replace(problem, wanted=share * float(problem.landscape.cost(problem.start[:3])[0]))
+
+
 def some_problems(landscape: Landscape) -> list[Problem]:
     rest, towards = np.zeros(3), np.array([180.0, 160.0, 0.0])
     return [
@@ -89,6 +95,8 @@ def some_problems(landscape: Landscape) -> list[Problem]:
         problem_at(landscape, 12_000.0, 12_000.0, 120.0, towards, stretched(12, 40.0, 1.2)),
         problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, stretched(6, 15.0, 0.8)),
         held(landscape, stretched(6, 10.0, 1.25), 2_200.0),
+        timed(problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, uniform(8)), 0.85),
+        timed(problem_at(landscape, 9_000.0, 8_000.0, 300.0, towards, uniform(8)), 0.95),
     ]
 
 
@@ -189,6 +197,16 @@ def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_fin
         assert ours.converged
         assert theirs.cost == pytest.approx(kernel_cost(problem, theirs.unknowns), rel=1e-6)
         assert ours.cost == pytest.approx(theirs.cost, rel=1e-5, abs=1e-5), problem.start
+
+
+@pytest.mark.parametrize("share", [0.8, 0.9, 0.97])
+def test_a_length_to_go_that_is_wanted_is_had_where_it_can_be(landscape: Landscape, share: float) -> None:
+    """Within a few metres: sooner by flying faster, later by flying slower or about."""
+    problem = timed(problem_at(landscape, 6_000.0, 9_000.0, 300.0, np.array([180.0, 160.0, 0.0]), uniform(12)), share)
+    solution = solved(GaussNewton().solve(problem, np.zeros(37)))
+    s = problem.stencil
+    end = problem.start[:3] + s.base[-2] * problem.start[3:] + s.weights[-2] @ solution.accelerations
+    assert float(landscape.cost(end)[0]) == pytest.approx(problem.wanted, abs=5.0)
 
 
 def test_a_warm_start_from_the_solution_finds_it_again(landscape: Landscape) -> None:

@@ -15,7 +15,8 @@ from controllers.missile.shooting import Failed
 from controllers.missile.trajectory import Trajectory, flown
 from models.missile.coordinates import PLANAR, SPATIAL
 from models.missile.mission import MissileMission, Target
-from sim.loop import Agent, simulate
+from sim.cockpit import Agent
+from sim.loop import simulate
 from sim.protocols import Planner
 from sim.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from tests.controllers.missile.flights import built, deviation, miss, mission

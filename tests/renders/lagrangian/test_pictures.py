@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from renders import opengl
+from renders import opengl, video
 from renders.film import Frame
 from renders.lagrangian.caption import words
 from renders.lagrangian.drawing import painter
@@ -111,7 +111,10 @@ def test_a_still_is_not_blank(folders: dict[str, Path], tmp_path: Path) -> None:
 
 
 @needs_opengl
-def test_a_video_has_the_size_and_length_asked_for(folders: dict[str, Path], tmp_path: Path) -> None:
+def test_a_video_has_the_size_and_length_asked_for(
+    folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(video, "MOST_WORKERS", 1)  # a start costs more than these few pictures
     path = write_video(
         folders["hyperbolic-plane"], path=tmp_path / "v.mp4", width=160, height=90, fps=2, progress=False
     )

@@ -1,0 +1,206 @@
+"""The least distance of two plans for all future time, exactly.
+
+Two plans are arcs of constant acceleration, then rest. Between two neighbouring breakpoints of either, with s in [0, 1]
+the part of that interval that has passed, their relative position is
+
+    Delta(s) = C + B s + A s^2,
+
+so |Delta|^2 is a quartic. It is least at an end of the interval or where the cubic
+
+    g(s) = Delta . Delta' = C.B + (B.B + 2 C.A) s + 3 A.B s^2 + 2 A.A s^3
+
+goes from negative to positive. As its leading coefficient is not negative, g rises up to the smaller root of g', a
+quadratic, and from the larger one on, and nowhere else has |Delta|^2 a minimum. On each of these two parts g has one
+root at most, which Newton's method finds in a bracket: no degree degenerates, and at a nearly double root of g, where
+|Delta|^2 hardly changes, the roots of g' are looked at too.
+
+An interval is passed over where boxes suffice: Delta stays within the convex hull of C, C + B / 2 and C + B + A, so its
+distance from zero is at least that of their axis-aligned box. The whole plans have boxes as well.
+
+Before its start a plan stands where it begins and after its end it rests for ever where it ends, as
+``models.aerial.dynamics.state_at`` has it. A plan that takes over from another at its start is not flown before: who
+compares it gives that time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from models.aerial.kernels import arc_at
+from sim.checks import check
+from sim.signals import Array, Plan
+
+Vector = tuple[float, float, float]
+
+_STEPS = 80  # of Newton's method at most; a triple root takes as many
+_RESOLUTION = 1e-15  # of s
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Where a plan leads, in read-only arrays of its own, with a box around all of it."""
+
+    t: Array  # (K + 1,) [s] absolute, increasing
+    x: Array  # (K + 1, 6) [m, m/s] map frame, states at t; K = 0 stands still
+    u: Array  # (K, 3) [m/s^2] held over [t[k], t[k + 1]]
+    low: Array  # (3,) [m] corner of the box
+    high: Array  # (3,) [m] the opposite one
+    speed: float  # [m/s] greatest
+
+    @staticmethod
+    def of(plan: Plan | Trajectory) -> Trajectory:
+        """ValueError for a plan that is a failure, or whose arrays do not fit together or are not finite."""
+        if isinstance(plan, Trajectory):
+            return plan
+        if not plan.ok:
+            raise ValueError(f"status = {plan.status.name}; allowed: OK")
+        t, x, u = (np.array(values, dtype=np.float64, order="C") for values in (plan.t, plan.x, plan.u))
+        arcs = t.size - 1
+        if arcs < 0 or t.shape != (arcs + 1,) or x.shape != (arcs + 1, 6) or u.shape != (arcs, 3):
+            shapes = f"t {t.shape}, x {x.shape}, u {u.shape}"
+            raise ValueError(f"{shapes}; allowed: (K + 1,), (K + 1, 6), (K, 3) with K >= 0")
+        if not (np.isfinite(t).all() and np.isfinite(x).all() and np.isfinite(u).all()):
+            raise ValueError("t, x or u is not finite; allowed: finite values")
+        if not (np.diff(t) > 0.0).all():
+            raise ValueError("t does not increase; allowed: increasing times")
+        p, v, h = x[:, :3], x[:, 3:], np.diff(t)[:, np.newaxis]
+        middle = p[:-1] + 0.5 * h * v[:-1]  # with both ends, its hull holds the arc
+        hull = np.vstack([p, middle, middle + 0.5 * h * (v[:-1] + h * u)])
+        for values in (t, x, u):
+            values.setflags(write=False)
+        return Trajectory(t, x, u, hull.min(axis=0), hull.max(axis=0), math.sqrt(float((v * v).sum(axis=1).max())))
+
+
+def least_distance(plan_a: Plan | Trajectory, plan_b: Plan | Trajectory, t: float) -> float:
+    """min |p_a(s) - p_b(s)| over s in [t, infinity) [m]; ValueError for what ``Trajectory.of`` refuses."""
+    check(t, "t", -math.inf)
+    a, b = Trajectory.of(plan_a), Trajectory.of(plan_b)
+    return math.sqrt(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), math.inf))
+
+
+def clear(plan_a: Plan | Trajectory, plan_b: Plan | Trajectory, distance: float, t: float) -> bool:
+    """Whether |p_a(s) - p_b(s)| >= distance [m] for all s in [t, infinity); no roots where boxes suffice.
+
+    ValueError for what ``Trajectory.of`` refuses and for a negative distance.
+    """
+    check(distance, "distance", 0.0)
+    check(t, "t", -math.inf)
+    a, b = Trajectory.of(plan_a), Trajectory.of(plan_b)
+    squared = float(distance) * float(distance)
+    gap = np.maximum(np.maximum(a.low - b.high, b.low - a.high), 0.0)
+    if gap @ gap > squared * (1.0 + 1e-9):  # rounding of a box decides nothing
+        return True
+    return bool(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), squared) >= squared)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _at(C: Vector, B: Vector, A: Vector, s: float) -> Vector:
+    """C + B s + A s^2."""
+    return C[0] + s * (B[0] + s * A[0]), C[1] + s * (B[1] + s * A[1]), C[2] + s * (B[2] + s * A[2])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _motion(breaks: Array, x: Array, u: Array, k: int, t: float) -> tuple[Vector, Vector, Vector]:
+    """Position, velocity and acceleration of arc k at t; at rest before the first and after the last."""
+    zero = (0.0, 0.0, 0.0)
+    if k < 0 or k >= len(u):
+        row = 0 if k < 0 else len(u)
+        return (x[row, 0], x[row, 1], x[row, 2]), zero, zero
+    s = t - breaks[k]
+    a = (u[k, 0], u[k, 1], u[k, 2])
+    v = (x[k, 3], x[k, 4], x[k, 5])
+    p = _at((x[k, 0], x[k, 1], x[k, 2]), v, (0.5 * a[0], 0.5 * a[1], 0.5 * a[2]), s)
+    return p, (v[0] + s * a[0], v[1] + s * a[1], v[2] + s * a[2]), a
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _box_squared(C: Vector, B: Vector, A: Vector) -> float:
+    """Squared distance of zero from the box around the hull of C + B s + A s^2, 0 <= s <= 1."""
+    total = 0.0
+    for i in range(3):
+        middle, end = C[i] + 0.5 * B[i], C[i] + B[i] + A[i]
+        gap = max(min(C[i], middle, end), -max(C[i], middle, end), 0.0)
+        total += gap * gap
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rate(C: Vector, B: Vector, A: Vector, s: float) -> tuple[float, float]:
+    """g and g' at s, from the vectors: the cubic's coefficients would cancel."""
+    delta = _at(C, B, A, s)
+    slope = (B[0] + 2.0 * s * A[0], B[1] + 2.0 * s * A[1], B[2] + 2.0 * s * A[2])
+    return _dot(delta, slope), _dot(slope, slope) + 2.0 * _dot(A, delta)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _least_where_rising(C: Vector, B: Vector, A: Vector, low: float, high: float) -> float:
+    """Least |Delta|^2 on [low, high], where g rises: at the one root of g, or at an end."""
+    here, there = _at(C, B, A, low), _at(C, B, A, high)
+    least = min(_dot(here, here), _dot(there, there))
+    if not (_rate(C, B, A, low)[0] < 0.0 < _rate(C, B, A, high)[0]):
+        return least
+    s = 0.5 * (low + high)
+    for _ in range(_STEPS):
+        g, slope = _rate(C, B, A, s)
+        if g > 0.0:
+            high = s
+        else:
+            low = s
+        after = s - g / slope
+        if not low <= after <= high:  # nor is NaN
+            after = 0.5 * (low + high)
+        moved = abs(after - s)
+        s = after
+        if moved <= _RESOLUTION:
+            break
+    met = _at(C, B, A, s)
+    return min(least, _dot(met, met))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _least_on_interval(C: Vector, B: Vector, A: Vector) -> float:
+    """Least |C + B s + A s^2|^2 over 0 <= s <= 1."""
+    c0, c1, c2 = _dot(B, B) + 2.0 * _dot(C, A), 6.0 * _dot(A, B), 6.0 * _dot(A, A)  # of g'
+    discriminant = c1 * c1 - 4.0 * c2 * c0
+    if not discriminant > 0.0:
+        return _least_where_rising(C, B, A, 0.0, 1.0)
+    z = -0.5 * (c1 + math.copysign(math.sqrt(discriminant), c1))  # not 0
+    one, other = z / c2, c0 / z
+    first, second = min(max(min(one, other), 0.0), 1.0), min(max(max(one, other), 0.0), 1.0)
+    return min(_least_where_rising(C, B, A, 0.0, first), _least_where_rising(C, B, A, second, 1.0))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _least_squared(
+    t_a: Array, x_a: Array, u_a: Array, t_b: Array, x_b: Array, u_b: Array, t: float, cap: float
+) -> float:
+    """Least |p_a - p_b|^2 over [t, infinity), or ``cap`` if that is less."""
+    i, j = arc_at(t_a, t), arc_at(t_b, t)
+    least = cap
+    while True:
+        p_a, v_a, a_a = _motion(t_a, x_a, u_a, i, t)
+        p_b, v_b, a_b = _motion(t_b, x_b, u_b, j, t)
+        C = (p_a[0] - p_b[0], p_a[1] - p_b[1], p_a[2] - p_b[2])
+        if i >= len(u_a) and j >= len(u_b):
+            return min(least, _dot(C, C))
+        end_a = t_a[i + 1] if i < len(u_a) else math.inf
+        end_b = t_b[j + 1] if j < len(u_b) else math.inf
+        end = min(end_a, end_b)
+        h = end - t
+        q = 0.5 * h * h
+        B = (h * (v_a[0] - v_b[0]), h * (v_a[1] - v_b[1]), h * (v_a[2] - v_b[2]))
+        A = (q * (a_a[0] - a_b[0]), q * (a_a[1] - a_b[1]), q * (a_a[2] - a_b[2]))
+        if _box_squared(C, B, A) < least:
+            least = min(least, _least_on_interval(C, B, A))
+        t = end
+        i += end_a == end
+        j += end_b == end

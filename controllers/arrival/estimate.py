@@ -1,0 +1,61 @@
+"""When a vehicle can arrive: (A.12) of the thesis, and with other speeds in its denominator.
+
+    eta = T_p + L(p_N) / v,
+
+L being the length to go that the terminal cost tells ("Psi" of the print) and v
+
+    max        v_max, which makes it the *least* time that is left: no vehicle can go faster (A.12);
+    mean       the mean of the speeds at the nodes of the plan, the print's first alternative;
+    largest    the largest of them, its second.
+
+Told as a time of arrival, t + eta, it does not fall by h from one planning instant to the next, and vehicles that plan
+at different instants can compare theirs. A plan that meets its target is as good as it says; one whose optimised part
+is over is taken from where the vehicle is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from controllers.flight.certificate import pass_time
+from models.aerial.dynamics import state_at
+from sim.checks import check
+from sim.signals import Array, Phase, Plan
+
+SpeedName = Literal["max", "mean", "largest"]
+
+_SLOWEST = 1e-3  # [m/s] below which a plan tells no time
+
+
+@dataclass(frozen=True)
+class ArrivalEstimate:
+    """The time of arrival of plans to one target."""
+
+    length_to_go: Callable[[Array], Array]  # (n, 3) [m] -> (n,) [m]
+    target: Array  # (3,) [m]
+    speed_max: float  # [m/s] v_max
+    speed: SpeedName = "max"
+
+    def __post_init__(self) -> None:
+        check(self.speed_max, "speed_max", 0.0, open_low=True)
+        if self.speed not in get_args(SpeedName):
+            raise ValueError(f"speed = {self.speed!r}; allowed: {', '.join(get_args(SpeedName))}")
+
+    def __call__(self, plan: Plan, t: float) -> float:
+        """[s] when a vehicle on ``plan`` arrives, as it knows at t [s]; infinite for a plan that does not move on."""
+        met = pass_time(plan, self.target, t)
+        optimised = plan.phase == Phase.OPTIMISED
+        end = float(plan.t[1:][optimised][-1]) if optimised.any() else plan.t_start
+        if met <= end:
+            return met
+        last = max(t, end)
+        left = float(self.length_to_go(state_at(plan, last)[np.newaxis, :3])[0])
+        speeds = np.linalg.norm(plan.x[:-1][optimised][:, 3:], axis=1)
+        v = self.speed_max
+        if self.speed != "max":
+            v = float(speeds.mean() if self.speed == "mean" else speeds.max()) if len(speeds) else 0.0
+        return last + left / v if v > _SLOWEST else np.inf

@@ -1,0 +1,222 @@
+"""Separation of vehicles by acknowledged plans: sound though messages are lost, late, doubled or cut off.
+
+Own_i = {current, pending} are the plans that vehicle i flies or may come to fly. i *proposes* pi' under an id that is
+never used again; pi' is pending from then on, before anyone hears of it. j answers a proposal once, in one step with
+its check: it acknowledges if and only if pi' keeps the zone from all of Own_j. i *adopts* pi' at its start time t_s if
+every other vehicle has acknowledged it, and then Own_i = {pi'}; otherwise the stored plan stays. i may withdraw pi' at
+any time before: a plan that is not adopted is never flown.
+
+**Invariant.** Current plans are pairwise at least D (``Zone``) apart for all future time.
+
+Proof. It holds at the start (``checked_start``), and only an adoption can break it. Let j adopt pi_j at T* while i
+flies pi_i, and let T_a be when i checked pi_j, T_a < T*, for j counts only acknowledgements of this id.
+  1. If pi_i was in Own_i at T_a, it was checked then against pi_j, from T_a (or when both may be flown) on for ever.
+  2. Otherwise i proposed pi_i after T_a, as a plan enters Own_i only so, and adopted it by T*. So j checked it at some
+     T_b, T_a < T_b <= T*. pi_j had been proposed before T_a and was adopted at T* and not withdrawn, for then its id
+     were void: so it was in Own_j at T_b, and pi_i was checked against it.
+Nothing is said of when messages arrive, or whether. Two adoptions at one instant are the case of either order.
+
+What follows from this for the corners:
+  - *j need not remember what it acknowledged*: what it later proposes itself i will check, against Own_i, which has
+    held pi_i since before j heard of it. It does remember its latest answer to each, so that a copy of a proposal gets
+    the same answer again, as if the first had been late or doubled, and costs no second check.
+  - *i withdraws after some acknowledgements*: they are for an id that is void, and are ignored whenever they arrive.
+    Nobody has to be told.
+  - *j adopts its pending plan between the check and the adoption of i*: pi_i was checked against it while pending.
+  - *j proposes after it acknowledged pi_i*: case 2 with the roles changed; i refuses, or one of both gives way.
+  - *A check covers only when both plans may be flown*: a current plan from now on, a pending one from its start. Until
+    then its vehicle flies what is current, which is checked beside it.
+  - *Memory lost, or ids used again after a restart*, are outside of this; so are clocks that run backwards.
+
+**Conflicts.** Each proposal carries a rank, drawn from the generator at hand. j gives way, it withdraws its own pending
+plan and acknowledges, if that plan is all that is in the way, is not yet admitted, and has the lower (rank, name). Any
+other conflict is refused, and a refused proposal is withdrawn. There is no livelock: among proposals in conflict the
+highest gives way to none and is refused only for plans that are flown or admitted. Ranks are drawn anew each time, so
+where n vehicles propose once a period a proposal that clears those is the highest with probability 1/n at least: nobody
+starves, and no fixed order lets one whose plan is hopeless block the others for ever. Who waits flies its stored plan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.arrival.distance import Trajectory
+from controllers.arrival.zone import Zone, checked_names
+from models.aerial.kernels import SIMULTANEOUS
+from sim.signals import Event, Message, Plan
+
+TOPIC = "separation"
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """What i sends: may I fly this from its start on?"""
+
+    id: int  # of this vehicle, increasing
+    rank: float
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What j sends back."""
+
+    id: int  # of the proposal
+    clear: bool
+
+
+class Separation:
+    """The protocol of one vehicle. It keeps no time and sends nothing by itself: ``talk`` is to be called often.
+
+    ``events`` are what happened since they were last taken away: ``separation-refused``, ``separation-yielded``,
+    ``separation-late`` (not admitted by its start), ``separation-ignored`` (a message that cannot be).
+    """
+
+    def __init__(
+        self, name: str, peers: Sequence[str], zone: Zone, current: Plan | Trajectory, rng: np.random.Generator
+    ) -> None:
+        """``peers`` are all other vehicles, ``current`` what ``checked_start`` passed; ValueError for a name twice."""
+        checked_names([name, *peers])
+        self.name, self.peers, self.zone = name, tuple(peers), zone
+        self.events: list[Event] = []
+        self.guaranteed = True  # False from a ``rebase`` to the next adoption
+        self._current = Trajectory.of(current)
+        self._pending: Proposal | None = None
+        self._acknowledged: set[str] = set()  # who has, the pending proposal
+        self._rng = rng
+        self._last_id = 0
+        self._answered: dict[str, Answer] = {}  # the latest to each
+
+    @property
+    def pending(self) -> int | None:
+        """The id of the proposal that is underway or admitted."""
+        return self._pending.id if self._pending else None
+
+    @property
+    def own(self) -> tuple[Trajectory, ...]:
+        """Own_i: what is flown, and what may come to be."""
+        return (self._current, self._pending.trajectory) if self._pending else (self._current,)
+
+    def propose(self, plan: Plan | Trajectory) -> int:
+        """Make a plan pending, in place of one that may be, and return its id; ``talk`` tells the others.
+
+        ValueError for what ``Trajectory.of`` refuses: that is never pending.
+        """
+        trajectory = Trajectory.of(plan)
+        self.withdraw()
+        self._last_id += 1
+        self._pending = Proposal(self._last_id, float(self._rng.random()), trajectory)
+        return self._last_id
+
+    def withdraw(self) -> None:
+        """Give up the pending plan, if there is one; its id is void for ever."""
+        self._pending = None
+        self._acknowledged = set()
+
+    def admitted(self, id: int) -> bool:
+        """Whether this proposal is pending and every other vehicle has acknowledged it."""
+        return self.pending == id and len(self._acknowledged) == len(self.peers)
+
+    def adopt(self, t: float) -> None:
+        """At the hand-over: the admitted plan is the one being flown from t [s] on.
+
+        ValueError if there is none, or before its start: until then the vehicle flies the plan that it would disown.
+        """
+        if self._pending is None or not self.admitted(self._pending.id):
+            raise ValueError(
+                f"pending = {self.pending!r} of {self.name}; allowed: a proposal that all have acknowledged"
+            )
+        start = float(self._pending.trajectory.t[0])
+        if t < start - SIMULTANEOUS:
+            raise ValueError(f"t = {t!r} of {self.name}; allowed: >= {start!r}, where the plan starts")
+        self._current = self._pending.trajectory
+        self.guaranteed = True
+        self.withdraw()
+
+    def rebase(self, plan: Plan | Trajectory) -> None:
+        """The vehicle has left its plan and flies this one unasked: the guarantee is lost until it next adopts one.
+
+        The others learn of it as their proposals are checked against it. The invariant holds again between any two
+        that have adopted a plan since they were last rebased: the proof is about adopted plans only.
+        """
+        self._current = Trajectory.of(plan)
+        self.guaranteed = False
+        self.withdraw()
+
+    def talk(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
+        """Take what has arrived by t [s] of this vehicle's clock; return what to send, and to whom.
+
+        Answers, and the pending proposal again to each that has not answered it. A proposal that is not admitted when
+        its start has passed is withdrawn: it came too late.
+        """
+        if self._pending and t > self._pending.trajectory.t[0] + SIMULTANEOUS and not self.admitted(self._pending.id):
+            self._record(t, "late", f"{self._pending.id}: {self._unheard()} have not acknowledged it")
+            self.withdraw()
+        answers: dict[str, Answer] = {}
+        for message in received:
+            if message.topic != TOPIC:
+                continue
+            if wrong := self._wrong(message, t):
+                self._record(t, "ignored", wrong)
+            elif isinstance(message.payload, Answer):
+                self._take(message.sender, message.payload, t)
+            elif answer := self._answer(message.sender, message.payload, t):
+                answers[message.sender] = answer
+        outgoing: list[tuple[str, Message]] = [(to, Message(t, self.name, TOPIC, each)) for to, each in answers.items()]
+        if self._pending:
+            again = Message(t, self.name, TOPIC, self._pending)
+            outgoing += [(peer, again) for peer in self.peers if peer not in self._acknowledged]
+        return outgoing
+
+    def _wrong(self, message: Message, t: float) -> str:
+        """Why a message cannot be, or "": to ignore one is as safe as to lose it."""
+        if message.sender not in self.peers:
+            return f"sender = {message.sender!r}; allowed: {', '.join(self.peers)}"
+        if not message.t <= t + 2.0 * self.zone.clock_error + SIMULTANEOUS:
+            return f"t = {message.t!r} of {message.sender} lies in the future; allowed: <= {t!r}"
+        if not isinstance(message.payload, Proposal | Answer):
+            return f"payload of {message.sender} is {type(message.payload).__name__}; allowed: Proposal, Answer"
+        return ""
+
+    def _take(self, sender: str, answer: Answer, t: float) -> None:
+        """Count an answer to the pending proposal; any other is void."""
+        if self._pending is None or answer.id != self._pending.id:
+            return
+        if answer.clear:
+            self._acknowledged.add(sender)
+        elif sender not in self._acknowledged:
+            self._record(t, "refused", f"{answer.id} by {sender}")
+            self.withdraw()
+
+    def _answer(self, sender: str, proposal: Proposal, t: float) -> Answer | None:
+        """Check and reply in one; the same again to a copy, nothing to one that is older than the latest."""
+        before = self._answered.get(sender)
+        if before is None or before.id < proposal.id:
+            self._answered[sender] = Answer(proposal.id, self._clears_all(sender, proposal, t))
+        elif before.id > proposal.id:
+            return None
+        return self._answered[sender]
+
+    def _clears_all(self, sender: str, proposal: Proposal, t: float) -> bool:
+        """Whether a proposal clears all of Own; what is in its way may give way."""
+        theirs = proposal.trajectory
+        begin = max(t, float(theirs.t[0]))  # not flown before
+        if not self.zone.kept(theirs, self._current, begin):
+            return False
+        mine = self._pending
+        if mine is None or self.zone.kept(theirs, mine.trajectory, max(begin, float(mine.trajectory.t[0]))):
+            return True
+        if self.admitted(mine.id) or (mine.rank, self.name) > (proposal.rank, sender):
+            return False
+        self._record(t, "yielded", f"{mine.id} to {proposal.id} of {sender}")
+        self.withdraw()
+        return True
+
+    def _unheard(self) -> str:
+        return ", ".join(peer for peer in self.peers if peer not in self._acknowledged)
+
+    def _record(self, t: float, kind: str, message: str) -> None:
+        self.events.append(Event(t, self.name, f"separation-{kind}", message))

@@ -1,0 +1,100 @@
+"""How far apart plans must be so that vehicles are, and whether a fleet may start with the plans it has stored.
+
+A vehicle flies within r of its plan, by a clock that is off by at most epsilon. Where one clock shows s and the other
+s', |s - s'| <= 2 epsilon: the plans, compared at the later of both, are moved against each other by 2 epsilon v_max at
+most. Vehicles are d_s apart if their plans are
+
+    D = d_s + 2 r + 2 epsilon v_max
+
+apart at equal times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from controllers.arrival.distance import Trajectory, clear, least_distance
+from models.aerial.kernels import state_on
+from sim.checks import check
+from sim.signals import Array, Plan
+
+
+@dataclass(frozen=True)
+class Zone:
+    """What every vehicle keeps free around itself; all of a fleet have the same."""
+
+    distance: float  # [m] d_s, between vehicles
+    bound: float = 0.0  # [m] r, of a vehicle from its plan
+    speed_max: float = 0.0  # [m/s] v_max
+    clock_error: float = 0.0  # [s] epsilon, of a vehicle's clock
+
+    def __post_init__(self) -> None:
+        check(self.distance, "distance", 0.0, open_low=True)
+        check(self.bound, "bound", 0.0)
+        check(self.speed_max, "speed_max", 0.0)
+        check(self.clock_error, "clock_error", 0.0)
+
+    @property
+    def required(self) -> float:
+        """[m] D."""
+        return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * self.speed_max
+
+    def between(self, a: Trajectory, b: Trajectory) -> float:
+        """[m] D, with the speed of either plan where it is faster than v_max: a gust may have made it so."""
+        return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * max(self.speed_max, a.speed, b.speed)
+
+    def kept(self, a: Trajectory, b: Trajectory, t: float) -> bool:
+        """Whether the plans are D apart over [t, infinity)."""
+        return clear(a, b, self.between(a, b), t)
+
+
+def checked_names(names: Sequence[str]) -> tuple[str, ...]:
+    """ValueError if a vehicle is named twice."""
+    if twice := sorted({name for name in names if list(names).count(name) > 1}):
+        raise ValueError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
+    return tuple(names)
+
+
+def checked_start(
+    plans: Sequence[tuple[str, Plan]], slots: Mapping[str, Array], zone: Zone, t: float | None = None
+) -> dict[str, Trajectory]:
+    """The initial condition of the protocol: the stored plan of each vehicle by its name, if a fleet may start so.
+
+    ``plans`` are the names with their plans, ``slots`` (3,) [m] where each is to arrive, ``t`` [s] the start of the
+    mission, by default that of the earliest plan. Raises ValueError, naming both vehicles, the value and what is
+    allowed, for a name that is there twice, and for two vehicles whose starts, whose slots or whose plans anywhere
+    to rest and beyond are less than D apart.
+    """
+    names = checked_names([name for name, _ in plans])
+    if missing := [name for name in names if name not in slots]:
+        raise ValueError(f"slots = {sorted(slots)!r}; allowed: one for every vehicle, also for {', '.join(missing)}")
+    stored: dict[str, Trajectory] = {}
+    for name, plan in plans:
+        try:
+            stored[name] = Trajectory.of(plan)
+        except ValueError as error:
+            raise ValueError(f"plan of {name}: {error}") from error
+        if np.shape(slots[name]) != (3,) or not np.isfinite(slots[name]).all():
+            raise ValueError(f"slot of {name} = {slots[name]!r}; allowed: (3,) finite values")
+    if not stored:
+        return stored
+    begin = min(float(each.t[0]) for each in stored.values()) if t is None else t
+    start = {name: state_on(each.t, each.x, each.u, begin)[:3] for name, each in stored.items()}
+    for one, other in combinations(names, 2):
+        a, b = stored[one], stored[other]
+        required = zone.between(a, b)
+        for what, apart in (
+            ("starts", float(np.linalg.norm(start[one] - start[other]))),
+            ("target slots", float(np.linalg.norm(np.subtract(slots[one], slots[other])))),
+            ("stored plans", least_distance(a, b, begin)),
+        ):
+            if apart < required:
+                raise ValueError(
+                    f"{what} of {one} and {other} are {apart:.2f} m apart; allowed: >= {required:.2f} m, "
+                    f"of which {zone.distance:g} m between the vehicles"
+                )
+    return stored

@@ -1,0 +1,151 @@
+"""What the quadrotor's tracker keeps: the deviation from a plan that the certificate has to allow for.
+
+Two parts add up: how far the reference is from the plan (``reference.deviation``) and how far the vehicle is from the
+reference. The second comes from the loop on one axis, with the letters of ``tracker``; d is the force per mass that
+nobody knows, n the noise of a position, r the observer's residual and c what the feedback asks for:
+
+    e'' = theta + d,    r' = d - d^ - 2 omega_d r,    d^' = omega_d^2 r,    c = -k_p (e + n) - k_v e' - d^.
+
+Along the vertical theta = c: the tracker makes up for the lag of the rotors. Across it, theta is an acceleration by tilt,
+and with tau = theta'' and half a period h added to the lag, tau_a = tau_m + h / 2, because commands are held,
+
+    tau_a tau' = -omega_R^2 (theta - c) - 2 zeta_R omega_R (theta' - c') - tau,    c' = -k_p e' - k_v (theta + d^).
+
+* Gusts are Gauss-Markov, readings noisy: five standard deviations of the stationary covariance, by one Lyapunov equation;
+  or, where that is less, the gusts' limit times the loop's peak-to-peak gain int |g| dt, g its impulse response.
+* What the vehicle may be off by from what is believed is bounded and otherwise free: the peak-to-peak gain times
+  mass_tolerance |a_r| + drag_tolerance |D| v_max / m, on the vertical also the greatest answer to a step times
+  mass_tolerance g.
+
+That is exact for the linear loop; the tests hold it against the flight in MuJoCo. Rotors have bounds: a plan is left
+what they can do beside the feedback, up and down, where drag helps neither, and a_max if that is less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+from controllers.flight.certificate import TrackingBound
+from controllers.quadrotor.reference import deviation
+from controllers.quadrotor.tracker import LEAST_THRUST, TrackerConfig
+from models.aerial.mission import FlightMission
+from models.quadrotor.dynamics import ROTOR_COUNT, Quadrotor
+from sim.signals import Array
+
+_DEVIATIONS = 5.0
+_FLOOR = 0.03, 0.05  # [m, m/s] attitudes that follow closely but not at once
+_STEP, _DURATION = 2e-3, 8.0  # [s] of the impulse responses
+_SLOWEST = -0.1  # [1/s] of a loop that holds
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """x' = A x + B (d, n) with x = (e, e', r, d^, ...); its outputs are e [m], e' [m/s] and c [m/s^2]."""
+
+    A: Array  # (nx, nx)
+    B: Array  # (nx, 2)
+    C: Array  # (3, nx)
+
+    OUTPUTS: ClassVar[tuple[str, ...]] = ("e", "e'", "c")
+
+    @staticmethod
+    def vertical(config: TrackerConfig) -> Loop:
+        """theta = c."""
+        e, e_dot, r, d = np.eye(4)
+        k_p, k_v, observer = _gains(config)
+        c = -k_p * e - k_v * e_dot - d
+        A = np.array([e_dot, c, -d - 2.0 * observer * r, observer**2 * r])
+        return Loop(A, np.column_stack([e_dot + r, -k_p * e_dot]), np.array([e, e_dot, c]))
+
+    @staticmethod
+    def across(config: TrackerConfig, vehicle: Quadrotor, period: float) -> Loop:
+        """theta follows c by tilt; ValueError if these gains do not hold it at commands every ``period`` [s]."""
+        e, e_dot, r, d, theta, theta_dot, tau = np.eye(7)
+        k_p, k_v, observer = _gains(config)
+        k_R = config.attitude_bandwidth**2
+        k_Omega = 2.0 * config.attitude_damping * config.attitude_bandwidth
+        lag = vehicle.motor_lag + 0.5 * period
+        c, c_dot = -k_p * e - k_v * e_dot - d, -k_p * e_dot - k_v * (theta + d)
+        tau_dot = (-k_R * (theta - c) - k_Omega * (theta_dot - c_dot) - tau) / lag
+        A = np.array([e_dot, theta, -d - 2.0 * observer * r, observer**2 * r, theta_dot, tau, tau_dot])
+        growth = float(np.linalg.eigvals(A).real.max())
+        if growth > _SLOWEST:
+            raise ValueError(
+                f"position_bandwidth = {config.position_bandwidth!r} with attitude_bandwidth = "
+                f"{config.attitude_bandwidth!r} and rotors with motor_lag = {vehicle.motor_lag!r} s grows by "
+                f"{growth:.2g}/s; allowed: slower ones, below {_SLOWEST:g}/s"
+            )
+        return Loop(A, np.column_stack([e_dot + r, -k_R * k_p / lag * tau]), np.array([e, e_dot, c]))
+
+    def peaks(self) -> tuple[Array, Array]:
+        """Of d to the outputs (3,): peak-to-peak gains, and the greatest answers to a step of 1 m/s^2."""
+        phi, x = expm(_STEP * self.A), self.B[:, 0]
+        response = np.empty((round(_DURATION / _STEP), 3))
+        for k in range(len(response)):
+            response[k] = self.C @ x
+            x = phi @ x
+        gains: Array = np.abs(response).sum(axis=0) * _STEP
+        steps: Array = np.abs(response.cumsum(axis=0)).max(axis=0) * _STEP
+        return gains, steps
+
+    def deviations(self, mission: FlightMission) -> Array:
+        """(3,) standard deviations of the outputs under the mission's gusts and the noise of its positions."""
+        gust, size = mission.gust, len(self.A)
+        A = np.zeros((size + 1, size + 1))
+        A[:size, :size], A[:size, size], A[size, size] = self.A, self.B[:, 0], -1.0 / gust.time_constant
+        noise = np.append(self.B[:, 1], 0.0)
+        driving = mission.position_noise**2 * mission.control_period * np.outer(noise, noise)
+        driving[size, size] += 2.0 * gust.rms**2 / gust.time_constant
+        covariance = solve_continuous_lyapunov(A, -driving)[:size, :size]
+        deviations: Array = np.sqrt(np.maximum(np.einsum("ki,ij,kj->k", self.C, covariance, self.C), 0.0))
+        return deviations
+
+
+def _gains(config: TrackerConfig) -> tuple[float, float, float]:
+    """k_p, k_v and omega_d."""
+    omega = config.position_bandwidth
+    return omega**2, 2.0 * config.position_damping * omega, config.disturbance_bandwidth
+
+
+def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMission) -> TrackingBound:
+    """The bound over a mission of the vehicle that is believed to fly; ``feedback`` is what a_max has to yield to it.
+
+    ValueError if the gains do not hold the vehicle, or if the rotors can do no more than the feedback asks for.
+    """
+    m, g, tolerance = vehicle.mass, vehicle.gravity, config.mass_tolerance
+    foreseen = deviation(config.reference_bandwidth, config.preview)
+    unforeseen = deviation(config.reference_bandwidth, 0.0)
+    drag = [coefficient / m * mission.speed_max for coefficient in vehicle.drag]
+    a_max = mission.acceleration_max
+    unknown = tolerance * foreseen.acceleration * a_max + config.drag_tolerance * max(drag)
+    parts = []
+    for loop in (Loop.across(config, vehicle, mission.control_period), Loop.vertical(config)):
+        gains, steps = loop.peaks()
+        spread = _DEVIATIONS * loop.deviations(mission)
+        if mission.position_noise == 0.0:
+            spread = np.minimum(spread, gains * mission.gust.limit)
+        parts.append((spread + gains * unknown, steps * tolerance * g))
+    (across, _), (along, weight) = parts
+    # Upwards a heavier vehicle needs more; downwards it only leaves more thrust.
+    up = ROTOR_COUNT * vehicle.thrust_max / m - g - drag[2] - float(along[2] + weight[2])
+    down = (1.0 - LEAST_THRUST) * g - drag[2] - float(along[2])
+    able = min(up, down) / foreseen.acceleration
+    if able <= 0.0:
+        raise ValueError(
+            f"gust rms = {mission.gust.rms!r}, mass_tolerance = {tolerance!r} and drag_tolerance = "
+            f"{config.drag_tolerance!r} take {-able:.3g} m/s^2 more than the rotors have; allowed: what leaves some"
+        )
+    feedback = max(0.0, a_max - able)
+    left = a_max - feedback
+    position = max(foreseen.position, unforeseen.position) * left
+    speed = max(foreseen.velocity, unforeseen.velocity) * left
+    return TrackingBound(
+        _FLOOR[0] + position + float(across[0]),
+        _FLOOR[0] + position + float(along[0] + weight[0]),
+        _FLOOR[1] + speed + float(np.hypot(across[1], along[1] + weight[1])),
+        feedback,
+    )

@@ -1,0 +1,163 @@
+"""The quadrotor's tracker, compiled: reference filter, attitude of a thrust, attitude error, law of the rotors.
+
+Frames and letters are those of ``models.quadrotor.dynamics``; see ``reference``, ``attitude`` and ``tracker`` for what
+the functions are for. Every vector is (3,), a reference z is (4, 3): position, velocity, acceleration, jerk.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from models.aerial.kernels import arc_at
+from sim.signals import Array
+
+_STEPS = 1000  # arcs that one call may pass: a bound for a plan of many tiny ones
+_SMALL = 1e-9
+
+
+@njit(cache=True, nogil=True)
+def target_at(breaks: Array, x: Array, u: Array, arc: int, t: float) -> Array:
+    """(4, 3) what arc ``arc`` of a plan asks for at t, also beyond its ends; before the first and after the last, rest.
+
+    Before the first arc that is its first state, after the last the state in which the plan ends.
+    """
+    target = np.zeros((4, 3))
+    k = min(max(arc, 0), len(u))
+    s = t - breaks[k] if 0 <= arc < len(u) else 0.0
+    for i in range(3):
+        a = u[k, i] if 0 <= arc < len(u) else 0.0
+        target[0, i] = x[k, i] + s * x[k, 3 + i] + 0.5 * s * s * a
+        target[1, i] = x[k, 3 + i] + s * a
+        target[2, i] = a
+    return target
+
+
+@njit(cache=True, nogil=True)
+def advanced(
+    z: Array, breaks: Array, x: Array, u: Array, t: float, t_end: float, preview: float, bandwidth: float
+) -> Array:
+    """The reference (4, 3) at ``t_end`` that was ``z`` at t, exact: see ``controllers.quadrotor.reference``."""
+    w = bandwidth
+    for _ in range(_STEPS):
+        arc = arc_at(breaks, t + preview)
+        until = t_end
+        if arc + 1 < len(breaks):
+            until = min(until, max(breaks[arc + 1] - preview, t + _SMALL))
+        s = until - t
+        # e' = A e with (A + w I)^4 = 0, so the exponential is a cubic times e^(-w s).
+        e = z - target_at(breaks, x, u, arc, t)
+        total, term = e.copy(), e
+        for k in range(1, 4):
+            following = np.empty((4, 3))
+            for i in range(3):
+                for row in range(3):
+                    following[row, i] = w * term[row, i] + term[row + 1, i]
+                following[3, i] = (
+                    -(w**4) * term[0, i] - 4.0 * w**3 * term[1, i] - 6.0 * w**2 * term[2, i] - 3.0 * w * term[3, i]
+                )
+            term = following * (s / k)
+            total = total + term
+        z = target_at(breaks, x, u, arc, until) + math.exp(-w * s) * total
+        t = until
+        if t >= t_end - 1e-12:
+            break
+    return z
+
+
+@njit(cache=True, nogil=True)
+def rotation(q: Array) -> Array:
+    """R (3, 3) of a quaternion (4,)."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    R = np.empty((3, 3))
+    R[0, 0], R[0, 1], R[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    R[1, 0], R[1, 1], R[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
+    R[2, 0], R[2, 1], R[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+    return R
+
+
+@njit(cache=True, nogil=True)
+def attitude_of(f: Array, heading: float) -> Array:
+    """R_d (3, 3): b_3 along f, b_1 in the half-plane of b_3 and the heading [rad]."""
+    R = np.empty((3, 3))
+    up = f / max(math.sqrt(f @ f), _SMALL)
+    ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
+    left = np.cross(up, ahead)
+    length = math.sqrt(left @ left)
+    if length < 1e-6:  # the thrust points along the heading
+        left, length = np.array([-ahead[1], ahead[0], 0.0]), 1.0
+    left = left / length
+    R[:, 0], R[:, 1], R[:, 2] = np.cross(left, up), left, up
+    return R
+
+
+@njit(cache=True, nogil=True)
+def rates_of(R: Array, f: Array, f_dot: Array, heading: float, turn: float) -> Array:
+    """Omega_d [rad/s] in the frame of R = attitude_of(f, heading) while f changes by f_dot and the heading by turn."""
+    size = max(math.sqrt(f @ f), _SMALL)
+    b_1, b_2, b_3 = R[:, 0].copy(), R[:, 1].copy(), R[:, 2].copy()
+    moving = (f_dot - (b_3 @ f_dot) * b_3) / size
+    ahead = np.array([math.cos(heading), math.sin(heading), 0.0])
+    aside = np.array([-ahead[1], ahead[0], 0.0])
+    omega = np.empty(3)
+    omega[0], omega[1] = -(b_2 @ moving), b_1 @ moving
+    # From b_2 . ahead = 0 at all times.
+    omega[2] = (omega[0] * (b_3 @ ahead) + turn * (b_2 @ aside)) / max(b_1 @ ahead, 0.1)
+    return omega
+
+
+@njit(cache=True, nogil=True)
+def attitude_error(R_d: Array, R: Array) -> Array:
+    """e_R = 2 sin(theta / 2) n, theta and n the angle and the axis, in the body frame, that lead from R_d to R.
+
+    That is (Q - Q')^ / sqrt(1 + tr Q), Q = R_d' R. At theta = pi, where that is 0 / 0, an axis n is taken.
+    """
+    Q = R_d.T @ R
+    e = np.array([Q[2, 1] - Q[1, 2], Q[0, 2] - Q[2, 0], Q[1, 0] - Q[0, 1]])  # 2 sin(theta) n
+    one_and_trace = 1.0 + Q[0, 0] + Q[1, 1] + Q[2, 2]  # 4 cos^2(theta / 2)
+    if one_and_trace > 1e-6:
+        return e / math.sqrt(one_and_trace)
+    # Q + I = 2 n n': its longest column is along n.
+    best, longest = 0, 0.0
+    for k in range(3):
+        length = Q[k, k] + 1.0
+        if length > longest:
+            best, longest = k, length
+    n = Q[:, best].copy()
+    n[best] += 1.0
+    n *= 2.0 / math.sqrt(max(n @ n, _SMALL))
+    return -n if n @ e < 0.0 else n
+
+
+@njit(cache=True, nogil=True)
+def limited(a: Array, longest: float) -> Array:
+    """The vector, shortened to ``longest`` if it is longer."""
+    length = math.sqrt(a @ a)
+    return a * (longest / length) if length > longest else a.copy()
+
+
+@njit(cache=True, nogil=True)
+def within_tilt(f: Array, least: float, tangent: float) -> Array:
+    """f with a vertical part of at least ``least`` and a horizontal one of at most ``tangent`` times the vertical."""
+    held = f.copy()
+    held[2] = max(f[2], least)
+    across = math.hypot(f[0], f[1])
+    if across > tangent * held[2]:
+        held[:2] *= tangent * held[2] / across
+    return held
+
+
+@njit(cache=True, nogil=True)
+def moments(
+    R: Array, omega: Array, R_d: Array, omega_d: Array, omega_d_dot: Array, inertia: Array, stiffness: Array,
+    damping: Array,
+) -> Array:  # fmt: skip
+    """tau = J (-k_R e_R - k_Omega e_Omega + Q' omega_d' - omega x Q' omega_d) + omega x J omega, Q = R_d' R."""
+    back = R.T @ R_d
+    carried = back @ omega_d
+    pushed = -stiffness * attitude_error(R_d, R) - damping * (omega - carried)
+    pushed += back @ omega_d_dot - np.cross(omega, carried)
+    tau: Array = inertia * pushed + np.cross(omega, inertia * omega)
+    return tau

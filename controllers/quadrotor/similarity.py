@@ -1,0 +1,128 @@
+"""The flight planner on a small map: the same problem in other units.
+
+The planner was made for mountains: its cost-to-go has layers up to 2400 m above the ground and a length of 50 m about
+the target, its speeds are some hundred metres a second. The double integrator, the terrain and all bounds keep their
+form when lengths are multiplied by lambda and times by mu, velocities then by lambda / mu and accelerations by lambda /
+mu^2. So a planner that is handed a small map magnified flies over it as it does over mountains, and its plans shrunk
+again are plans over the small map. Here mu = 10/3, so that arcs of 5/3 s become half a second, and lambda is such that
+the mission's v_max becomes the 300 m/s of the thesis.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controllers.flight.certificate import TrackingBound
+from models.aerial.mission import FlightMission
+from models.terrain.height_field import HeightField
+from models.terrain.visibility import Radar
+from sim.checks import check_positive
+from sim.protocols import Planner
+from sim.signals import Array, Estimate, Message, Plan, PlanRequest
+
+_TIME = 10.0 / 3.0  # mu
+_SPEED = 300.0  # [m/s] of the thesis
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """Lengths times ``length``, times times ``time``; ``magnified`` leads to the planner, ``shrunk`` back."""
+
+    length: float  # lambda
+    time: float  # mu
+
+    def __post_init__(self) -> None:
+        check_positive(self, "length", "time")
+
+    @staticmethod
+    def of(mission: FlightMission) -> Similarity:
+        """The one that makes arcs of half a second and the mission's greatest speed those of the thesis."""
+        return Similarity(_TIME * _SPEED / mission.speed_max, _TIME)
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Of velocities and of accelerations."""
+        return self.length / self.time, self.length / self.time**2
+
+    def inverse(self) -> Similarity:
+        return Similarity(1.0 / self.length, 1.0 / self.time)
+
+    def state(self, x: Array) -> Array:
+        """States (..., 6)."""
+        scaled: Array = x * np.repeat([self.length, self.scales[0]], 3)
+        return scaled
+
+    def radar(self, radar: Radar) -> Radar:
+        return dataclasses.replace(
+            radar, x=radar.x * self.length, y=radar.y * self.length, radius=radar.radius * self.length
+        )
+
+    def bound(self, bound: TrackingBound) -> TrackingBound:
+        speed, acceleration = self.scales
+        return TrackingBound(
+            bound.horizontal * self.length,
+            bound.vertical * self.length,
+            bound.speed * speed,
+            bound.feedback * acceleration,
+        )
+
+    def mission(self, mission: FlightMission) -> FlightMission:
+        """What the planner is told: places, bounds, terrain and radars. Of noise and gusts the tracking bound tells."""
+        speed, acceleration = self.scales
+        terrain = mission.terrain
+        magnified = HeightField(terrain.z * self.length, terrain.spacing * self.length, name=terrain.name)
+        start, target = (tuple(c * self.length for c in point) for point in (mission.start, mission.target))
+        return dataclasses.replace(
+            mission,
+            terrain=magnified,
+            start=start,
+            target=target,
+            clearance_min=mission.clearance_min * self.length,
+            speed_max=mission.speed_max * speed,
+            acceleration_max=mission.acceleration_max * acceleration,
+            arrival_radius=mission.arrival_radius * self.length,
+            control_period=mission.control_period * self.time,
+            radars=tuple(self.radar(radar) for radar in mission.radars),
+        )
+
+    def plan(self, plan: Plan) -> Plan:
+        if not plan.ok:
+            return dataclasses.replace(plan, ready=plan.ready * self.time)
+        return dataclasses.replace(
+            plan,
+            t=plan.t * self.time,
+            x=self.state(plan.x),
+            u=plan.u * self.scales[1],
+            ready=plan.ready * self.time,
+        )
+
+    def request(self, request: PlanRequest) -> PlanRequest:
+        estimate = Estimate(request.estimate.t * self.time, self.state(request.estimate.x), None, request.estimate.status)
+        current = None if request.current is None else self.plan(request.current)
+        messages = tuple(
+            Message(message.t * self.time, message.sender, message.topic, self._payload(message.payload))
+            for message in request.messages
+        )
+        return PlanRequest(request.t * self.time, request.t_start * self.time, estimate, current, messages)
+
+    def _payload(self, payload: Any) -> Any:
+        return self.radar(payload) if isinstance(payload, Radar) else payload
+
+
+class SimilarPlanner:
+    """A planner of the magnified problem, asked and answering in the units of the mission."""
+
+    def __init__(self, planner: Planner, similarity: Similarity) -> None:
+        self.period = planner.period / similarity.time
+        self._planner, self._magnified, self._shrunk = planner, similarity, similarity.inverse()
+
+    def plan(self, request: PlanRequest) -> Plan:
+        plan = self._shrunk.plan(self._planner.plan(self._magnified.request(request)))
+        if plan.ok:
+            # Rounding must not part it from the plan being flown, nor from its time.
+            plan.t[0] = request.t_start
+        return plan

@@ -1,0 +1,220 @@
+"""The quadrotor's tracker: plan and estimate to the thrusts of the rotors, by geometric control on SE(3).
+
+After T. Lee, M. Leok, N. H. McClamroch, "Geometric tracking control of a quadrotor UAV on SE(3)" (CDC 2010). With the
+reference (p_r, v_r, a_r, j_r) of ``reference``, e_p = p - p_r, e_v = v - v_r, the wanted thrust per mass is
+
+    f = a_r + g e_z + R D R' v / m - K,    K = k_p e_p + k_v e_v + d^,    k_p = omega_p^2, k_v = 2 zeta_p omega_p.
+
+It is held to a greatest tilt. R_d has b_3 along f and its nose along the reference's velocity, turning no faster than
+``turn_max``; Omega_d follows from f' = j_r - k_p e_v - k_v (v'^ - a_r) + R D R' v'^ / m. Rotors are asked for
+
+    T = m (f + tau_m f') . b_3,
+    tau = J (-k_R e_R - k_Omega e_Omega + ...) + omega x J omega,    k_R = omega_R^2, k_Omega = 2 zeta_R omega_R,
+
+where tau_m f' and the rates of the reference tau_m ahead make up for the lag of the rotors. e_R is the gradient of Psi
+= 4 - 2 sqrt(1 + tr R_d' R) instead of the paper's tr(I - R_d' R) / 2: it grows up to an attitude that is upside down,
+where the paper's vanishes. ``models.quadrotor.allocation`` says which of T and tau is kept where rotors saturate.
+
+d^ is what the velocity tells of forces that the model does not know, a wind or a wrong mass, the integral action of the
+loop: with the modelled v'^ = R (0, 0, T^) / m - g e_z - R D R' v / m + d^ and the residual r of the velocity against
+its integral, an observer with both poles at -omega_d; |d^| is held to ``disturbance_max``. T^ are the rotors' thrusts by
+their lag.
+
+The estimate is x = (p, v) with extra["attitude"], the quaternion (4,), and extra["rate"], omega (3,).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.flight.certificate import TrackingBound
+from controllers.quadrotor.kernels import (
+    attitude_of,
+    limited,
+    moments,
+    rates_of,
+    rotation,
+    within_tilt,
+)
+from controllers.quadrotor.reference import ReferenceFilter
+from models.quadrotor.allocation import allocated
+from models.quadrotor.dynamics import Quadrotor
+from sim.checks import check, check_positive
+from sim.signals import Array, Estimate, Plan
+
+_FASTEST = 0.2  # of the attitude's bandwidth times the period: commands are held over a period
+_TURNING = 0.8  # [m/s] least speed at which the nose turns into it
+_TURN_BANDWIDTH, _TURN_ACCELERATION = 3.0, 4.0  # [rad/s, rad/s^2] of the heading
+LEAST_THRUST = 0.15
+"""of g: the least vertical part of f, so that the thrust always points up"""
+_APART = 1.0  # [m, m/s] of a plan from the reference: nothing that joins it is that far away
+_VERTICAL = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """Gains of the tracker, as natural frequencies [rad/s] and damping ratios, and its limits."""
+
+    position_bandwidth: float = 3.0
+    """omega_p [rad/s]"""
+    position_damping: float = 0.9
+    """zeta_p"""
+    attitude_bandwidth: float = 14.0
+    """omega_R about the axes that tilt the thrust [rad/s]"""
+    attitude_damping: float = 0.8
+    """zeta_R"""
+    yaw_bandwidth: float = 4.0
+    """omega_R about the axis of the thrust [rad/s]"""
+    disturbance_bandwidth: float = 6.0
+    """omega_d of the observer of unknown forces [rad/s]"""
+    disturbance_max: float = 5.0
+    """greatest unknown force per mass that is made up for [m/s^2]"""
+    feedback_max: float = 8.0
+    """greatest k_p e_p + k_v e_v [m/s^2]"""
+    reference_bandwidth: float = 9.0
+    """omega of the reference filter [rad/s]"""
+    preview: float = 0.25
+    """how long before a turn of the plan the reference begins it [s]"""
+    tilt_max: float = 60.0
+    """greatest tilt that is asked for [degrees]"""
+    turn_max: float = 1.5
+    """greatest rate of the nose [rad/s]"""
+    mass_tolerance: float = 0.1
+    """share by which the mass may be greater than is believed: what the bound allows for"""
+    drag_tolerance: float = 0.25
+    """share by which the drag may differ, likewise"""
+
+    def __post_init__(self) -> None:
+        for name in (
+            "position_bandwidth", "position_damping", "attitude_bandwidth", "attitude_damping", "yaw_bandwidth",
+            "disturbance_bandwidth", "disturbance_max", "feedback_max", "reference_bandwidth", "turn_max",
+        ):  # fmt: skip
+            check_positive(self, name)
+        check(self.preview, "preview", 0.0, 2.0)
+        check(self.mass_tolerance, "mass_tolerance", 0.0, 1.0)
+        check(self.drag_tolerance, "drag_tolerance", 0.0, 1.0)
+        check(self.tilt_max, "tilt_max", 0.0, 80.0, open_low=True)
+        if not self.position_bandwidth <= 0.5 * self.attitude_bandwidth:
+            raise ValueError(
+                f"position_bandwidth = {self.position_bandwidth!r}; allowed: at most half of attitude_bandwidth = "
+                f"{self.attitude_bandwidth!r}, or position and attitude fight each other"
+            )
+
+
+class GeometricTracker:
+    """Flies the last accepted plan with four rotors, to rest and beyond."""
+
+    def __init__(self, period: float, config: TrackerConfig, vehicle: Quadrotor, bound: TrackingBound) -> None:
+        """``vehicle`` is what the controller believes to fly; ValueError for gains too fast for the period [s]."""
+        if not 0.0 < period * config.attitude_bandwidth <= _FASTEST:
+            raise ValueError(
+                f"attitude_bandwidth = {config.attitude_bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s "
+                f"at {1.0 / period:g} commands a second"
+            )
+        self.period, self.bound = period, bound
+        self._config, self._vehicle = config, vehicle
+        self._reference = ReferenceFilter(config.reference_bandwidth, config.preview, _APART)
+        self._k_p = config.position_bandwidth**2
+        self._k_v = 2.0 * config.position_damping * config.position_bandwidth
+        bandwidths = np.array([config.attitude_bandwidth, config.attitude_bandwidth, config.yaw_bandwidth])
+        self._k_R, self._k_Omega = bandwidths**2, 2.0 * config.attitude_damping * bandwidths
+        self._inertia, self._drag = np.array(vehicle.inertia), np.array(vehicle.drag)
+        self._inverse = np.linalg.inv(vehicle.allocation)
+        self._tangent = math.tan(math.radians(config.tilt_max))
+        self._gravity = vehicle.gravity * _VERTICAL
+        # What is carried from one command to the next.
+        self._t = math.nan  # [s]
+        self._thrusts = np.full(4, vehicle.hover_thrust)  # [N] T^
+        self._asked = self._thrusts  # [N] held since the last command
+        self._force = np.zeros(3)  # [m/s^2] modelled v'^ without d^, at the last command
+        self._velocity = np.zeros(3)  # [m/s] of the observer
+        self._disturbance = np.zeros(3)  # [m/s^2] d^
+        self._heading, self._turn = 0.0, 0.0  # [rad], [rad/s]
+
+    def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        """The thrusts (4,) [N] to hold from t [s] on; ValueError for an estimate that is not a quadrotor's."""
+        p, v, R, omega = _split(estimate)
+        began = math.isnan(self._t)
+        z = self._reference.at(plan, t)
+        self._observe(t, v, R, began)
+        self._turn_nose(z[1], R, began)
+        vehicle, lag = self._vehicle, self._vehicle.motor_lag
+
+        acceleration = self._force + self._disturbance
+        feedback = self._k_p * (p - z[0]) + self._k_v * (v - z[1])
+        within = limited(feedback, self._config.feedback_max)
+        drag = R @ (self._drag * (R.T @ v)) / vehicle.mass
+        f = z[2] - within - self._disturbance + self._gravity + drag
+        f_dot = z[3] + R @ (self._drag * (R.T @ acceleration)) / vehicle.mass
+        if within @ within >= feedback @ feedback:  # a feedback at its limit hardly changes
+            f_dot = f_dot - self._k_p * (v - z[1]) - self._k_v * (acceleration - z[2])
+        f = within_tilt(f, LEAST_THRUST * vehicle.gravity, self._tangent)
+        R_d = attitude_of(f, self._heading)
+        omega_d = rates_of(R_d, f, f_dot, self._heading, self._turn)
+
+        b_3 = R[:, 2]
+        T = vehicle.mass * float((f + lag * f_dot) @ b_3)
+        tau = moments(
+            R, omega, R_d, omega_d, self._reference_turning(plan, t + lag), self._inertia, self._k_R, self._k_Omega
+        )
+        self._asked = allocated(np.array([T, *tau]), self._inverse, vehicle.thrust_max)
+        return self._asked.copy()
+
+    def _reference_turning(self, plan: Plan, t: float) -> Array:
+        """Omega_d' (3,) [rad/s^2] of the reference alone over the period from t on, t a little ahead."""
+        rates = []
+        for at in (t, t + self.period):
+            z = self._reference.ahead(plan, at)
+            f = within_tilt(z[2] + self._gravity, LEAST_THRUST * self._vehicle.gravity, self._tangent)
+            rates.append(rates_of(attitude_of(f, self._heading), f, z[3], self._heading, 0.0))
+        turning: Array = (rates[1] - rates[0]) / self.period
+        return turning
+
+    def _observe(self, t: float, v: Array, R: Array, began: bool) -> None:
+        """Carry the rotors' thrusts and the disturbance on to t."""
+        dt = 0.0 if began else t - self._t
+        decay = math.exp(-dt / self._vehicle.motor_lag)
+        self._thrusts = self._asked + decay * (self._thrusts - self._asked)
+        m = self._vehicle.mass
+        force = (self._thrusts.sum() * R[:, 2] - R @ (self._drag * (R.T @ v))) / m - self._gravity
+        if began:
+            self._velocity = v.copy()
+        elif dt > 0.0:
+            predicted = self._velocity + dt * (0.5 * (self._force + force) + self._disturbance)
+            residual = v - predicted
+            pole = math.exp(-self._config.disturbance_bandwidth * dt)
+            self._velocity = predicted + (1.0 - pole * pole) * residual
+            found = self._disturbance + (1.0 - pole) ** 2 / dt * residual
+            self._disturbance = limited(found, self._config.disturbance_max)
+        self._force, self._t = force, t
+
+    def _turn_nose(self, velocity: Array, R: Array, began: bool) -> None:
+        """The heading one period on: after the reference's velocity, where there is one."""
+        if began:
+            self._heading = math.atan2(R[1, 0], R[0, 0])
+        fast = math.hypot(velocity[0], velocity[1]) > _TURNING
+        wanted = math.atan2(velocity[1], velocity[0]) if fast else self._heading
+        away = math.remainder(wanted - self._heading, 2.0 * math.pi)
+        push = _TURN_BANDWIDTH**2 * away - 2.0 * _TURN_BANDWIDTH * self._turn
+        push = min(max(push, -_TURN_ACCELERATION), _TURN_ACCELERATION)
+        most = self._config.turn_max
+        self._turn = min(max(self._turn + push * self.period, -most), most)
+        self._heading = math.remainder(self._heading + self._turn * self.period, 2.0 * math.pi)
+
+
+def _split(estimate: Estimate) -> tuple[Array, Array, Array, Array]:
+    """p, v, R and omega of an estimate."""
+    parts = {"state": estimate.x, "attitude": estimate.extra.get("attitude"), "rate": estimate.extra.get("rate")}
+    for (name, value), shape in zip(parts.items(), ((6,), (4,), (3,)), strict=True):
+        if value is None or value.shape != shape or not np.isfinite(value).all():
+            got = "missing" if value is None else f"{value.tolist()}"
+            raise ValueError(f"the estimate's {name} is {got}; allowed: {shape[0]} finite numbers")
+    q = parts["attitude"]
+    assert q is not None  # for the type checker: refused above
+    length = float(np.linalg.norm(q))
+    if not 0.5 < length < 2.0:
+        raise ValueError(f"the estimate's attitude {q.tolist()} has length {length:.4g}; allowed: about 1")
+    return estimate.x[:3], estimate.x[3:], rotation(q / length), estimate.extra["rate"]

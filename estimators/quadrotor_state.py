@@ -1,0 +1,56 @@
+"""The state of a quadrotor as a sensor reads it, in the terms of the planner above it and of the tracker beneath.
+
+``estimators.full_state`` carries the readings (13,) on; the estimate is x = (p, v) (6,) in the map frame, with
+extra["attitude"], the unit quaternion (4,) of the body, and extra["rate"], its angular velocity (3,) [rad/s] in its own
+frame. So a planner and a certificate of the point mass take it as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from estimators.full_state import FullState, FullStateConfig
+from models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, STATE_SIZE, VELOCITY
+from models.quadrotor.mission import QuadrotorMission, QuadrotorStateSensor
+from sim.observer_properties import ObserverProperties
+from sim.signals import Array, Estimate, Measurement
+
+_INDICES = np.arange(STATE_SIZE)
+_POINT = np.concatenate([_INDICES[POSITION], _INDICES[VELOCITY]])
+
+
+class QuadrotorState:
+    """Hands the newest full-state reading on, split in two."""
+
+    Config = FullStateConfig
+
+    def __init__(self, config: FullStateConfig, mission: QuadrotorMission) -> None:
+        self.period = mission.control_period
+        self._whole = FullState(config, mission)
+
+    @staticmethod
+    def build(config: FullStateConfig, mission: QuadrotorMission) -> QuadrotorState:
+        return QuadrotorState(config, mission)
+
+    @staticmethod
+    def sensors(config: FullStateConfig, mission: QuadrotorMission) -> tuple[QuadrotorStateSensor, ...]:
+        """What the vehicle has to carry for this estimator."""
+        return (mission.full_state_sensor(config.rate),)
+
+    @staticmethod
+    def quality(config: FullStateConfig, mission: QuadrotorMission) -> None:
+        """As the mission has it."""
+        return mission.full_state_quality()
+
+    @staticmethod
+    def properties(config: FullStateConfig) -> ObserverProperties:
+        """Those of the readings."""
+        return FullState.properties(config)
+
+    def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        whole = self._whole.update(t, measurements, command)
+        covariance = None if whole.covariance is None else whole.covariance[np.ix_(_POINT, _POINT)]
+        extra = {"attitude": whole.x[ATTITUDE].copy(), "rate": whole.x[RATE].copy()}
+        return Estimate(t, whole.x[_POINT], covariance, whole.status, extra)

@@ -1,0 +1,42 @@
+"""From the force and the moments that a controller wants to the thrusts of four rotors that have bounds.
+
+The thrusts T (4,) [N] give (T, tau) = A T, A the vehicle's allocation. Where A^-1 (T, tau) leaves 0 <= T_i <= T_max,
+what matters most is kept: first the moments about x and y, which turn the thrust to where it is wanted, then the thrust
+itself, then the moment about z, which only turns the nose.
+
+1. The thrusts of tau_x and tau_y alone sum to zero; if the greatest and the least of them lie further apart than T_max,
+   both moments are scaled down until they do not.
+2. The collective thrust is moved to the nearest one at which these are within the bounds.
+3. The moment about z is scaled down to what the rotors have left.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from sim.signals import Array
+
+
+@njit(cache=True, nogil=True)
+def allocated(wrench: Array, inverse: Array, thrust_max: float) -> Array:
+    """The thrusts (4,) [N] for a ``wrench`` (4,) (T, tau) [N, N m]; ``inverse`` (4, 4) is that of the allocation."""
+    turning, yawing = np.empty(4), np.empty(4)
+    for i in range(4):
+        turning[i] = inverse[i, 1] * wrench[1] + inverse[i, 2] * wrench[2]
+        yawing[i] = inverse[i, 3] * wrench[3]
+    apart = turning.max() - turning.min()
+    if apart > thrust_max:
+        turning *= thrust_max / apart
+    each = min(max(wrench[0] / 4.0, -turning.min()), thrust_max - turning.max())
+    share = 1.0
+    for i in range(4):
+        if yawing[i] > 0.0:
+            share = min(share, (thrust_max - each - turning[i]) / yawing[i])
+        elif yawing[i] < 0.0:
+            share = min(share, (each + turning[i]) / -yawing[i])
+    share = max(share, 0.0)
+    thrusts: Array = np.empty(4)
+    for i in range(4):
+        thrusts[i] = min(max(each + turning[i] + share * yawing[i], 0.0), thrust_max)
+    return thrusts

@@ -1,0 +1,87 @@
+"""The task of one quadrotor: that of the point mass above it, and what is believed of the vehicle that flies it.
+
+The flight planner and its certificate see ``flight``, the double integrator with its bounds; the tracker and the
+estimator see the quadrotor. It holds no truth of a run.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.aerial.mission import FlightMission
+from models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, STATE_SIZE, Quadrotor, at_rest, flow
+from sim.checks import check
+from sim.protocols import Motion
+from sim.signals import Array
+
+_STIFF = 1e-2  # [rad, rad/s] by which attitude and rate of a reading carried on are taken to be off, each second
+
+
+@dataclass(frozen=True)
+class QuadrotorStateSensor:
+    """The state (13,) of ``models.quadrotor.dynamics``: the position off by a noise uniform in a cube, the rest exact.
+
+    Thesis (A.7) draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
+    """
+
+    position_noise: float = 0.0  # [m] standard deviation on each axis
+    rate: float | None = None  # [Hz]; None: whenever the loop looks
+    name: str = "full_state"
+    size: int = STATE_SIZE
+
+    def __post_init__(self) -> None:
+        check(self.position_noise, f"{self.name} sensor: position_noise", 0.0)
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+        x = motion.x
+        if self.position_noise > 0.0:
+            half_width = math.sqrt(3.0) * self.position_noise
+            x[POSITION] += rng.uniform(-half_width, half_width, 3)
+        return x
+
+
+@dataclass(frozen=True, eq=False)
+class QuadrotorMission:
+    """A flight mission for a point mass that has a quadrotor beneath it; ``estimators.full_state.Mission`` too."""
+
+    flight: FlightMission
+    vehicle: Quadrotor = NOMINAL  # as it is believed to be
+
+    @property
+    def control_period(self) -> float:
+        """[s] of estimator and tracker."""
+        return self.flight.control_period
+
+    @property
+    def start_state(self) -> Array:
+        """(13,) the state at t = 0: at rest, level, the nose towards the target."""
+        x = at_rest(np.array(self.flight.start))
+        east, north = (b - a for a, b in zip(self.flight.start[:2], self.flight.target[:2], strict=True))
+        half = 0.5 * math.atan2(north, east)
+        x[ATTITUDE] = math.cos(half), 0.0, 0.0, math.sin(half)
+        return x
+
+    def flow(self, x: Array, u: Array, dt: float) -> Array:
+        """The state (13,) after the thrusts u (4,) [N] acted for dt [s] from x (13,), in still air."""
+        return flow(self.vehicle, x, u, dt)
+
+    def full_state_sensor(self, rate: float | None) -> QuadrotorStateSensor:
+        """Reads the whole state ``rate`` times a second, or whenever the loop looks."""
+        return QuadrotorStateSensor(self.flight.position_noise, rate)
+
+    def full_state_covariance(self, age: float) -> Array:
+        """(13, 13) of a reading that was carried on for ``age`` [s]: that of the point mass, and a little of the rest."""
+        point = self.flight.full_state_covariance(age)
+        covariance = np.zeros((STATE_SIZE, STATE_SIZE))
+        place = [0, 1, 2, 7, 8, 9]
+        covariance[np.ix_(place, place)] = point
+        rest = [k for k in range(STATE_SIZE) if k not in place]
+        covariance[rest, rest] = (_STIFF * age) ** 2
+        return covariance
+
+    def full_state_quality(self) -> None:
+        """What the readings are worth follows from the mission's noise; the tracker's bound asks for no more."""
+        return None

@@ -1,0 +1,100 @@
+"""What the flight of a fleet was worth: when who arrived, how near two came to each other, what was agreed."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from models.aerial.mission import FlightMission
+from sim.log import Recording
+from sim.metrics import FAILURES, REJECTIONS, flown_clearance, solve_times
+from sim.signals import Array
+
+
+def arrival_times(recording: Recording, missions: Mapping[str, FlightMission]) -> dict[str, float]:
+    """[s] when each vehicle first came within its arrival radius, on the way between two looks; NaN if it did not."""
+    found = {}
+    for name, mission in missions.items():
+        off = recording.truths[name][:, :3] - np.array(mission.target)
+        t, radius = recording.t, mission.arrival_radius
+        near = np.flatnonzero(np.linalg.norm(off, axis=1) <= radius)
+        if not len(near) or near[0] == 0:
+            found[name] = float(t[0]) if len(near) else np.nan
+            continue
+        k = int(near[0])
+        far, close = (float(np.linalg.norm(off[i])) for i in (k - 1, k))
+        found[name] = float(t[k - 1] + (t[k] - t[k - 1]) * (far - radius) / max(far - close, 1e-12))
+    return found
+
+
+def least_separation(recording: Recording, names: Sequence[str]) -> tuple[float, tuple[str, str]]:
+    """[m] between the two vehicles that came nearest to each other at any time, and their names.
+
+    Between two looks the vehicles are taken to move straight: a_max h^2 / 4 off at most, some millimetres.
+    """
+    nearest, pair = np.inf, ("", "")
+    for one, other in combinations(names, 2):
+        off = recording.truths[one][:, :3] - recording.truths[other][:, :3]
+        least = float(_least_of_segments(off))
+        if least < nearest:
+            nearest, pair = least, (one, other)
+    return nearest, pair
+
+
+def _least_of_segments(off: Array) -> float:
+    """The least |.| along the polygon through (n, 3)."""
+    if len(off) < 2:
+        return float(np.linalg.norm(off[0]))
+    along = np.diff(off, axis=0)
+    square = np.einsum("ij,ij->i", along, along)
+    share = -np.einsum("ij,ij->i", off[:-1], along) / np.where(square > 0.0, square, 1.0)
+    nearest = off[:-1] + np.clip(share, 0.0, 1.0)[:, None] * along
+    return float(np.linalg.norm(nearest, axis=1).min())
+
+
+def fleet_summary(
+    recording: Recording,
+    missions: Mapping[str, FlightMission],
+    deadline: float,
+    zone: float,
+    seed: int,
+    wall_seconds: float,
+) -> dict[str, Any]:
+    """The flat summary of a fleet; times in s, lengths in m, ``zone`` [m] what vehicles keep between them."""
+    arrivals = arrival_times(recording, missions)
+    times = np.array(list(arrivals.values()))
+    nearest, pair = least_separation(recording, list(missions))
+    kinds = Counter(event.kind for event in recording.events)
+    agents = [recording.agents[name] for name in missions]
+    clearance = min(
+        float(flown_clearance(recording.t, recording.truths[name], mission).min()) for name, mission in missions.items()
+    )
+    everybody = bool(np.isfinite(times).all())
+    return {
+        "vehicles": len(missions),
+        "arrived": everybody,
+        "arrived_vehicles": int(np.isfinite(times).sum()),
+        "spread_s": float(times.max() - times.min()) if everybody else None,
+        "first_arrival_s": float(np.nanmin(times)) if np.isfinite(times).any() else None,
+        "arrival_time_s": float(times.max()) if everybody else None,
+        "deadline_s": deadline,
+        "separation_min_m": nearest if len(missions) > 1 else None,
+        "separation_allowed_m": zone,
+        "nearest_pair": " and ".join(pair),
+        "min_clearance_m": clearance,
+        "ground_contacts": kinds["ground-contact"],
+        "replans": sum(agent.requests for agent in agents),
+        "plans_adopted": sum(len(agent.plans) for agent in agents),
+        "plans_rejected": sum(kinds[kind] for kind in REJECTIONS),
+        "plans_not_admitted": kinds["not-admitted"],
+        "proposals_refused": kinds["separation-refused"],
+        "solver_failures": sum(kinds[kind] for kind in FAILURES),
+        "guarantee_lost": kinds["guarantee-lost"] + kinds["deadline-lost"],
+        **solve_times([ms for agent in agents for ms in agent.solve_ms]),
+        "real_time_factor": float(recording.t[-1]) / wall_seconds,
+        "seed": seed,
+    }

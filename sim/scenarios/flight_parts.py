@@ -1,0 +1,134 @@
+"""What scenarios of aerial vehicles share: noise and faults, sensors, certified planners, where a flight may begin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controllers.flight.certificate import Certificate, Certified, TrackingBound
+from controllers.flight.planner import Retreat
+from models.aerial.dynamics import TICK
+from models.aerial.mission import FlightMission
+from models.aerial.sensors import AccelerationSensor, Dropout
+from sim.checks import check, check_rate
+from sim.faults import CorruptedPlan, Delayed, FailingSolver
+from sim.plugins import Part, checked_controller, checked_sensors
+from sim.protocols import Planner, Sensor
+from sim.signals import Estimate, Plan, PlanRequest
+
+LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, and numbers begin to overflow
+_BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
+
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """How the sensors err."""
+
+    position: float = 0.0
+    """standard deviation of a position reading on each axis [m]"""
+    position_rate: float = 10.0
+    """position fixes a second [Hz]"""
+
+    def __post_init__(self) -> None:
+        check(self.position, "noise.position", 0.0, LARGEST)
+        check_rate(self.position_rate, "noise.position_rate", TICK)
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What goes wrong on purpose."""
+
+    solver_failure_rate: float = 0.0
+    """fraction of the requests on which the solver gives up"""
+    corrupted_plan_rate: float = 0.0
+    """fraction of the requests answered with NaN"""
+    late_plan_rate: float = 0.0
+    """fraction of the requests answered late_plan_latency too late to be of use"""
+    late_plan_latency: float = 2.0
+    """simulated time that a late answer takes [s]"""
+    position_jump: float = 0.0
+    """half-width w of the jump p := p + w once a planning period [m] (Table A.3); carries no guarantee"""
+    gust_rms: float = 0.0
+    """force per mass on each axis [m/s^2]"""
+    gust_time_constant: float = 3.0
+    """of the gusts' first-order model [s]"""
+    gust_limit: float = 4.0
+    """longest gust [m/s^2]"""
+    dropout_rate: float = 0.0
+    """fraction of the sensors' readings that are lost"""
+
+    def __post_init__(self) -> None:
+        for name in ("solver_failure_rate", "corrupted_plan_rate", "late_plan_rate", "dropout_rate"):
+            check(getattr(self, name), f"faults.{name}", 0.0, 1.0)
+        for name in ("late_plan_latency", "position_jump", "gust_rms"):
+            check(getattr(self, name), f"faults.{name}", 0.0, LARGEST)
+        check(self.gust_time_constant, "faults.gust_time_constant", TICK, LARGEST)
+        check(self.gust_limit, "faults.gust_limit", 0.0, LARGEST, open_low=True)
+
+
+def wants_certificate(controller: Part) -> bool:
+    return bool(getattr(controller.plugin, "certified", True))
+
+
+def certified(planner: Planner, mission: FlightMission, bound: Any) -> Certified:
+    certificate = Certificate.of(mission, bound)
+    return Certified(planner, Retreat(certificate, planner.period), certificate, bound, mission.deadline_factor)
+
+
+def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
+    terrain, (x, y, z) = mission.terrain, point
+    if not terrain.contains(x, y):
+        raise ValueError(
+            f"{name} = {point!r} is off the map; allowed: 0 to {terrain.width:g} m east, 0 to {terrain.depth:g} m north"
+        )
+    ground = float(terrain.height(x, y))
+    if z < ground + mission.clearance_min:
+        where = "under ground" if z < ground else "below the least clearance"
+        raise ValueError(
+            f"{name} = {point!r} is {where}; the ground there is {ground:.1f} m high; "
+            f"allowed: z >= {ground + mission.clearance_min:.1f} m"
+        )
+
+
+def drawn_point(mission: FlightMission, heights: tuple[float, float], rng: np.random.Generator) -> Point:
+    terrain = mission.terrain
+    margin = _BORDER * max(terrain.width, terrain.depth)
+    x = float(rng.uniform(margin, terrain.width - margin))
+    y = float(rng.uniform(margin, terrain.depth - margin))
+    return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*heights))
+
+
+def first_plan(mission: FlightMission, controller: Part) -> Plan:
+    """What the certified planner answers at the start; a planner without a certificate is held to it here too."""
+    planner, tracker = checked_controller(controller, mission, TrackingBound)
+    x = np.array([*mission.start, 0.0, 0.0, 0.0])
+    request = PlanRequest(0.0, 0.0, Estimate(0.0, x), None)
+    return certified(planner, mission, tracker.bound).plan(request)
+
+
+def faulty(planner: Planner, faults: Faults, rngs: Sequence[np.random.Generator]) -> Planner:
+    """The planner with its solver's failures, corrupted and late plans; a generator for each of the three."""
+    failing, corrupting, delaying = rngs
+    if faults.solver_failure_rate > 0.0:
+        planner = FailingSolver(planner, faults.solver_failure_rate, failing)
+    if faults.corrupted_plan_rate > 0.0:
+        planner = CorruptedPlan(planner, faults.corrupted_plan_rate, corrupting)
+    if faults.late_plan_rate > 0.0:
+        planner = Delayed(planner, faults.late_plan_latency, faults.late_plan_rate, delaying)
+    return planner
+
+
+def mounted(estimator: Part, mission: FlightMission, faults: Faults, rng: np.random.Generator) -> tuple[Sensor, ...]:
+    """The sensors that an estimator asks for, and one of the acceleration, with their dropouts."""
+    sensors: list[Sensor] = [*checked_sensors(estimator, mission), AccelerationSensor()]
+    if faults.dropout_rate > 0.0:
+        return tuple(
+            Dropout(sensor, faults.dropout_rate, one)
+            for sensor, one in zip(sensors, rng.spawn(len(sensors)), strict=True)
+        )
+    return tuple(sensors)

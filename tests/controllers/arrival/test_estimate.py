@@ -1,0 +1,65 @@
+"""(A.12) and its alternatives: no later than true for v_max, exact for a plan that meets its target."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controllers.arrival.estimate import ArrivalEstimate
+from models.aerial.dynamics import flow
+from sim.signals import Array, Phase, Plan
+
+TARGET = np.array([1000.0, 0.0, 100.0])
+
+
+def straight(points: Array) -> Array:
+    """[m] to the target."""
+    return np.linalg.norm(points - TARGET, axis=1)
+
+
+def planned(pushes: list[tuple[float, float, Phase]], t: float = 5.0) -> Plan:
+    """Arcs (a_x, duration, phase) from rest at the origin."""
+    x, times = [np.array([0.0, 0.0, 100.0, 0.0, 0.0, 0.0])], [t]
+    for push, duration, _ in pushes:
+        x.append(flow(x[-1], np.array([push, 0.0, 0.0]), duration))
+        times.append(times[-1] + duration)
+    u = np.array([[push, 0.0, 0.0] for push, _, _ in pushes])
+    return Plan(np.array(times), np.array(x), u, np.array([phase for _, _, phase in pushes], np.int64))
+
+
+TO_100_M_S = [(10.0, 10.0, Phase.OPTIMISED), (-50.0, 2.0, Phase.MANOEUVRE)]  # 500 m, then it stops
+
+
+def told(plan: Plan, t: float, **fields: Any) -> float:
+    return ArrivalEstimate(straight, TARGET, 200.0, **fields)(plan, t)
+
+
+def test_beyond_the_horizon_the_rest_of_the_way_is_flown_at_v_max() -> None:
+    plan = planned(TO_100_M_S)
+    assert told(plan, 5.0) == pytest.approx(15.0 + 500.0 / 200.0)
+    assert told(plan, 12.0) == pytest.approx(15.0 + 500.0 / 200.0)
+    assert told(plan, 15.0 + 1.0) == pytest.approx(16.0 + (500.0 - 75.0) / 200.0)  # braking
+
+
+def test_other_speeds_are_those_of_the_nodes() -> None:
+    plan = planned([(10.0, 5.0, Phase.OPTIMISED), (10.0, 5.0, Phase.OPTIMISED), (-50.0, 2.0, Phase.MANOEUVRE)])
+    assert told(plan, 5.0, speed="mean") == pytest.approx(15.0 + 500.0 / 25.0)
+    assert told(plan, 5.0, speed="largest") == pytest.approx(15.0 + 500.0 / 50.0)
+    assert told(planned([(0.0, 5.0, Phase.HOVER)]), 5.0, speed="mean") == math.inf
+
+
+def test_a_plan_that_meets_its_target_is_as_good_as_it_says() -> None:
+    plan = planned([(20.0, 10.0, Phase.OPTIMISED), (0.0, 5.0, Phase.OPTIMISED), (-40.0, 5.0, Phase.MANOEUVRE)])
+    assert plan.x[1, 0] == pytest.approx(1000.0)
+    for speed in ("max", "mean", "largest"):
+        assert told(plan, 6.0, speed=speed) == pytest.approx(15.0)
+
+
+def test_what_is_no_speed_is_refused() -> None:
+    with pytest.raises(ValueError, match="speed = 'typical'; allowed: max, mean, largest"):
+        told(planned(TO_100_M_S), 0.0, speed="typical")
+    with pytest.raises(ValueError, match=r"speed_max = 0\.0"):
+        ArrivalEstimate(straight, TARGET, 0.0)

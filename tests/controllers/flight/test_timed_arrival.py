@@ -1,0 +1,128 @@
+"""Arrival at a time that is asked for: sooner, later, changed on the way, and by the stored plan alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from controllers.flight.certificate import Certificate, Certified
+from controllers.flight.completion import ArcList, complete
+from controllers.flight.planner import ARRIVAL, Retreat
+from controllers.flight.plugin import FlightConfig, SafeFlight
+from models.aerial.dynamics import state_at
+from sim.protocols import Planner
+from sim.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
+from tests import flight
+
+MISSION = flight.mission()
+H = 5.0 / 3.0  # [s]
+NATURAL = 64.8  # [s] the arrival that nobody asks to be another
+
+
+class FailsFrom:
+    """A planner whose solver gives up from a time [s] on."""
+
+    def __init__(self, planner: Planner, t: float) -> None:
+        self.period, self._planner, self._t = planner.period, planner, t
+
+    def plan(self, request: PlanRequest) -> Plan:
+        plan = self._planner.plan(request)
+        return plan if request.t < self._t else Plan.failure(Status.SOLVER_FAILED)
+
+
+def arrival(asked: Callable[[float], float | None], fails_from: float = math.inf) -> tuple[float, list[Plan]]:
+    """When a vehicle on its plans arrives [s], which is asked for ``asked(t)`` from the second request on."""
+    raw, tracker = SafeFlight.build(FlightConfig(), MISSION)
+    certificate = Certificate.of(MISSION, tracker.bound)
+    planner = Certified(FailsFrom(raw, fails_from), Retreat(certificate, raw.period), certificate, tracker.bound, 4.0)
+    current = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, flight.at_rest(MISSION.start)), None))
+    t, told, plans = 0.0, None, [current]
+    while t < 400.0:
+        for moment in np.linspace(t, t + planner.period, 50, endpoint=False):
+            if math.dist(state_at(current, moment)[:3], MISSION.target) <= MISSION.arrival_radius:
+                return float(moment), plans
+        wanted = asked(t)
+        messages = () if wanted == told or wanted is None else (Message(t, "fleet", ARRIVAL, wanted),)
+        told = wanted
+        x = state_at(current, t)
+        answer = planner.plan(PlanRequest(t, t + planner.period, Estimate(t, x), current, messages))
+        current = answer if answer.ok else current
+        plans.append(answer)
+        t += planner.period
+    return math.inf, plans
+
+
+def test_nothing_changes_where_nothing_is_asked_for() -> None:
+    assert arrival(lambda t: None)[0] == pytest.approx(NATURAL, abs=0.1)
+
+
+@pytest.mark.parametrize("asked", [48.0, 60.0, 80.0, 120.0])
+def test_it_arrives_when_it_is_asked_to(asked: float) -> None:
+    found, plans = arrival(lambda t: asked)
+    assert abs(found - asked) < 0.5 * H
+    assert all(plan.ok for plan in plans)
+
+
+@pytest.mark.parametrize("change", [-5.0, 10.0])
+def test_another_time_may_be_asked_for_on_the_way(change: float) -> None:
+    found, _ = arrival(lambda t: 59.5 + (change if t > 20.0 else 0.0))
+    assert abs(found - 59.5 - change) < 0.5 * H
+
+
+def test_what_is_too_soon_is_flown_as_soon_as_can_be() -> None:
+    found, _ = arrival(lambda t: 42.0)
+    assert 42.0 < found < 50.0
+
+
+@pytest.mark.parametrize("fails_from", [10.0, 30.0])
+def test_the_stored_plan_waits_for_its_time(fails_from: float) -> None:
+    """In hover, at the end of the manoeuvre, and then goes down onto the target."""
+    found, plans = arrival(lambda t: 100.0, fails_from)
+    assert abs(found - 100.0) < H
+    flown = [plan for plan in plans if plan.ok][-1]
+    assert Phase.HOVER in flown.phase
+
+
+def test_where_too_little_time_is_left_for_the_stored_plan_it_is_late_and_arrives() -> None:
+    """To stop, climb, cross and come down takes longer than to fly on."""
+    found, plans = arrival(lambda t: 100.0, 55.0)
+    assert 100.0 + H < found < 115.0
+    assert Phase.HOVER not in [plan for plan in plans if plan.ok][-1].phase
+
+
+def test_times_that_are_none_are_ignored() -> None:
+    for nonsense in (math.nan, math.inf, "soon", None):
+        assert arrival(lambda t, it=nonsense: it)[0] == pytest.approx(NATURAL, abs=0.1)  # type: ignore[misc]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 500.0))
+def test_waiting_puts_off_the_end_and_nothing_else(seed: int, wait: float) -> None:
+    rng, terrain = np.random.default_rng(seed), flight.mountains()
+    start = np.array([*rng.uniform(2_000.0, 8_000.0, 2), 2_000.0, 0.0, 0.0, rng.uniform(0.0, 50.0)])
+    target = np.array([*rng.uniform(2_000.0, 8_000.0, 2), 1_800.0])
+
+    def completed(end: float) -> Plan:
+        arcs = ArcList.begin(3.0, start)
+        complete(arcs, terrain, target, 50.0, 300.0, 40.0, end)
+        return arcs.plan(0.0, 0.0)
+
+    plain = completed(-math.inf)
+    waiting = completed(plain.t_end + wait)
+    assert waiting.t_end == pytest.approx(plain.t_end + wait, abs=1e-8)
+    assert _path(waiting) == pytest.approx(_path(plain), abs=1e-6)
+    assert np.isin(waiting.phase, list(Phase)).all()
+    ends = [state_at(waiting, float(t)) for t in waiting.t[1:]]
+    assert np.array(ends) == pytest.approx(waiting.x[1:], abs=1e-6)
+
+
+def _path(plan: Plan) -> Array:
+    """Where the plan turns, hover left out."""
+    kept = np.concatenate([[True], np.abs(np.diff(plan.x, axis=0)).max(axis=1) > 0.0])
+    rows: Array = plan.x[kept]
+    return rows

@@ -52,8 +52,8 @@ def claims(
             "least as its slowest graph",
             f"off by {', '.join(f'{value:+.1%} ({kind})' for kind, value in off.items())}; with "
             f"{', '.join(f'{fraction:g}' for fraction in then)} of that delay at "
-            f"{', '.join(f'{rate:+.2f}' for rate in then.values())}, compared with the own value now always at > "
-            f"{min(now):.2f}; switching at >= {switching.least:.2f} (slowest graph {switching.reference:.2f}); two "
+            f"{', '.join(f'{rate:+.2f}' for rate in then.values())}, compared with the own value now at "
+            f"{span(now, '.2f')}; switching at >= {switching.least:.2f} (slowest graph {switching.reference:.2f}); two "
             f"halves of a ring at {halves.rate:.3f} (their mean {halves.reference:.3f}); {LOSS:.0%} lost: "
             f"{span([f.rate / f.reference for f in loss], '.3f')} of lambda_2",
             bool(near and split and links and min(now) > 0.0),
@@ -62,7 +62,7 @@ def claims(
             "A.laplacian-rate", "printed", "The protocol reaches consensus globally exponentially, with the speed of "
             "the algebraic connectivity.", "A.8.1, Theorem 8 of [35]",
             "from any start at most exp(-s lambda_2 t), and exactly that in the slowest mode",
-            f"random starts never above it by more than {above:.0e}; the slowest mode at "
+            f"random starts {'never' if above <= 1e-9 else f'up to {above:.1%}'} above it; the slowest mode at "
             f"{span([_relative(f) for f in rates.values()], '+.1%')} of it, which is what rounds of s h lambda_2 <= "
             f"{SLOW:g} add to it",
             bool(near and above <= 1e-9),

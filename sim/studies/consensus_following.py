@@ -58,14 +58,14 @@ class _EachWay:
 
 def clocks_agree(case: ClockCase) -> ClockFound:
     """On a line, with clocks that are up to 5 s off and drift."""
-    graph, period, seconds = graph_of("line", case.n), 0.005, 15.0
+    graph, period, seconds = graph_of("line", case.n), 0.01, 15.0
     rng = np.random.default_rng(3)
     offsets, drifts = rng.uniform(-5.0, 5.0, case.n), rng.uniform(-case.drift, case.drift, case.n)
     clocks = {
         name: (lambda t, o=float(offset), r=float(drift): t + o + r * t)
         for name, offset, drift in zip(graph.names, offsets, drifts, strict=True)
     }
-    config = ClockConfig(period=period, scaling=40.0, rate_scaling=case.rate_scaling, baseline=1.0)
+    config = ClockConfig(period=period, scaling=25.0, rate_scaling=case.rate_scaling, baseline=1.0)
     parts: dict[str, Consensus] = {name: ClockConsensus(config, graph.node(name)) for name in graph.names}
     network = _EachWay(Air(graph.names), case, rng)
     values = talked(parts, graph, network, round(seconds / period), clocks=clocks)

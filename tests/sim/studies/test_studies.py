@@ -49,6 +49,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "sphere": {"points": 1, "seconds": 1, "noisy": 1, "fast": 1, "values": 1, "bodies": 1},
     "curvature-sign": {"seeds": 1, "others": 1, "strengths": 1},
     "contraction": {"distances": 6, "directions": 3, "points": 1},
+    "consensus": {"sizes": 1, "seeds": 1},
     "attitude": {"seeds": 1, "others": 1, "seconds": 1},
     "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
@@ -88,6 +89,7 @@ CLAIMS = {
     },
     "curvature-sign": {"riemannian.sign"},
     "contraction": {"riemannian.contraction", "D.infinitely-thin", "D.contraction-sign", "D.brackets"},
+    "consensus": {"fleet.laplacian", "A.laplacian-rate", "A.outlier-keeps-value"},
     "attitude": {"riemannian.attitude"},
     "mechanisms": {
         *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),
@@ -111,7 +113,7 @@ HOLDS: dict[str, dict[str, bool]] = {
 }
 """of claims that do not depend on how much is run"""
 TIMED = {"cost-to-go", "missile-nodes", "missile-closed-loop", "range-convergence", "mechanisms"}  # which measure times
-COMPUTED = {"sphere", "curvature-sign", "contraction", "observability"}  # which fly little or nothing
+COMPUTED = {"sphere", "curvature-sign", "contraction", "observability", "consensus"}  # which fly little or nothing
 UNMEASURED = {"noise", "ocp-problems"}  # over these hills no mission may arrive; not all problems are solved
 PRINTED = ("A.", "B.", "C.", "D.", "I.")  # the thesis' papers and its Introduction
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))

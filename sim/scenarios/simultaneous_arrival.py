@@ -331,19 +331,10 @@ def _fleet(
                 name: _vehicle(config, name, mission, controller, rngs)
                 for (name, mission), rngs in zip(missions.items(), failing.spawn(len(missions)), strict=True)
             }
-            zone = _zone(config, next(iter(fleet.values())).tracker.bound)
-            checked_start(
-                [(name, vehicle.stored) for name, vehicle in fleet.items()],
-                {name: np.array(vehicle.mission.target) for name, vehicle in fleet.items()},
-                zone,
-            )
+            _check_apart(config, fleet)
         except _NoFleetError as error:
             if given:
                 raise ValueError(str(error)) from None
-            reasons.append(str(error))
-        except ValueError as error:
-            if given:
-                raise
             reasons.append(str(error))
         else:
             return fleet
@@ -354,8 +345,25 @@ def _fleet(
     )
 
 
-class _NoFleetError(ValueError):
-    """These vehicles cannot start so."""
+class _NoFleetError(Exception):
+    """These vehicles cannot start so, but others might."""
+
+
+def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, _Vehicle]) -> None:
+    zone = _zone(config, next(iter(fleet.values())).tracker.bound)
+    if config.slot_spacing < zone.required:
+        raise ValueError(
+            f"slot_spacing = {config.slot_spacing!r}; allowed: >= {zone.required:.6g}, the separation and what two "
+            "vehicles may deviate from their plans"
+        )
+    try:
+        checked_start(
+            [(name, vehicle.stored) for name, vehicle in fleet.items()],
+            {name: np.array(vehicle.mission.target) for name, vehicle in fleet.items()},
+            zone,
+        )
+    except ValueError as error:
+        raise _NoFleetError(str(error)) from None
 
 
 def _slots(config: SimultaneousArrivalConfig, common: FlightMission, target: Point) -> list[Point]:

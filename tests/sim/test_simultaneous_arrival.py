@@ -1,0 +1,157 @@
+"""A fleet arrives at one time, keeps apart and off the ground, whatever becomes of plans and messages."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.fleet_metrics import arrival_times, least_separation
+from sim.scenarios.experiment import Outcome
+from sim.scenarios.flight_parts import Faults
+from sim.scenarios.simultaneous_arrival import Radio, SimultaneousArrival, SimultaneousArrivalConfig
+from tests import flight
+
+
+@pytest.fixture(scope="module")
+def terrain(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return flight.save(flight.mountains(), tmp_path_factory.mktemp("map") / "mountains.npz")
+
+
+def config(terrain: str, **fields: Any) -> SimultaneousArrivalConfig:
+    """A small fleet over a small map."""
+    small = {"vehicles": 3, "slot_spacing": 800.0, "separation": 150.0}
+    return SimultaneousArrivalConfig(**{"terrain": terrain, **small, **fields})
+
+
+def flown(terrain: str, seed: int = 0, **fields: Any) -> Outcome:
+    return SimultaneousArrival.build(config(terrain, **fields), seed).run()
+
+
+@pytest.mark.parametrize("graph", ["line", "complete", "random"])
+def test_they_arrive_at_one_time_and_keep_apart(terrain: str, graph: str) -> None:
+    outcome = flown(terrain, graph=graph)
+    assert outcome.success, outcome.summary
+    assert outcome.summary["arrived_vehicles"] == 3
+    assert outcome.summary["spread_s"] <= 5.0 / 3.0
+    assert outcome.summary["separation_min_m"] >= 150.0
+    assert outcome.summary["min_clearance_m"] >= 50.0
+
+
+def test_the_average_asks_some_for_more_than_they_can_and_costs_no_safety(terrain: str) -> None:
+    """Half the fleet would have to be faster than the least time that (A.12) tells."""
+    outcome = flown(terrain, consensus="laplacian")
+    assert outcome.summary["arrived"]
+    assert outcome.summary["spread_s"] > 5.0 / 3.0
+    assert outcome.summary["ground_contacts"] == 0
+    assert outcome.summary["separation_min_m"] >= 150.0
+
+
+def test_alone_they_would_arrive_far_apart(terrain: str) -> None:
+    """What is agreed is what makes it one time: with a radio that loses everything, nobody knows of anybody's time."""
+    outcome = flown(terrain, radio=Radio(loss=1.0))
+    assert not outcome.success
+    assert outcome.summary["ground_contacts"] == 0
+    assert outcome.summary["separation_min_m"] >= 150.0
+    assert outcome.summary["plans_adopted"] == 3  # the stored ones
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_lost_messages_and_failing_solvers_cost_no_safety(terrain: str, seed: int) -> None:
+    outcome = flown(
+        terrain, seed, vehicles=4, faults=Faults(solver_failure_rate=0.3, late_plan_rate=0.1),
+        radio=Radio(delay=(0.0, 0.3), loss=0.2, duplication=0.2, partition=(20.0, 40.0)),
+    )  # fmt: skip
+    assert outcome.summary["ground_contacts"] == 0
+    assert outcome.summary["min_clearance_m"] >= 50.0
+    assert outcome.summary["separation_min_m"] >= 150.0
+    assert outcome.summary["arrived"]
+
+
+def test_the_same_seed_is_the_same_log(terrain: str) -> None:
+    one, other = (flown(terrain, radio=Radio(loss=0.2), faults=Faults(solver_failure_rate=0.2)) for _ in range(2))
+    assert one.arrays.keys() == other.arrays.keys()
+    assert all(one.arrays[name].tobytes() == other.arrays[name].tobytes() for name in one.arrays)
+    assert {name.partition(".")[0] for name in one.arrays if "." in name} == {"vehicle_1", "vehicle_2", "vehicle_3"}
+
+
+def test_arrivals_and_separation_are_those_of_the_log(terrain: str) -> None:
+    built = SimultaneousArrival.build(config(terrain), 2)
+    outcome = built.run()
+    told = outcome.config["mission"]["vehicles"]
+    t, truths = outcome.recording.t, outcome.recording.truths
+    for name, place in told.items():
+        away = np.linalg.norm(truths[name][:, :3] - np.array(place["target"]), axis=1)
+        assert np.array(place["start"]) == pytest.approx(truths[name][0, :3])
+        assert away.min() <= 50.0
+        first = float(t[np.flatnonzero(away <= 50.0)[0]])
+        assert outcome.summary["first_arrival_s"] <= first <= outcome.summary["arrival_time_s"] + 1.0 / 60.0
+    pairs = [("vehicle_1", "vehicle_2"), ("vehicle_1", "vehicle_3"), ("vehicle_2", "vehicle_3")]
+    sampled = min(float(np.linalg.norm(truths[a][:, :3] - truths[b][:, :3], axis=1).min()) for a, b in pairs)
+    assert sampled - 10.0 <= outcome.summary["separation_min_m"] <= sampled
+    assert least_separation(outcome.recording, list(told))[0] == outcome.summary["separation_min_m"]
+
+
+def test_a_fleet_that_is_told_where_to_start_starts_there(terrain: str) -> None:
+    drawn = SimultaneousArrival.build(config(terrain), 1).config
+    starts = tuple(tuple(each["start"]) for each in drawn["mission"]["vehicles"].values())
+    ring = [each["target"] for each in drawn["mission"]["vehicles"].values()]
+    middle = tuple(np.mean(ring, axis=0)[:2])
+    height = float(flight.mountains().height(*middle))
+    told = config(terrain, starts=starts, target=(*middle, height + 300.0))
+    assert SimultaneousArrival.build(told, 7).config["fields"]["starts"] == starts
+
+
+def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
+    ground = flight.mountains()
+
+    def above(x: float, y: float, height: float = 200.0) -> tuple[float, float, float]:
+        return x, y, float(ground.height(x, y)) + height
+
+    middle = {"target": above(6_000.0, 6_000.0)}
+    near = (above(1_000.0, 1_000.0), above(1_080.0, 1_000.0), above(9_000.0, 2_000.0))
+    return [
+        ({"vehicles": 1}, r"vehicles = 1; allowed: a whole number from 2 to 64"),
+        ({"vehicles": 2}, r"graph = 'ring' with vehicles = 2"),
+        ({"separation": 0.0}, r"separation = 0\.0"),
+        ({"slot_spacing": 10.0}, r"slot_spacing = 10\.0; allowed: a finite value >= 150"),
+        ({"starts": (above(1e3, 1e3),)}, r"starts = 1 points; allowed: 3, one for each vehicle"),
+        ({"graph": "star"}, r"graph = 'star'; allowed: line, ring, complete, random"),
+        ({"consensus": "vote"}, r"consensus: 'vote' is not known; allowed: "),
+        ({"starts": near, **middle}, r"starts of vehicle_1 and vehicle_2 are .* m apart; allowed: >= 15"),
+        ({"starts": (above(1e3, 1e3, 10.0), *near[1:]), **middle}, r"start of vehicle_1 = .* is below the least"),
+        ({"target": above(100.0, 100.0), "starts": (near[0], near[2], above(5e3, 9e3))}, r"lie off the map"),
+        ({"deadline_factor": 0.5}, r"deadline_factor = 0\.5"),
+        ({"target": (math.nan, 0.0, 0.0)}, r"allowed: three finite numbers"),
+        ({"faults": Faults(position_jump=5.0)}, r"position_jump = 5\.0; allowed in a fleet: 0"),
+        ({"slot_spacing": 150.0}, r"slot_spacing = 150\.0; allowed: >= 150\."),
+    ]
+
+
+@pytest.mark.parametrize("case", range(14))
+def test_bad_input_names_the_culprit(terrain: str, case: int) -> None:
+    fields, told = bad(terrain)[case]
+    with pytest.raises(ValueError, match=told):
+        SimultaneousArrival.build(config(terrain, **fields), 0)
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [({"loss": 2.0}, r"radio\.loss = 2\.0"), ({"delay": (0.3, 0.1)}, r"radio\.delay = 0\.1"),
+     ({"partition": (5.0, 1.0)}, r"radio\.partition = 1\.0")],
+)  # fmt: skip
+def test_a_radio_that_cannot_be_is_refused(fields: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        Radio(**fields)
+
+
+def test_nobody_arrives_in_a_log_of_nothing(terrain: str) -> None:
+    built = SimultaneousArrival.build(config(terrain), 0)
+    short = dataclasses.replace(built, duration=1.0).run()
+    assert not short.success
+    assert short.summary["spread_s"] is None
+    assert "arrived" in short.summary["shortfall"]
+    assert all(math.isnan(t) for t in arrival_times(short.recording, {}).values())

@@ -60,7 +60,7 @@ class Replay:
 
 @dataclass(frozen=True)
 class Tuning:
-    """What each value of the grid came to."""
+    """What each value of the grid that was tried came to."""
 
     field: str
     grid: tuple[float, ...]
@@ -123,11 +123,22 @@ def tuned(
     components: slice,
     begin: float,
 ) -> Tuning:
-    """The errors with each value of the grid in a field of ``config``; ValueError for an empty grid."""
+    """The errors with values of the grid in a field of ``config``: every other one and both ends, then those beside the
+
+    best of them. ValueError for an empty grid.
+    """
     if not grid:
         raise ValueError(f"grid = {grid!r}; allowed: at least one value of {field}")
-    errors = [
-        recorded_error(plugin.build(replace(config, **{field: value}), mission), calls, components, begin)
-        for value in grid
-    ]
-    return Tuning(field, tuple(grid), tuple(errors))
+    errors: dict[int, float] = {}
+
+    def attempt(places: Iterable[int]) -> None:
+        for k in sorted(set(places) - set(errors)):
+            built = plugin.build(replace(config, **{field: grid[k]}), mission)
+            error = recorded_error(built, calls, components, begin)
+            errors[k] = error if np.isfinite(error) else np.inf
+
+    attempt({*range(0, len(grid), 2), len(grid) - 1})
+    best = min(errors, key=lambda k: errors[k])
+    attempt({max(best - 1, 0), min(best + 1, len(grid) - 1)})
+    tried = sorted(errors)
+    return Tuning(field, tuple(grid[k] for k in tried), tuple(errors[k] for k in tried))

@@ -219,5 +219,5 @@ def _figure(flown: Mapping[str, Sequence[Record]], times: Mapping[str, Array], s
         second.set(xlim=(0.0, min(seconds, 1.2 * max(float(own.max()) for own in times.values()))), ylim=(0.0, 1.02),
                    xlabel="time [s]")  # fmt: skip
         second.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
-        second.legend(loc="lower right")
+        second.legend(loc="center left")
     return page

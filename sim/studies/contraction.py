@@ -240,7 +240,8 @@ def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array], pixels: int)
             first.plot(thetas[shown], speeds[shown], color=COLOURS[term], lw=2.0)
             if shown.any():
                 k = np.flatnonzero(shown)[2 * shown.sum() // 3]
-                first.annotate(NAMES[term], (thetas[k], speeds[k]), (6, 6), textcoords="offset points",
+                aside = (6, -16 if term == "plus-one" else 6)
+                first.annotate(NAMES[term], (thetas[k], speeds[k]), aside, textcoords="offset points",
                                color=COLOURS[term], weight="bold")  # fmt: skip
         first.plot(thetas, LAW / thetas, color=INK, lw=1.0, ls=(0, (4, 3)))
         first.set(xscale="log", yscale="log", xlabel=r"$\theta = $ dist$(x, \xi)$", ylabel=r"$|\eta|_g$")

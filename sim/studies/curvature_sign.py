@@ -131,7 +131,8 @@ class CurvatureSign:
                 "omega. Converged: the velocity error is under 1 % of the velocity at the start, at the time that is "
                 f"said; judged at the end, {DURATION:g} / omega.",
                 "With C = 1 some runs converge late, and how many depends on the force as on the time: the share is no "
-                "property of the sign alone.",
+                "property of the sign alone. Nor is that with C = -1 on S^3: under a weak or a strong force not every "
+                "run converges.",
             ),
             rows=[
                 {"space": s, "speed_over_omega": v, "C": NAMES[c], "strength": STRENGTH[s], "t_omega": t,

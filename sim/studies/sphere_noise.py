@@ -96,7 +96,9 @@ class Flight:
 
 def recorded(run: Tumbling) -> tuple[LagrangianMission, list[RecordedCall]]:
     """The run as calls of an estimator, and what that is told."""
-    fields: dict[str, Any] = {"duration": run.seconds, "settled": 0.0, "speed": run.speed, **TORQUES}
+    fields: dict[str, Any] = {
+        "duration": run.seconds, "settled": 0.0, "speed": run.speed, "speed_max": max(30.0, 0.75 * run.speed), **TORQUES
+    }  # fmt: skip
     flight = trial("sphere-observer", run.seed, estimator="filtered_differences", fields=fields)
     return config_mission(flight.config), recorded_calls(flight.build().run().recording, VEHICLE, POSITION)
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from estimators.velocity.high_gain import HighGain
-from sim.tuning import RecordedCall, Tuning, recorded_error, tuned
+from sim.signals import Measurement
+from sim.tuning import RecordedCall, Replay, Tuning, recorded_error, replayed, spread, tuned
 from tests.estimators.velocity.runs import mission_of, moving, recorded
 
 VELOCITY = slice(4, 7)
@@ -50,3 +51,32 @@ def test_nothing_to_choose_from_and_nothing_to_measure_are_refused() -> None:
 def test_a_value_that_diverges_is_never_the_best() -> None:
     assert Tuning("f", (1.0, 2.0, 3.0), (math.nan, 2.0, 1.0)).best == 3.0
     assert Tuning("f", (1.0, 2.0, 3.0), (2.0, 3.0, math.inf)).best == 1.0
+
+
+def test_a_replay_tells_when_the_error_was_last_above_a_limit() -> None:
+    t = np.arange(5.0)
+    ran = Replay(t, np.array([4.0, 1.0, 3.0, 1.0, 1.0]), 0, 0, 0)
+    assert ran.below_from(5.0) == 0.0
+    assert ran.below_from(2.0) == 2.0
+    assert ran.below_from(0.5) is None
+    assert Replay(t, np.array([4.0, 1.0, math.nan, 1.0, 1.0]), 0, 0, 0).below_from(2.0) == 2.0
+
+
+def test_a_replay_counts_the_readings_that_were_refused() -> None:
+    """A body at rest that is read half a turn off, once."""
+    system, start = moving("rigid body", 0.0)
+    mission = mission_of(system)
+    calls = recorded(mission, start, 0.2)
+    off = system.manifold.point(start[:4], np.array([1.5, 0.0, 0.0]))
+    wrong = Measurement("position", calls[10].t, off)
+    calls[10] = RecordedCall(calls[10].t, (wrong,), calls[10].command, calls[10].truth)
+    ran = replayed(HighGain.build(HighGain.Config(), mission), calls, VELOCITY)
+    assert (ran.refused, ran.restarts, ran.lost) == (1, 0, 0)
+    assert ran.rms(0.0) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_grid_is_thinned_from_its_first_to_its_last() -> None:
+    grid = (1.0, 2.0, 3.0, 4.0, 5.0)
+    assert spread(grid, 9) == grid
+    assert spread(grid, 3) == (1.0, 3.0, 5.0)
+    assert spread(grid, 1) == (1.0,)

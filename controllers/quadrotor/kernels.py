@@ -122,12 +122,12 @@ def attitude_error(R_d: Array, R: Array) -> Array:
     # Q + I = 2 n n': its longest column is along n.
     best, longest = 0, 0.0
     for k in range(3):
-        length = Q[k, k] + 1.0
+        length = float(Q[k, k]) + 1.0
         if length > longest:
             best, longest = k, length
     n = Q[:, best].copy()
     n[best] += 1.0
-    n *= 2.0 / math.sqrt(max(n @ n, _SMALL))
+    n *= 2.0 / math.sqrt(float(n @ n))  # at least 4 / 3
     return -n if n @ e < 0.0 else n
 
 

@@ -15,10 +15,10 @@ where tau_m f' and the rates of the reference tau_m ahead make up for the lag of
 = 4 - 2 sqrt(1 + tr R_d' R) instead of the paper's tr(I - R_d' R) / 2: it grows up to an attitude that is upside down,
 where the paper's vanishes. ``models.quadrotor.allocation`` says which of T and tau is kept where rotors saturate.
 
-d^ is what the velocity tells of forces that the model does not know, a wind or a wrong mass, the integral action of the
-loop: with the modelled v'^ = R (0, 0, T^) / m - g e_z - R D R' v / m + d^ and the residual r of the velocity against
-its integral, an observer with both poles at -omega_d; |d^| is held to ``disturbance_max``. T^ are the rotors' thrusts by
-their lag.
+d^ is what the velocity tells of forces that the model does not know, a wind or a wrong mass, the integral action of
+the loop: with the modelled v'^ = R (0, 0, T^) / m - g e_z - R D R' v / m + d^ and the residual r of the velocity
+against its integral, an observer with both poles at -omega_d; no more than ``disturbance_max`` of it is made up for.
+T^ are the rotors' thrusts by their lag.
 
 The estimate is x = (p, v) with extra["attitude"], the quaternion (4,), and extra["rate"], omega (3,).
 """
@@ -45,11 +45,11 @@ from models.quadrotor.dynamics import Quadrotor
 from sim.checks import check, check_positive
 from sim.signals import Array, Estimate, Plan
 
+LEAST_THRUST = 0.15
+"""of g: the least vertical part of f, so that the thrust always points up"""
 _FASTEST = 0.2  # of the attitude's bandwidth times the period: commands are held over a period
 _TURNING = 0.8  # [m/s] least speed at which the nose turns into it
 _TURN_BANDWIDTH, _TURN_ACCELERATION = 3.0, 4.0  # [rad/s, rad/s^2] of the heading
-LEAST_THRUST = 0.15
-"""of g: the least vertical part of f, so that the thrust always points up"""
 _APART = 1.0  # [m, m/s] of a plan from the reference: nothing that joins it is that far away
 _VERTICAL = np.array([0.0, 0.0, 1.0])
 
@@ -146,8 +146,9 @@ class GeometricTracker:
         acceleration = self._force + self._disturbance
         feedback = self._k_p * (p - z[0]) + self._k_v * (v - z[1])
         within = limited(feedback, self._config.feedback_max)
-        drag = R @ (self._drag * (R.T @ v)) / vehicle.mass
-        f = z[2] - within - self._disturbance + self._gravity + drag
+        drag: Array = R @ (self._drag * (R.T @ v)) / vehicle.mass
+        unknown = limited(self._disturbance, self._config.disturbance_max)
+        f = z[2] - within - unknown + self._gravity + drag
         f_dot = z[3] + R @ (self._drag * (R.T @ acceleration)) / vehicle.mass
         if within @ within >= feedback @ feedback:  # a feedback at its limit hardly changes
             f_dot = f_dot - self._k_p * (v - z[1]) - self._k_v * (acceleration - z[2])
@@ -157,7 +158,7 @@ class GeometricTracker:
 
         b_3 = R[:, 2]
         T = vehicle.mass * float((f + lag * f_dot) @ b_3)
-        tau = moments(
+        tau: Array = moments(
             R, omega, R_d, omega_d, self._reference_turning(plan, t + lag), self._inertia, self._k_R, self._k_Omega
         )
         self._asked = allocated(np.array([T, *tau]), self._inverse, vehicle.thrust_max)
@@ -187,8 +188,7 @@ class GeometricTracker:
             residual = v - predicted
             pole = math.exp(-self._config.disturbance_bandwidth * dt)
             self._velocity = predicted + (1.0 - pole * pole) * residual
-            found = self._disturbance + (1.0 - pole) ** 2 / dt * residual
-            self._disturbance = limited(found, self._config.disturbance_max)
+            self._disturbance = self._disturbance + (1.0 - pole) ** 2 / dt * residual
         self._force, self._t = force, t
 
     def _turn_nose(self, velocity: Array, R: Array, began: bool) -> None:

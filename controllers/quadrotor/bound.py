@@ -26,7 +26,6 @@ what they can do beside the feedback, up and down, where drag helps neither, and
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
@@ -51,8 +50,6 @@ class Loop:
     A: Array  # (nx, nx)
     B: Array  # (nx, 2)
     C: Array  # (3, nx)
-
-    OUTPUTS: ClassVar[tuple[str, ...]] = ("e", "e'", "c")
 
     @staticmethod
     def along(config: TrackerConfig, vehicle: Quadrotor, period: float) -> Loop:
@@ -123,12 +120,14 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
     m, g, tolerance = vehicle.mass, vehicle.gravity, config.mass_tolerance
     foreseen = deviation(config.reference_bandwidth, config.preview)
     unforeseen = deviation(config.reference_bandwidth, 0.0)
-    drag = [coefficient / m * mission.speed_max for coefficient in vehicle.drag]
+    # The drag along the vertical is that of the thrust's axis and, at a tilt, at most half of what the others have more.
+    d_x, d_y, d_z = (coefficient / m * mission.speed_max for coefficient in vehicle.drag)
+    drags = max(d_x, d_y, d_z), d_z + 0.5 * max(abs(d_x - d_z), abs(d_y - d_z))
     a_max = mission.acceleration_max
-    unknown = tolerance * foreseen.acceleration * a_max + config.drag_tolerance * max(drag)
     parts = []
-    for build in (Loop.across, Loop.along):
+    for build, drag in zip((Loop.across, Loop.along), drags, strict=True):
         loop = build(config, vehicle, mission.control_period)
+        unknown = tolerance * foreseen.acceleration * a_max + config.drag_tolerance * drag
         gains, steps = loop.peaks()
         spread = _DEVIATIONS * loop.deviations(mission)
         if mission.position_noise == 0.0:
@@ -136,8 +135,8 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
         parts.append((spread + gains * unknown, steps * tolerance * g))
     (across, _), (along, weight) = parts
     # Upwards a heavier vehicle needs more; downwards it only leaves more thrust.
-    up = ROTOR_COUNT * vehicle.thrust_max / m - g - drag[2] - float(along[2] + weight[2])
-    down = (1.0 - LEAST_THRUST) * g - drag[2] - float(along[2])
+    up = ROTOR_COUNT * vehicle.thrust_max / m - g - d_z - float(along[2] + weight[2])
+    down = (1.0 - LEAST_THRUST) * g - d_z - float(along[2])
     able = min(up, down) / foreseen.acceleration
     if able <= 0.0:
         raise ValueError(

@@ -51,6 +51,8 @@ _FASTEST = 0.2  # of the attitude's bandwidth times the period: commands are hel
 _TURNING = 0.8  # [m/s] least speed at which the nose turns into it
 _TURN_BANDWIDTH, _TURN_ACCELERATION = 3.0, 4.0  # [rad/s, rad/s^2] of the heading
 _APART = 1.0  # [m, m/s] of a plan from the reference: nothing that joins it is that far away
+_SHORTEST = 0.5  # quaternion of an attitude: a filter's may be off its length, one of nought is nobody's
+_MISSING = np.empty(0)
 _VERTICAL = np.array([0.0, 0.0, 1.0])
 
 
@@ -122,7 +124,7 @@ class GeometricTracker:
         bandwidths = np.array([config.attitude_bandwidth, config.attitude_bandwidth, config.yaw_bandwidth])
         self._k_R, self._k_Omega = bandwidths**2, 2.0 * config.attitude_damping * bandwidths
         self._inertia, self._drag = np.array(vehicle.inertia), np.array(vehicle.drag)
-        self._inverse = np.linalg.inv(vehicle.allocation)
+        self._inverse = np.asarray(np.linalg.inv(vehicle.allocation), dtype=np.float64)
         self._tangent = math.tan(math.radians(config.tilt_max))
         self._gravity = vehicle.gravity * _VERTICAL
         # What is carried from one command to the next.
@@ -158,7 +160,7 @@ class GeometricTracker:
 
         b_3 = R[:, 2]
         T = vehicle.mass * float((f + lag * f_dot) @ b_3)
-        tau: Array = moments(
+        tau = moments(
             R, omega, R_d, omega_d, self._reference_turning(plan, t + lag), self._inertia, self._k_R, self._k_Omega
         )
         self._asked = allocated(np.array([T, *tau]), self._inverse, vehicle.thrust_max)
@@ -207,14 +209,12 @@ class GeometricTracker:
 
 def _split(estimate: Estimate) -> tuple[Array, Array, Array, Array]:
     """p, v, R and omega of an estimate."""
-    parts = {"state": estimate.x, "attitude": estimate.extra.get("attitude"), "rate": estimate.extra.get("rate")}
-    for (name, value), shape in zip(parts.items(), ((6,), (4,), (3,)), strict=True):
-        if value is None or value.shape != shape or not np.isfinite(value).all():
-            got = "missing" if value is None else f"{value.tolist()}"
-            raise ValueError(f"the estimate's {name} is {got}; allowed: {shape[0]} finite numbers")
-    q = parts["attitude"]
-    assert q is not None  # for the type checker: refused above
-    length = float(np.linalg.norm(q))
-    if not 0.5 < length < 2.0:
-        raise ValueError(f"the estimate's attitude {q.tolist()} has length {length:.4g}; allowed: about 1")
-    return estimate.x[:3], estimate.x[3:], rotation(q / length), estimate.extra["rate"]
+    attitude, rate = (estimate.extra.get(name, _MISSING) for name in ("attitude", "rate"))
+    for name, value, size in (("state", estimate.x, 6), ("attitude", attitude, 4), ("rate", rate, 3)):
+        if value.shape != (size,) or not np.isfinite(value).all():
+            got = "missing" if value is _MISSING else f"{value.tolist()}"
+            raise ValueError(f"the estimate's {name} is {got}; allowed: {size} finite numbers")
+    length = float(np.linalg.norm(attitude))
+    if not _SHORTEST < length < 1.0 / _SHORTEST:
+        raise ValueError(f"the estimate's attitude {attitude.tolist()} has length {length:.4g}; allowed: about 1")
+    return estimate.x[:3], estimate.x[3:], rotation(attitude / length), rate

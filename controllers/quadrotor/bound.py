@@ -120,7 +120,7 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
     m, g, tolerance = vehicle.mass, vehicle.gravity, config.mass_tolerance
     foreseen = deviation(config.reference_bandwidth, config.preview)
     unforeseen = deviation(config.reference_bandwidth, 0.0)
-    # The drag along the vertical is that of the thrust's axis and, at a tilt, at most half of what the others have more.
+    # The drag along the vertical is that of the thrust's axis and, by tilt, at most half of what the others have more.
     d_x, d_y, d_z = (coefficient / m * mission.speed_max for coefficient in vehicle.drag)
     drags = max(d_x, d_y, d_z), d_z + 0.5 * max(abs(d_x - d_z), abs(d_y - d_z))
     a_max = mission.acceleration_max

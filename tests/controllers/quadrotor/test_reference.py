@@ -85,3 +85,14 @@ def test_a_plan_that_is_elsewhere_is_begun_anew() -> None:
     reference.at(TURN, 0.0)
     far = plan_of([((0.0, 0.0, 0.0), 5.0)], HIGH + 50.0)
     np.testing.assert_array_equal(reference.at(far, 1.0)[0], HIGH + 50.0)
+
+
+@pytest.mark.parametrize("preview", [0.0, 0.25])
+def test_a_plan_that_takes_over_unchanged_changes_nothing(preview: float) -> None:
+    """Between two looks the reference was on its way by the old plan; the new one begins at the second."""
+    once, twice = ReferenceFilter(OMEGA, preview, 1.0), ReferenceFilter(OMEGA, preview, 1.0)
+    rest = Plan(np.array([0.5, *TURN.t[1:]]), TURN.x.copy(), TURN.u, TURN.phase)
+    rest.x[0] = state_at(TURN, 0.5)
+    for k in range(100):
+        t = 0.01 * k
+        np.testing.assert_allclose(once.at(TURN, t), twice.at(TURN if t < 0.495 else rest, t), rtol=0.0, atol=1e-9)

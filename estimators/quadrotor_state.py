@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from estimators.full_state import FullState, FullStateConfig
+from models.aerial.mission import EstimateQuality
 from models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, STATE_SIZE, VELOCITY
 from models.quadrotor.mission import QuadrotorMission, QuadrotorStateSensor
 from sim.observer_properties import ObserverProperties
@@ -40,7 +41,7 @@ class QuadrotorState:
         return (mission.full_state_sensor(config.rate),)
 
     @staticmethod
-    def quality(config: FullStateConfig, mission: QuadrotorMission) -> None:
+    def quality(config: FullStateConfig, mission: QuadrotorMission) -> EstimateQuality:
         """As the mission has it."""
         return mission.full_state_quality()
 

@@ -6,13 +6,15 @@ nobody knows, n the noise of a position, r the observer's residual and c what th
 
     e'' = theta + d,    r' = d - d^ - 2 omega_d r,    d^' = omega_d^2 r,    c = -k_p (e + n) - k_v e' - d^.
 
-Along the vertical theta = c: the tracker makes up for the lag of the rotors. Across it, theta is an acceleration by tilt,
-and with tau = theta'' and half a period h added to the lag, tau_a = tau_m + h / 2, because commands are held,
+Because commands are held, half a period h is added to the lag of the rotors, tau_a = tau_m + h / 2. Along the vertical
+the tracker makes up for most of it; across it theta is an acceleration by tilt, tau = theta'':
 
-    tau_a tau' = -omega_R^2 (theta - c) - 2 zeta_R omega_R (theta' - c') - tau,    c' = -k_p e' - k_v (theta + d^).
+    along:     tau_a theta' = c + tau_m c' - theta,    c' = -k_p e' - k_v (theta + d^),
+    across:    tau_a tau' = -omega_R^2 (theta - c) - 2 zeta_R omega_R (theta' - c') - tau.
 
-* Gusts are Gauss-Markov, readings noisy: five standard deviations of the stationary covariance, by one Lyapunov equation;
-  or, where that is less, the gusts' limit times the loop's peak-to-peak gain int |g| dt, g its impulse response.
+* Gusts are Gauss-Markov, readings noisy: five standard deviations of the stationary covariance, by one Lyapunov
+  equation; or, where that is less, the gusts' limit times the loop's peak-to-peak gain int |g| dt, g its impulse
+  response.
 * What the vehicle may be off by from what is believed is bounded and otherwise free: the peak-to-peak gain times
   mass_tolerance |a_r| + drag_tolerance |D| v_max / m, on the vertical also the greatest answer to a step times
   mass_tolerance g.
@@ -24,7 +26,6 @@ what they can do beside the feedback, up and down, where drag helps neither, and
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
@@ -50,16 +51,16 @@ class Loop:
     B: Array  # (nx, 2)
     C: Array  # (3, nx)
 
-    OUTPUTS: ClassVar[tuple[str, ...]] = ("e", "e'", "c")
-
     @staticmethod
-    def vertical(config: TrackerConfig) -> Loop:
-        """theta = c."""
-        e, e_dot, r, d = np.eye(4)
+    def along(config: TrackerConfig, vehicle: Quadrotor, period: float) -> Loop:
+        """theta follows c by thrust."""
+        e, e_dot, r, d, theta = np.eye(5)
         k_p, k_v, observer = _gains(config)
-        c = -k_p * e - k_v * e_dot - d
-        A = np.array([e_dot, c, -d - 2.0 * observer * r, observer**2 * r])
-        return Loop(A, np.column_stack([e_dot + r, -k_p * e_dot]), np.array([e, e_dot, c]))
+        lag = vehicle.motor_lag + 0.5 * period
+        c, c_dot = -k_p * e - k_v * e_dot - d, -k_p * e_dot - k_v * (theta + d)
+        theta_dot = (c + vehicle.motor_lag * c_dot - theta) / lag
+        A = np.array([e_dot, theta, -d - 2.0 * observer * r, observer**2 * r, theta_dot])
+        return Loop(A, np.column_stack([e_dot + r, -k_p / lag * theta]), np.array([e, e_dot, c]))
 
     @staticmethod
     def across(config: TrackerConfig, vehicle: Quadrotor, period: float) -> Loop:
@@ -119,11 +120,14 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
     m, g, tolerance = vehicle.mass, vehicle.gravity, config.mass_tolerance
     foreseen = deviation(config.reference_bandwidth, config.preview)
     unforeseen = deviation(config.reference_bandwidth, 0.0)
-    drag = [coefficient / m * mission.speed_max for coefficient in vehicle.drag]
+    # The drag along the vertical is that of the thrust's axis and, by tilt, at most half of what the others have more.
+    d_x, d_y, d_z = (coefficient / m * mission.speed_max for coefficient in vehicle.drag)
+    drags = max(d_x, d_y, d_z), d_z + 0.5 * max(abs(d_x - d_z), abs(d_y - d_z))
     a_max = mission.acceleration_max
-    unknown = tolerance * foreseen.acceleration * a_max + config.drag_tolerance * max(drag)
     parts = []
-    for loop in (Loop.across(config, vehicle, mission.control_period), Loop.vertical(config)):
+    for build, drag in zip((Loop.across, Loop.along), drags, strict=True):
+        loop = build(config, vehicle, mission.control_period)
+        unknown = tolerance * foreseen.acceleration * a_max + config.drag_tolerance * drag
         gains, steps = loop.peaks()
         spread = _DEVIATIONS * loop.deviations(mission)
         if mission.position_noise == 0.0:
@@ -131,8 +135,8 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
         parts.append((spread + gains * unknown, steps * tolerance * g))
     (across, _), (along, weight) = parts
     # Upwards a heavier vehicle needs more; downwards it only leaves more thrust.
-    up = ROTOR_COUNT * vehicle.thrust_max / m - g - drag[2] - float(along[2] + weight[2])
-    down = (1.0 - LEAST_THRUST) * g - drag[2] - float(along[2])
+    up = ROTOR_COUNT * vehicle.thrust_max / m - g - d_z - float(along[2] + weight[2])
+    down = (1.0 - LEAST_THRUST) * g - d_z - float(along[2])
     able = min(up, down) / foreseen.acceleration
     if able <= 0.0:
         raise ValueError(

@@ -20,15 +20,16 @@ _SMALL = 1e-9
 
 @njit(cache=True, nogil=True)
 def target_at(breaks: Array, x: Array, u: Array, arc: int, t: float) -> Array:
-    """(4, 3) what arc ``arc`` of a plan asks for at t, also beyond its ends; before the first and after the last, rest.
+    """(4, 3) what arc ``arc`` of a plan asks for at t, also beyond its ends.
 
-    Before the first arc that is its first state, after the last the state in which the plan ends.
+    Before the first arc it is that one extended back: a plan that has just taken over joins what was flown before it.
+    After the last it is the state of rest in which the plan ends.
     """
     target = np.zeros((4, 3))
     k = min(max(arc, 0), len(u))
-    s = t - breaks[k] if 0 <= arc < len(u) else 0.0
+    s = t - breaks[k] if arc < len(u) else 0.0
     for i in range(3):
-        a = u[k, i] if 0 <= arc < len(u) else 0.0
+        a = u[k, i] if arc < len(u) else 0.0
         target[0, i] = x[k, i] + s * x[k, 3 + i] + 0.5 * s * s * a
         target[1, i] = x[k, 3 + i] + s * a
         target[2, i] = a
@@ -122,12 +123,12 @@ def attitude_error(R_d: Array, R: Array) -> Array:
     # Q + I = 2 n n': its longest column is along n.
     best, longest = 0, 0.0
     for k in range(3):
-        length = Q[k, k] + 1.0
+        length = float(Q[k, k]) + 1.0
         if length > longest:
             best, longest = k, length
     n = Q[:, best].copy()
     n[best] += 1.0
-    n *= 2.0 / math.sqrt(max(n @ n, _SMALL))
+    n *= 2.0 / math.sqrt(float(n @ n))  # at least 4 / 3
     return -n if n @ e < 0.0 else n
 
 

@@ -1,14 +1,16 @@
 """The plug-in ``quadrotor``: the flight planner as it is, and beneath it a tracker that moves four rotors.
 
-The two time scales of Fig. A.9: the planner moves a double integrator every half second, the tracker the quadrotor many
-times in between. What the tracker keeps enters the planner's certificate as its tracking bound. The planner works on the
-mission magnified to its own scale (``similarity``), so its fields are those of the controller ``flight``, in its units.
+The two time scales of Fig. A.9: the planner moves a double integrator every half second, the tracker the quadrotor
+many times in between. What the tracker keeps enters the planner's certificate as its tracking bound. The planner works
+on the mission magnified to its own scale (``similarity``), so its fields are those of the controller ``flight``, in its
+units.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from controllers.flight.certificate import Certificate
 from controllers.flight.plugin import FlightConfig, planner
 from controllers.quadrotor.bound import tracking_bound
 from controllers.quadrotor.similarity import Similarity, SimilarPlanner
@@ -35,6 +37,7 @@ class QuadrotorFlight:
     @staticmethod
     def build(config: QuadrotorConfig, mission: QuadrotorMission) -> tuple[Planner, Tracker]:
         bound = tracking_bound(config.tracker, mission.vehicle, mission.flight)
+        Certificate.of(mission.flight, bound)  # what leaves nothing to fly with is refused in the mission's own units
         tracker = GeometricTracker(mission.control_period, config.tracker, mission.vehicle, bound)
         similarity = Similarity.of(mission.flight)
         magnified = planner(config.flight, similarity.mission(mission.flight), similarity.bound(bound))

@@ -5,16 +5,17 @@ the state of a chain of four integrators that is led onto the plan,
 
     p_r'''' = -omega^4 (p_r - p) - 4 omega^3 (v_r - v) - 6 omega^2 (a_r - a) - 4 omega j_r,
 
-(p, v, a) the plan's. All four poles are at -omega, and on a long arc the reference is the plan. With a ``preview`` d it is led not onto
-the plan's present arc but onto the one that holds at t + d, extended back to t: a turn that is known is begun before.
+(p, v, a) the plan's. All four poles are at -omega, and on a long arc the reference is the plan. With a ``preview`` d it
+is led not onto the plan's present arc but onto the one that holds at t + d, extended back to t: a turn that is known is
+begun before.
 
-A jump of the acceleration by Delta at t = 0 leaves p_r - p = Delta psi(t) from -d on. With d = 0, psi = -phi = -e^(-omega
-t) (t^2 / 2) (1 + omega t), at most .907 / omega^2. For every plan with |a| <= A, however often it turns,
+A jump of the acceleration by Delta at t = 0 leaves p_r - p = Delta psi(t) from -d on. With d = 0, psi = -e^(-omega t)
+(t^2 / 2) (1 + omega t), at most .907 / omega^2. For every plan with |a| <= A, however often it turns,
 
     |p_r - p| <= A V(psi),   |v_r - v| <= A V(psi'),   |a_r| <= A V(1_{t > 0} + psi''),
 
-V the total variation (1.813 / omega^2 of psi where d = 0). ``deviation`` computes them. A plan that takes over unforeseen
-turns as with d = 0, so whoever needs a bound takes the greater of the two.
+V the total variation (1.813 / omega^2 of psi where d = 0). ``deviation`` computes them. A plan that takes over
+unforeseen turns as with d = 0, so whoever needs a bound takes the greater of the two.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class ReferenceFilter:
     """The reference beside the plan being flown."""
 
     def __init__(self, bandwidth: float, preview: float, apart: float) -> None:
-        """``apart`` [m, m/s] is how far a plan may lie from the reference before the filter begins anew, on the plan."""
+        """``apart`` [m, m/s] is how far the reference may be from the plan before it begins anew, on the plan."""
         self._bandwidth, self._preview, self._apart = bandwidth, preview, apart
         self._t = np.nan  # [s]
         self._z = np.zeros((4, 3))

@@ -75,12 +75,12 @@ class Similarity:
         speed, acceleration = self.scales
         terrain = mission.terrain
         magnified = HeightField(terrain.z * self.length, terrain.spacing * self.length, name=terrain.name)
-        start, target = (tuple(c * self.length for c in point) for point in (mission.start, mission.target))
+        (x, y, z), (x_f, y_f, z_f) = mission.start, mission.target
         return dataclasses.replace(
             mission,
             terrain=magnified,
-            start=start,
-            target=target,
+            start=(x * self.length, y * self.length, z * self.length),
+            target=(x_f * self.length, y_f * self.length, z_f * self.length),
             clearance_min=mission.clearance_min * self.length,
             speed_max=mission.speed_max * speed,
             acceleration_max=mission.acceleration_max * acceleration,
@@ -101,7 +101,9 @@ class Similarity:
         )
 
     def request(self, request: PlanRequest) -> PlanRequest:
-        estimate = Estimate(request.estimate.t * self.time, self.state(request.estimate.x), None, request.estimate.status)
+        estimate = Estimate(
+            request.estimate.t * self.time, self.state(request.estimate.x), None, request.estimate.status
+        )
         current = None if request.current is None else self.plan(request.current)
         messages = tuple(
             Message(message.t * self.time, message.sender, message.topic, self._payload(message.payload))

@@ -15,10 +15,10 @@ where tau_m f' and the rates of the reference tau_m ahead make up for the lag of
 = 4 - 2 sqrt(1 + tr R_d' R) instead of the paper's tr(I - R_d' R) / 2: it grows up to an attitude that is upside down,
 where the paper's vanishes. ``models.quadrotor.allocation`` says which of T and tau is kept where rotors saturate.
 
-d^ is what the velocity tells of forces that the model does not know, a wind or a wrong mass, the integral action of the
-loop: with the modelled v'^ = R (0, 0, T^) / m - g e_z - R D R' v / m + d^ and the residual r of the velocity against
-its integral, an observer with both poles at -omega_d; |d^| is held to ``disturbance_max``. T^ are the rotors' thrusts by
-their lag.
+d^ is what the velocity tells of forces that the model does not know, a wind or a wrong mass, the integral action of
+the loop: with the modelled v'^ = R (0, 0, T^) / m - g e_z - R D R' v / m + d^ and the residual r of the velocity
+against its integral, an observer with both poles at -omega_d; no more than ``disturbance_max`` of it is made up for.
+T^ are the rotors' thrusts by their lag.
 
 The estimate is x = (p, v) with extra["attitude"], the quaternion (4,), and extra["rate"], omega (3,).
 """
@@ -45,12 +45,14 @@ from models.quadrotor.dynamics import Quadrotor
 from sim.checks import check, check_positive
 from sim.signals import Array, Estimate, Plan
 
+LEAST_THRUST = 0.15
+"""of g: the least vertical part of f, so that the thrust always points up"""
 _FASTEST = 0.2  # of the attitude's bandwidth times the period: commands are held over a period
 _TURNING = 0.8  # [m/s] least speed at which the nose turns into it
 _TURN_BANDWIDTH, _TURN_ACCELERATION = 3.0, 4.0  # [rad/s, rad/s^2] of the heading
-LEAST_THRUST = 0.15
-"""of g: the least vertical part of f, so that the thrust always points up"""
 _APART = 1.0  # [m, m/s] of a plan from the reference: nothing that joins it is that far away
+_SHORTEST = 0.5  # quaternion of an attitude: a filter's may be off its length, one of nought is nobody's
+_MISSING = np.empty(0)
 _VERTICAL = np.array([0.0, 0.0, 1.0])
 
 
@@ -122,7 +124,7 @@ class GeometricTracker:
         bandwidths = np.array([config.attitude_bandwidth, config.attitude_bandwidth, config.yaw_bandwidth])
         self._k_R, self._k_Omega = bandwidths**2, 2.0 * config.attitude_damping * bandwidths
         self._inertia, self._drag = np.array(vehicle.inertia), np.array(vehicle.drag)
-        self._inverse = np.linalg.inv(vehicle.allocation)
+        self._inverse = np.asarray(np.linalg.inv(vehicle.allocation), dtype=np.float64)
         self._tangent = math.tan(math.radians(config.tilt_max))
         self._gravity = vehicle.gravity * _VERTICAL
         # What is carried from one command to the next.
@@ -146,8 +148,9 @@ class GeometricTracker:
         acceleration = self._force + self._disturbance
         feedback = self._k_p * (p - z[0]) + self._k_v * (v - z[1])
         within = limited(feedback, self._config.feedback_max)
-        drag = R @ (self._drag * (R.T @ v)) / vehicle.mass
-        f = z[2] - within - self._disturbance + self._gravity + drag
+        drag: Array = R @ (self._drag * (R.T @ v)) / vehicle.mass
+        unknown = limited(self._disturbance, self._config.disturbance_max)
+        f = z[2] - within - unknown + self._gravity + drag
         f_dot = z[3] + R @ (self._drag * (R.T @ acceleration)) / vehicle.mass
         if within @ within >= feedback @ feedback:  # a feedback at its limit hardly changes
             f_dot = f_dot - self._k_p * (v - z[1]) - self._k_v * (acceleration - z[2])
@@ -187,8 +190,7 @@ class GeometricTracker:
             residual = v - predicted
             pole = math.exp(-self._config.disturbance_bandwidth * dt)
             self._velocity = predicted + (1.0 - pole * pole) * residual
-            found = self._disturbance + (1.0 - pole) ** 2 / dt * residual
-            self._disturbance = limited(found, self._config.disturbance_max)
+            self._disturbance = self._disturbance + (1.0 - pole) ** 2 / dt * residual
         self._force, self._t = force, t
 
     def _turn_nose(self, velocity: Array, R: Array, began: bool) -> None:
@@ -207,14 +209,12 @@ class GeometricTracker:
 
 def _split(estimate: Estimate) -> tuple[Array, Array, Array, Array]:
     """p, v, R and omega of an estimate."""
-    parts = {"state": estimate.x, "attitude": estimate.extra.get("attitude"), "rate": estimate.extra.get("rate")}
-    for (name, value), shape in zip(parts.items(), ((6,), (4,), (3,)), strict=True):
-        if value is None or value.shape != shape or not np.isfinite(value).all():
-            got = "missing" if value is None else f"{value.tolist()}"
-            raise ValueError(f"the estimate's {name} is {got}; allowed: {shape[0]} finite numbers")
-    q = parts["attitude"]
-    assert q is not None  # for the type checker: refused above
-    length = float(np.linalg.norm(q))
-    if not 0.5 < length < 2.0:
-        raise ValueError(f"the estimate's attitude {q.tolist()} has length {length:.4g}; allowed: about 1")
-    return estimate.x[:3], estimate.x[3:], rotation(q / length), estimate.extra["rate"]
+    attitude, rate = (estimate.extra.get(name, _MISSING) for name in ("attitude", "rate"))
+    for name, value, size in (("state", estimate.x, 6), ("attitude", attitude, 4), ("rate", rate, 3)):
+        if value.shape != (size,) or not np.isfinite(value).all():
+            got = "missing" if value is _MISSING else f"{value.tolist()}"
+            raise ValueError(f"the estimate's {name} is {got}; allowed: {size} finite numbers")
+    length = float(np.linalg.norm(attitude))
+    if not _SHORTEST < length < 1.0 / _SHORTEST:
+        raise ValueError(f"the estimate's attitude {attitude.tolist()} has length {length:.4g}; allowed: about 1")
+    return estimate.x[:3], estimate.x[3:], rotation(attitude / length), rate

@@ -6,8 +6,9 @@ itself, then the moment about z, which only turns the nose.
 
 1. The thrusts of tau_x and tau_y alone sum to zero; if the greatest and the least of them lie further apart than T_max,
    both moments are scaled down until they do not.
-2. The collective thrust is moved to the nearest one at which these are within the bounds.
-3. The moment about z is scaled down to what the rotors have left.
+2. With the thrust that is wanted, the greatest share of the moment about z is taken that keeps the bounds.
+3. If none does, the thrust is moved to the nearest one at which tau_x and tau_y alone are within the bounds, and the
+   moment about z is scaled down to what the rotors have left.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ import numpy as np
 from numba import njit
 
 from sim.signals import Array
+
+_ROUNDING = 1e-9
 
 
 @njit(cache=True, nogil=True)
@@ -28,15 +31,28 @@ def allocated(wrench: Array, inverse: Array, thrust_max: float) -> Array:
     apart = turning.max() - turning.min()
     if apart > thrust_max:
         turning *= thrust_max / apart
-    each = min(max(wrench[0] / 4.0, -turning.min()), thrust_max - turning.max())
-    share = 1.0
-    for i in range(4):
-        if yawing[i] > 0.0:
-            share = min(share, (thrust_max - each - turning[i]) / yawing[i])
-        elif yawing[i] < 0.0:
-            share = min(share, (each + turning[i]) / -yawing[i])
+    each = wrench[0] / 4.0
+    least, share = _shares(each, turning, yawing, thrust_max)
+    if least > share + _ROUNDING:
+        each = min(max(each, -turning.min()), thrust_max - turning.max())
+        _, share = _shares(each, turning, yawing, thrust_max)
     share = max(share, 0.0)
     thrusts: Array = np.empty(4)
     for i in range(4):
         thrusts[i] = min(max(each + turning[i] + share * yawing[i], 0.0), thrust_max)
     return thrusts
+
+
+@njit(cache=True, nogil=True)
+def _shares(each: float, turning: Array, yawing: Array, thrust_max: float) -> tuple[float, float]:
+    """The least and the greatest share in [0, 1] of ``yawing`` that keeps the bounds; least > greatest if none does."""
+    least, greatest = 0.0, 1.0
+    for i in range(4):
+        below, above = -(each + turning[i]), thrust_max - each - turning[i]
+        if yawing[i] > 0.0:
+            least, greatest = max(least, below / yawing[i]), min(greatest, above / yawing[i])
+        elif yawing[i] < 0.0:
+            least, greatest = max(least, above / yawing[i]), min(greatest, below / yawing[i])
+        elif below > 0.0 or above < 0.0:
+            least, greatest = 1.0, 0.0
+    return least, greatest

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.aerial.mission import FlightMission
+from models.aerial.mission import EstimateQuality, FlightMission
 from models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, STATE_SIZE, Quadrotor, at_rest, flow
 from sim.checks import check
 from sim.protocols import Motion
@@ -73,7 +73,7 @@ class QuadrotorMission:
         return QuadrotorStateSensor(self.flight.position_noise, rate)
 
     def full_state_covariance(self, age: float) -> Array:
-        """(13, 13) of a reading that was carried on for ``age`` [s]: that of the point mass, and a little of the rest."""
+        """(13, 13) of a reading that was carried on for ``age`` [s]: the point mass', and a little of the rest."""
         point = self.flight.full_state_covariance(age)
         covariance = np.zeros((STATE_SIZE, STATE_SIZE))
         place = [0, 1, 2, 7, 8, 9]
@@ -82,6 +82,6 @@ class QuadrotorMission:
         covariance[rest, rest] = (_STIFF * age) ** 2
         return covariance
 
-    def full_state_quality(self) -> None:
-        """What the readings are worth follows from the mission's noise; the tracker's bound asks for no more."""
-        return
+    def full_state_quality(self) -> EstimateQuality:
+        """That of the point mass."""
+        return self.flight.full_state_quality()

@@ -1,0 +1,90 @@
+"""The tracking bound: the linear loop is that of the flight, and what it says of gusts, mass and lag is kept."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from controllers.quadrotor.bound import Loop, tracking_bound
+from controllers.quadrotor.tracker import TrackerConfig
+from models.aerial.mission import FlightMission, GustModel
+from models.quadrotor.dynamics import NOMINAL, Quadrotor
+from sim.faults import ConstantWrench, Gusts
+from sim.signals import Array
+from tests.quadrotor import PERIOD, flight_mission, flown, hovering, plain, turning
+
+CONFIG = TrackerConfig()
+GUSTS = GustModel(0.7, 2.0, 1.5)
+HEAVY = dataclasses.replace(NOMINAL, mass=1.1 * NOMINAL.mass)
+
+
+def mission(**fields: object) -> FlightMission:
+    return flight_mission(plain(), (50.0, 50.0), (350.0, 350.0), **fields)
+
+
+@pytest.mark.parametrize(("axis", "share"), [(0, 0.1), (2, 0.15)])
+def test_a_step_of_force_is_answered_as_the_linear_loop_answers(axis: int, share: float) -> None:
+    loop = (Loop.along if axis == 2 else Loop.across)(CONFIG, NOMINAL, PERIOD)
+    _, steps = loop.peaks()
+    _, off, _ = flown(hovering(), 2.5, disturbance=ConstantWrench(NOMINAL.mass * np.eye(3)[axis], np.zeros(3)))
+    assert np.abs(off[:, axis]).max() == pytest.approx(steps[0], rel=share)
+    assert np.abs(off[:, 3 + axis]).max() == pytest.approx(steps[1], rel=share)
+
+
+def test_the_spread_under_gusts_is_that_of_flights() -> None:
+    """The standard deviation of 25 s in gusts that no limit clips."""
+    gust = GustModel(0.4, 1.0, 9.0)
+    expected = Loop.across(CONFIG, NOMINAL, PERIOD).deviations(mission(gust=gust))[0]
+    m = NOMINAL.mass
+    gusts = Gusts(m * gust.rms, gust.time_constant, m * gust.limit, np.random.default_rng(1))
+    _, off, _ = flown(hovering(), 25.0, disturbance=gusts)
+    assert off[:, :2].std() == pytest.approx(expected, rel=0.25)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "true",
+    [HEAVY, dataclasses.replace(HEAVY, motor_lag=0.04, drag=tuple(1.25 * d for d in NOMINAL.drag))],
+    ids=["mass", "mass, lag and drag"],
+)
+def test_the_bound_is_kept_in_gusts(true: Quadrotor, seed: int) -> None:
+    """On plans that turn every half second with all that the bound leaves them."""
+    flight = mission(gust=GUSTS)
+    bound = tracking_bound(CONFIG, NOMINAL, flight)
+    rng = np.random.default_rng(seed)
+    plan = turning(rng, flight.acceleration_max - bound.feedback, flight.speed_max - bound.speed)
+    # A force per mass of the believed vehicle: the heavier one feels less of it, so it is given its own.
+    gusts = Gusts(true.mass * GUSTS.rms, GUSTS.time_constant, true.mass * GUSTS.limit, rng)
+    _, off, _ = flown(plan, 9.0, true=true, disturbance=gusts)
+    assert 0.02 < np.hypot(off[:, 0], off[:, 1]).max() <= bound.horizontal
+    assert np.abs(off[:, 2]).max() <= bound.vertical
+    assert np.linalg.norm(off[:, 3:], axis=1).max() <= bound.speed
+
+
+def test_more_to_allow_for_is_a_wider_bound() -> None:
+    def of(config: TrackerConfig = CONFIG, **fields: object) -> Array:
+        bound = tracking_bound(config, NOMINAL, mission(acceleration_max=2.0, **fields))  # so that none is yielded
+        assert bound.feedback == 0.0
+        return np.array([bound.horizontal, bound.vertical, bound.speed])
+
+    still = of()
+    assert (of(gust=GustModel(0.2, 2.0, 1.5)) > still).all()
+    assert (of(gust=GustModel(0.4, 2.0, 1.5)) > of(gust=GustModel(0.2, 2.0, 1.5))).all()
+    assert (of(position_noise=0.02) > still).all()
+    less = dataclasses.replace(CONFIG, mass_tolerance=0.0, drag_tolerance=0.0)
+    assert (of(less) < still).all()
+
+
+def test_what_gusts_take_of_the_rotors_is_taken_from_the_plans() -> None:
+    calm, stormy = (tracking_bound(CONFIG, NOMINAL, mission(gust=gust)) for gust in (GustModel(), GUSTS))
+    assert 0.0 <= calm.feedback < stormy.feedback < 5.0
+    with pytest.raises(ValueError, match=r"gust rms = 3\.0.*more than the rotors have"):
+        tracking_bound(CONFIG, NOMINAL, mission(gust=GustModel(3.0, 2.0, 6.0)))
+
+
+def test_gains_that_the_rotors_cannot_follow_are_refused() -> None:
+    slow = dataclasses.replace(NOMINAL, motor_lag=0.2)
+    with pytest.raises(ValueError, match=r"motor_lag = 0\.2 s grows by .*; allowed: slower ones"):
+        tracking_bound(CONFIG, slow, mission())

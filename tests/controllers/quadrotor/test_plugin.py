@@ -1,0 +1,98 @@
+"""The flight planner above a quadrotor in MuJoCo: missions over hills, certified, without and with gusts."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controllers.flight.certificate import Certificate, Certified
+from controllers.flight.planner import Retreat
+from controllers.quadrotor.plugin import QuadrotorConfig, QuadrotorFlight
+from estimators.quadrotor_state import QuadrotorState
+from models.aerial.dynamics import state_at
+from models.aerial.mission import GustModel
+from models.quadrotor.dynamics import NOMINAL, POSITION, VELOCITY, Quadrotor
+from models.quadrotor.entity import RotorDrive
+from models.quadrotor.mission import QuadrotorMission
+from sim.faults import Disturbed, Gusts
+from sim.loop import Agent, simulate
+from sim.plant import Equipment, MujocoPlant
+from sim.protocols import Plant
+from tests.quadrotor import built, flight_mission, hills
+
+
+def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> dict[str, Any]:
+    """What came of a mission across the hills, as a scenario would fly it."""
+    gust = gust or GustModel()
+    flight = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0), gust=gust)
+    mission, sensing, gusting = QuadrotorMission(flight), *np.random.default_rng(5).spawn(2)
+    raw, tracker = QuadrotorFlight.build(QuadrotorConfig(), mission)
+    bound = tracker.bound  # type: ignore[attr-defined]
+    certificate = Certificate.of(flight, bound)
+    planner = Certified(raw, Retreat(certificate, raw.period), certificate, bound, flight.deadline_factor)
+    config = QuadrotorState.Config()
+    equipment = Equipment(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))
+    body = MujocoPlant(built(flight.terrain, true), {"quad": equipment}, sensing)
+    m = true.mass
+    plant: Plant = body
+    if gust.rms > 0.0:
+        plant = Disturbed(body, [Gusts(m * gust.rms, gust.time_constant, m * gust.limit, gusting)])
+    agent = Agent(QuadrotorState.build(config, mission), planner, tracker, input_size=4)
+    target = np.array(flight.target)
+    recording = simulate(
+        plant, {"quad": agent}, 80.0, lambda _, x: bool(np.linalg.norm(x["quad"][POSITION] - target) <= 2.5)
+    )
+    x, plans = recording.truths["quad"], recording.agents["quad"].plans
+    begun = np.array([t for t, _ in plans])
+    followed = [plans[int(np.searchsorted(begun, t + 1e-9, side="right")) - 1][1] for t in recording.t]
+    planned = np.array([state_at(plan, float(t)) for plan, t in zip(followed, recording.t, strict=True)])
+    return {
+        "bound": bound,
+        "off": np.hstack([x[:, POSITION], x[:, VELOCITY]]) - planned,
+        "clearance": float((x[:, 2] - flight.terrain.height(x[:, 0], x[:, 1])).min()),
+        "speed": float(np.linalg.norm(x[:, VELOCITY], axis=1).max()),
+        "arrived": float(np.linalg.norm(x[-1, POSITION] - target)),
+        "time": float(recording.t[-1]),
+        "deadline": planner.deadline,
+        "contacts": body.contacts("quad"),
+        "plans": len(plans),
+        "events": [event.kind for event in recording.events],
+        "flight": flight,
+    }
+
+
+@pytest.mark.parametrize(
+    ("true", "gust"),
+    [(NOMINAL, None), (dataclasses.replace(NOMINAL, mass=1.32, motor_lag=0.035), GustModel(0.6, 3.0, 1.5))],
+    ids=["still air", "gusts, mass and lag"],
+)
+def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(true: Quadrotor, gust: GustModel | None) -> None:
+    came = mission_flown(true, gust)
+    bound, off, flight = came["bound"], came["off"], came["flight"]
+    assert came["contacts"] == 0
+    assert came["clearance"] >= flight.clearance_min
+    assert came["arrived"] <= flight.arrival_radius
+    assert came["time"] <= came["deadline"]
+    assert came["speed"] <= flight.speed_max
+    assert came["plans"] > 40  # replanned nearly every half second
+    assert "tracking-breach" not in came["events"]
+    assert np.hypot(off[:, 0], off[:, 1]).max() <= bound.horizontal
+    assert np.abs(off[:, 2]).max() <= bound.vertical
+    if gust is None:
+        assert np.linalg.norm(off[:, :3], axis=1).max() < 0.06
+
+
+def test_the_planner_of_the_point_mass_is_asked_for_half_seconds() -> None:
+    flight = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0))
+    planner, tracker = QuadrotorFlight.build(QuadrotorConfig(), QuadrotorMission(flight))
+    assert planner.period == pytest.approx(0.5)
+    assert tracker.period == flight.control_period
+
+
+def test_a_mission_too_slow_to_plan_with_is_refused() -> None:
+    flight = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0), speed_max=0.5)
+    with pytest.raises(ValueError, match=r"speed_max = 0\.5 leaves nothing to plan with"):
+        QuadrotorFlight.build(QuadrotorConfig(), QuadrotorMission(flight))

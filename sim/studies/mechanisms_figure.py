@@ -69,7 +69,7 @@ def _draw_bars(axes: Axes, found: Found, title: str) -> None:
     axes.grid(axis="x", visible=False)
     errors = [c.error for some in found.values() for c in some.values() if np.isfinite(c.error)]
     axes.set_ylim(0.3 * min(errors), max(errors) * 30.0)
-    axes.legend(loc="upper left", ncols=2 if len(names) < 5 else 3, fontsize=8.0)
+    axes.legend(loc="upper left", ncols=3 if len(names) == 6 else 2, fontsize=8.0)
 
 
 def _draw_series(axes: Axes, some: Mapping[str, Comparison], step: float) -> None:

@@ -84,6 +84,16 @@ class RecedingHorizon:
             return Plan.failure(Status.SOLVER_FAILED, "; ".join(filter(None, (reason, solution))), solve_ms=solve_ms)
         return self._assembled(problem, solution, request.t_start, solve_ms)
 
+    @property
+    def parameters(self) -> Parameters:
+        """Of the problems that it solves."""
+        return self._parameters
+
+    @property
+    def landscape(self) -> Landscape:
+        """The ground and the terminal cost, with the threats known so far."""
+        return self._landscape
+
     def length_to_go(self, points: Array) -> Array:
         """(n,) [m] from points (n, 3) [m] to the target, around the ground and the threats known so far."""
         return self._landscape.cost(points)

@@ -88,7 +88,7 @@ class Arrival:
             rows=rows,
             tables=(_table(rows), _steps_table(steps)),
             figure=_figure(shown, of, steps),
-            caption="(a) A fleet's estimates of its arrival by (A.12), time of arrival less time, and what was agreed. "
+            caption="(a) Distance of each vehicle of a fleet to its own slot; dashed, the arrival of the last. "
             "(b) Spread of the arrivals of every fleet. (c) Share of the changes that one step complies with, with "
             "95 % limits.",
             claims=_claims(of, steps),

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from renders.film import Frame
-from renders.palette import COLOURS, Part, Picture
+from renders.palette import COLOURS, Colour, Part, Picture
 
 WHITE, SOFT, PANEL = (255, 255, 255, 255), (205, 214, 224, 255), (16, 24, 36, 176)
 DOTS, DASHES, ARROWS, RINGS, CIRCLES = (
@@ -36,13 +36,21 @@ class Label:
 
 
 @dataclass(frozen=True)
+class Key:
+    """A line of a colour of its own in a legend."""
+
+    text: str
+    colour: Colour
+
+
+@dataclass(frozen=True)
 class Words:
     """What a picture says."""
 
     title: Sequence[str]  # lines, the first one larger
     numbers: Sequence[tuple[str, str, str]]  # (name, value, note)
     state: str  # what is being done
-    legend: Sequence[Part]
+    legend: Sequence[Part | Key]
     notice: str  # what just happened
     share: float  # of the run that is over
     moments: Sequence[float]  # shares of the run at which something happened
@@ -122,20 +130,22 @@ class Caption:
             draw.text((right - pad, y + self._px(26)), note, SOFT, self._plain[13], "rm")
         draw.text((left + pad, self.height - self._px(48)), words.state, WHITE, self._plain[15], "lm")
 
-    def _legend(self, draw: ImageDraw.ImageDraw, parts: Sequence[Part]) -> None:
+    def _legend(self, draw: ImageDraw.ImageDraw, parts: Sequence[Part | Key]) -> None:
         font, pad, row = self._plain[15], self._px(13), self._px(22)
-        wide = max(font.getlength(part.value) for part in parts) + self._px(42) + 2 * pad
+        names = [part.text if isinstance(part, Key) else part.value for part in parts]
+        wide = max(font.getlength(name) for name in names) + self._px(42) + 2 * pad
         right, bottom = self.width - self._px(18), self.height - self._px(30)
         top = bottom - row * len(parts) - pad
         self._panel(draw, (right - wide, top, right, bottom))
-        for k, part in enumerate(parts):
+        for k, (part, name) in enumerate(zip(parts, names, strict=True)):
             y = top + pad / 2 + row * (k + 0.5)
             x = right - wide + pad
             self._swatch(draw, part, x, y)
-            draw.text((x + self._px(42), y), part.value, WHITE, font, "lm")
+            draw.text((x + self._px(42), y), name, WHITE, font, "lm")
 
-    def _swatch(self, draw: ImageDraw.ImageDraw, part: Part, x: float, y: float) -> None:
-        colour = tuple(round(255 * channel) for channel in COLOURS[part])
+    def _swatch(self, draw: ImageDraw.ImageDraw, part: Part | Key, x: float, y: float) -> None:
+        shown = part.colour if isinstance(part, Key) else COLOURS[part]
+        colour = tuple(round(255 * channel) for channel in shown)
         thick, long = self._px(4), self._px(30)
         if part in DOTS:
             draw.ellipse((x + long / 2 - 2 * thick, y - 2 * thick, x + long / 2 + 2 * thick, y + 2 * thick), colour)

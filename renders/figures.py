@@ -82,7 +82,7 @@ def map_figure(run: RunData) -> Figure:
             axes.add_patch(Circle(centre, radar.radius / 1e3, facecolor=colour, alpha=0.25, edgecolor="none"))
             axes.add_patch(Circle(centre, radar.radius / 1e3, fill=False, edgecolor=colour, linewidth=1.2))
             when = "from the start" if radar.time <= 0.0 else f"from {radar.time:.0f} s"
-            _name_place(axes, f"radar {number}, {when}", centre, (0, 0), "center")
+            name_place(axes, f"radar {number}, {when}", centre, (0, 0), "center")
         if run.plans:
             first = run.plans[0]
             axes.plot(
@@ -97,7 +97,7 @@ def map_figure(run: RunData) -> Figure:
         for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target)):
             axes.plot(*place[:2] / 1e3, "o", ms=8, mfc=_colour(part), mec="#101824", mew=1.4)
             left = place[0] > 0.8 * run.terrain.width
-            _name_place(
+            name_place(
                 axes, part.value, (place[0] / 1e3, place[1] / 1e3), (-9 if left else 9, 0), "right" if left else "left"
             )
         axes.set_title(f"Path over {run.terrain.name}")
@@ -105,7 +105,8 @@ def map_figure(run: RunData) -> Figure:
     return figure
 
 
-def _name_place(axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], side: str) -> None:
+def name_place(axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], side: str) -> None:
+    """A name ``offset`` [points] beside a place of a map [km], aligned to a ``side``."""
     axes.annotate(
         text, place, offset, textcoords="offset points", ha=side, va="center", color="white", weight="bold",
         path_effects=[patheffects.withStroke(linewidth=2.4, foreground="#101824")],
@@ -122,7 +123,7 @@ def draw_map(axes: Axes, terrain: HeightField) -> None:
     x, y = 0.04 * east, 0.035 * north
     dark = [patheffects.withStroke(linewidth=4.5, foreground="#101824")]
     axes.plot([x, x + long], [y, y], color="white", lw=3.0, solid_capstyle="butt", path_effects=dark)
-    _name_place(axes, f"{long:g} km", (x + long / 2, y), (0, 9), "center")
+    name_place(axes, f"{long:g} km", (x + long / 2, y), (0, 9), "center")
 
 
 def _round_length(length: float) -> float:
@@ -151,11 +152,7 @@ def profile_figure(run: RunData) -> Figure:
         lower.plot(distance, np.maximum(run.above_ground[i], LOWEST_DRAWN), color=_colour(Part.FLOWN))
         lower.axhline(least, color=BOUND, ls=":", lw=1.0)
         lower.set(xlabel="distance flown [km]", ylabel="clearance [m]")
-        lower.set_yscale("log")
-        lower.set_ylim(max(0.6 * min(least, float(run.above_ground[lowest])), LOWEST_DRAWN))
-        lower.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        lower.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        lower.yaxis.set_minor_formatter(NullFormatter())
+        log_lengths(lower, max(0.6 * min(least, float(run.above_ground[lowest])), LOWEST_DRAWN))
         lower.set_xlim(distance[0], max(distance[-1], distance[0] + 1e-3))  # it may have stood still
         here = (run.travelled[lowest] / 1e3, max(float(run.above_ground[lowest]), LOWEST_DRAWN))
         late = here[0] > 0.8 * distance[-1]  # the label would leave the axes
@@ -165,6 +162,15 @@ def profile_figure(run: RunData) -> Figure:
             textcoords="offset points", ha="right" if late else "left", va="center",
         )  # fmt: skip
     return figure
+
+
+def log_lengths(axes: Axes, least: float) -> None:
+    """A log scale of lengths from ``least`` on, with 1, 2 and 5 times the powers of ten at its side."""
+    axes.set_yscale("log")
+    axes.set_ylim(least)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def motion_figure(run: RunData) -> Figure:
@@ -246,7 +252,7 @@ def terrain_figure(terrain: HeightField) -> Figure:
         top = (float(peak[1]) * terrain.spacing / 1e3, float(peak[0]) * terrain.spacing / 1e3)
         axes.plot(*top, "^", ms=7, mfc="white", mec="#101824")
         side = "right" if top[0] > 0.8e-3 * terrain.width else "left"
-        _name_place(axes, f"{terrain.z.max():.0f} m", top, (-8 if side == "right" else 8, 0), side)
+        name_place(axes, f"{terrain.z.max():.0f} m", top, (-8 if side == "right" else 8, 0), side)
         axes.set_title(terrain.name)
         east, north = np.diff(terrain.z, axis=1), np.diff(terrain.z, axis=0)
         rise = np.stack(

@@ -13,7 +13,7 @@ import numpy as np
 from renders.stage import Optics, View
 from sim.signals import Array
 
-_FAR = 1000.0  # [m] from which the search starts
+_FAR = 1000.0  # [m] from which the search starts at least
 _STEPS = 12  # centre, then fill; perspective couples the two only weakly
 
 
@@ -35,8 +35,9 @@ def framing(
     They lie in the middle of the box, or with ``low`` on its lower edge, if they are wider than tall.
     """
     tangent = math.tan(math.radians(optics.field_of_view) / 2.0)
-    view = View(0.5 * (points.min(axis=0) + points.max(axis=0)), _FAR, *sight)
-    forward = (view.lookat - view.eye) / _FAR
+    far = max(_FAR, 2.0 * float(np.ptp(points, axis=0).max()))
+    view = View(0.5 * (points.min(axis=0) + points.max(axis=0)), far, *sight)
+    forward = (view.lookat - view.eye) / far
     sideways = np.cross(forward, (0.0, 0.0, 1.0))
     sideways /= np.linalg.norm(sideways)
     upward = np.cross(sideways, forward)

@@ -70,6 +70,32 @@ COLOURS: dict[Part, Colour] = {
 }
 
 
+# Of the vehicles of a fleet, in their order: apart from each other, from snow and from the ground, on white and on black.
+VEHICLES: tuple[Colour, ...] = (
+    (1.00, 0.50, 0.05),
+    (0.10, 0.45, 1.00),
+    (0.90, 0.10, 0.75),
+    (0.98, 0.80, 0.00),
+    (0.00, 0.78, 0.92),
+    (0.90, 0.08, 0.12),
+    (0.40, 0.85, 0.10),
+    (0.50, 0.20, 0.88),
+    (1.00, 0.60, 0.75),
+    (0.00, 0.55, 0.50),
+    (0.60, 0.25, 0.05),
+    (0.70, 0.70, 1.00),
+    (0.15, 0.20, 0.62),
+    (0.62, 0.05, 0.35),
+    (0.55, 0.98, 0.75),
+    (0.40, 0.44, 0.50),
+)
+
+
+def vehicle_colour(k: int) -> Colour:
+    """Of the k-th vehicle of a fleet; they repeat after sixteen."""
+    return VEHICLES[k % len(VEHICLES)]
+
+
 def part_of(phase: int) -> Part:
     """The part of a plan that an arc of this phase belongs to."""
     return {Phase.OPTIMISED: Part.OPTIMISED, Phase.MANOEUVRE: Part.MANOEUVRE}.get(Phase(phase), Part.COMPLETION)

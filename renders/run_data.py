@@ -6,7 +6,7 @@ is still the terrain that was flown over is checked by its digest.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -16,10 +16,11 @@ import numpy as np
 
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain
-from renders.run_log import last_at, read_log
+from renders.run_log import RunLog, last_at, read_log
 from sim.signals import Array, Event, Plan
 
-MISSION_NUMBERS = ("clearance_min", "speed_max", "acceleration_max", "deadline_factor", "arrival_radius")
+FINE_TRAIL = 6000.0  # [m] at the end of a trail
+MISSION_NUMBERS = ("clearance_min", "speed_max", "acceleration_max", "arrival_radius")
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,6 @@ class Mission:
     clearance_min: float  # [m]
     speed_max: float  # [m/s]
     acceleration_max: float  # [m/s^2]
-    deadline_factor: float
     arrival_radius: float  # [m]
     radars: tuple[RadarSite, ...]
 
@@ -113,14 +113,31 @@ def plan_arcs(plan: Plan, t: float, step: float) -> list[tuple[int, Array]]:
     return arcs
 
 
+def trail(run: RunData, t: float, fine: float, coarse: float) -> Array:
+    """The path flown until ``t`` [s] as points (m, 3) [m], ``fine`` [m] apart at its end and ``coarse`` [m] before."""
+    here = float(run.travelled[run.index(t)])
+    near = max(0.0, here - FINE_TRAIL)
+    stops = np.concatenate([np.arange(0.0, near, coarse), np.arange(near, here, fine), [here]])
+    return np.vstack([run.x[np.searchsorted(run.travelled, stops), :3], run.state(t)[:3]])
+
+
 def load_run(directory: str | Path) -> RunData:
     """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
     log = read_log(directory)
+    return flight_of(log, lambda mission: mission)
+
+
+def flight_of(log: RunLog, told: Callable[[Mapping[str, Any]], Mapping[str, Any]], prefix: str = "") -> RunData:
+    """What was flown according to a log; ``told`` picks the vehicle's mission from that of config.json.
+
+    ``prefix`` is that of the names of the vehicle's arrays. ValueError for a log that is not that of a flight, or over
+    a terrain that has changed since.
+    """
     folder, config = log.directory, log.config
     try:
         place = config["terrain"]
         terrain = load_terrain(place.get("path") or place["name"])
-        mission = _mission(config["mission"])
+        mission = _mission(told(config["mission"]))
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"{str(folder / 'config.json')!r} does not describe a flight: {error!r}") from None
     if place.get("digest", terrain.digest) != terrain.digest:
@@ -130,7 +147,8 @@ def load_run(directory: str | Path) -> RunData:
         )
     if log.x.shape[1] != 6 or log.u.shape[1] != 3:
         raise ValueError(
-            f"{str(folder / 'log.npz')!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not (n, 6) and (n, 3)"
+            f"{str(folder / 'log.npz')!r}: {prefix}truth.x {log.x.shape} and {prefix}command.u {log.u.shape} are not "
+            "(n, 6) and (n, 3)"
         )
     return RunData(
         folder, config, log.summary, log.events, mission, terrain, log.t, log.x, log.u, log.plans, log.adopted

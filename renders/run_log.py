@@ -13,6 +13,8 @@ import numpy as np
 
 from sim.signals import Array, Event, Plan, Status
 
+TRUTH = ".truth.x"  # how the names of a fleet's arrays of true states end
+
 
 class NothingToDrawError(ValueError):
     """A run that ended before there was anything to be seen."""
@@ -50,6 +52,17 @@ class RunLog:
         return named[k] if k >= 0 else Status.OK
 
 
+@dataclass(frozen=True, eq=False)
+class FleetLog:
+    """The run of a fleet."""
+
+    directory: Path
+    config: Mapping[str, Any]
+    summary: Mapping[str, Any]
+    events: tuple[Event, ...]  # of all, in order of time
+    vehicles: Mapping[str, RunLog]  # by name, each with its own events
+
+
 def last_at(times: Array, t: float) -> int:
     """Which of the times (n,) is the last at or before ``t``; -1 before the first."""
     return int(np.searchsorted(times, t + 1e-9, side="right")) - 1
@@ -68,11 +81,34 @@ def read_log(directory: str | Path, *, may_diverge: bool = False) -> RunLog:
     With ``may_diverge`` a run ends with its last finite state; without it, all states have to be finite.
     """
     folder = existing_folder(directory)
-    config, summary = (read_json(folder / name) for name in ("config.json", "summary.json"))
-    arrays = _read_arrays(folder / "log.npz", may_diverge)
-    if missing := [name for name in ("scenario", "seed") if name not in config]:
-        raise ValueError(f"{str(folder / 'config.json')!r} does not describe a run: it lacks {' and '.join(missing)}")
-    return RunLog(folder, config, summary, _read_events(folder / "events.jsonl"), **arrays)
+    config, summary, events = _read_texts(folder)
+    path = folder / "log.npz"
+    return RunLog(folder, config, summary, events, **_of_vehicle(_read_arrays(path), path, may_diverge))
+
+
+def read_fleet(directory: str | Path) -> FleetLog:
+    """Read the folder of a fleet's run; errors as of ``read_log``. The log of a single vehicle is refused."""
+    folder = existing_folder(directory)
+    config, summary, events = _read_texts(folder)
+    path = folder / "log.npz"
+    arrays = _read_arrays(path)
+    names = [key.removesuffix(TRUTH) for key in arrays if key.endswith(TRUTH)]
+    if not names:
+        raise ValueError(f"{str(path)!r} lacks VEHICLE{TRUTH}: only the run of a fleet can be drawn so")
+    vehicles = {
+        name: RunLog(
+            folder, config, summary, tuple(event for event in events if event.agent == name),
+            **_of_vehicle(_named(arrays, f"{name}."), path, may_diverge=False, prefix=f"{name}."),
+        )
+        for name in names
+    }  # fmt: skip
+    return FleetLog(folder, config, summary, events, vehicles)
+
+
+def _named(arrays: Mapping[str, Array], prefix: str) -> dict[str, Array]:
+    """The arrays that begin so, without it, and the times."""
+    own = {key.removeprefix(prefix): rows for key, rows in arrays.items() if key.startswith(prefix)}
+    return own | ({"t": arrays["t"]} if "t" in arrays else {})
 
 
 def existing_folder(directory: str | Path) -> Path:
@@ -95,6 +131,14 @@ def read_json(path: Path) -> dict[str, Any]:
     return value
 
 
+def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Event, ...]]:
+    """Configuration, summary and events."""
+    config, summary = (read_json(folder / name) for name in ("config.json", "summary.json"))
+    if missing := [name for name in ("scenario", "seed") if name not in config]:
+        raise ValueError(f"{str(folder / 'config.json')!r} does not describe a run: it lacks {' and '.join(missing)}")
+    return config, summary, _read_events(folder / "events.jsonl")
+
+
 def _require(path: Path) -> None:
     if not path.is_file():
         raise FileNotFoundError(f"run folder {str(path.parent)!r} holds no {path.name}: did the run end?")
@@ -112,21 +156,27 @@ def _read_events(path: Path) -> tuple[Event, ...]:
     return tuple(sorted(events, key=lambda event: event.t))
 
 
-def _read_arrays(path: Path, may_diverge: bool) -> dict[str, Any]:
+def _read_arrays(path: Path) -> dict[str, Array]:
     _require(path)
     try:
         with np.load(path, allow_pickle=False) as log:
-            arrays = dict(log)
+            return dict(log)
     except Exception as error:  # a damaged archive raises BadZipFile, EOFError, OSError, zlib.error or ValueError
         raise ValueError(f"{str(path)!r} cannot be read as an array archive: {error}") from None
+
+
+def _of_vehicle(arrays: Mapping[str, Array], path: Path, may_diverge: bool, prefix: str = "") -> dict[str, Any]:
+    """What a log needs of the arrays of one vehicle; ``prefix`` is what their names have in the file."""
     names = ("t", "truth.x", "command.u")
-    if missing := [name for name in names if name not in arrays]:
-        raise ValueError(f"{str(path)!r} lacks {', '.join(missing)}: only the run of a single vehicle can be drawn")
+    if missing := [name if name == "t" else f"{prefix}{name}" for name in names if name not in arrays]:
+        if not prefix and any(name.endswith(TRUTH) for name in arrays):
+            raise ValueError(f"{str(path)!r} is the log of a fleet; allowed: the run of a single vehicle")
+        raise ValueError(f"{str(path)!r} lacks {', '.join(missing)}")
     t, x, u = (arrays[name] for name in names)
     if not (t.ndim == 1 and len(t) >= 2 and all(rows.ndim == 2 and len(rows) == len(t) for rows in (x, u))):
         raise ValueError(
-            f"{str(path)!r}: t {t.shape}, truth.x {x.shape} and command.u {u.shape} are not (n,), (n, nx) and (n, nu) "
-            "with n at least 2"
+            f"{str(path)!r}: t {t.shape}, {prefix}truth.x {x.shape} and {prefix}command.u {u.shape} are not (n,), "
+            "(n, nx) and (n, nu) with n at least 2"
         )
     finite = int(np.logical_and.accumulate(np.isfinite(x).all(axis=1)).sum())
     if may_diverge:
@@ -134,7 +184,7 @@ def _read_arrays(path: Path, may_diverge: bool) -> dict[str, Any]:
             raise NothingToDrawError(f"{str(path)!r}: truth.x is not finite from the second look on")
         t, x, u = t[:finite], x[:finite], u[:finite]
     if not (np.isfinite(t).all() and np.isfinite(x).all()):
-        raise ValueError(f"{str(path)!r}: t or truth.x is not finite")
+        raise ValueError(f"{str(path)!r}: t or {prefix}truth.x is not finite")
     return {"t": t, "x": x, "u": u, "plans": _plans(arrays, path), "adopted": arrays.get("plan.adopted", np.empty(0))}
 
 

@@ -1,18 +1,14 @@
 """A run drawn by MuJoCo: the ground, the airframe, the path flown, the plan ahead, radars, start and target.
 
-Two worlds stand in one model: the true one for the chase camera, and one for the overview and the top view, whose
-heights above the lowest ground are multiplied by ``storyboard.EXAGGERATION``. On a map of 82 km nothing could be seen
-at its true size, so vehicle, lines and beacons are drawn at a size in pixels.
+Vehicle, lines and beacons are drawn at a size in pixels, over the two worlds of ``renders.landscape``.
 
 Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from itertools import groupby
-from pathlib import Path
 from types import TracebackType
 from typing import Any
 
@@ -20,33 +16,30 @@ import mujoco
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-import models.aerial
 from models.aerial.entity import airframe_pose
+from renders.landscape import (
+    AIRFRAME,
+    OPTICS,
+    TALL_WORLD,
+    TRUE_WORLD,
+    WORLDS,
+    Airframe,
+    Landscape,
+    add_airframe,
+    landscape,
+)
 from renders.palette import COLOURS, Part, Picture, part_of
-from renders.relief import relief, resampled, roughened
-from renders.run_data import RunData, plan_arcs
-from renders.stage import HORIZON, NADIR, Optics, Stage, View
+from renders.run_data import RunData, plan_arcs, trail
+from renders.stage import Optics, Stage, View
 from renders.storyboard import EXAGGERATION
 from sim.signals import Array
 
-GROUND_NODES, TEXTURE_PIXELS = 257, 1025  # along the longer side
-DETAIL = 4  # texture pixels painted for each pixel of the relief, unless the picture is small
-SMALL = 360  # [pixels] height of a small picture
-# The extent is half the side of the map. The top view is taken from far away, so that it looks like a map.
-OPTICS = {
-    "chase": Optics(45.0, 2e-4, 5.0),
-    "overview": Optics(30.0, 0.05, 12.0),
-    "top": Optics(8.0, 1.0, 30.0),
-}
-TRUE_WORLD, TALL_WORLD, AIRFRAME = 0, 1, 2  # geom groups
-TRUE_SPAN = 12.0  # [m] of the airframe as drawn
+CHASE = Optics(45.0, 2e-4, 5.0)
 CHASE_DISTANCE = 1300.0  # [m] behind the vehicle
 PIN = 34.0  # [pixels] at a picture 720 pixels high: height of the pins at start and target
-BASE = 0.02  # share of the width: thickness of the slab under the lowest ground
 _ANGLE, _RISE = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), np.radians([15.0, 30.0, 50.0, 75.0]))
 # (192, 3) points on the upper half of the unit sphere
 DOME = np.stack([np.cos(_ANGLE) * np.cos(_RISE), np.sin(_ANGLE) * np.cos(_RISE), np.sin(_RISE)], -1).reshape(-1, 3)
-FILL = {"overview": 0.97, "top": 0.95}  # share of the picture that the map takes
 
 
 class Scene:
@@ -54,13 +47,9 @@ class Scene:
 
     def __init__(self, run: RunData, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
-        self._low = float(run.terrain.z.min())
+        self._land = Landscape(run.terrain)
         self.model = _model(run, width, height, samples)
-        airframe = self.model.body("airframe").id
-        self._airframe_geoms = np.flatnonzero(self.model.geom_bodyid == airframe)
-        self._airframe_size = self.model.geom_size[self._airframe_geoms].copy()
-        self._airframe_pos = self.model.geom_pos[self._airframe_geoms].copy()
-        self._airframe_alpha = self.model.geom_rgba[self._airframe_geoms, 3].copy()
+        self._airframe = Airframe(self.model, "airframe")
         self._chase = ChaseCamera(run)
         self.stage = Stage(self.model, width, height, glow=0.75)
 
@@ -75,7 +64,8 @@ class Scene:
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""
         view = self._chase.view(t) if camera == "chase" else self._map_view(camera, turn)
-        self.stage.look(view, OPTICS[camera], (TRUE_WORLD if camera == "chase" else TALL_WORLD, AIRFRAME))
+        optics = CHASE if camera == "chase" else OPTICS[camera]
+        self.stage.look(view, optics, (TRUE_WORLD if camera == "chase" else TALL_WORLD, AIRFRAME))
         self._place_airframe(t, camera, view)
         self.stage.begin(fog=camera == "chase")
         self._add_lines(t, camera)
@@ -84,10 +74,7 @@ class Scene:
 
     def world(self, points: Array, camera: str) -> Array:
         """(..., 3) map points [m] where the camera's world shows them."""
-        factor = 1.0 if camera == "chase" else EXAGGERATION
-        return np.concatenate(
-            [points[..., :2], self._low + factor * (points[..., 2:] - self._low)], axis=-1, dtype=np.float64
-        )
+        return np.array(points, dtype=np.float64) if camera == "chase" else self._land.tall(points)
 
     def pixels(self, points: Array, camera: str) -> Array:
         """(n, 3) column, row and depth [m] of map points (n, 3) in the picture drawn last; depth <= 0 is behind."""
@@ -118,34 +105,8 @@ class Scene:
 
     def _map_view(self, camera: str, turn: float) -> View:
         """The view from which the whole map fills the picture."""
-        if camera == "top":
-            return self._framed(90.0, -89.9, camera)
-        # Turned a little from north-up, to the side from which the course to the target crosses the picture.
         course = self.run.mission.target - self.run.mission.start
-        northward = 1.0 if course[0] * course[1] >= 0.0 else -1.0
-        return self._framed(90.0 + 24.0 * northward + turn, -36.0, camera)
-
-    def _framed(self, azimuth: float, elevation: float, camera: str) -> View:
-        terrain = self.run.terrain
-        a, e = math.radians(azimuth), math.radians(elevation)
-        forward = np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
-        right = np.array([math.sin(a), -math.cos(a), 0.0])
-        up = np.cross(right, forward)
-        heights = (self._low - BASE * terrain.width / EXAGGERATION, 0.6 * float(terrain.z.max()) + 0.4 * self._low)
-        corners = np.array([[x, y, z] for x in (0.0, terrain.width) for y in (0.0, terrain.depth) for z in heights])
-        corners = self.world(corners, camera)
-        tangent = math.tan(math.radians(OPTICS[camera].field_of_view) / 2.0)
-        aspect = self.stage.width / self.stage.height
-        lookat, distance = corners.mean(axis=0), max(terrain.width, terrain.depth)
-        for _ in range(12):  # centre, then fill; perspective couples the two only weakly
-            ahead = corners - (lookat - distance * forward)
-            depth = ahead @ forward
-            across, along = ahead @ right / depth, ahead @ up / depth
-            middle = 0.5 * np.array([across.min() + across.max(), along.min() + along.max()])
-            lookat = lookat + distance * (middle[0] * right + middle[1] * up)
-            half = 0.5 * max(np.ptp(across) / aspect, np.ptp(along))
-            distance *= half / (FILL[camera] * tangent)
-        return View(lookat, distance, azimuth, elevation)
+        return self._land.view(camera, course, turn, self.stage.width / self.stage.height)
 
     # ---- what is drawn
 
@@ -157,16 +118,11 @@ class Scene:
         position, quaternion = airframe_pose(x[:3], x[3:], u)
         position = self.world(position, camera)
         span = 0.16 if near else 0.055  # of the picture's height
-        scale = span * 2.0 * (CHASE_DISTANCE if near else view.distance) * self.stage.tangent() / TRUE_SPAN
-        if not near:
-            # Drawn so large it would stick in the ground: it is seen at the tip of its path, but nearer to the camera.
-            nearer = scale * TRUE_SPAN / float(np.linalg.norm(view.eye - position))
-            position, scale = position + nearer * (view.eye - position), (1.0 - nearer) * scale
-        # The discs of the rotors, nearly clear beside the vehicle, are what is seen of it from afar.
-        self.model.geom_rgba[self._airframe_geoms, 3] = self._airframe_alpha if near else 1.0
-        self.stage.data.mocap_pos[0], self.stage.data.mocap_quat[0] = position, quaternion
-        self.model.geom_size[self._airframe_geoms] = scale * self._airframe_size
-        self.model.geom_pos[self._airframe_geoms] = scale * self._airframe_pos
+        size = span * 2.0 * (CHASE_DISTANCE if near else view.distance) * self.stage.tangent()
+        if near:
+            self._airframe.place(self.stage, position, quaternion, size)
+        else:
+            self._airframe.place_afar(self.stage, position, quaternion, size, view.eye)
         opacity = 0.16 if near else 0.24  # the chase camera often looks from inside
         for k, radar in enumerate(self.run.mission.radars):
             for world in ("true", "tall"):
@@ -184,14 +140,9 @@ class Scene:
 
     def _lines(self, t: float, camera: str) -> Iterator[tuple[Part, Array]]:
         run = self.run
-        now = run.index(t)
-        if now > 0:
-            here = run.travelled[now]
+        if run.index(t) > 0:
             total = max(float(run.travelled[-1]), 1.0)
-            fine, coarse = (60.0, total / 150.0) if camera == "chase" else (total / 260.0, total / 260.0)
-            near = max(0.0, here - 6000.0)
-            stops = np.concatenate([np.arange(0.0, near, coarse), np.arange(near, here, fine), [here]])
-            yield Part.FLOWN, np.vstack([run.x[np.searchsorted(run.travelled, stops), :3], run.state(t)[:3]])
+            yield Part.FLOWN, trail(run, t, *((60.0, total / 150.0) if camera == "chase" else 2 * (total / 260.0,)))
         plan = run.plan(t)
         if plan is not None and t < run.duration:  # at the end nothing is ahead
             for part, arcs in groupby(plan_arcs(plan, t, step=0.6), lambda arc: part_of(arc[0])):
@@ -201,10 +152,7 @@ class Scene:
         for part, place in ((Part.START, self.run.mission.start), (Part.TARGET, self.run.mission.target)):
             ground = np.array([place[0], place[1], float(self.run.terrain.height(place[0], place[1]))])
             foot, top = self.world(np.array([ground, place]), camera)
-            pixel = float(self.stage.metres_per_pixel(top[None])[0]) * self.stage.unit
-            high = top + np.array([0.0, 0.0, PIN * pixel])
-            self.stage.capsule(foot, high, 1.6 * pixel, COLOURS[part])
-            self.stage.capsule(high, high + np.array([0.0, 0.0, 0.1 * pixel]), 6.0 * pixel, COLOURS[part])
+            self.stage.pin(foot, top, PIN, COLOURS[part])
 
 
 class ChaseCamera:
@@ -246,39 +194,12 @@ class ChaseCamera:
 
 def _model(run: RunData, width: int, height: int, samples: int) -> Any:
     terrain = run.terrain
-    spec = mujoco.MjSpec()
-    side = max(terrain.width, terrain.depth)
-    low, high = float(terrain.z.min()), float(terrain.z.max())
-    spec.stat.extent = 0.5 * side
-    spec.stat.center = [0.5 * terrain.width, 0.5 * terrain.depth, 0.5 * (low + high)]
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-    spec.visual.map.fogstart, spec.visual.map.fogend = 0.25, 2.6
-    spec.visual.rgba.fog = [*HORIZON, 1.0]
-    spec.visual.quality.offsamples = samples
-    spec.visual.quality.numslices, spec.visual.quality.numstacks = 20, 6  # a line has hundreds of capsules
-    spec.visual.headlight.active = 0
-    spec.worldbody.add_light(
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        dir=[0.55, -0.55, -0.75],
-        diffuse=[0.26, 0.25, 0.23],
-        ambient=[0.08, 0.08, 0.09],
-        specular=[0.1, 0.1, 0.1],
-        castshadow=False,
-    )
-    spec.add_texture(
-        name="backdrop",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=HORIZON,
-        rgb2=NADIR,
-        width=256,
-        height=256 * 6,
-    )
-    _add_ground(spec, run, low, high, detail=DETAIL if height > SMALL else 1)
+    low = float(terrain.z.min())
+    spec = landscape(terrain, width, height, samples)
     spec.add_material(name="radar", emission=0.8, specular=0.0)
     for k, radar in enumerate(run.mission.radars):
         foot = float(terrain.height(radar.x, radar.y))
-        for group, name, factor in ((TRUE_WORLD, "true", 1.0), (TALL_WORLD, "tall", EXAGGERATION)):
+        for group, name, factor in WORLDS:
             mesh = spec.add_mesh(name=f"radar {k} {name}", scale=[radar.radius, radar.radius, factor * radar.radius])
             mesh.make_sphere(subdivision=4)
             spec.worldbody.add_geom(
@@ -292,53 +213,5 @@ def _model(run: RunData, width: int, height: int, samples: int) -> Any:
                 contype=0,
                 conaffinity=0,
             )
-    vehicle = mujoco.MjSpec.from_file(str(Path(models.aerial.__file__).parent / "airframe.xml"))
-    spec.add_material(name="airframe", emission=0.7, specular=0.3, shininess=0.5)
-    body = spec.worldbody.add_body(name="airframe", mocap=True)
-    for geom in vehicle.worldbody.geoms:
-        _copy_geom(body, geom)
+    add_airframe(spec, "airframe")
     return spec.compile()
-
-
-def _copy_geom(body: Any, geom: Any) -> None:
-    body.add_geom(
-        type=geom.type, size=geom.size, pos=geom.pos, quat=geom.quat, fromto=geom.fromto, rgba=geom.rgba,
-        material="airframe", group=AIRFRAME, contype=0, conaffinity=0,
-    )  # fmt: skip
-
-
-def _add_ground(spec: Any, run: RunData, low: float, high: float, detail: int) -> None:
-    terrain = run.terrain
-    nodes = resampled(terrain, GROUND_NODES, order=1)
-    picture = roughened(relief(terrain, TEXTURE_PIXELS), detail, contrast=0.05)
-    # A texture's row 0 is its northern edge in relief() and its southern one in MuJoCo.
-    texture = spec.add_texture(
-        name="relief",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        width=picture.shape[1],
-        height=picture.shape[0],
-        nchannel=3,
-    )
-    texture.data = picture.tobytes()
-    ground = spec.add_material(name="ground", emission=0.86, specular=0.0, shininess=0.0)
-    textures = [""] * len(ground.textures)
-    textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "relief"
-    ground.textures = textures
-    for group, name, factor in ((TRUE_WORLD, "true", 1.0), (TALL_WORLD, "tall", EXAGGERATION)):
-        spec.add_hfield(
-            name=name,
-            nrow=nodes.shape[0],
-            ncol=nodes.shape[1],
-            size=[0.5 * terrain.width, 0.5 * terrain.depth, factor * max(high - low, 1.0), BASE * terrain.width],
-            userdata=((nodes - low) / max(high - low, 1.0)).ravel(),
-        )
-        spec.worldbody.add_geom(
-            name=f"ground {name}",
-            type=mujoco.mjtGeom.mjGEOM_HFIELD,
-            hfieldname=name,
-            pos=[0.5 * terrain.width, 0.5 * terrain.depth, low],
-            material="ground",
-            group=group,
-            contype=0,
-            conaffinity=0,
-        )

@@ -171,6 +171,13 @@ class Stage:
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)
             geom.emission = self._glow
 
+    def pin(self, foot: Array, place: Array, height: float, colour: Colour) -> None:
+        """From a foot (3,) through a place (3,) to a head ``height`` pixels above it, in a picture 720 pixels high."""
+        pixel = float(self.metres_per_pixel(place[None])[0]) * self.unit
+        head = place + np.array([0.0, 0.0, height * pixel])
+        self.capsule(foot, head, 1.6 * pixel, colour)
+        self.capsule(head, head + np.array([0.0, 0.0, 0.1 * pixel]), 6.0 * pixel, colour)
+
     def arrow(self, a: Array, b: Array, radius: float, colour: Colour, opacity: float = 1.0) -> None:
         """From one point (3,) to another, its shaft of a radius [m]."""
         geom = self._geom(mujoco.mjtGeom.mjGEOM_ARROW, a, b, (*colour, opacity))

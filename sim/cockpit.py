@@ -124,7 +124,8 @@ class Cockpit:
         while self.undelivered and self.undelivered[0].t <= t + _SIMULTANEOUS:
             message = self.undelivered.pop(0)
             self.delivered.append(message)
-            self.record.event(t, "message", f"{message.topic} from {message.sender}")
+            told = f": {message.payload:.10g}" if isinstance(message.payload, float) else ""
+            self.record.event(t, "message", f"{message.topic} from {message.sender}{told}")
         t_start = t + self.agent.planner.period if self.plan is not None else t
         request = PlanRequest(t, t_start, estimate, self.plan, tuple(self.delivered))
         try:

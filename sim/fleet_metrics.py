@@ -17,18 +17,24 @@ from sim.signals import Array
 
 def arrival_times(recording: Recording, missions: Mapping[str, FlightMission]) -> dict[str, float]:
     """[s] when each vehicle first came within its arrival radius, on the way between two looks; NaN if it did not."""
-    found = {}
-    for name, mission in missions.items():
-        off = recording.truths[name][:, :3] - np.array(mission.target)
-        t, radius = recording.t, mission.arrival_radius
-        near = np.flatnonzero(np.linalg.norm(off, axis=1) <= radius)
-        if not len(near) or near[0] == 0:
-            found[name] = float(t[0]) if len(near) else np.nan
-            continue
-        k = int(near[0])
-        far, close = (float(np.linalg.norm(off[i])) for i in (k - 1, k))
-        found[name] = float(t[k - 1] + (t[k] - t[k - 1]) * (far - radius) / max(far - close, 1e-12))
-    return found
+    return {
+        name: arrival_time(recording.t, recording.truths[name], np.array(mission.target), mission.arrival_radius)
+        for name, mission in missions.items()
+    }
+
+
+def arrival_time(t: Array, x: Array, target: Array, radius: float) -> float:
+    """[s] when states ``x`` (n, 6) at times (n,) first lie within ``radius`` [m] of a target (3,) [m]; NaN if never.
+
+    Between two looks the distance is taken to change evenly.
+    """
+    away = np.linalg.norm(x[:, :3] - target, axis=1)
+    near = np.flatnonzero(away <= radius)
+    if not len(near) or near[0] == 0:
+        return float(t[0]) if len(near) else np.nan
+    k = int(near[0])
+    far, close = float(away[k - 1]), float(away[k])
+    return float(t[k - 1] + (t[k] - t[k - 1]) * (far - radius) / max(far - close, 1e-12))
 
 
 def least_separation(recording: Recording, names: Sequence[str]) -> tuple[float, tuple[str, str]]:

@@ -446,6 +446,7 @@ def _record(
     resolved = dataclasses.replace(config, terrain=place, starts=tuple(mission.start for mission in missions))
     return {
         "scenario": "simultaneous-arrival",
+        "drawing": "renders.fleet.drawing",
         "seed": seed,
         "fields": dataclasses.asdict(resolved),
         "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},

@@ -1,0 +1,65 @@
+"""What is written on a picture of a fleet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from renders.caption import Key, Label, Words, pace
+from renders.film import Frame
+from renders.fleet.run_data import FleetRun
+from renders.fleet.storyboard import notices, verdict
+from renders.palette import Colour
+from renders.storyboard import EXAGGERATION
+
+MOST_NAMED = 8  # vehicles that the legend names; of more the numbers in the picture have to do
+PLAN_AHEAD = Key("thin: plan ahead", (0.9, 0.93, 0.96))
+
+
+def metres(length: float) -> str:
+    """A length [m] with the digits that a viewer can use."""
+    return f"{length:.0f} m" if length < 1e3 else f"{length / 1e3:.2f} km" if length < 1e4 else f"{length / 1e3:.1f} km"
+
+
+def _agreement(run: FleetRun, t: float) -> tuple[str, str]:
+    """The time of arrival that the vehicles fly by, and how long it is till then."""
+    agreed = run.agreed(t)
+    known = agreed[np.isfinite(agreed)]
+    if len(known) < len(agreed):
+        return "–", f"known to {len(known)} of {len(agreed)}"
+    low, high = float(known.min()), float(known.max())
+    if high - low > 0.1:
+        return f"{high:.1f} s", f"the first by {low:.1f} s"
+    return f"{high:.1f} s", f"in {high - t:.0f} s" if high - t > 0.5 else ""
+
+
+def _legend(run: FleetRun) -> list[Key]:
+    named: Sequence[tuple[str, Colour]] = list(zip(run.vehicles, run.colours, strict=True))
+    return [*(Key(name, colour) for name, colour in named if len(named) <= MOST_NAMED), PLAN_AHEAD]
+
+
+def words(run: FleetRun, frame: Frame, labels: list[Label]) -> Words:
+    """The words of a frame, with ``labels`` beside places."""
+    count = len(run.flights)
+    over = frame.t >= run.duration
+    title = [f"mathnavi · {run.config['scenario']} · {run.terrain.name} · seed {run.config['seed']}"]
+    if frame.camera == "arrival":
+        title.append("vehicles and slots larger than life")
+    else:
+        title.append(f"vehicles and heights not to scale: heights × {EXAGGERATION}")
+    return Words(
+        title=title,
+        numbers=(
+            ("TIME", f"{frame.t:.1f} s", pace(frame, run.duration)),
+            ("AGREED ARRIVAL", *_agreement(run, frame.t)),
+            ("ARRIVED", f"{run.arrived(frame.t)} of {count}", f"within {run.flights[0].mission.arrival_radius:g} m"),
+            ("LEAST DISTANCE NOW", metres(run.nearest(frame.t)), f"at least {run.separation:g} m"),
+        ),
+        state=verdict(run) if over else "on the way to one time",
+        legend=_legend(run),
+        notice=frame.notice,
+        share=frame.t / run.duration,
+        moments=[t / run.duration for t, _ in notices(run)],
+        labels=labels,
+    )

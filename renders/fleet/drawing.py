@@ -1,0 +1,22 @@
+"""How fleets of aerial vehicles are drawn (``renders.drawing``)."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+
+from renders.fleet.caption import words
+from renders.fleet.report import report
+from renders.fleet.run_data import FleetRun, load_run
+from renders.fleet.storyboard import CAMERAS, highlight, storyboard
+from renders.painter import Painter, painting
+
+__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+
+cameras, still_camera = CAMERAS, "overview"
+
+
+def painter(run: FleetRun, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
+    """What draws the frames of a run; OpenGL's backend must have been chosen."""
+    from renders.fleet.scene import Scene  # imports mujoco
+
+    return painting(Scene, words, run, width, height, samples)

@@ -1,0 +1,133 @@
+"""A fleet's run on one page: who arrived when and how near to each other, on the map, over time and in the scene."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+from renders import page
+from renders.figures import events_figure, solve_figure
+from renders.fleet import figures
+from renders.fleet.run_data import FleetRun
+from renders.fleet.storyboard import highlight, verdict
+from renders.page import Markup, quantity
+from renders.palette import hexadecimal
+from renders.report import again, events_card, rest, still_block, summary_cards, why
+from renders.storyboard import EXAGGERATION
+from renders.terrain_view import Track, script, terrain_view
+from sim.metrics import SHORTFALL
+
+MOST_NAMED = 8  # starts that have a name in the view of the terrain: of more they hide each other
+
+
+def report(run: FleetRun) -> Markup:
+    """The report's HTML."""
+    return page.document(
+        run.title,
+        *_headline(run),
+        _terrain(run),
+        *_pictures(run),
+        page.section("The vehicles", _vehicles(run)),
+        page.section("The flight", *_figures(run)),
+        page.section("Summary", summary_cards(run.summary)),
+        page.section("Events", events_card(run.events)),
+        page.section("Do it again", *again(run.directory, run.config)),
+        page.footer(rest(run.summary)),
+        script=script(),
+    )
+
+
+def _headline(run: FleetRun) -> tuple[Markup, Markup]:
+    summary, least = run.summary, run.flights[0].mission.clearance_min
+    shown = {
+        key: quantity(key, summary.get(key))
+        for key in ("spread_s", "arrival_time_s", "deadline_s", "separation_min_m", "min_clearance_m")
+    }
+    pair = f", {summary['nearest_pair']}" if summary.get("nearest_pair") else ""
+    tiles = {
+        "between the first and the last arrival": shown["spread_s"],
+        f"last arrival (deadline {shown['deadline_s']})": shown["arrival_time_s"],
+        f"least separation (allowed {run.separation:g} m{pair})": shown["separation_min_m"],
+        f"least clearance (allowed {least:g} m)": shown["min_clearance_m"],
+        "plans not admitted by the others": page.number(summary.get("plans_not_admitted")),
+    }
+    told = verdict(run)
+    sentence = f"Of the fleet {told}{why(summary)}."
+    return page.heading(run.title, sentence, SHORTFALL not in summary), page.tiles(tiles)
+
+
+def _terrain(run: FleetRun) -> Markup:
+    tracks = [
+        Track(name, flight.x[:, :3], hexadecimal(colour))
+        for (name, flight), colour in zip(run.vehicles.items(), run.colours, strict=True)
+    ]
+    named = run.vehicles.items() if len(run.vehicles) <= MOST_NAMED else ()
+    places = {name: flight.mission.start for name, flight in named} | {"slots": run.slots.mean(axis=0)}
+    return terrain_view(run.terrain, tracks, places)
+
+
+def _pictures(run: FleetRun) -> list[Markup]:
+    middle = sum(highlight(run)) / 2.0
+    return [
+        still_block(
+            run.directory, "overview", 0.6 * run.duration,
+            f"The whole map of {run.terrain.name} seen from the south, with the fleet on its way.",
+            f"On the way, at {0.6 * run.duration:.0f} s: path flown, plan ahead. Heights are drawn {EXAGGERATION} times "
+            "as tall as they are, the vehicles far larger.",
+        ),
+        still_block(
+            run.directory, "arrival", middle, "The slots and the vehicles that come to them.",
+            f"The arrival, at {middle:.0f} s: every vehicle has a slot of its own. Both are drawn larger than life.",
+        ),
+    ]  # fmt: skip
+
+
+def _vehicles(run: FleetRun) -> Markup:
+    refused = Counter(event.agent for event in run.events if event.kind == "not-admitted")
+    rows = []
+    for (name, flight), arrival in zip(run.vehicles.items(), run.arrivals.tolist(), strict=True):
+        straight = math.dist(flight.mission.start, flight.mission.target)
+        rows.append(
+            (
+                name,
+                page.UNKNOWN if math.isnan(arrival) else f"{arrival:.2f} s",
+                f"{straight / 1e3:.1f} km",
+                f"{flight.travelled[-1] / 1e3:.1f} km",
+                f"{flight.travelled[-1] / flight.duration:.0f} m/s",
+                len(flight.plans),
+                refused[name],
+            )
+        )
+    head = ("vehicle", "arrival", "straight line", "path flown", "mean speed", "plans adopted", "plans not admitted")
+    return page.card(page.table(head, rows))
+
+
+def _figures(run: FleetRun) -> list[Markup]:
+    separation = quantity("separation_min_m", run.summary.get("separation_min_m"))
+    clearance = quantity("min_clearance_m", run.summary.get("min_clearance_m"))
+    drawn = [
+        ("map", figures.map_figure(run), f"Map of {run.terrain.name} with all paths, and the slots from above."),
+        (
+            "to-go",
+            figures.to_go_figure(run),
+            "Distance of every vehicle to its slot: they start far apart and arrive at one time. Dashed: the time that "
+            "they agreed on last.",
+        ),
+        (
+            "separation",
+            figures.separation_figure(run),
+            f"Distance of every vehicle to the nearest other one; the least is {separation}. Log scale.",
+        ),
+        (
+            "clearance",
+            figures.clearance_figure(run),
+            f"Heights of every vehicle; the least clearance is {clearance}, on the exact triangles. The clearance has "
+            "a log scale.",
+        ),
+    ]
+    if run.summary.get("solve_ms_mean") is not None:
+        drawn.append(("solve", solve_figure(run.summary), "Thread CPU time of one optimisation."))
+    if run.events:
+        alt = "The times at which each kind of event happened, of all vehicles."
+        drawn.append(("events", events_figure(run.events, run.duration), alt))
+    return [page.figure_block(figure, name, alt) for name, figure, alt in drawn]

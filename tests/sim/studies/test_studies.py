@@ -48,6 +48,8 @@ SMALLEST: dict[str, dict[str, int]] = {
     },
     "sphere": {"points": 1, "seconds": 1, "noisy": 1, "fast": 1, "values": 1, "bodies": 1},
     "curvature-sign": {"seeds": 1, "others": 1, "strengths": 1},
+    "arrival": {"seeds": 1, "sizes": 1, "steps": 1},
+    "separation": {"seeds": 1, "sizes": 1, "grown": 1, "repetitions": 1},
     "contraction": {"distances": 6, "directions": 3, "points": 1},
     "consensus": {"sizes": 1, "seeds": 1},
     "attitude": {"seeds": 1, "others": 1, "seconds": 1},
@@ -91,6 +93,8 @@ CLAIMS = {
     "contraction": {"riemannian.contraction", "D.infinitely-thin", "D.contraction-sign", "D.brackets"},
     "consensus": {"fleet.laplacian", "A.laplacian-rate", "A.outlier-keeps-value"},
     "attitude": {"riemannian.attitude"},
+    "arrival": {"fleet.spread", "A.consensus-by-A12", "A.one-step"},
+    "separation": {"fleet.separation", "fleet.cost"},
     "mechanisms": {
         *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),
         "D.prohibitive",
@@ -112,9 +116,16 @@ HOLDS: dict[str, dict[str, bool]] = {
     },
 }
 """of claims that do not depend on how much is run"""
-TIMED = {"cost-to-go", "missile-nodes", "missile-closed-loop", "range-convergence", "mechanisms"}  # which measure times
+TIMED = {
+    "separation",
+    "cost-to-go",
+    "missile-nodes",
+    "missile-closed-loop",
+    "range-convergence",
+    "mechanisms",
+}  # which measure times
 COMPUTED = {"sphere", "curvature-sign", "contraction", "observability", "consensus"}  # which fly little or nothing
-UNMEASURED = {"noise", "ocp-problems"}  # over these hills no mission may arrive; not all problems are solved
+UNMEASURED = {"noise", "ocp-problems", "arrival"}  # over these hills no mission may arrive; not all are solved
 PRINTED = ("A.", "B.", "C.", "D.", "I.")  # the thesis' papers and its Introduction
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))
 

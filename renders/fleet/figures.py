@@ -1,4 +1,4 @@
-"""Figures of a fleet's run: its paths on the map, and over time how far it is to go, from each other, off the ground."""
+"""Figures of a fleet: its paths on the map, and over time how far it is to go, from each other, off the ground."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _FEWEST_COLUMNS, _MOST_ROWS = 4, 4  # of a legend
 def map_figure(run: FleetRun) -> Figure:
     """The hill-shaded map with all paths, and beside it the slots and how they are reached."""
     with matplotlib.rc_context(STYLE):
-        figure = canvas(9.4, 6.0)
+        figure = canvas(9.4, 6.9)
         whole, close = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
         draw_map(whole, run.terrain)
         outline = [patheffects.withStroke(linewidth=3.0, foreground="white", alpha=0.85)]
@@ -89,10 +89,13 @@ def to_go_figure(run: FleetRun) -> Figure:
                      textcoords="offset points", color=BOUND)  # fmt: skip
         agreed = run.agreed(run.duration)
         if np.isfinite(agreed).any():
+            last = float(np.nanmax(agreed))
             for axes in (whole, end):
-                axes.axvline(float(np.nanmax(agreed)), color=INK, ls="--", lw=0.9)
-            whole.annotate(f"agreed {np.nanmax(agreed):.1f} s", (float(np.nanmax(agreed)), 0.97), (-4, 0),
-                           xycoords=("data", "axes fraction"), textcoords="offset points", ha="right", va="top")  # fmt: skip
+                axes.axvline(last, color=INK, ls="--", lw=0.9)
+            whole.annotate(
+                f"agreed {last:.1f} s", (last, 0.97), (-4, 0), xycoords=("data", "axes fraction"),
+                textcoords="offset points", ha="right", va="top",
+            )  # fmt: skip
         whole.set(xlabel="time [s]", ylabel="to the slot [km]", title="Distance to go", xlim=(0.0, 1.01 * run.duration))
         whole.set_ylim(0.0)
         end.set(xlabel="time [s]", ylabel="to the slot [m]", title="The last seconds")
@@ -112,7 +115,6 @@ def separation_figure(run: FleetRun) -> Figure:
         i = thinned(len(run.t), lowest)
         for row, (_, colour, name) in zip(run.neighbours, _each(run), strict=True):
             axes.plot(run.t[i], np.maximum(row[i], LOWEST_DRAWN), color=colour, lw=1.1, label=name)
-        axes.plot(run.t[i], np.maximum(least[i], LOWEST_DRAWN), color=INK, lw=0.9, ls=":", label="least of all")
         _bound(axes, run.separation, "allowed")
         _mark(axes, run, lowest, max(float(least[lowest]), LOWEST_DRAWN), "separation_min_m")
         log_lengths(axes, max(0.6 * min(run.separation, float(least[lowest])), LOWEST_DRAWN))

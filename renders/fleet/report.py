@@ -67,12 +67,12 @@ def _terrain(run: FleetRun) -> Markup:
 
 
 def _pictures(run: FleetRun) -> list[Markup]:
-    middle = sum(highlight(run)) / 2.0
+    middle, way = sum(highlight(run)) / 2.0, 0.6 * run.duration
     return [
         still_block(
-            run.directory, "overview", 0.6 * run.duration,
+            run.directory, "overview", way,
             f"The whole map of {run.terrain.name} seen from the south, with the fleet on its way.",
-            f"On the way, at {0.6 * run.duration:.0f} s: path flown, plan ahead. Heights are drawn {EXAGGERATION} times "
+            f"On the way, at {way:.0f} s: path flown, plan ahead. Heights are drawn {EXAGGERATION} times "
             "as tall as they are, the vehicles far larger.",
         ),
         still_block(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -140,9 +140,14 @@ class FleetRun:
 
 def _distances(places: Array) -> Array:
     """(n, n) between points (n, 3); NaN from each to itself."""
-    away = np.linalg.norm(places[:, None] - places[None], axis=-1)
-    np.fill_diagonal(away, np.nan)
+    away: Array = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    away[np.diag_indices(len(places))] = np.nan
     return away
+
+
+def _mission_of(name: str) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
+    """What picks a vehicle's own mission from that of the fleet: its start and target, and what all have in common."""
+    return lambda fleet: {**fleet, **fleet["vehicles"][name]}
 
 
 def load_run(directory: str | Path) -> FleetRun:
@@ -159,8 +164,5 @@ def load_run(directory: str | Path) -> FleetRun:
             f"{str(path)!r} has the vehicles {', '.join(names) or 'none'}, log.npz {', '.join(log.vehicles)}; allowed: "
             "the same in both, two at least"
         )
-    vehicles = {
-        name: flight_of(log.vehicles[name], lambda told, name=name: told | told["vehicles"][name], f"{name}.")
-        for name in names
-    }
+    vehicles = {name: flight_of(log.vehicles[name], _mission_of(name), f"{name}.") for name in names}
     return FleetRun(log.directory, log.config, log.summary, log.events, vehicles, separation)

@@ -36,7 +36,7 @@ SIDES = (
     140.0,
     -140.0,
     180.0,
-)  # [degrees] off the course, of the line of sight
+)  # [degrees] of the sight, off the course
 ELEVATIONS = (-32.0, -42.0, -52.0, -64.0, -78.0)  # [degrees], the flattest from which all slots are seen
 SPAN = {"overview": 0.05, "top": 0.05, "arrival": 0.058}  # of the picture's height: an airframe
 CROWD = 6  # vehicles from which on they are drawn smaller

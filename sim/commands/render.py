@@ -22,7 +22,8 @@ class Options:
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
     """folder of a run; the picture is written into it"""
     camera: str | None = None
-    """flights have chase, overview, top; fleets overview, top, arrival; missiles chase, side, target; robots top, chase; bodies, arms panel, scene"""
+    """flights have chase, overview, top; fleets overview, top, arrival; missiles chase, side, target; robots top,
+    chase; bodies, arms panel, scene"""
     still: bool = False
     """a picture instead of a video"""
     time: float | None = None

@@ -11,8 +11,9 @@ import pytest
 
 from sim.fleet_metrics import arrival_times, least_separation
 from sim.scenarios.experiment import Outcome
+from sim.scenarios.fleet_fields import Radio, SimultaneousArrivalConfig
 from sim.scenarios.flight_parts import Faults
-from sim.scenarios.simultaneous_arrival import Radio, SimultaneousArrival, SimultaneousArrivalConfig
+from sim.scenarios.simultaneous_arrival import SimultaneousArrival
 from tests import flight
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from renders.fleet.run_data import FleetRun, load_run
-from sim.scenarios.simultaneous_arrival import SimultaneousArrival, SimultaneousArrivalConfig
+from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
+from sim.scenarios.simultaneous_arrival import SimultaneousArrival
 from tests import flight
 
 

@@ -1,0 +1,124 @@
+"""Fields of ``simultaneous-arrival``: the fleet, its task, its radio and its faults."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+
+from models.aerial.dynamics import CONTROL_TICKS, TICK
+from sim.checks import check, check_rate
+from sim.network import Air, DelayedLinks, LossyLinks, Network, Partition, partitioned
+from sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
+
+GraphName = Literal["line", "ring", "complete", "random"]
+
+_MOST = 64
+
+
+@dataclass(frozen=True)
+class Radio:
+    """What becomes of messages on their way."""
+
+    delay: tuple[float, float] = (0.0, 0.0)
+    """least and most time that a message takes [s]"""
+    loss: float = 0.0
+    """fraction of the messages that are lost"""
+    duplication: float = 0.0
+    """fraction of those that arrive that arrive twice"""
+    partition: tuple[float, float] = (0.0, 0.0)
+    """from when to when the first half of the fleet does not hear the other [s]"""
+
+    def __post_init__(self) -> None:
+        check(self.delay[0], "radio.delay", 0.0)
+        check(self.delay[1], "radio.delay", self.delay[0])
+        check(self.loss, "radio.loss", 0.0, 1.0)
+        check(self.duplication, "radio.duplication", 0.0, 1.0)
+        check(self.partition[0], "radio.partition", 0.0)
+        check(self.partition[1], "radio.partition", self.partition[0])
+
+    def network(self, names: Sequence[str], rng: np.random.Generator) -> Network:
+        """Between these vehicles."""
+        delays, losses = rng.spawn(2)
+        network: Network = LossyLinks(
+            DelayedLinks(Air(names), *self.delay, delays), self.loss, self.duplication, losses
+        )
+        half = frozenset(names[: len(names) // 2])
+        return partitioned(network, [Partition(*self.partition, half)])
+
+
+@dataclass(frozen=True)
+class SimultaneousArrivalConfig:
+    """Fields of the scenario."""
+
+    terrain: str = "tian_shan"
+    """name of a terrain, or an .npz file"""
+    vehicles: int = 4
+    """how many"""
+    starts: tuple[Point, ...] = ()
+    """x, y, z [m] of every vehicle; drawn from the seed if not given"""
+    target: Point | None = None
+    """x, y, z [m] of the middle of the slots; drawn from the seed if not given"""
+    slot_spacing: float = 1500.0
+    """between neighbouring slots on their ring [m]"""
+    separation: float = 200.0
+    """d_s, what vehicles keep between them [m]"""
+    drawn_heights: tuple[float, float] = (50.0, 450.0)
+    """heights above h_min between which starts and the target are drawn [m]"""
+    drawn_distance: tuple[float, float] = (0.4, 0.9)
+    """shares of the map's side between which the distances of drawn starts from the target lie"""
+    clearance_min: float = 50.0
+    """h_min, least height above ground [m]"""
+    speed_max: float = 300.0
+    """v_max [m/s]"""
+    acceleration_max: float = 40.0
+    """a_max [m/s^2]"""
+    deadline_factor: float = 1.5
+    """gamma: the fleet's deadline over the longest of the first plans"""
+    arrival_radius: float = 50.0
+    """r_f, how near to its slot a vehicle has arrived [m]"""
+    spread: float = 5.0 / 3.0
+    """of the arrivals, which counts as one time [s]"""
+    graph: GraphName = "ring"
+    """who talks with whom about the time of arrival; of plans all tell all"""
+    consensus: str = "maximum"
+    """plug-in by which that is agreed"""
+    control_rate: float = 1.0 / (CONTROL_TICKS * TICK)
+    """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
+    radio: Radio = field(default_factory=Radio)
+    noise: Noise = field(default_factory=Noise)
+    faults: Faults = field(default_factory=Faults)
+
+    def __post_init__(self) -> None:
+        if not 2 <= self.vehicles <= _MOST:
+            raise ValueError(f"vehicles = {self.vehicles!r}; allowed: a whole number from 2 to {_MOST}")
+        if self.starts and len(self.starts) != self.vehicles:
+            raise ValueError(f"starts = {len(self.starts)} points; allowed: {self.vehicles}, one for each vehicle")
+        for point in (*self.starts, *((self.target,) if self.target is not None else ())):
+            if not all(map(math.isfinite, point)):
+                raise ValueError(f"point = {point!r}; allowed: three finite numbers")
+        check(self.separation, "separation", 0.0, LARGEST, open_low=True)
+        check(self.slot_spacing, "slot_spacing", self.separation, LARGEST)
+        for name in ("drawn_heights", "drawn_distance"):
+            low, high = getattr(self, name)
+            if not 0.0 <= low <= high <= LARGEST:
+                raise ValueError(f"{name} = {(low, high)!r}; allowed: two finite numbers, 0 <= low <= high")
+        check(self.clearance_min, "clearance_min", 0.0, LARGEST)
+        for name in ("speed_max", "acceleration_max", "arrival_radius", "spread"):
+            check(getattr(self, name), name, 0.0, LARGEST, open_low=True)
+        check(self.deadline_factor, "deadline_factor", 1.0, LARGEST)
+        check_rate(self.control_rate, "control_rate", TICK)
+        if self.graph not in get_args(GraphName):
+            raise ValueError(f"graph = {self.graph!r}; allowed: {', '.join(get_args(GraphName))}")
+        if self.graph == "ring" and self.vehicles < 3:
+            raise ValueError("graph = 'ring' with vehicles = 2; allowed: with 3 at least")
+        if self.faults.position_jump > 0.0:
+            raise ValueError(f"faults.position_jump = {self.faults.position_jump!r}; allowed in a fleet: 0")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the vehicles."""
+        return tuple(f"vehicle_{k + 1}" for k in range(self.vehicles))

@@ -1,0 +1,181 @@
+"""Where a fleet may start: each vehicle with a slot, a level, and a stored plan that keeps apart from the others."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from controllers.arrival.estimate import ArrivalEstimate
+from controllers.arrival.zone import Zone, checked_start
+from controllers.flight.certificate import Certified, TrackingBound
+from models.aerial.dynamics import TICK
+from models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from models.terrain.height_field import HeightField
+from sim.plugins import Part, checked_controller, checked_quality
+from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
+from sim.scenarios.flight_parts import Point, certified, check_above_ground, drawn_point, faulty
+from sim.signals import Estimate, Plan, PlanRequest
+
+_DRAWS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Vehicle:
+    """One vehicle of the fleet, ready to fly."""
+
+    mission: FlightMission
+    planner: Certified
+    tracker: Any
+    estimate: ArrivalEstimate
+    stored: Plan
+
+
+def zone_of(config: SimultaneousArrivalConfig, bound: TrackingBound) -> Zone:
+    return Zone(config.separation, math.hypot(bound.horizontal, bound.vertical), config.speed_max)
+
+
+def common_mission(config: SimultaneousArrivalConfig, terrain: HeightField, estimator: Part) -> FlightMission:
+    """What the missions of all vehicles have in common."""
+    mission = FlightMission(
+        terrain=terrain,
+        start=(math.nan,) * 3,
+        target=(math.nan,) * 3,
+        clearance_min=config.clearance_min,
+        speed_max=config.speed_max,
+        acceleration_max=config.acceleration_max,
+        deadline_factor=config.deadline_factor,
+        arrival_radius=config.arrival_radius,
+        position_noise=config.noise.position,
+        position_rate=config.noise.position_rate,
+        control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
+        gust=GustModel(config.faults.gust_rms, config.faults.gust_time_constant, config.faults.gust_limit),
+    )
+    return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
+
+
+def started_fleet(
+    config: SimultaneousArrivalConfig,
+    common: FlightMission,
+    controller: Part,
+    rng: np.random.Generator,
+    failing: np.random.Generator,
+) -> dict[str, Vehicle]:
+    """All vehicles, with stored plans that keep apart; what is not given is drawn again until they do."""
+    reasons: list[str] = []
+    given = bool(config.starts) and config.target is not None
+    for _ in range(1 if given else _DRAWS):
+        try:
+            target = config.target or drawn_point(common, config.drawn_heights, rng)
+            slots = _slots(config, common, target)
+            starts = config.starts or _drawn_starts(config, common, target, rng)
+            missions = {
+                name: dataclasses.replace(common, start=start, target=slot, cruise_level=_level(config, common, k))
+                for k, (name, start, slot) in enumerate(zip(config.names, starts, slots, strict=True))
+            }
+            fleet = {
+                name: _vehicle(config, name, mission, controller, rngs)
+                for (name, mission), rngs in zip(missions.items(), failing.spawn(len(missions)), strict=True)
+            }
+            _check_apart(config, fleet)
+        except _NoFleetError as error:
+            if given:
+                raise ValueError(str(error)) from None
+            reasons.append(str(error))
+        else:
+            return fleet
+    raise ValueError(
+        f"drawn_distance = {config.drawn_distance!r}: none of {_DRAWS} fleets drawn can start; the last: "
+        f"{reasons[-1]}; allowed: other shares of the side, fewer vehicles, a smaller separation, or --starts and "
+        "--target"
+    )
+
+
+class _NoFleetError(Exception):
+    """These vehicles cannot start so, but others might."""
+
+
+def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, Vehicle]) -> None:
+    zone = zone_of(config, next(iter(fleet.values())).tracker.bound)
+    if config.slot_spacing < zone.required:
+        raise ValueError(
+            f"slot_spacing = {config.slot_spacing!r}; allowed: >= {zone.required:.6g}, the separation and what two "
+            "vehicles may deviate from their plans"
+        )
+    try:
+        checked_start(
+            [(name, vehicle.stored) for name, vehicle in fleet.items()],
+            {name: np.array(vehicle.mission.target) for name, vehicle in fleet.items()},
+            zone,
+        )
+    except ValueError as error:
+        raise _NoFleetError(str(error)) from None
+
+
+def _slots(config: SimultaneousArrivalConfig, common: FlightMission, target: Point) -> list[Point]:
+    """On a ring about the target, at its height or as high as the ground asks for."""
+    x, y, z = target
+    check_above_ground("target", target, common)
+    n = config.vehicles
+    radius = 0.5 * config.slot_spacing / math.sin(math.pi / n)
+    angles = [2.0 * math.pi * k / n for k in range(n)]
+    places = [(x + radius * math.cos(angle), y + radius * math.sin(angle)) for angle in angles]
+    inside = [place for place in places if common.terrain.contains(*place)]
+    if len(inside) < n:
+        raise _NoFleetError(
+            f"target = {target!r}: slots on a ring of {radius:.0f} m lie off the map; allowed: a target further "
+            "inside, or a smaller slot_spacing"
+        )
+    height = z - float(common.terrain.height(x, y))
+    return [(px, py, max(z, float(common.terrain.height(px, py)) + height)) for px, py in places]
+
+
+def _drawn_starts(
+    config: SimultaneousArrivalConfig, common: FlightMission, target: Point, rng: np.random.Generator
+) -> list[Point]:
+    side = max(common.terrain.width, common.terrain.depth)
+    nearest, farthest = config.drawn_distance
+    found: list[Point] = []
+    for _ in range(100 * config.vehicles):
+        point = drawn_point(common, config.drawn_heights, rng)
+        if nearest * side <= math.dist(point[:2], target[:2]) <= farthest * side:
+            found.append(point)
+        if len(found) == config.vehicles:
+            return found
+    raise _NoFleetError(f"no {config.vehicles} starts so far from {target!r} on the map")
+
+
+def _level(config: SimultaneousArrivalConfig, common: FlightMission, k: int) -> float:
+    """[m] the level on which the k-th vehicle's stored plans cross, each well above the one before."""
+    top = float(common.terrain.z.max()) + config.clearance_min
+    return top + (k + 1) * 1.5 * config.separation
+
+
+def _vehicle(
+    config: SimultaneousArrivalConfig,
+    name: str,
+    mission: FlightMission,
+    controller: Part,
+    rng: np.random.Generator,
+) -> Vehicle:
+    check_above_ground(f"start of {name}", mission.start, mission)
+    raw, tracker = checked_controller(controller, mission, TrackingBound)
+    if not hasattr(raw, "length_to_go"):
+        raise ValueError(
+            f"controller = {controller.name!r}: its planner tells no length to go; allowed: one that has "
+            "length_to_go(points), by which its vehicle knows when it can arrive"
+        )
+    planner = certified(faulty(raw, config.faults, rng.spawn(3)), mission, tracker.bound)
+    start = np.array([*mission.start, 0.0, 0.0, 0.0])
+    stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, start), None))
+    if not stored.ok:
+        raise _NoFleetError(
+            f"start of {name} = {mission.start!r}, slot = {mission.target!r}: no initial certificate: "
+            f"{stored.status.value} ({stored.message}); allowed: a start from which a first plan can be certified"
+        )
+    estimate = ArrivalEstimate(raw.length_to_go, np.array(mission.target), mission.speed_max - tracker.bound.speed)
+    return Vehicle(mission, planner, tracker, estimate, stored)

@@ -28,7 +28,7 @@ def _agreement(run: FleetRun, t: float) -> tuple[str, str]:
         return "–", f"known to {len(known)} of {len(agreed)}"
     low, high = float(known.min()), float(known.max())
     if high - low > 0.1:
-        return f"{high:.1f} s", f"the first by {low:.1f} s"
+        return f"{high:.1f} s", f"some: {low:.1f} s"
     return f"{high:.1f} s", f"in {high - t:.0f} s" if high - t > 0.5 else ""
 
 

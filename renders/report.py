@@ -56,15 +56,19 @@ def summary_cards(summary: Mapping[str, Any]) -> Markup:
     )
 
 
-def events_card(events: Sequence[Event]) -> Markup:
-    """What happened, in order."""
+def events_card(events: Sequence[Event], *, who: bool = False) -> Markup:
+    """What happened, in order; with ``who``, to whom."""
     if not events:
         return page.paragraph("Nothing happened that is worth a line.")
-    rows = [(f"{event.t:.2f} s", *described(event)) for event in events[:MOST_EVENTS]]
+    rows = [(f"{event.t:.2f} s", *([event.agent] if who else []), *described(event)) for event in events[:MOST_EVENTS]]
     more = len(events) - MOST_EVENTS
     counted = page.paragraph(f"{more} more in events.jsonl.") if more > 0 else Markup("")
     title = f"{len(events)} event{'s' if len(events) > 1 else ''}"
-    return page.card(page.details(title, page.table(("time", "kind", "message"), rows), counted, is_open=True))
+    return page.card(
+        page.details(
+            title, page.table(("time", *(["vehicle"] if who else []), "kind", "message"), rows), counted, is_open=True
+        )
+    )
 
 
 def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from renders.caption import Key, Label, Words, pace
 from renders.film import Frame
 from renders.fleet.run_data import FleetRun
 from renders.fleet.storyboard import notices, verdict
-from renders.palette import Colour
 from renders.storyboard import EXAGGERATION
 
 MOST_NAMED = 8  # vehicles that the legend names; of more the numbers in the picture have to do
-PLAN_AHEAD = Key("thin: plan ahead", (0.9, 0.93, 0.96))
+PALE = (0.9, 0.93, 0.96)
+FLOWN, PLAN_AHEAD = Key("thick: flown", PALE), Key("thin: plan ahead", PALE)
 
 
 def metres(length: float) -> str:
@@ -30,13 +28,14 @@ def _agreement(run: FleetRun, t: float) -> tuple[str, str]:
         return "–", f"known to {len(known)} of {len(agreed)}"
     low, high = float(known.min()), float(known.max())
     if high - low > 0.1:
-        return f"{high:.1f} s", f"the first by {low:.1f} s"
+        return f"{high:.1f} s", f"some: {low:.1f} s"
     return f"{high:.1f} s", f"in {high - t:.0f} s" if high - t > 0.5 else ""
 
 
 def _legend(run: FleetRun) -> list[Key]:
-    named: Sequence[tuple[str, Colour]] = list(zip(run.vehicles, run.colours, strict=True))
-    return [*(Key(name, colour) for name, colour in named if len(named) <= MOST_NAMED), PLAN_AHEAD]
+    if len(run.vehicles) > MOST_NAMED:
+        return [FLOWN, PLAN_AHEAD]
+    return [*(Key(name, colour) for name, colour in zip(run.vehicles, run.colours, strict=True)), PLAN_AHEAD]
 
 
 def words(run: FleetRun, frame: Frame, labels: list[Label]) -> Words:

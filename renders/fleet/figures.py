@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from renders.figures import (
     BOUND,
@@ -46,16 +47,17 @@ def map_figure(run: FleetRun) -> Figure:
                 whole, str(number), (path[0, 0], path[0, 1]), (-7 if left else 7, 0), "right" if left else "left"
             )
         middle = run.slots[:, :2].mean(axis=0) / 1e3
-        _slots(close, run, middle)
-        whole.plot(*middle, "s", ms=9, mfc="none", mec="#101824", mew=1.4)
+        reach = _slots(close, run, middle) / 1e3
+        corner = middle - reach
+        whole.add_patch(Rectangle((corner[0], corner[1]), 2.0 * reach, 2.0 * reach, fill=False, ec="#101824", lw=1.4))
         whole.set_title(f"Paths over {run.terrain.name}")
         close.set_title("The slots")
         figure.legend(*whole.get_legend_handles_labels(), loc="outside lower center", ncols=_columns(run))
     return figure
 
 
-def _slots(axes: Axes, run: FleetRun, middle: Array) -> None:
-    """Paths about the slots, as seen from above; circles are the arrival radius."""
+def _slots(axes: Axes, run: FleetRun, middle: Array) -> float:
+    """Paths about the slots, as seen from above; circles are the arrival radius. Half the side [m] of what is shown."""
     off = [1e3 * (flight.mission.target[:2] / 1e3 - middle) for flight in run.flights]
     reach = 1.7 * max(float(np.abs(each).max()) for each in off) + 100.0
     angle = np.linspace(0.0, 2.0 * np.pi, 73)
@@ -67,7 +69,9 @@ def _slots(axes: Axes, run: FleetRun, middle: Array) -> None:
             axes.plot(*path[near[thinned(len(near), 0)]].T, color=colour)
         radius = flight.mission.arrival_radius
         axes.plot(place[0] + radius * np.cos(angle), place[1] + radius * np.sin(angle), color=colour, lw=1.0)
+        axes.plot(*place, "o", ms=7, mfc="none", mec=colour)  # however large the fleet
     axes.set(xlabel="east [m]", ylabel="north [m]", xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    return reach
 
 
 def to_go_figure(run: FleetRun) -> Figure:

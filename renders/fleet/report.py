@@ -30,7 +30,7 @@ def report(run: FleetRun) -> Markup:
         page.section("The vehicles", _vehicles(run)),
         page.section("The flight", *_figures(run)),
         page.section("Summary", summary_cards(run.summary)),
-        page.section("Events", events_card(run.events)),
+        page.section("Events", events_card(run.events, who=True)),
         page.section("Do it again", *again(run.directory, run.config)),
         page.footer(rest(run.summary)),
         script=script(),

@@ -25,7 +25,7 @@ from renders.stage import Optics, Stage, View
 from sim.signals import Array
 
 ARRIVAL = Optics(38.0, 2e-3, 6.0)
-FREE = Box(0.27, 0.84, 0.17, 0.80)  # of a picture: between what is written on it
+FREE = Box(0.25, 0.80, 0.17, 0.80)  # of a picture: between what is written on it
 SIDES = (
     25.0,
     -25.0,

@@ -75,6 +75,11 @@ class SimultaneousArrival:
         zone = zone_of(config, bound)
         deadline = config.deadline_factor * max(vehicle.stored.t_end for vehicle in fleet.values())
         plugin = load("consensus", config.consensus)
+        if not plugin.within_starts:
+            raise ValueError(
+                f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
+                "allowed: a plug-in that says within_starts"
+            )
         graph = _graph(config, talking.spawn(1)[0])
         agents, equipment = {}, {}
         for (name, vehicle), rank, lost in zip(

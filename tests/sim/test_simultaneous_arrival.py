@@ -121,6 +121,7 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
         ({"slot_spacing": 10.0}, r"slot_spacing = 10\.0; allowed: a finite value >= 150"),
         ({"starts": (above(1e3, 1e3),)}, r"starts = 1 points; allowed: 3, one for each vehicle"),
         ({"graph": "star"}, r"graph = 'star'; allowed: line, ring, complete, random"),
+        ({"consensus": "clock"}, r"consensus = 'clock': .* allowed: a plug-in that says within_starts"),
         ({"consensus": "vote"}, r"consensus: 'vote' is not known; allowed: "),
         ({"starts": near, **middle}, r"starts of vehicle_1 and vehicle_2 are .* m apart; allowed: >= 15"),
         ({"starts": (above(1e3, 1e3, 10.0), *near[1:]), **middle}, r"start of vehicle_1 = .* is below the least"),
@@ -132,7 +133,7 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
     ]
 
 
-@pytest.mark.parametrize("case", range(14))
+@pytest.mark.parametrize("case", range(15))
 def test_bad_input_names_the_culprit(terrain: str, case: int) -> None:
     fields, told = bad(terrain)[case]
     with pytest.raises(ValueError, match=told):

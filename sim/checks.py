@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 _MOST = 1_000_000  # of anything that is held in memory
 
@@ -13,6 +14,13 @@ def check(value: float, name: str, low: float, high: float = math.inf, *, open_l
     inside = low < value <= high if open_low else low <= value <= high
     if not (math.isfinite(value) and inside):
         raise ValueError(f"{name} = {value!r}; allowed: a finite value {allowed}")
+
+
+def check_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Names, each of them once."""
+    if twice := sorted({name for name in names if list(names).count(name) > 1}):
+        raise ValueError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
+    return tuple(names)
 
 
 def check_rate(rate: float, name: str, tick: float) -> None:

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from sim.checks import check
+from sim.checks import check, check_names
 from sim.signals import Message
 
 _SIMULTANEOUS = 1e-9  # [s]
@@ -44,9 +44,7 @@ class Air:
 
     def __init__(self, names: Sequence[str]) -> None:
         """``names`` of all vehicles; ValueError if one is there twice."""
-        if twice := sorted({name for name in names if list(names).count(name) > 1}):
-            raise ValueError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
-        self._underway: dict[str, list[_Underway]] = {name: [] for name in names}
+        self._underway: dict[str, list[_Underway]] = {name: [] for name in check_names(names)}
         self._taken = 0
 
     def send(self, message: Message, receiver: str, t: float) -> None:

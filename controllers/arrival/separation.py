@@ -44,8 +44,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.arrival.distance import Trajectory
-from controllers.arrival.zone import Zone, checked_names
+from controllers.arrival.zone import Zone
 from models.aerial.kernels import SIMULTANEOUS
+from sim.checks import check_names
 from sim.signals import Event, Message, Plan
 
 TOPIC = "separation"
@@ -79,7 +80,7 @@ class Separation:
         self, name: str, peers: Sequence[str], zone: Zone, current: Plan | Trajectory, rng: np.random.Generator
     ) -> None:
         """``peers`` are all other vehicles, ``current`` what ``checked_start`` passed; ValueError for a name twice."""
-        checked_names([name, *peers])
+        check_names([name, *peers])
         self.name, self.peers, self.zone = name, tuple(peers), zone
         self.events: list[Event] = []
         self.guaranteed = True  # False from a ``rebase`` to the next adoption

@@ -19,7 +19,7 @@ import numpy as np
 
 from controllers.arrival.distance import Trajectory, clear, least_distance
 from models.aerial.kernels import state_on
-from sim.checks import check
+from sim.checks import check, check_names
 from sim.signals import Array, Plan
 
 
@@ -52,13 +52,6 @@ class Zone:
         return clear(a, b, self.between(a, b), t)
 
 
-def checked_names(names: Sequence[str]) -> tuple[str, ...]:
-    """ValueError if a vehicle is named twice."""
-    if twice := sorted({name for name in names if list(names).count(name) > 1}):
-        raise ValueError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
-    return tuple(names)
-
-
 def checked_start(
     plans: Sequence[tuple[str, Plan]], slots: Mapping[str, Array], zone: Zone, t: float | None = None
 ) -> dict[str, Trajectory]:
@@ -69,7 +62,7 @@ def checked_start(
     allowed, for a name that is there twice, and for two vehicles whose starts, whose slots or whose plans anywhere
     to rest and beyond are less than D apart.
     """
-    names = checked_names([name for name, _ in plans])
+    names = check_names([name for name, _ in plans])
     if missing := [name for name in names if name not in slots]:
         raise ValueError(f"slots = {sorted(slots)!r}; allowed: one for every vehicle, also for {', '.join(missing)}")
     stored: dict[str, Trajectory] = {}

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
-from sim.checks import check
+from sim.checks import check, check_names
 from sim.signals import Array
 
 
@@ -50,9 +50,7 @@ class Graph:
     weights: Array  # (n, n) a_lm
 
     def __post_init__(self) -> None:
-        names = tuple(self.names)
-        if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
+        names = check_names(self.names)
         if not names:
             raise ValueError("names = []; allowed: at least one")
         weights = np.array(self.weights, dtype=np.float64)

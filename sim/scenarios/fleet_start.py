@@ -13,10 +13,8 @@ import numpy as np
 from controllers.arrival.estimate import ArrivalEstimate
 from controllers.arrival.zone import Zone, checked_start
 from controllers.flight.certificate import Certified, TrackingBound
-from models.aerial.dynamics import TICK
-from models.aerial.mission import EstimateQuality, FlightMission, GustModel
-from models.terrain.height_field import HeightField
-from sim.plugins import Part, checked_controller, checked_quality
+from models.aerial.mission import FlightMission
+from sim.plugins import Part, checked_controller
 from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from sim.scenarios.flight_parts import Point, certified, check_above_ground, drawn_point, faulty
 from sim.signals import Estimate, Plan, PlanRequest
@@ -37,25 +35,6 @@ class Vehicle:
 
 def zone_of(config: SimultaneousArrivalConfig, bound: TrackingBound) -> Zone:
     return Zone(config.separation, math.hypot(bound.horizontal, bound.vertical), config.speed_max)
-
-
-def common_mission(config: SimultaneousArrivalConfig, terrain: HeightField, estimator: Part) -> FlightMission:
-    """What the missions of all vehicles have in common."""
-    mission = FlightMission(
-        terrain=terrain,
-        start=(math.nan,) * 3,
-        target=(math.nan,) * 3,
-        clearance_min=config.clearance_min,
-        speed_max=config.speed_max,
-        acceleration_max=config.acceleration_max,
-        deadline_factor=config.deadline_factor,
-        arrival_radius=config.arrival_radius,
-        position_noise=config.noise.position,
-        position_rate=config.noise.position_rate,
-        control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
-        gust=GustModel(config.faults.gust_rms, config.faults.gust_time_constant, config.faults.gust_limit),
-    )
-    return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 
 
 def started_fleet(

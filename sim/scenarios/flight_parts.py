@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from controllers.flight.certificate import Certificate, Certified, TrackingBound
 from controllers.flight.planner import Retreat
 from models.aerial.dynamics import TICK
-from models.aerial.mission import FlightMission
+from models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from models.aerial.sensors import AccelerationSensor, Dropout
+from models.terrain.height_field import HeightField
+from models.terrain.visibility import Radar
 from sim.checks import check, check_rate
 from sim.faults import CorruptedPlan, Delayed, FailingSolver
-from sim.plugins import Part, checked_controller, checked_sensors
+from sim.plugins import Part, checked_controller, checked_quality, checked_sensors
 from sim.protocols import Planner, Sensor
 from sim.signals import Estimate, Plan, PlanRequest
 
@@ -109,6 +113,49 @@ def first_plan(mission: FlightMission, controller: Part) -> Plan:
     x = np.array([*mission.start, 0.0, 0.0, 0.0])
     request = PlanRequest(0.0, 0.0, Estimate(0.0, x), None)
     return certified(planner, mission, tracker.bound).plan(request)
+
+
+class FlightFields(Protocol):
+    """Fields of a scenario that every mission of its vehicles follows from."""
+
+    @property
+    def clearance_min(self) -> float: ...
+    @property
+    def speed_max(self) -> float: ...
+    @property
+    def acceleration_max(self) -> float: ...
+    @property
+    def deadline_factor(self) -> float: ...
+    @property
+    def arrival_radius(self) -> float: ...
+    @property
+    def control_rate(self) -> float: ...
+    @property
+    def noise(self) -> Noise: ...
+    @property
+    def faults(self) -> Faults: ...
+
+
+def mission_but_ends(
+    config: FlightFields, terrain: HeightField, estimator: Part, radars: tuple[Radar, ...] = ()
+) -> FlightMission:
+    """The mission of a vehicle but for its start and target; ``radars`` are known from the start."""
+    mission = FlightMission(
+        terrain=terrain,
+        start=(math.nan,) * 3,
+        target=(math.nan,) * 3,
+        clearance_min=config.clearance_min,
+        speed_max=config.speed_max,
+        acceleration_max=config.acceleration_max,
+        deadline_factor=config.deadline_factor,
+        arrival_radius=config.arrival_radius,
+        position_noise=config.noise.position,
+        position_rate=config.noise.position_rate,
+        control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
+        gust=GustModel(config.faults.gust_rms, config.faults.gust_time_constant, config.faults.gust_limit),
+        radars=radars,
+    )
+    return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 
 
 def faulty(planner: Planner, faults: Faults, rngs: Sequence[np.random.Generator]) -> Planner:

@@ -22,7 +22,7 @@ import numpy as np
 from controllers.flight.certificate import Certified, TrackingBound
 from models.aerial.dynamics import CONTROL_TICKS, TICK
 from models.aerial.entity import build_model
-from models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, terrain_names
 from models.terrain.visibility import Radar
@@ -32,7 +32,7 @@ from sim.faults import Disturbance, Disturbed, Gusts, PositionJumps
 from sim.log import Recording
 from sim.metrics import TimedRadar, flight_summary
 from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, load
+from sim.plugins import Part, checked_controller, checked_estimator, load
 from sim.protocols import Plant
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
@@ -46,6 +46,7 @@ from sim.scenarios.flight_parts import (
     drawn_point,
     faulty,
     first_plan,
+    mission_but_ends,
     mounted,
     wants_certificate,
 )
@@ -141,7 +142,8 @@ class SafeFlight:
         radars = tuple(TimedRadar(Radar(*radar), config.radar_time) for radar in config.radar)
         for timed in radars:
             timed.radar.position(terrain)
-        mission = _mission(config, terrain, radars, estimator)
+        known = tuple(r.radar for r in radars if config.radar_known and r.time <= 0.0)
+        mission = mission_but_ends(config, terrain, estimator, known)
         mission, first = _certified_mission(config, mission, controller, draws)
 
         raw, tracker = checked_controller(controller, mission, TrackingBound)
@@ -197,28 +199,6 @@ class SafeFlight:
 @lru_cache(maxsize=2)
 def _model(terrain: HeightField, acceleration_max: float) -> mujoco.MjModel:
     return build_model(terrain, (VEHICLE,), acceleration_max)
-
-
-def _mission(
-    config: SafeFlightConfig, terrain: HeightField, radars: tuple[TimedRadar, ...], estimator: Part
-) -> FlightMission:
-    """The mission but for its end points."""
-    mission = FlightMission(
-        terrain=terrain,
-        start=(math.nan,) * 3,
-        target=(math.nan,) * 3,
-        clearance_min=config.clearance_min,
-        speed_max=config.speed_max,
-        acceleration_max=config.acceleration_max,
-        deadline_factor=config.deadline_factor,
-        arrival_radius=config.arrival_radius,
-        position_noise=config.noise.position,
-        position_rate=config.noise.position_rate,
-        control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
-        gust=GustModel(config.faults.gust_rms, config.faults.gust_time_constant, config.faults.gust_limit),
-        radars=tuple(r.radar for r in radars if config.radar_known and r.time <= 0.0),
-    )
-    return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 
 
 def _certified_mission(

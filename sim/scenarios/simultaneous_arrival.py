@@ -36,11 +36,11 @@ from sim.protocols import Plant
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
-from sim.scenarios.fleet_start import Vehicle, common_mission, started_fleet, zone_of
-from sim.scenarios.flight_parts import mounted
+from sim.scenarios.fleet_start import Vehicle, started_fleet, zone_of
+from sim.scenarios.flight_parts import mission_but_ends, mounted
 from sim.signals import Array
 
-TALK = 1.0 / 12.0  # [s] between two rounds of talking, unless the consensus says else
+TALK = 1.0 / 12.0  # [s] between two rounds of talking, also of the consensus
 _LONGEST = 7200.0  # [s]
 
 
@@ -69,7 +69,7 @@ class SimultaneousArrival:
         estimator = estimator or Part.of(load("estimators", SimultaneousArrival.estimator))
         draws, sensing, failing, gusting, talking, ranking, losing = np.random.default_rng(seed).spawn(7)
         terrain, names = load_terrain(config.terrain), config.names
-        common = common_mission(config, terrain, estimator)
+        common = mission_but_ends(config, terrain, estimator)
         fleet = started_fleet(config, common, controller, draws, failing)
         bound = next(iter(fleet.values())).tracker.bound
         zone = zone_of(config, bound)

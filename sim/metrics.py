@@ -28,14 +28,16 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "escape_time_s",
     ),
     "mission": (
-        "arrived", "arrival_time_s", "deadline_s", "planned_time_s", "flight_time_s", "run_time_s", "speed_max",
+        "vehicles", "arrived", "arrived_vehicles", "spread_s", "first_arrival_s", "arrival_time_s", "deadline_s",
+        "planned_time_s", "flight_time_s", "run_time_s", "speed_max",
     ),
     "path": (
         "path_length_m", "straight_line_m", "mean_height_m", "apex_m", "attack_angle_max_deg",
         "cost", "planned_cost", "control_effort", "radar_exposure_s",
     ),
     "safety": (
-        "min_clearance_m", "wall_clearance_min_m", "ground_contacts", "touched_wall", "speed_max_m_s",
+        "min_clearance_m", "separation_min_m", "separation_allowed_m", "nearest_pair", "wall_clearance_min_m",
+        "ground_contacts", "touched_wall", "speed_max_m_s",
         "missed_passes", "guarantee_lost",
     ),
     "tracking": (
@@ -43,7 +45,10 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "tracking_breaches", "tracking_error_max_m", "tracking_bound_m", "rebased_plans",
         "saturated_s", "inputs_clipped",
     ),
-    "planning": ("replans", "plans_adopted", "plans_rejected", "manoeuvres_rejected", "late_plans", "fallback_steps"),
+    "planning": (
+        "replans", "plans_adopted", "plans_rejected", "plans_not_admitted", "proposals_refused",
+        "manoeuvres_rejected", "late_plans", "fallback_steps",
+    ),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
 }  # fmt: skip
 # By the end of a name; the longer first.

@@ -15,16 +15,18 @@ for arcs instead of nodes, for any planner.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
 from models.aerial.dynamics import state_at
+from models.aerial.knowledge import Knowledge
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
 from sim.protocols import Planner
-from sim.signals import Array, Phase, Plan, PlanRequest, Status
+from sim.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
 
 _JOIN = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
@@ -67,6 +69,7 @@ class Certificate:
     target: Array  # (3,) [m]
     arrival_radius: float  # [m]
     border: float = 0.0  # [m] that is kept from the edge of the map
+    rise: float = 0.0  # [m] by which the terrain was raised, beside what ``border`` asks for
     cruise_level: float = -np.inf  # [m] below which no completion path flies level
 
     @staticmethod
@@ -93,8 +96,24 @@ class Certificate:
             np.array(mission.target, dtype=np.float64),
             radius,
             bound.horizontal,
+            bound.vertical,
             mission.cruise_level,
         )
+
+    def told(self, messages: Sequence[Message]) -> Certificate:
+        """With the target and the map that ``messages`` tell of (``models.aerial.knowledge``); itself without any."""
+        known = Knowledge(self.terrain, tuple(self.target.tolist()))
+        now = known.updated(messages)
+        certificate = self
+        if now.target != known.target:
+            certificate = dataclasses.replace(certificate, target=np.array(now.target, dtype=np.float64))
+        if now.terrain is not known.terrain:
+            certificate = dataclasses.replace(certificate, terrain=_raised(now.terrain, self.border, self.rise))
+        return certificate
+
+    def leads(self, plan: Plan) -> bool:
+        """Whether a plan ends at the target."""
+        return float(np.linalg.norm(plan.x[-1, :3] - self.target)) <= self.arrival_radius
 
     def refuse(self, plan: Plan) -> Refusal | None:
         """None if C(plan) holds, else the first reason why not."""
@@ -118,18 +137,27 @@ class Certificate:
             return Refusal(Status.BOUNDS, f"|v| reaches {speed.max():.2f} m/s; allowed {self.speed_max:.2f}")
         if push.max(initial=0.0) > self.acceleration_max + _BOUND:
             return Refusal(Status.BOUNDS, f"|a| reaches {push.max():.2f} m/s^2; allowed {self.acceleration_max:.2f}")
-        miss = float(np.linalg.norm(p[-1] - self.target))
-        if miss > self.arrival_radius or speed[-1] > _BOUND:
+        if not self.leads(plan) or speed[-1] > _BOUND:
+            miss = float(np.linalg.norm(p[-1] - self.target))
             return Refusal(Status.NO_ARRIVAL, f"ends {miss:.1f} m from the target at {speed[-1]:.2f} m/s")
-        clearance = self.terrain.path_clearance(p[:-1], v[:-1], plan.u, duration)
-        worst = int(clearance.argmin()) if len(clearance) else 0
-        if len(clearance) and clearance[worst] < self.clearance_min:
+        return self.endangered(plan)
+
+    def clearances(self, plan: Plan) -> Array:
+        """(K,) [m] least clearance of each arc of a plan; -inf off the map."""
+        return self.terrain.path_clearance(plan.x[:-1, :3], plan.x[:-1, 3:], plan.u, np.diff(plan.t))
+
+    def endangered(self, plan: Plan) -> Refusal | None:
+        """Where a plan that is right otherwise comes too near to the ground or to the edge of the map."""
+        clearance = self.clearances(plan)
+        worst = int(clearance.argmin())
+        if clearance[worst] < self.clearance_min:
             phase = Phase(int(plan.phase[worst]))
             if np.isneginf(clearance[worst]):
                 return Refusal(Status.OFF_MAP, f"in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s", phase)
             low = f"{clearance[worst]:.1f} m in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s"
             return Refusal(Status.LOW_CLEARANCE, f"{low}; allowed {self.clearance_min:g}", phase)
         edge = np.array([self.terrain.width, self.terrain.depth])
+        p, v, duration = plan.x[:, :3], plan.x[:, 3:], np.diff(plan.t)
         for axis in range(2):
             least, greatest = _extent(p[:-1, axis], v[:-1, axis], plan.u[:, axis], duration)
             room = min(least, edge[axis] - greatest)
@@ -180,16 +208,37 @@ def pass_time(plan: Plan, target: Array, after: float) -> float:
     return float(plan.t[near][0]) if near.any() else np.inf
 
 
+def remainder(plan: Plan, t: float) -> Plan:
+    """What is left of a plan from ``t`` [s] on, itself a plan: of one that has come to its end, a second of rest."""
+    if t >= plan.t_end - _SIMULTANEOUS:
+        x = np.vstack([plan.x[-1], plan.x[-1]])
+        rest = np.array([t, t + 1.0]), x, np.zeros((1, x.shape[1] // 2)), np.array([Phase.HOVER], np.int64)
+        return Plan(*rest, cost=plan.cost)
+    k = max(0, int(np.searchsorted(plan.t, t + _SIMULTANEOUS, side="right")) - 1)
+    left, x = plan.t[k:].copy(), plan.x[k:].copy()
+    left[0], x[0] = t, state_at(plan, t)
+    return dataclasses.replace(plan, t=left, x=x, u=plan.u[k:], phase=plan.phase[k:], solve_ms=np.nan, notes=())
+
+
 class Certified:
     """A planner whose every answer is certified, and which answers something safe where that can be had.
 
-    ``reserve`` is asked where there is no plan to fall back on: at the start, and when the vehicle has left its plan.
+    ``reserve(certificate)`` makes the planner that is asked where there is no plan to fall back on: at the start, when
+    the vehicle has left its plan, and when its plan turns out to be unsafe.
+
+    What is told on the way (``models.aerial.knowledge``) is judged at once. *A map that was wrong*: if what is left of
+    the plan being flown is safe over the map as it is now, the guarantee is kept. Otherwise a certified plan from where
+    the plan is now takes over without delay; if none can be had, the loss is announced ("guarantee-lost"), of the
+    reserve's plan and the present one that with more clearance is flown, and the search goes on at every period. *A
+    target elsewhere*: the vehicle is as safe as before, but its plan leads to where the target was. The first certified
+    plan that leads to the new one takes over, and the deadline with it, D = t + gamma V, if it ends later than that
+    ("deadline-moved"); where there is none the loss is announced ("arrival-lost") until there is.
     """
 
     def __init__(
         self,
         planner: Planner,
-        reserve: Planner,
+        reserve: Callable[[Certificate], Planner],
         certificate: Certificate,
         bound: TrackingBound,
         deadline_factor: float,
@@ -198,27 +247,30 @@ class Certified:
             raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
         self.period = planner.period
         self.deadline = np.inf  # [s] in force now
-        self._planner, self._reserve = planner, reserve
+        self._planner, self._make_reserve = planner, reserve
+        self._reserve = reserve(certificate)
         self._certificate, self._bound, self._factor = certificate, bound, deadline_factor
         self._next_pass = np.inf  # [s] of the plan that was being flown at the last request
+        self._unsure = False  # whether the plan being flown was certified over another map
+        self._astray = False  # whether it was announced that it leads elsewhere
 
     def plan(self, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown; a failure that says why not otherwise."""
         current, x = request.current, request.estimate.x
         if x.shape != (6,):
             return Plan.failure(Status.MALFORMED, f"the estimate's state has shape {x.shape}; allowed: (6,)")
+        notes = self._listen(request.messages)
         if current is None:
             plan = self._fresh(request)
             if plan.ok:
                 self.deadline = request.t + self._factor * (plan.t_end - request.t)
                 self._next_pass = pass_time(plan, self._certificate.target, request.t)
-            return plan
-        notes: tuple[str, ...] = ()
+            return dataclasses.replace(plan, notes=notes + plan.notes)
         # That the mission goes on says that the pass was missed. One at this very tick may still be judged.
         missed = self._next_pass < request.t - _SIMULTANEOUS
         self._next_pass = pass_time(current, self._certificate.target, request.t - 2.0 * _SIMULTANEOUS)
         if missed:
-            notes = ("missed-pass",)
+            notes = (*notes, "missed-pass")
             left = max(current.t_end - request.t, self.period)
             self.deadline = max(self.deadline, request.t + self._factor * left)
         error = x - state_at(current, request.t)
@@ -226,9 +278,68 @@ class Certified:
             # Nobody knows where the vehicle is: its plan is the best guess, and no estimate to plan from anew.
             notes = (*notes, "guarantee-lost")
         elif self._bound.broken_by(error):
-            return self._rebased(request, error, notes)
+            far = f"{np.hypot(error[0], error[1]):.1f} m across, {error[2]:.1f} m up from the plan"
+            return self._rebased(request, request.estimate, (*notes, "tracking-breach"), far)
+        if (danger := self._danger(request)) is not None:
+            here = Estimate(request.t, state_at(current, request.t))
+            told = f"over the map as it is now: {danger.message}"
+            return self._evading(self._rebased(request, here, (*notes, "plan-endangered"), told), request, here)
         plan = self._judged(self._planner, request)
-        return dataclasses.replace(plan, notes=notes + plan.notes)
+        return dataclasses.replace(plan, notes=notes + self._following(current, plan) + plan.notes)
+
+    def _listen(self, messages: Sequence[Message]) -> tuple[str, ...]:
+        """Go by the target and the map that ``messages`` tell of; "message-ignored" for what cannot be."""
+        before, now = self._certificate, self._certificate.told(messages)
+        if now is not before:
+            self._certificate, self._reserve = now, self._make_reserve(now)
+            self._unsure = self._unsure or now.terrain is not before.terrain
+            if now.target is not before.target:
+                self._next_pass = np.inf  # nobody will be there
+        known = Knowledge(now.terrain, tuple(now.target.tolist()))
+        return ("message-ignored",) if any(known.complaint(message) for message in messages) else ()
+
+    def _danger(self, request: PlanRequest) -> Refusal | None:
+        """Why what is left of the plan being flown is not safe over a map that it was not certified over."""
+        if not self._unsure or request.current is None:
+            return None
+        danger = self._certificate.endangered(remainder(request.current, request.t))
+        self._unsure = danger is not None
+        return danger
+
+    def _evading(self, plan: Plan, request: PlanRequest, here: Estimate) -> Plan:
+        """A certified plan if there is one; else the reserve's, if that has more clearance than the present one."""
+        assert request.current is not None
+        if plan.ok:
+            return plan
+        reserve = self._reserve.plan(dataclasses.replace(request, t_start=request.t, current=None, estimate=here))
+        if not reserve.ok:
+            return plan
+        kept, other = (
+            float(self._certificate.clearances(each).min()) for each in (remainder(request.current, request.t), reserve)
+        )
+        if other <= kept:
+            return plan
+        notes = (*plan.notes, *self._extended(reserve, request.t), "rebased")
+        return dataclasses.replace(_owned(reserve), notes=notes, message=plan.message)
+
+    def _following(self, current: Plan, plan: Plan) -> tuple[str, ...]:
+        """What there is to tell of a target that has moved: the plan being flown leads elsewhere, or again to it."""
+        if self._certificate.leads(current):
+            regained, self._astray = self._astray, False
+            return ("arrival-regained",) if regained else ()
+        if not plan.ok:
+            lost, self._astray = not self._astray, True
+            return ("arrival-lost",) if lost else ()
+        if plan.t_end > self.deadline + _SIMULTANEOUS:
+            self.deadline = self._deadline_of(plan, current)
+            return ("deadline-moved",)
+        return ()
+
+    def _deadline_of(self, plan: Plan, current: Plan) -> float:
+        """[s] by which a plan has to end: another one than before if the plan being flown leads elsewhere."""
+        if self._certificate.leads(current):
+            return self.deadline
+        return max(self.deadline, plan.t_start + self._factor * (plan.t_end - plan.t_start))
 
     def _fresh(self, request: PlanRequest) -> Plan:
         """A certified plan from the estimate itself, by the planner or, failing that, the reserve."""
@@ -241,19 +352,20 @@ class Certified:
             return dataclasses.replace(reserve, message=f"{reason}; the reserve: {reserve.message}")
         return dataclasses.replace(reserve, notes=("reserve-plan",), message=reason)
 
-    def _rebased(self, request: PlanRequest, error: Array, notes: tuple[str, ...]) -> Plan:
-        """The vehicle is off its plan: plan anew from the estimate, at once, or announce the loss."""
-        notes = (*notes, "tracking-breach")
-        far = f"{np.hypot(error[0], error[1]):.1f} m across, {error[2]:.1f} m up from the plan"
-        here = dataclasses.replace(request, t_start=request.t, current=None)
-        plan = self._fresh(here)
+    def _rebased(self, request: PlanRequest, origin: Estimate, notes: tuple[str, ...], why: str) -> Plan:
+        """The plan being flown is worth nothing: plan anew from ``origin``, at once, or announce the loss."""
+        plan = self._fresh(dataclasses.replace(request, t_start=request.t, current=None, estimate=origin))
         if not plan.ok:
-            return dataclasses.replace(plan, notes=(*notes, "guarantee-lost"), message=f"{far}; {plan.message}")
-        self._next_pass = pass_time(plan, self._certificate.target, request.t)
-        if plan.t_end > self.deadline:
-            notes = (*notes, "deadline-lost")
-            self.deadline = plan.t_end
-        return dataclasses.replace(plan, notes=(*notes, "rebased"), message=far)
+            return dataclasses.replace(plan, notes=(*notes, "guarantee-lost"), message=f"{why}; {plan.message}")
+        return dataclasses.replace(plan, notes=(*notes, *self._extended(plan, request.t), "rebased"), message=why)
+
+    def _extended(self, plan: Plan, t: float) -> tuple[str, ...]:
+        """For a plan that takes over whenever it ends: "deadline-lost" if that is late, and its end is the deadline."""
+        self._next_pass = pass_time(plan, self._certificate.target, t)
+        if plan.t_end <= self.deadline:
+            return ()
+        self.deadline = plan.t_end
+        return ("deadline-lost",)
 
     def _judged(self, planner: Planner, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown, or the failure it is."""
@@ -277,8 +389,10 @@ class Certified:
             gap = float(np.abs(plan.x[0] - origin).max())
             if gap > _JOIN:
                 refusal = Refusal(Status.WRONG_START, f"starts {gap:.3g} beside the plan being flown")
-        if refusal is None and request.current is not None and plan.t_end > self.deadline + _SIMULTANEOUS:
-            refusal = Refusal(Status.DEADLINE, f"ends at {plan.t_end:.1f} s; the deadline is {self.deadline:.1f} s")
+        if refusal is None and request.current is not None:
+            deadline = self._deadline_of(plan, request.current)
+            if plan.t_end > deadline + _SIMULTANEOUS:
+                refusal = Refusal(Status.DEADLINE, f"ends at {plan.t_end:.1f} s; the deadline is {deadline:.1f} s")
         if refusal is None:
             return plan
         notes = ("manoeuvre-rejected",) if refusal.phase is Phase.MANOEUVRE else ()

@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +86,6 @@ class TerrainGrid:
         x, y = self.x_0 + self.spacing * j, self.y_0 + self.spacing * i
         return np.stack([x, y, self.ground + self.level_0 + self.layer_spacing * k], axis=-1)
 
-    @cached_property
     def edges(self) -> tuple[Indices, Indices, Array]:
         """The 26-neighbour graph as (row starts, neighbours, lengths [m]) of a sparse matrix."""
         layers, rows, columns = self.shape
@@ -135,7 +134,7 @@ def node_distance(grid: TerrainGrid, density: Array) -> Array:
 
     The cost of an edge is c_ij = length (1 + mean threat density of its ends) (thesis A.5).
     """
-    starts, neighbours, length = grid.edges
+    starts, neighbours, length = _edges(grid)
     cost = length
     if density.any():
         flat = density.ravel()
@@ -238,11 +237,22 @@ class TrilinearCost:
         return value, np.stack([east, north, up], axis=-1)
 
 
+@lru_cache(maxsize=2)
+def _grid(terrain: HeightField, target: tuple[float, float, float], nodes: int, layers: int) -> TerrainGrid:
+    return TerrainGrid.around(terrain, np.array(target), nodes, layers)
+
+
+@lru_cache(maxsize=2)
+def _edges(grid: TerrainGrid) -> tuple[Indices, Indices, Array]:
+    """The graph of the last grids: other threats change its costs only, and its 12 MB are not to outlive that."""
+    return grid.edges()
+
+
 def factored_cost(
     terrain: HeightField, target: Array, radars: Sequence[Radar], nodes: int, layers: int
 ) -> FactoredCost:
     """Grid, threats, Dijkstra and spline in one call."""
-    grid = TerrainGrid.around(terrain, target, nodes, layers)
+    grid = _grid(terrain, tuple(target.tolist()), nodes, layers)
     return FactoredCost.build(grid, node_distance(grid, threat_density(grid, terrain, radars)))
 
 
@@ -250,5 +260,5 @@ def trilinear_cost(
     terrain: HeightField, target: Array, radars: Sequence[Radar], nodes: int, layers: int
 ) -> TrilinearCost:
     """The same with the print's interpolation."""
-    grid = TerrainGrid.around(terrain, target, nodes, layers)
+    grid = _grid(terrain, tuple(target.tolist()), nodes, layers)
     return TrilinearCost(grid, grid.positions[grid.target], node_distance(grid, threat_density(grid, terrain, radars)))

@@ -42,9 +42,9 @@ from controllers.flight.completion import ArcList, complete
 from controllers.flight.cost_to_go import REFERENCE_SPEED, TrilinearCost, trilinear_cost
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
 from models.aerial.dynamics import flow, input_at, state_at
+from models.aerial.knowledge import Knowledge
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
-from models.terrain.visibility import Radar
 from sim.protocols import Planner, Tracker
 from sim.signals import Array, Phase, Plan, PlanRequest, Status
 
@@ -237,9 +237,7 @@ class Literal:
         self._thrust = mission.acceleration_max - bound.feedback  # [m/s^2] what the tracker leaves to a plan
         self._box = self._thrust / math.sqrt(3.0)
         self.period = max(1, round(config.h / mission.control_period)) * mission.control_period
-        self._target = np.array(mission.target)
-        self._radars = mission.radars
-        self._cost = _cost_to_go(mission.terrain, mission.target, self._radars, config.grid_nodes, config.grid_layers)
+        self._learn(mission.knowledge)
         self._sine = steepest_sine(mission.terrain)
 
     def plan(self, request: PlanRequest) -> Plan:
@@ -299,13 +297,14 @@ class Literal:
         return arcs.plan(cost, math.nan)
 
     def _listen(self, request: PlanRequest) -> None:
-        heard = tuple(m.payload for m in request.messages if m.topic == "radar" and isinstance(m.payload, Radar))
-        if heard:
-            self._radars += heard
-            config, mission = self._config, self._mission
-            self._cost = _cost_to_go(
-                mission.terrain, mission.target, self._radars, config.grid_nodes, config.grid_layers
-            )
+        known = self._knowledge.updated(request.messages)
+        if known is not self._knowledge:
+            self._mission = replace(self._mission, terrain=known.terrain, target=known.target)
+            self._learn(known)
+
+    def _learn(self, known: Knowledge) -> None:
+        self._knowledge, self._target = known, np.array(known.target)
+        self._cost = _cost_to_go(known, self._config.grid_nodes, self._config.grid_layers)
 
     def _measured(self, request: PlanRequest) -> Array:
         """(p_c, v_c) (6,) at the hand-over.
@@ -366,7 +365,5 @@ def steepest_sine(terrain: HeightField) -> float:
 
 
 @lru_cache(maxsize=8)
-def _cost_to_go(
-    terrain: HeightField, target: tuple[float, float, float], radars: tuple[Radar, ...], nodes: int, layers: int
-) -> TrilinearCost:
-    return trilinear_cost(terrain, np.array(target), radars, nodes, layers)
+def _cost_to_go(knowledge: Knowledge, nodes: int, layers: int) -> TrilinearCost:
+    return trilinear_cost(knowledge.terrain, np.array(knowledge.target), knowledge.radars, nodes, layers)

@@ -15,12 +15,12 @@ from typing import Protocol
 
 import numpy as np
 
-from controllers.flight.certificate import Certificate, pass_time
+from controllers.flight.certificate import Certificate, pass_time, remainder
 from controllers.flight.completion import ArcList, complete
 from controllers.flight.cost_to_go import FactoredCost
 from controllers.flight.problem import Landscape, Parameters, Problem, Solution, proportional
 from models.aerial.dynamics import state_at
-from models.terrain.visibility import Radar
+from models.aerial.knowledge import Knowledge
 from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
 
 _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
@@ -40,10 +40,10 @@ class Solver(Protocol):
 class RecedingHorizon:
     """Plans by optimisation over the grid ``parameters.lengths``, every ``period`` [s].
 
-    ``cost_to_go(radars)`` builds the terminal cost for the threats known so far; a message with the topic "radar" and a
-    ``Radar`` as payload adds one. One with the topic "arrival time" and a time t_a [s] as payload asks for an arrival
-    at t_a: with tau = t_a - t_1 left, Psi(p_N) = Psi(p_1) (1 - T_p / tau), in the place of Psi as a cost and of S_eps;
-    within reach of the horizon, an exact arrival at t_a.
+    ``cost_to_go(knowledge)`` builds the terminal cost; it is built anew when a message changes what is known
+    (``models.aerial.knowledge``). A message with the topic "arrival time" and a time t_a [s] as payload asks for an
+    arrival at t_a: with tau = t_a - t_1 left, Psi(p_N) = Psi(p_1) (1 - T_p / tau), in the place of Psi as a cost and of
+    S_eps; within reach of the horizon, an exact arrival at t_a.
     """
 
     def __init__(
@@ -51,14 +51,14 @@ class RecedingHorizon:
         parameters: Parameters,
         certificate: Certificate,
         solver: Solver,
-        cost_to_go: Callable[[tuple[Radar, ...]], FactoredCost],
-        radars: Sequence[Radar],
+        cost_to_go: Callable[[Knowledge], FactoredCost],
+        knowledge: Knowledge,
         period: float,
     ) -> None:
         self.period = period
         self._parameters, self._certificate, self._solver = parameters, certificate, solver
-        self._cost_to_go, self._radars = cost_to_go, tuple(radars)
-        self._landscape = Landscape.build(certificate.terrain, cost_to_go(self._radars))
+        self._cost_to_go, self._knowledge = cost_to_go, knowledge
+        self._landscape = Landscape.build(certificate.terrain, cost_to_go(knowledge))
         self._arrival: float | None = None  # [s] that is asked for
         shorter = [self._over(parameters.lengths[:k]) for k in range(1, parameters.arcs + 1)]
         self._ends = np.array([part.horizon for part in shorter])  # (n,) [s] of the arcs
@@ -71,7 +71,9 @@ class RecedingHorizon:
         start = request.estimate.x if current is None else state_at(current, request.t_start)
         arrival = math.inf if current is None else pass_time(current, self._certificate.target, request.t)
         if current is not None and arrival - request.t_start < 1.5 * self._parameters.h:
-            return _tail(current, request.t_start)  # too close for another choice
+            if current.t_end <= request.t_start + _SAME_TIME:
+                return Plan.failure(Status.INFEASIBLE, "the plan being flown has come to its end")
+            return remainder(current, request.t_start)  # too close for another choice
         committed, spent, reason = self._committed(request, start, arrival)
         if committed is not None:
             return committed
@@ -107,11 +109,15 @@ class RecedingHorizon:
         return solution, spent + 1e3 * (time.thread_time() - began)
 
     def _listen(self, messages: Sequence[Message]) -> None:
-        heard = tuple(m.payload for m in messages if m.topic == "radar" and isinstance(m.payload, Radar))
-        if heard:
-            self._radars += heard
-            self._landscape = dataclasses.replace(self._landscape, cost=self._cost_to_go(self._radars))
-
+        known = self._knowledge.updated(messages)
+        if known is not self._knowledge:
+            certificate = self._certificate.told(messages)
+            cost = self._cost_to_go(known)
+            if certificate.terrain is self._certificate.terrain:
+                self._landscape = dataclasses.replace(self._landscape, cost=cost)
+            else:
+                self._landscape = Landscape.build(certificate.terrain, cost)
+            self._knowledge, self._certificate = known, certificate
         for message in messages:
             if message.topic == ARRIVAL and isinstance(message.payload, float) and math.isfinite(message.payload):
                 self._arrival = message.payload
@@ -253,13 +259,3 @@ def complete_by(arcs: ArcList, certificate: Certificate, arrival: float | None =
         -math.inf if arrival is None else arrival + braking,
         certificate.cruise_level,
     )
-
-
-def _tail(plan: Plan, t_start: float) -> Plan:
-    """The rest of a plan from ``t_start`` on, itself a plan."""
-    k = max(0, int(np.searchsorted(plan.t, t_start + _SAME_TIME, side="right")) - 1)
-    if k >= len(plan.u):
-        return Plan.failure(Status.INFEASIBLE, "the plan being flown has come to its end")
-    t, x = plan.t[k:].copy(), plan.x[k:].copy()
-    t[0], x[0] = t_start, state_at(plan, t_start)
-    return dataclasses.replace(plan, t=t, x=x, u=plan.u[k:], phase=plan.phase[k:], solve_ms=math.nan, notes=())

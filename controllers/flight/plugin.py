@@ -15,9 +15,8 @@ from controllers.flight.planner import RecedingHorizon, Solver
 from controllers.flight.problem import Parameters, proportional
 from controllers.flight.sqp import GaussNewton
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
+from models.aerial.knowledge import Knowledge
 from models.aerial.mission import FlightMission
-from models.terrain.height_field import HeightField
-from models.terrain.visibility import Radar
 from sim.checks import check
 from sim.protocols import Planner, Tracker
 
@@ -115,11 +114,11 @@ def planner(config: FlightConfig, mission: FlightMission, bound: TrackingBound) 
         clearance=mission.clearance_min + config.margin,
     )
 
-    def cost_to_go(radars: tuple[Radar, ...]) -> FactoredCost:
-        return _cost_to_go(mission.terrain, mission.target, radars, config.grid_nodes, config.grid_layers)
+    def cost_to_go(knowledge: Knowledge) -> FactoredCost:
+        return _cost_to_go(knowledge, config.grid_nodes, config.grid_layers)
 
     period = config.replan_period(mission.control_period)
-    return RecedingHorizon(parameters, certificate, solver(config), cost_to_go, mission.radars, period)
+    return RecedingHorizon(parameters, certificate, solver(config), cost_to_go, mission.knowledge, period)
 
 
 def solver(config: FlightConfig) -> Solver:
@@ -132,7 +131,5 @@ def solver(config: FlightConfig) -> Solver:
 
 
 @lru_cache(maxsize=64)  # each vehicle of a fleet has a target of its own
-def _cost_to_go(
-    terrain: HeightField, target: tuple[float, float, float], radars: tuple[Radar, ...], nodes: int, layers: int
-) -> FactoredCost:
-    return factored_cost(terrain, np.array(target), radars, nodes, layers)
+def _cost_to_go(knowledge: Knowledge, nodes: int, layers: int) -> FactoredCost:
+    return factored_cost(knowledge.terrain, np.array(knowledge.target), knowledge.radars, nodes, layers)

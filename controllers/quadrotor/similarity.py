@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from controllers.flight.certificate import TrackingBound
+from controllers.flight.planner import ARRIVAL
+from models.aerial.knowledge import RADARS, TARGET, TERRAIN
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
@@ -61,6 +63,9 @@ class Similarity:
             radar, x=radar.x * self.length, y=radar.y * self.length, radius=radar.radius * self.length
         )
 
+    def terrain(self, terrain: HeightField) -> HeightField:
+        return HeightField(terrain.z * self.length, terrain.spacing * self.length, name=terrain.name)
+
     def bound(self, bound: TrackingBound) -> TrackingBound:
         speed, acceleration = self.scales
         return TrackingBound(
@@ -73,12 +78,10 @@ class Similarity:
     def mission(self, mission: FlightMission) -> FlightMission:
         """What the planner is told: places, bounds, terrain and radars. Of noise and gusts the tracking bound tells."""
         speed, acceleration = self.scales
-        terrain = mission.terrain
-        magnified = HeightField(terrain.z * self.length, terrain.spacing * self.length, name=terrain.name)
         (x, y, z), (x_f, y_f, z_f) = mission.start, mission.target
         return dataclasses.replace(
             mission,
-            terrain=magnified,
+            terrain=self.terrain(mission.terrain),
             start=(x * self.length, y * self.length, z * self.length),
             target=(x_f * self.length, y_f * self.length, z_f * self.length),
             clearance_min=mission.clearance_min * self.length,
@@ -106,13 +109,23 @@ class Similarity:
         )
         current = None if request.current is None else self.plan(request.current)
         messages = tuple(
-            Message(message.t * self.time, message.sender, message.topic, self._payload(message.payload))
+            Message(message.t * self.time, message.sender, message.topic, self._payload(message))
             for message in request.messages
         )
         return PlanRequest(request.t * self.time, request.t_start * self.time, estimate, current, messages)
 
-    def _payload(self, payload: Any) -> Any:
-        return self.radar(payload) if isinstance(payload, Radar) else payload
+    def _payload(self, message: Message) -> Any:
+        """What is told of a topic, magnified if it can be: the planner leaves out what makes no sense."""
+        payload = message.payload
+        if message.topic == ARRIVAL and isinstance(payload, float):
+            return payload * self.time
+        if message.topic == TERRAIN and isinstance(payload, HeightField):
+            return self.terrain(payload)
+        if message.topic == RADARS and isinstance(payload, tuple):
+            return tuple(self.radar(each) if isinstance(each, Radar) else each for each in payload)
+        if message.topic == TARGET and isinstance(payload, tuple):
+            return tuple(each * self.length if isinstance(each, float) else each for each in payload)
+        return payload
 
 
 class SimilarPlanner:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from models.aerial.dynamics import CONTROL_TICKS, TICK, flow
+from models.aerial.knowledge import Knowledge
 from models.aerial.sensors import FullStateSensor
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
@@ -67,6 +68,11 @@ class FlightMission:
     control_period: float = CONTROL_TICKS * TICK  # [s] of estimator and tracker
     radars: tuple[Radar, ...] = ()  # known from the start; others come as messages
     cruise_level: float = -math.inf  # [m] below which no completion path flies level: of a fleet, each has its own
+
+    @property
+    def knowledge(self) -> Knowledge:
+        """What is known before the start and may turn out otherwise."""
+        return Knowledge(self.terrain, self.target, self.radars)
 
     # ---- what an estimator needs to know of the vehicle, of any kind of mission
 

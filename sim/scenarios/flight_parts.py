@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -81,7 +82,7 @@ def wants_certificate(controller: Part) -> bool:
 
 def certified(planner: Planner, mission: FlightMission, bound: Any) -> Certified:
     certificate = Certificate.of(mission, bound)
-    return Certified(planner, Retreat(certificate, planner.period), certificate, bound, mission.deadline_factor)
+    return Certified(planner, partial(Retreat, period=planner.period), certificate, bound, mission.deadline_factor)
 
 
 def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:

@@ -22,6 +22,7 @@ import models.missile.dynamics
 from controllers.exciting.motion import pose_on
 from controllers.textbook.input_signal import DrivenMission
 from models.aerial.dynamics import TICK, state_at
+from models.aerial.knowledge import RADARS
 from models.aerial.mission import FlightMission
 from models.manifold.mission import LagrangianMission
 from models.missile.mission import MissileMission, Target
@@ -78,7 +79,7 @@ def flight_bench() -> Bench:
             np.array([x - 1490.0, y, z, -290.0, 0.0, 0.0]),  # leaving the map
             np.array([*peak, 0.0, 0.0, 0.0]) - [800.0, 800.0, 0.0, -200.0, -200.0, 0.0],  # before a slope
         ),
-        Message(0.0, "radar warning", "radar", Radar(6000.0, 6000.0, 3000.0, 5.0)),
+        Message(0.0, "radar warning", RADARS, (Radar(6000.0, 6000.0, 3000.0, 5.0),)),
         flight.assert_well_formed,
         state_at,
     )

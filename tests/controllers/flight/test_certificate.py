@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -184,7 +185,7 @@ class Answers:
 
 
 def certified(certificate: Certificate, planner: Answers, factor: float = 1.3) -> Certified:
-    return Certified(planner, Retreat(certificate, PERIOD), certificate, BOUND, factor)
+    return Certified(planner, partial(Retreat, period=PERIOD), certificate, BOUND, factor)
 
 
 def moved(plan: Plan, seconds: float) -> Plan:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import cycle
 from typing import Any
 
@@ -221,7 +222,7 @@ def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
 ) -> None:
     mission: FlightMission = dataclasses.replace(MISSION, deadline_factor=factor)
     planner, _ = SafeFlight.build(config, mission)
-    wrapped = Certified(Scripted(planner, script), Retreat(CERTIFICATE, planner.period), CERTIFICATE, BOUND, factor)
+    wrapped = Certified(Scripted(planner, script), partial(Retreat, period=planner.period), CERTIFICATE, BOUND, factor)
     watched = Watched(wrapped, factor)
     estimator = FullState(FullStateConfig(), mission)
     agent = Agent(estimator, watched, CriticallyDamped(DT, 0.8, BOUND))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -39,7 +40,9 @@ def arrival(asked: Callable[[float], float | None], fails_from: float = math.inf
     """When a vehicle on its plans arrives [s], which is asked for ``asked(t)`` from the second request on."""
     raw, tracker = SafeFlight.build(FlightConfig(), MISSION)
     certificate = Certificate.of(MISSION, tracker.bound)
-    planner = Certified(FailsFrom(raw, fails_from), Retreat(certificate, raw.period), certificate, tracker.bound, 4.0)
+    planner = Certified(
+        FailsFrom(raw, fails_from), partial(Retreat, period=raw.period), certificate, tracker.bound, 4.0
+    )
     current = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, flight.at_rest(MISSION.start)), None))
     t, told, plans = 0.0, None, [current]
     while t < 400.0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> d
     raw, tracker = QuadrotorFlight.build(QuadrotorConfig(), mission)
     bound = tracker.bound  # type: ignore[attr-defined]
     certificate = Certificate.of(flight, bound)
-    planner = Certified(raw, Retreat(certificate, raw.period), certificate, bound, flight.deadline_factor)
+    planner = Certified(raw, partial(Retreat, period=raw.period), certificate, bound, flight.deadline_factor)
     config = QuadrotorState.Config()
     equipment = Equipment(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))
     body = MujocoPlant(built(flight.terrain, true), {"quad": equipment}, sensing)

@@ -65,13 +65,27 @@ def test_a_request_is_magnified_and_the_answer_shrunk() -> None:
     plan = turning(np.random.default_rng(0), 4.0, 10.0)
     inner = Recorder(dataclasses.replace(similarity.plan(plan), ready=3.0))
     planner = SimilarPlanner(inner, similarity)
-    radar = Message(1.0, "tower", "radar", Radar(10.0, 20.0, 30.0, 4.0))
+    ground = hills()
+    told = (
+        Message(1.0, "tower", "radars", (Radar(10.0, 20.0, 30.0, 4.0),)),
+        Message(1.0, "tower", "target", (10.0, 20.0, 30.0)),
+        Message(1.0, "tower", "terrain", ground),
+        Message(1.0, "fleet", "arrival time", 70.0),
+        Message(1.0, "stranger", "radars", ("nonsense",)),
+        Message(1.0, "stranger", "weather", "fair"),
+    )
     x = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-    answer = planner.plan(PlanRequest(1.5, 2.0, Estimate(1.5, x), plan, (radar,)))
+    answer = planner.plan(PlanRequest(1.5, 2.0, Estimate(1.5, x), plan, told))
     asked = inner.asked[0]
     assert (asked.t, asked.t_start) == (3.0, 4.0)
     np.testing.assert_allclose(asked.estimate.x, [50.0, 100.0, 150.0, 100.0, 125.0, 150.0])
-    assert asked.messages[0].payload == Radar(500.0, 1000.0, 1500.0, 4.0)
+    radars, target, terrain, arrival, *strange = asked.messages
+    assert radars.payload == (Radar(500.0, 1000.0, 1500.0, 4.0),)
+    assert target.payload == (500.0, 1000.0, 1500.0)
+    assert terrain.payload.spacing == 50.0 * ground.spacing
+    np.testing.assert_array_equal(terrain.payload.z, 50.0 * ground.z)
+    assert arrival.payload == 140.0
+    assert [each.payload for each in strange] == [("nonsense",), "fair"]
     assert asked.current is not None
     assert answer.ready == 1.5
     assert planner.period == inner.period / 2.0

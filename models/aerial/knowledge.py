@@ -1,0 +1,63 @@
+"""What may turn out otherwise while a vehicle flies: the threats, the target, the map (thesis A.1, A.5).
+
+Each message replaces all that was known of its topic, so that a message that is lost, late or doubled does no harm that
+the next one does not mend:
+
+    "radars"   tuple[Radar, ...]      the threats that there are now: more, fewer, or elsewhere
+    "target"   (x, y, z) [m]          where the target is now
+    "terrain"  HeightField            the map, corrected; of the same extent and spacing
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from models.terrain.height_field import HeightField
+from models.terrain.visibility import Radar
+from sim.signals import Message
+
+RADARS, TARGET, TERRAIN = "radars", "target", "terrain"  # topics
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What a vehicle goes by."""
+
+    terrain: HeightField
+    target: tuple[float, float, float]  # [m] map frame, p_f
+    radars: tuple[Radar, ...] = ()
+
+    def updated(self, messages: Sequence[Message]) -> Knowledge:
+        """What is known after ``messages``; itself if they tell nothing new. Those that cannot be are left out."""
+        fields: dict[str, Any] = {}
+        for message in messages:
+            if message.topic in (RADARS, TARGET, TERRAIN) and not self.complaint(message):
+                payload = message.payload
+                fields[message.topic] = tuple(payload) if message.topic != TERRAIN else payload
+        known = replace(self, **fields)
+        return self if known == self else known
+
+    def complaint(self, message: Message) -> str:
+        """Why what a message tells cannot be; "" if it can, and for a topic that is not of here."""
+        payload, terrain = message.payload, self.terrain
+        if message.topic == TERRAIN:
+            alike = isinstance(payload, HeightField) and (payload.z.shape, payload.spacing) == (
+                terrain.z.shape, terrain.spacing
+            )  # fmt: skip
+            return "" if alike else f"a map of another extent than {terrain.width:g} m by {terrain.depth:g} m"
+        if message.topic == TARGET:
+            try:
+                x, y, z = map(float, payload)
+            except (TypeError, ValueError):
+                return f"target = {payload!r}; allowed: three finite numbers"
+            known = math.isfinite(x + y + z) and bool(terrain.contains(x, y))
+            return "" if known else f"target = {payload!r}; allowed: three finite numbers, on the map"
+        if message.topic == RADARS:
+            if not isinstance(payload, tuple) or not all(isinstance(radar, Radar) for radar in payload):
+                return f"radars = {payload!r}; allowed: a tuple of Radar"
+            off = [radar for radar in payload if not terrain.contains(radar.x, radar.y)]
+            return f"{off[0]!r} is off the map" if off else ""
+        return ""

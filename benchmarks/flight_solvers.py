@@ -46,7 +46,8 @@ from controllers.flight.planner import Solver
 from controllers.flight.problem import Problem, Solution
 from controllers.flight.reference import Reference
 from controllers.flight.sqp import GaussNewton
-from sim.scenarios.safe_flight import SafeFlight, SafeFlightConfig
+from sim.scenarios.flight_fields import SafeFlightConfig
+from sim.scenarios.safe_flight import SafeFlight
 from sim.signals import Array
 
 TOLERANCE = 1e-6

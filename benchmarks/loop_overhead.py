@@ -39,7 +39,8 @@ from models.aerial.dynamics import CONTROL_TICKS, TICK
 from sim.log import Recording
 from sim.loop import simulate
 from sim.plant import MujocoPlant
-from sim.scenarios.safe_flight import VEHICLE, SafeFlight, SafeFlightConfig
+from sim.scenarios.flight_fields import SafeFlightConfig
+from sim.scenarios.safe_flight import VEHICLE, SafeFlight
 from sim.signals import Array, Estimate, Plan, PlanRequest
 
 NEVER = 36_000.0  # [s] until the planner is asked again

@@ -76,13 +76,23 @@ def map_figure(run: RunData) -> Figure:
         axes = figure.add_subplot()
         draw_map(axes, run.terrain)
         outline = [patheffects.withStroke(linewidth=3.4, foreground="white", alpha=0.85)]
-        for number, radar in enumerate(run.mission.radars, start=1):
+        for number, track in enumerate(run.mission.radars, start=1):
+            radar, last = track.radar, track.at(min(track.until, run.duration) - 1e-6, run.terrain)
             centre = (radar.x / 1e3, radar.y / 1e3)
             colour = _colour(Part.RADAR)
             axes.add_patch(Circle(centre, radar.radius / 1e3, facecolor=colour, alpha=0.25, edgecolor="none"))
             axes.add_patch(Circle(centre, radar.radius / 1e3, fill=False, edgecolor=colour, linewidth=1.2))
-            when = "from the start" if radar.time <= 0.0 else f"from {radar.time:.0f} s"
-            name_place(axes, f"radar {number}, {when}", centre, (0, 0), "center")
+            when = "from the start" if track.time <= 0.0 else f"from {track.time:.0f} s"
+            until = f" to {track.until:.0f} s" if track.until < run.duration else ""
+            name_place(axes, f"radar {number}, {when}{until}", centre, (0, 0), "center")
+            if last is not None and (last.x, last.y) != (radar.x, radar.y):
+                end = (last.x / 1e3, last.y / 1e3)
+                axes.annotate("", end, centre, arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.6})
+                axes.add_patch(Circle(end, radar.radius / 1e3, fill=False, edgecolor=colour, lw=1.2, ls="--"))
+        for hill in run.mission.hills:
+            top = (hill.x / 1e3, hill.y / 1e3)
+            axes.add_patch(Circle(top, hill.radius / 1e3, fill=False, edgecolor="white", lw=1.4, ls=":"))
+            name_place(axes, f"not on the map until {run.mission.charted_at:.0f} s", top, (0, 0), "center")
         if run.plans:
             first = run.plans[0]
             axes.plot(
@@ -97,6 +107,10 @@ def map_figure(run: RunData) -> Figure:
         for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target)):
             axes.plot(*place[:2] / 1e3, "o", ms=8, mfc=_colour(part), mec="#101824", mew=1.4)
             left = place[0] > 0.8 * run.terrain.width
+            if part is Part.TARGET and len(run.mission.target_path):
+                way = np.vstack([place, run.mission.target_path[:, 1:]])[:, :2] / 1e3
+                axes.plot(way[:, 0], way[:, 1], "--", color=_colour(part), lw=1.6, path_effects=outline)
+                axes.plot(*run.mission.target_at(run.duration)[:2] / 1e3, "s", ms=7, mfc=_colour(part), mec="#101824")
             name_place(
                 axes, part.value, (place[0] / 1e3, place[1] / 1e3), (-9 if left else 9, 0), "right" if left else "left"
             )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.terrain.visibility import Radar
 from renders import figures, page
 from renders.page import Markup, quantity
 from renders.palette import COLOURS, Part, hexadecimal
@@ -60,9 +59,8 @@ def _terrain(run: RunData) -> Markup:
         arcs = [points for _, points in plan_arcs(first, first.t_start, PLAN_STEP)]
         colour = hexadecimal(COLOURS[Part.COMPLETION])
         tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
-    places = {Part.START.value: mission.start, Part.TARGET.value: mission.target}
-    antennas = [Radar(site.x, site.y, site.radius, site.weight) for site in mission.radars]
-    radars = [(*antenna.position(ground).tolist(), antenna.radius) for antenna in antennas]
+    places = {Part.START.value: mission.start, Part.TARGET.value: mission.target_at(run.duration)}
+    radars = [(*track.radar.position(ground).tolist(), track.radar.radius) for track in mission.radars]
     note = "Radars weigh on the optimised part of a plan only; its way to rest may lead through one." if radars else ""
     return terrain_view(ground, tracks, places, radars, note)
 

@@ -7,7 +7,7 @@ is still the terrain that was flown over is checked by its digest.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,23 +15,14 @@ from typing import Any
 import numpy as np
 
 from models.terrain.height_field import HeightField
+from models.terrain.hill import Hill, hills_of, with_hills
 from models.terrain.library import load_terrain
+from models.terrain.visibility import Radar, RadarTrack
 from renders.run_log import RunLog, last_at, read_log
 from sim.signals import Array, Event, Plan
 
 FINE_TRAIL = 6000.0  # [m] at the end of a trail
 MISSION_NUMBERS = ("clearance_min", "speed_max", "acceleration_max", "arrival_radius")
-
-
-@dataclass(frozen=True)
-class RadarSite:
-    """A radar as it is drawn: where it stands, how far it sees, when it was switched on."""
-
-    x: float  # [m] map frame
-    y: float  # [m] map frame
-    radius: float  # [m]
-    weight: float
-    time: float  # [s] 0 if it was known from the start
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +35,15 @@ class Mission:
     speed_max: float  # [m/s]
     acceleration_max: float  # [m/s^2]
     arrival_radius: float  # [m]
-    radars: tuple[RadarSite, ...]
+    radars: tuple[RadarTrack, ...]
+    target_path: Array = field(default_factory=lambda: np.empty((0, 4)))  # t [s], x, y, z [m] of a target that moves
+    hills: tuple[Hill, ...] = ()  # that the map did not show
+    charted_at: float = 0.0  # [s] when it was told to show them
+
+    def target_at(self, t: float) -> Array:
+        """(3,) [m] where the target is at ``t`` [s]."""
+        path = np.vstack([[0.0, *self.target], self.target_path])
+        return np.array([np.interp(t, path[:, 0], path[:, axis]) for axis in (1, 2, 3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +135,9 @@ def flight_of(log: RunLog, told: Callable[[Mapping[str, Any]], Mapping[str, Any]
     folder, config = log.directory, log.config
     try:
         place = config["terrain"]
-        terrain = load_terrain(place.get("path") or place["name"])
-        mission = _mission(told(config["mission"]))
+        hills = hills_of(place.get("hills", ()))
+        terrain = with_hills(load_terrain(place.get("path") or place["name"]), hills)
+        mission = _mission(told(config["mission"]), hills)
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"{str(folder / 'config.json')!r} does not describe a flight: {error!r}") from None
     if place.get("digest", terrain.digest) != terrain.digest:
@@ -155,10 +155,23 @@ def flight_of(log: RunLog, told: Callable[[Mapping[str, Any]], Mapping[str, Any]
     )
 
 
-def _mission(fields: Mapping[str, Any]) -> Mission:
-    radars = tuple(
-        RadarSite(*(float(radar[name]) for name in ("x", "y", "radius", "weight", "time")))
-        for radar in fields.get("radars", ())
-    )
+def _mission(fields: Mapping[str, Any], hills: tuple[Hill, ...]) -> Mission:
     start, target = (np.array(fields[name], dtype=float) for name in ("start", "target"))
-    return Mission(start, target, **{name: float(fields[name]) for name in MISSION_NUMBERS}, radars=radars)
+    return Mission(
+        start,
+        target,
+        **{name: float(fields[name]) for name in MISSION_NUMBERS},
+        radars=tuple(_track(radar) for radar in fields.get("radars", ())),
+        target_path=np.array(fields.get("target_path", ()), dtype=float).reshape(-1, 4),
+        hills=hills,
+        charted_at=float(fields.get("charted_at") or 0.0),
+    )
+
+
+def _track(radar: Mapping[str, Any]) -> RadarTrack:
+    site = Radar(*(float(radar[name]) for name in ("x", "y", "radius", "weight")))
+    until = radar.get("until")
+    east, north = radar.get("velocity", (0.0, 0.0))
+    return RadarTrack(
+        site, float(radar["time"]), np.inf if until is None else float(until), (float(east), float(north))
+    )

@@ -69,7 +69,7 @@ class Scene:
         self._place_airframe(t, camera, view)
         self.stage.begin(fog=camera == "chase")
         self._add_lines(t, camera)
-        self._add_beacons(camera)
+        self._add_beacons(t, camera)
         return self.stage.end(sky=camera == "chase")
 
     def world(self, points: Array, camera: str) -> Array:
@@ -86,14 +86,15 @@ class Scene:
         lift = PIN * self.stage.unit
         found = []
         eye, _, _ = self.stage.eye()
-        for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target)):
+        for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target_at(t))):
             if camera == "chase" and not run.terrain.line_of_sight(eye, place):
                 continue
             pin = np.array([0.0, 0.0, lift * float(self.stage.metres_per_pixel(self.world(place[None], camera))[0])])
             top = place + pin / (1.0 if camera == "chase" else EXAGGERATION)
             found.append((part.value, self.stage.inside(self.world(top[None], camera))))
-        for number, radar in enumerate(run.mission.radars, start=1):
-            if t >= radar.time:
+        for number, track in enumerate(run.mission.radars, start=1):
+            radar = track.at(t, run.terrain)
+            if radar is not None:
                 centre = np.array([radar.x, radar.y, float(run.terrain.height(radar.x, radar.y))])
                 # Beside the vehicle only a part of the dome is in the picture.
                 points = centre + (radar.radius * DOME if camera == "chase" else np.zeros((1, 3)))
@@ -124,9 +125,14 @@ class Scene:
         else:
             self._airframe.place_afar(self.stage, position, quaternion, size, view.eye)
         opacity = 0.16 if near else 0.24  # the chase camera often looks from inside
-        for k, radar in enumerate(self.run.mission.radars):
+        for k, track in enumerate(self.run.mission.radars):
+            radar = track.at(t, self.run.terrain)
             for world in ("true", "tall"):
-                self.model.geom(f"radar {k} {world}").rgba[3] = opacity if t >= radar.time else 0.0
+                dome = self.model.geom(f"radar {k} {world}")
+                dome.rgba[3] = 0.0 if radar is None else opacity
+                if radar is not None:
+                    foot = np.array([radar.x, radar.y, float(self.run.terrain.height(radar.x, radar.y))])
+                    dome.pos = foot if world == "true" else self._land.tall(foot)
 
     def _add_lines(self, t: float, camera: str) -> None:
         width = 4.0 if camera == "chase" else 3.4  # [pixels] at a picture 720 pixels high
@@ -148,8 +154,8 @@ class Scene:
             for part, arcs in groupby(plan_arcs(plan, t, step=0.6), lambda arc: part_of(arc[0])):
                 yield part, np.vstack([points for _, points in arcs])
 
-    def _add_beacons(self, camera: str) -> None:
-        for part, place in ((Part.START, self.run.mission.start), (Part.TARGET, self.run.mission.target)):
+    def _add_beacons(self, t: float, camera: str) -> None:
+        for part, place in ((Part.START, self.run.mission.start), (Part.TARGET, self.run.mission.target_at(t))):
             ground = np.array([place[0], place[1], float(self.run.terrain.height(place[0], place[1]))])
             foot, top = self.world(np.array([ground, place]), camera)
             self.stage.pin(foot, top, PIN, COLOURS[part])
@@ -197,7 +203,8 @@ def _model(run: RunData, width: int, height: int, samples: int) -> Any:
     low = float(terrain.z.min())
     spec = landscape(terrain, width, height, samples)
     spec.add_material(name="radar", emission=0.8, specular=0.0)
-    for k, radar in enumerate(run.mission.radars):
+    for k, track in enumerate(run.mission.radars):
+        radar = track.radar
         foot = float(terrain.height(radar.x, radar.y))
         for group, name, factor in WORLDS:
             mesh = spec.add_mesh(name=f"radar {k} {name}", scale=[radar.radius, radar.radius, factor * radar.radius])

@@ -34,6 +34,8 @@ TOLD = {  # kinds of events that a video tells of; the rest is for the report
     "tracking-breach": "tracking bound exceeded",
     "rebased": "tracking bound exceeded",
     "guarantee-lost": "guarantee lost",
+    "plan-endangered": "the plan is not safe any more",
+    "arrival-lost": "no plan to where the target is now",
     "ground-contact": "ground contact",
 }
 
@@ -46,8 +48,12 @@ def highlight(run: RunData) -> tuple[float, float]:
     late_radars = [radar for radar in run.mission.radars if 0.0 < radar.time < run.duration]
     if late_radars:
         radar = min(late_radars, key=lambda radar: radar.time)
-        distance = np.hypot(run.x[:, 0] - radar.x, run.x[:, 1] - radar.y)
-        passed = float(run.t[np.argmin(np.where(run.t >= radar.time, distance, np.inf))])
+        places = [radar.at(float(t), run.terrain) for t in run.t]
+        distance = [
+            np.inf if place is None else np.hypot(x[0] - place.x, x[1] - place.y)
+            for x, place in zip(run.x, places, strict=True)
+        ]
+        passed = float(run.t[np.argmin(distance)])
         begin, end = radar.time - 0.01 * run.duration, passed + 0.05 * run.duration
     else:
         middle = (run.t >= 0.25 * run.duration) & (run.t <= 0.75 * run.duration)
@@ -64,8 +70,22 @@ def notices(run: RunData) -> list[tuple[float, str]]:
     for event in run.events:
         if event.kind in TOLD:
             found.setdefault(TOLD[event.kind], event.t)
-    radars = [(radar.time, "radar on") for radar in run.mission.radars if 0.0 < radar.time < run.duration]
-    return sorted(radars + [(t, text) for text, t in found.items()])
+    return sorted(_changes(run) + [(t, text) for text, t in found.items()])
+
+
+def _changes(run: RunData) -> list[tuple[float, str]]:
+    """What turned out otherwise on the way."""
+    mission = run.mission
+    changes = [(radar.time, "radar on") for radar in mission.radars]
+    changes += [(radar.until, "radar off") for radar in mission.radars]
+    if len(mission.target_path):
+        path = np.vstack([[0.0, *mission.target], mission.target_path])
+        moved = np.linalg.norm(np.diff(path[:, 1:], axis=0), axis=1) > 0.0
+        starts = moved & ~np.append(False, moved[:-1])
+        changes += [(float(t), "the target moves") for t in path[:-1, 0][starts]]
+    if mission.hills:
+        changes.append((mission.charted_at, "ground higher than on the map"))
+    return [(t, text) for t, text in changes if 0.0 < t < run.duration]
 
 
 def shots(run: RunData, direction: str = TOUR) -> list[Shot]:

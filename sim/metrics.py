@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from models.aerial.dynamics import state_at
 from models.aerial.mission import FlightMission
-from models.terrain.visibility import Radar
+from models.terrain.visibility import RadarTrack
 from sim.log import AgentRecorder, Recording
 from sim.signals import Array
 
@@ -77,14 +76,6 @@ class Bound(Protocol):
 
     horizontal: float  # [m]
     vertical: float  # [m]
-
-
-@dataclass(frozen=True)
-class TimedRadar:
-    """A radar and when it is switched on."""
-
-    radar: Radar
-    time: float = 0.0  # [s]
 
 
 def label(key: str) -> tuple[str, str]:
@@ -153,12 +144,11 @@ def flown_clearance(t: Array, x: Array, mission: FlightMission) -> Array:
     return least
 
 
-def exposure(t: Array, x: Array, mission: FlightMission, radars: Sequence[TimedRadar]) -> float:
+def exposure(t: Array, x: Array, mission: FlightMission, radars: Sequence[RadarTrack]) -> float:
     """Time [s] spent in sight of at least one radar that is on."""
     seen = np.zeros(len(t), dtype=bool)
-    for timed in radars:
-        on = t >= timed.time
-        seen[on] |= timed.radar.exposed(mission.terrain, x[on, :3])
+    for radar in radars:
+        seen |= radar.exposed(mission.terrain, t, x[:, :3])
     return float(np.sum(np.diff(t)[seen[:-1]]))
 
 
@@ -166,7 +156,7 @@ def flight_summary(
     recording: Recording,
     name: str,
     mission: FlightMission,
-    radars: Sequence[TimedRadar],
+    radars: Sequence[RadarTrack],
     bound: Bound,
     deadline: float,
     seed: int,

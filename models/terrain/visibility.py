@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -51,4 +51,37 @@ class Radar:
             raise ValueError(f"points has shape {positions.shape}; allowed is (n, 3)")
         exposed: Booleans = np.linalg.norm(positions - antenna, axis=1) <= self.radius
         exposed[exposed] = terrain.visible(antenna, positions[exposed])  # sight lines only where the range allows
+        return exposed
+
+
+@dataclass(frozen=True)
+class RadarTrack:
+    """A radar that is on from ``time`` to ``until`` and meanwhile drives at a constant velocity, on the map."""
+
+    radar: Radar  # where it is when it is switched on
+    time: float = 0.0  # [s]
+    until: float = math.inf  # [s]
+    velocity: tuple[float, float] = (0.0, 0.0)  # [m/s] east, north
+
+    def at(self, t: float, terrain: HeightField) -> Radar | None:
+        """The radar at ``t`` [s]; None while it is off. At the edge of the map it stays."""
+        if not self.time <= t < self.until:
+            return None
+        if not any(self.velocity):
+            return self.radar
+        away = t - self.time
+        x = min(max(self.radar.x + self.velocity[0] * away, 0.0), terrain.width)
+        y = min(max(self.radar.y + self.velocity[1] * away, 0.0), terrain.depth)
+        return replace(self.radar, x=x, y=y)
+
+    def exposed(self, terrain: HeightField, t: Array, points: Array) -> Booleans:
+        """(n,) whether points (n, 3) [m] are exposed at times (n,) [s]; a radar that drives moves once a second."""
+        exposed = np.zeros(len(t), dtype=bool)
+        seconds = np.floor(t) if any(self.velocity) else np.full(len(t), self.time)
+        on = (t >= self.time) & (t < self.until)
+        for second in np.unique(seconds[on]):
+            now = on & (seconds == second)
+            radar = self.at(max(float(second), self.time), terrain)
+            if radar is not None:
+                exposed[now] = radar.exposed(terrain, points[now])
         return exposed

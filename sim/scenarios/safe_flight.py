@@ -11,7 +11,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,27 +19,23 @@ import mujoco
 import numpy as np
 
 from controllers.flight.certificate import Certified, TrackingBound
-from models.aerial.dynamics import CONTROL_TICKS, TICK
+from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, terrain_names
-from models.terrain.visibility import Radar
-from sim.checks import check, check_rate
+from models.terrain.visibility import RadarTrack
 from sim.cockpit import Agent
 from sim.faults import Disturbance, Disturbed, Gusts, PositionJumps
 from sim.log import Recording
-from sim.metrics import TimedRadar, flight_summary
+from sim.metrics import flight_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, load
 from sim.protocols import Plant
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
+from sim.scenarios.flight_fields import SafeFlightConfig
 from sim.scenarios.flight_parts import (
-    LARGEST,
-    Faults,
-    Noise,
-    Point,
     certified,
     check_above_ground,
     drawn_point,
@@ -50,68 +45,12 @@ from sim.scenarios.flight_parts import (
     mounted,
     wants_certificate,
 )
-from sim.signals import Array, Message, Plan
+from sim.scenarios.information import TargetTrack, check_track, survey
+from sim.signals import Array, Plan
 
 VEHICLE = "vehicle"
 _LONGEST = 36_000.0  # [s] of simulated time that is logged
 _DRAWS = 500
-_DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
-
-
-@dataclass(frozen=True)
-class SafeFlightConfig:
-    """Fields of the scenario."""
-
-    terrain: str = "tian_shan"
-    """name of a terrain, or an .npz file"""
-    start: Point | None = None
-    """x, y, z [m] on the map; drawn from the seed if not given"""
-    target: Point | None = None
-    """x, y, z [m] on the map; drawn from the seed if not given"""
-    drawn_heights: tuple[float, float] = (50.0, 450.0)
-    """heights above h_min between which a start or target is drawn [m]"""
-    drawn_separation: tuple[float, float] = (0.8, 1.5)
-    """shares of the map's side between which the distance of a drawn start and target lies"""
-    clearance_min: float = 50.0
-    """h_min, least height above ground [m]"""
-    speed_max: float = 300.0
-    """v_max [m/s]"""
-    acceleration_max: float = 40.0
-    """a_max [m/s^2]"""
-    deadline_factor: float = 1.3
-    """gamma: the deadline over the duration of the first plan"""
-    arrival_radius: float = 50.0
-    """r_f, how near to the target counts as arrived [m]"""
-    control_rate: float = 1.0 / (CONTROL_TICKS * TICK)
-    """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
-    radar: tuple[tuple[float, float, float, float], ...] = ()
-    """X Y RADIUS WEIGHT [m, m, m, -] of a radar; may be given several times"""
-    radar_time: float = 0.0
-    """when the radars are switched on [s]; the planner learns of them then"""
-    radar_known: bool = True
-    """whether the planner is told of the radars at all"""
-    noise: Noise = field(default_factory=Noise)
-    faults: Faults = field(default_factory=Faults)
-
-    def __post_init__(self) -> None:
-        for name in ("start", "target"):
-            point = getattr(self, name)
-            if point is not None and not all(math.isfinite(c) for c in point):
-                raise ValueError(f"{name} = {point!r}; allowed: three finite numbers")
-        for name, largest in (("drawn_heights", LARGEST), ("drawn_separation", _DIAGONAL)):
-            low, high = getattr(self, name)
-            if not 0.0 <= low <= high <= largest:
-                raise ValueError(
-                    f"{name} = {(low, high)!r}; allowed: two finite numbers, 0 <= low <= high <= {largest:g}"
-                )
-        check(self.clearance_min, "clearance_min", 0.0, LARGEST)
-        for name in ("speed_max", "acceleration_max", "arrival_radius"):
-            check(getattr(self, name), name, 0.0, LARGEST, open_low=True)
-        check(self.deadline_factor, "deadline_factor", 1.0, LARGEST)
-        check(self.radar_time, "radar_time", 0.0)
-        check_rate(self.control_rate, "control_rate", TICK)
-        for radar in self.radar:
-            Radar(*radar)
 
 
 class SafeFlight:
@@ -138,13 +77,24 @@ class SafeFlight:
         controller = controller or Part.of(load("controllers", SafeFlight.controller))
         estimator = estimator or Part.of(load("estimators", SafeFlight.estimator))
         draws, sensing, failing, corrupting, delaying, gusting, jumping, losing = np.random.default_rng(seed).spawn(8)
-        terrain = load_terrain(config.terrain)
-        radars = tuple(TimedRadar(Radar(*radar), config.radar_time) for radar in config.radar)
-        for timed in radars:
-            timed.radar.position(terrain)
-        known = tuple(r.radar for r in radars if config.radar_known and r.time <= 0.0)
-        mission = mission_but_ends(config, terrain, estimator, known)
+        charted = load_terrain(config.terrain)
+        terrain, surveyed = survey(charted, config.uncharted, config.uncharted_time)
+        radars = config.tracks(charted)
+        mission = mission_but_ends(config, charted, estimator, config.radars_at(0.0, charted))
         mission, first = _certified_mission(config, mission, controller, draws)
+        track = TargetTrack(mission.target, terrain, config.target_path)
+        true = dataclasses.replace(mission, terrain=terrain)
+        check_above_ground("start", mission.start, true)
+        check_above_ground("target", mission.target, true)
+        check_track(track, config.report_period, lambda name, point: check_above_ground(name, point, true))
+        deadline = config.deadline_factor * first.t_end
+        # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
+        duration = math.ceil((2.0 * deadline + track.ends) / TICK) * TICK
+        if duration > _LONGEST:
+            raise ValueError(
+                f"deadline_factor = {config.deadline_factor:g} at speed_max = {config.speed_max:g} m/s lets the flight "
+                f"take {duration:.0f} s; allowed: {_LONGEST:.0f} s, so be sooner or faster"
+            )
 
         raw, tracker = checked_controller(controller, mission, TrackingBound)
         faults = config.faults
@@ -164,14 +114,11 @@ class SafeFlight:
             disturbances.append(PositionJumps(faults.position_jump, planner.period, jumping))
         plant: Plant = Disturbed(body, disturbances) if disturbances else body
 
-        late = [r for r in radars if config.radar_known and r.time > 0.0]
-        messages = [Message(r.time, "radar warning", "radar", r.radar) for r in late]
-        agent = Agent(checked_estimator(estimator, mission), planner, tracker, messages=messages)
-        deadline = config.deadline_factor * first.t_end
-        target = mission.target
+        news = [*config.radar_messages(charted, duration), *track.messages(config.report_period), *surveyed]
+        agent = Agent(checked_estimator(estimator, mission), planner, tracker, messages=news)
 
         def finished(t: float, truths: Mapping[str, Array]) -> bool:
-            away = math.dist(truths[VEHICLE][:3].tolist(), target)
+            away = math.dist(truths[VEHICLE][:3].tolist(), track.at(t))
             return away <= mission.arrival_radius or body.contacts(VEHICLE) > 0
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
@@ -179,20 +126,17 @@ class SafeFlight:
             flown = recording.agents[VEHICLE].plans[:1]
             promised = [t + config.deadline_factor * (plan.t_end - t) for t, plan in flown]
             due = min([*promised, 2.0 * deadline]) if isinstance(planner, Certified) else deadline
-            summary = flight_summary(recording, VEHICLE, mission, radars, tracker.bound, due, seed, wall_seconds)
+            if config.target_path and isinstance(planner, Certified):
+                due = planner.deadline  # a target that moves may have moved it
+            flown_to = dataclasses.replace(true, target=track.at(float(recording.t[-1])))
+            summary = flight_summary(recording, VEHICLE, flown_to, radars, tracker.bound, due, seed, wall_seconds)
             in_time = [Demand("arrival_time_s", most=due)] if summary["arrived"] else []
             safe = Demand("ground_contacts", most=0), Demand("min_clearance_m", least=mission.clearance_min)
             demands = [Demand("arrived", least=True), *in_time, *safe]
             return judged(summary, demands, told=[Demand("speed_max_m_s", most=mission.speed_max)])
 
-        # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
-        duration = math.ceil(2.0 * deadline / TICK) * TICK
-        if duration > _LONGEST:
-            raise ValueError(
-                f"deadline_factor = {config.deadline_factor:g} at speed_max = {config.speed_max:g} m/s lets the flight "
-                f"take {duration:.0f} s; allowed: {_LONGEST:.0f} s, so be sooner or faster"
-            )
-        record = _record(config, seed, controller, estimator, mission, radars, tracker.bound)
+        record = _record(config, seed, controller, estimator, true, radars, tracker.bound)
+        record["mission"]["target_path"] = [(told.t, *told.payload) for told in track.messages(config.report_period)]
         return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record)
 
 
@@ -252,7 +196,7 @@ def _record(
     controller: Part,
     estimator: Part,
     mission: FlightMission,
-    radars: tuple[TimedRadar, ...],
+    radars: tuple[RadarTrack, ...],
     bound: Any,
 ) -> dict[str, Any]:
     """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
@@ -265,7 +209,7 @@ def _record(
         "fields": dataclasses.asdict(resolved),
         "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
         "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-        "terrain": {"name": terrain.name, "path": place, "digest": terrain.digest},
+        "terrain": {"name": terrain.name, "path": place, "digest": terrain.digest, "hills": config.uncharted},
         "mission": {
             "start": mission.start,
             "target": mission.target,
@@ -275,6 +219,12 @@ def _record(
             "deadline_factor": mission.deadline_factor,
             "arrival_radius": mission.arrival_radius,
             "tracking_bound": dataclasses.asdict(bound),
-            "radars": [{**dataclasses.asdict(r.radar), "time": r.time} for r in radars],
+            "radars": [_recorded(radar) for radar in radars],
+            "charted_at": config.uncharted_time if config.uncharted else None,
         },
     }
+
+
+def _recorded(track: RadarTrack) -> dict[str, Any]:
+    until = track.until if math.isfinite(track.until) else None
+    return {**dataclasses.asdict(track.radar), "time": track.time, "until": until, "velocity": track.velocity}

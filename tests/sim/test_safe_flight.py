@@ -20,8 +20,9 @@ from models.terrain.library import load_terrain
 from sim.plugins import Part, load
 from sim.protocols import Planner, Tracker
 from sim.scenarios.experiment import Outcome
+from sim.scenarios.flight_fields import SafeFlightConfig
 from sim.scenarios.flight_parts import Faults, Noise
-from sim.scenarios.safe_flight import SafeFlight, SafeFlightConfig
+from sim.scenarios.safe_flight import SafeFlight
 from sim.signals import Array, Plan, PlanRequest
 from tests import flight
 
@@ -285,6 +286,13 @@ def test_ends_that_are_not_given_are_drawn_far_apart_and_certified(terrain: str)
         (SafeFlightConfig, "speed_max", 0.0),
         (SafeFlightConfig, "deadline_factor", 0.5),
         (SafeFlightConfig, "radar_time", math.nan),
+        (SafeFlightConfig, "radar_until", 0.0),
+        (SafeFlightConfig, "radar_velocity", (math.inf, 0.0)),
+        (SafeFlightConfig, "report_period", 0.0),
+        (SafeFlightConfig, "target_path", ((0.0, 1.0, 2.0, 3.0),)),
+        (SafeFlightConfig, "target_path", ((9.0, 1.0, 2.0, 3.0), (9.0, 1.0, 2.0, 3.0))),
+        (SafeFlightConfig, "target_path", ((9.0, 1.0, math.nan, 3.0),)),
+        (SafeFlightConfig, "uncharted_time", -1.0),
     ],
 )
 def test_a_field_out_of_range_is_refused_by_name(group: type[Any], field: str, value: float) -> None:
@@ -307,3 +315,39 @@ def test_the_bound_is_kept_at_every_control_rate(terrain: str, rate: float) -> N
     assert_safe(outcome)
     assert outcome.summary["tracking_breaches"] == 0
     assert 0.0 < outcome.summary["tracking_error_max_m"] <= outcome.summary["tracking_bound_m"]
+
+
+def test_what_changes_on_the_way_is_told_and_flown_by(terrain: str) -> None:
+    """A radar that drives and is switched off, a target that moves, and a hill that the map did not show."""
+    x, y, z = flight.above(flight.mountains(), (9000.0, 10_500.0), 150.0)
+    outcome = flown(
+        terrain,
+        radar=((6000.0, 7000.0, 1500.0, 5.0),), radar_time=5.0, radar_until=20.0, radar_velocity=(50.0, 0.0),
+        target_path=((20.0, *flight.TARGET, 900.0), (28.0, x, y, z)),
+        uncharted=((5500.0, 5500.0, 1500.0, 900.0),), uncharted_time=3.0,
+    )  # fmt: skip
+    assert_safe(outcome)
+    told = [(e.t, e.message.split()[0]) for e in outcome.recording.events if e.kind == "message"]
+    radars = [t for t, topic in told if topic == "radars"]
+    assert [t for t, topic in told if topic == "terrain"] == [pytest.approx(3.0, abs=5.0 / 3.0)]
+    assert len(radars) == 4  # on, twice elsewhere, off
+    assert radars[0] >= 5.0
+    assert radars[-1] == pytest.approx(20.0, abs=5.0 / 3.0)
+    assert [t for t, topic in told if topic == "target"][-1] == pytest.approx(28.0, abs=5.0 / 3.0)
+    assert math.dist(outcome.recording.truths["vehicle"][-1, :3].tolist(), (x, y, z)) <= 50.0
+    assert outcome.summary["min_clearance_m"] >= H_MIN
+    assert outcome.config["terrain"]["digest"] != flight.mountains().digest
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"target_path": ((10.0, -5.0, 0.0, 900.0),)}, "target_path at 10 s = .*off the map"),
+        ({"uncharted": ((20_000.0, 0.0, 100.0, 100.0),)}, "is not on the terrain"),
+        ({"uncharted": ((*flight.TARGET, 900.0, 500.0),)}, "target = .*under ground"),
+        ({"uncharted": ((*flight.START, 900.0, 500.0),)}, "start = .*under ground"),
+    ],
+)
+def test_changes_that_cannot_be_are_refused_by_name(terrain: str, fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        SafeFlight.build(config(terrain, **fields), 0)

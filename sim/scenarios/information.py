@@ -1,0 +1,140 @@
+"""What changes while a vehicle flies, and when it is told: radars, the target, ground that is not on the map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.aerial.knowledge import RADARS, TARGET, TERRAIN
+from models.terrain.height_field import HeightField
+from models.terrain.hill import Hill, hills_of, with_hills
+from models.terrain.visibility import Radar, RadarTrack
+from sim.checks import check
+from sim.scenarios.flight_parts import Point
+from sim.signals import Array, Message
+
+_SOONEST = 0.1  # [s] between reports
+_SIMULTANEOUS = 1e-9  # [s]
+
+
+@dataclass(frozen=True)
+class RadarFields:
+    """Fields of the radars of a scenario."""
+
+    radar: tuple[tuple[float, float, float, float], ...] = ()
+    """X Y RADIUS WEIGHT [m, m, m, -] of a radar; may be given several times"""
+    radar_time: float = 0.0
+    """when the radars are switched on [s]; the planner learns of them then"""
+    radar_until: float | None = None
+    """when they are switched off [s]; never if not given"""
+    radar_velocity: tuple[float, float] = (0.0, 0.0)
+    """of the radars, from when they are switched on [m/s east, north]; at the edge of the map they stay"""
+    radar_known: bool = True
+    """whether the planner is told of the radars at all"""
+    report_period: float = 5.0
+    """between two reports of where a radar or a target that moves is now [s]; each means a new cost-to-go"""
+
+    def __post_init__(self) -> None:
+        check(self.radar_time, "radar_time", 0.0)
+        check(self.report_period, "report_period", _SOONEST)
+        if self.radar_until is not None:
+            check(self.radar_until, "radar_until", self.radar_time, open_low=True)
+        if not all(map(math.isfinite, self.radar_velocity)):
+            raise ValueError(f"radar_velocity = {self.radar_velocity!r}; allowed: two finite numbers")
+        for radar in self.radar:
+            Radar(*radar)
+
+    def tracks(self, terrain: HeightField) -> tuple[RadarTrack, ...]:
+        """The radars over time; ValueError for one that is off the map."""
+        until = math.inf if self.radar_until is None else self.radar_until
+        tracks = tuple(RadarTrack(Radar(*each), self.radar_time, until, self.radar_velocity) for each in self.radar)
+        for track in tracks:
+            track.radar.position(terrain)
+        return tracks
+
+    def radars_at(self, t: float, terrain: HeightField) -> tuple[Radar, ...]:
+        """What the planner is told that there is at ``t`` [s]."""
+        known = self.tracks(terrain) if self.radar_known else ()
+        return tuple(radar for track in known if (radar := track.at(t, terrain)) is not None)
+
+    def radar_messages(self, terrain: HeightField, duration: float) -> list[Message]:
+        """All that the planner is told after the start."""
+        if not (self.radar and self.radar_known):
+            return []
+        end = min(duration, math.inf if self.radar_until is None else self.radar_until)
+        times = {self.radar_time, end}
+        if any(self.radar_velocity):
+            times |= set(_reports(self.radar_time, end, self.report_period))
+        return [
+            Message(t, "radar warning", RADARS, self.radars_at(t, terrain)) for t in sorted(times) if 0.0 < t < duration
+        ]
+
+
+@dataclass(frozen=True)
+class TargetTrack:
+    """Where the target is: at ``target`` first, on the straight way between points, and at rest at the last.
+
+    It never comes nearer to the ground than it is at first: between points it follows the slopes.
+    """
+
+    target: Point
+    terrain: HeightField
+    path: tuple[tuple[float, float, float, float], ...] = ()  # t [s], x, y, z [m]
+
+    def at(self, t: float) -> Point:
+        """Its place [m] at ``t`` [s]; off the map as high as it is told."""
+        times = [0.0, *(point[0] for point in self.path)]
+        places = np.array([self.target, *(point[1:] for point in self.path)])
+        x, y, z = (float(np.interp(t, times, places[:, axis])) for axis in range(3))
+        if not self.path or not self.terrain.contains(x, y):
+            return x, y, z
+        above = self.target[2] - float(self.terrain.height(*self.target[:2]))
+        return x, y, max(z, float(self.terrain.height(x, y)) + above)
+
+    @property
+    def ends(self) -> float:
+        """[s] when it is at rest for good."""
+        return self.path[-1][0] if self.path else 0.0
+
+    def messages(self, period: float) -> list[Message]:
+        """Where it is, every ``period`` [s], and wherever it turns."""
+        times = sorted({*_reports(0.0, self.ends, period), *(point[0] for point in self.path)})
+        told: list[Message] = []
+        for t in times:
+            place = self.at(t)
+            if t > 0.0 and place != (told[-1].payload if told else self.target):
+                told.append(Message(t, "target watch", TARGET, place))
+        return told
+
+
+def check_target_path(path: Sequence[tuple[float, float, float, float]]) -> None:
+    """ValueError for points that are not finite or whose times do not increase."""
+    before = 0.0
+    for point in path:
+        if not (all(map(math.isfinite, point)) and point[0] > before):
+            raise ValueError(f"target_path = {point!r}; allowed: four finite numbers, times > 0 and increasing")
+        before = point[0]
+
+
+def check_track(track: TargetTrack, period: float, check_place: Callable[[str, Point], None]) -> None:
+    """``check_place`` of the target wherever it is reported and wherever it turns."""
+    for message in track.messages(period):
+        check_place(f"target_path at {message.t:g} s", message.payload)
+
+
+def survey(
+    charted: HeightField, rows: Sequence[tuple[float, float, float, float]], time: float
+) -> tuple[HeightField, list[Message]]:
+    """The ground as it is, with hills that the map does not show, and when that is found out."""
+    hills: tuple[Hill, ...] = hills_of(rows)
+    true = with_hills(charted, hills)
+    return true, [Message(time, "survey", TERRAIN, true)] if hills else []
+
+
+def _reports(begin: float, end: float, period: float) -> Array:
+    """(n,) [s] every ``period`` from ``begin``, before ``end``."""
+    count = max(0, math.ceil((end - begin) / period - _SIMULTANEOUS))
+    return begin + period * np.arange(count, dtype=np.float64)

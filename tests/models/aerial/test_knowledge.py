@@ -1,0 +1,55 @@
+"""What a vehicle goes by, and messages that change it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.aerial.knowledge import RADARS, TARGET, TERRAIN, Knowledge
+from models.terrain.height_field import HeightField
+from models.terrain.visibility import Radar
+from sim.signals import Message
+from tests import flight
+
+RADAR = Radar(5000.0, 6000.0, 900.0, 2.0)
+KNOWN = flight.mission(radars=(RADAR,)).knowledge
+
+
+def told(topic: str, payload: Any) -> Message:
+    return Message(0.0, "somebody", topic, payload)
+
+
+def test_a_message_replaces_all_that_was_known_of_its_topic() -> None:
+    other = Radar(1000.0, 1000.0, 500.0, 1.0)
+    higher = HeightField(KNOWN.terrain.z + 5.0, KNOWN.terrain.spacing)
+    now = KNOWN.updated([told(RADARS, (other,)), told(TARGET, (1.0, 2.0, 3.0)), told(TERRAIN, higher)])
+    assert now == Knowledge(higher, (1.0, 2.0, 3.0), (other,))
+    assert now.updated([told(RADARS, ())]).radars == ()
+
+
+def test_a_message_again_or_of_another_topic_tells_nothing_new() -> None:
+    again = told(RADARS, (RADAR,)), told(TARGET, KNOWN.target), told(TERRAIN, KNOWN.terrain), told("weather", 3.0)
+    assert KNOWN.updated(again) is KNOWN
+    assert not any(KNOWN.complaint(message) for message in again)
+
+
+@pytest.mark.parametrize(
+    ("topic", "payload", "complaint"),
+    [
+        (RADARS, RADAR, "allowed: a tuple of Radar"),
+        (RADARS, (RADAR, "another"), "allowed: a tuple of Radar"),
+        (RADARS, (Radar(-5.0, 0.0, 900.0, 2.0),), "off the map"),
+        (TARGET, (1.0, np.nan, 3.0), "finite"),
+        (TARGET, (-1.0, 2.0, 3.0), "on the map"),
+        (TARGET, (1.0, 2.0), "three"),
+        (TARGET, "there", "three"),
+        (TERRAIN, KNOWN.terrain.z, "another extent"),
+        (TERRAIN, HeightField(np.zeros((3, 3)), 1.0), "another extent"),
+    ],
+)
+def test_what_cannot_be_is_left_out_and_says_why(topic: str, payload: Any, complaint: str) -> None:
+    message = told(topic, payload)
+    assert complaint in KNOWN.complaint(message)
+    assert KNOWN.updated([message]) is KNOWN

@@ -29,6 +29,7 @@ def computed(setup: Setup, function: Callable[[Argument], Result], arguments: Se
             _tell(setup, total, len(results))
             results.append(function(argument))
         return results
+    _tell(setup, total, 0)
     context = multiprocessing.get_context("spawn")  # a fork would copy the threads of the libraries half
     with ProcessPoolExecutor(min(setup.workers, total), context, _end_with_parent) as pool:
         futures = [pool.submit(function, argument) for argument in arguments]

@@ -68,10 +68,11 @@ def test_a_notice_lasts_two_seconds_at_most_and_ends_with_its_shot(run: RunData)
 
 
 def test_the_way_around_a_radar_gets_more_than_a_third_of_the_tour(run: RunData) -> None:
-    radar = run.mission.radars[0].radar
+    track = run.mission.radars[0]
+    radar = track.radar
     passed = run.t[np.argmin(np.hypot(run.x[:, 0] - radar.x, run.x[:, 1] - radar.y))]
     frames = storyboard(run)
-    assert sum(radar.time <= frame.t <= passed for frame in frames) > len(frames) / 3
+    assert sum(track.time <= frame.t <= passed for frame in frames) > len(frames) / 3
 
 
 def test_unknown_camera_and_frame_rate_are_refused(run: RunData) -> None:

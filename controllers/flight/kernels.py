@@ -139,7 +139,7 @@ def objective(
         _position(p, start, unknowns, base[looked], weights[looked], 0.0)
         off = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian) - packed[WANTED]
         cost += 0.5 * packed[WANTED_WEIGHT] * off * off
-    elif packed[PSI] > 0.0:
+    if packed[PSI] > 0.0:
         gradient, hessian = np.empty(3), np.empty((3, 3))
         _position(p, start, unknowns, base[looked], weights[looked], 0.0)
         here = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian)
@@ -321,7 +321,8 @@ def linearise(
         lower[size + row] = scale * (height + packed[FLOOR] - p[2])
         upper[size + row] = infinity
         row += 1
-    # Terminal cost and the target approaching controls of Definition A.1, soft; or the length to go that is wanted.
+    # The length to go that is wanted; terminal cost and the target approaching controls of Definition A.1, soft.
+    clipped = False
     upper[size + row], lower[size + row] = infinity, -infinity
     if packed[WANTED_WEIGHT] > 0.0:
         weight, end = packed[WANTED_WEIGHT], weights[looked]
@@ -334,7 +335,7 @@ def linearise(
                     for b in range(3):
                         hessian[3 * j + a, 3 * m + b] += weight * end[j] * slope[a] * end[m] * slope[b]
         clipped = _add_curvature(hessian, lost, end, weight * off, bend)
-    elif packed[PSI] > 0.0:
+    if packed[PSI] > 0.0:
         psi, end = packed[PSI], weights[looked]
         beyond, bend_beyond = np.empty(3), np.empty((3, 3))
         _position(p, start, unknowns, base[looked], weights[looked], 0.0)
@@ -350,7 +351,7 @@ def linearise(
                 rows[row, 3 * j + a] = scale * unit * (weights[looked + 1, j] * beyond[a] - end[j] * slope[a])
         upper[size + row] = -scale * far
         pressed = packed[APPROACH_WEIGHT] * max(far, 0.0) * unit
-        clipped = _add_curvature(hessian, lost, end, psi - pressed, bend)
+        clipped = _add_curvature(hessian, lost, end, psi - pressed, bend) or clipped
         if pressed > 0.0:
             clipped = _add_curvature(hessian, lost, weights[looked + 1], pressed, bend_beyond) or clipped
     row += 1

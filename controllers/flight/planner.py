@@ -11,14 +11,14 @@ import dataclasses
 import math
 import time
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 from controllers.flight.certificate import Certificate, pass_time, remainder
 from controllers.flight.completion import ArcList, complete
 from controllers.flight.cost_to_go import FactoredCost
-from controllers.flight.problem import Landscape, Parameters, Problem, Solution, proportional
+from controllers.flight.problem import Landscape, Parameters, Problem, Solution, Wanted, proportional
 from models.aerial.dynamics import state_at
 from models.aerial.knowledge import Knowledge
 from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
@@ -26,7 +26,10 @@ from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
 _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
 _COMMIT_TRIES = 3
 _SAME_TIME = 1e-9  # [s]
+_ON_TIME = 0.1  # [s] that a plan may be off (A.13)
 ARRIVAL = "arrival time"  # the topic of messages that ask for one
+
+Incorporation = Literal["schedule", "constraint", "penalty"]
 
 
 class Solver(Protocol):
@@ -42,8 +45,13 @@ class RecedingHorizon:
 
     ``cost_to_go(knowledge)`` builds the terminal cost; it is built anew when a message changes what is known
     (``models.aerial.knowledge``). A message with the topic "arrival time" and a time t_a [s] as payload asks for an
-    arrival at t_a: with tau = t_a - t_1 left, Psi(p_N) = Psi(p_1) (1 - T_p / tau), in the place of Psi as a cost and of
-    S_eps; within reach of the horizon, an exact arrival at t_a.
+    arrival at t_a, by ``incorporation`` (A.8.3). With L = Psi / psi the length to go and tau = t_a - t_1 what is left:
+
+        schedule     L(p_N) = L(p_1) (1 - T_p / tau), in the place of Psi as a cost and of S_eps;
+        constraint   (A.13), T_p + L(p_N) / v_max = tau, likewise, and a plan that is off it is a failure;
+        penalty      ``arrival_weight`` (T_p + L(p_N) / v_max - tau)^2 beside Psi.
+
+    Within reach of the horizon each is an exact arrival at t_a.
     """
 
     def __init__(
@@ -54,8 +62,12 @@ class RecedingHorizon:
         cost_to_go: Callable[[Knowledge], FactoredCost],
         knowledge: Knowledge,
         period: float,
+        incorporation: Incorporation = "schedule",
+        arrival_weight: float = math.nan,
     ) -> None:
         self.period = period
+        self._incorporation: Incorporation = incorporation
+        self._arrival_weight = arrival_weight
         self._parameters, self._certificate, self._solver = parameters, certificate, solver
         self._cost_to_go, self._knowledge = cost_to_go, knowledge
         self._landscape = Landscape.build(certificate.terrain, cost_to_go(knowledge))
@@ -84,6 +96,8 @@ class RecedingHorizon:
         solution, solve_ms = self._solved(problem, current, request.t_start, spent)
         if isinstance(solution, str):
             return Plan.failure(Status.SOLVER_FAILED, "; ".join(filter(None, (reason, solution))), solve_ms=solve_ms)
+        if self._incorporation == "constraint" and abs(off := self._off(problem, solution)) > _ON_TIME:
+            return Plan.failure(Status.INFEASIBLE, f"(A.13) is off by {off:.2f} s", solve_ms=solve_ms)
         return self._assembled(problem, solution, request.t_start, solve_ms)
 
     @property
@@ -122,13 +136,26 @@ class RecedingHorizon:
             if message.topic == ARRIVAL and isinstance(message.payload, float) and math.isfinite(message.payload):
                 self._arrival = message.payload
 
-    def _wanted(self, start: Array, t_start: float) -> float | None:
-        """[m] of Psi's length to go that is wanted at p_N; None where no arrival time is asked for."""
+    def _wanted(self, start: Array, t_start: float) -> Wanted | None:
+        """How far to go the plan should have at p_N; None where no arrival time is asked for."""
         if self._arrival is None:
             return None
-        left = max(self._arrival - t_start, self._parameters.horizon)
-        here = float(self._landscape.cost(start[:3])[0])
-        return here * (1.0 - self._parameters.horizon / left)
+        horizon, v_max = self._parameters.horizon, self._certificate.speed_max
+        left = max(self._arrival - t_start, horizon)
+        if self._incorporation == "schedule":
+            return Wanted(float(self._landscape.cost(start[:3])[0]) * (1.0 - horizon / left))
+        by_speed = v_max * (left - horizon)
+        if self._incorporation == "constraint":
+            return Wanted(by_speed)
+        return Wanted(by_speed, 2.0 * self._arrival_weight / v_max**2, instead=False)
+
+    def _off(self, problem: Problem, solution: Solution) -> float:
+        """[s] by which a plan misses what (A.13) asks for; 0 where nothing is."""
+        if problem.wanted is None:
+            return 0.0
+        s = problem.stencil
+        end = problem.start[:3] + s.base[-2] * problem.start[3:] + s.weights[-2] @ solution.accelerations
+        return (float(self._landscape.cost(end)[0]) - problem.wanted.length) / self._certificate.speed_max
 
     def _within_reach(self, duration: float) -> bool:
         """Whether an arrival in ``duration`` [s] fits the horizon, lengthened by its first arc at most."""

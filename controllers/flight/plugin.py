@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
 from controllers.flight.certificate import Certificate, TrackingBound
 from controllers.flight.checks import check_fields
 from controllers.flight.cost_to_go import FactoredCost, factored_cost
-from controllers.flight.planner import RecedingHorizon, Solver
+from controllers.flight.planner import Incorporation, RecedingHorizon, Solver
 from controllers.flight.problem import Parameters, proportional
 from controllers.flight.sqp import GaussNewton
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
@@ -51,10 +51,17 @@ class FlightConfig:
     """its layers"""
     bandwidth: float = 0.8
     """of the tracker [rad/s]"""
+    incorporation: Incorporation = "schedule"
+    """how a time of arrival that is asked for enters: as a schedule, as the constraint (A.13), or as its penalty"""
+    arrival_weight: float = 1000.0
+    """of that penalty, for a squared second [m^2/s^5]"""
 
     def __post_init__(self) -> None:
         check_fields(self, 2, ("horizon", "beta", "bandwidth", "tolerance"))
         check(self.margin, "margin", 0.0)
+        if self.incorporation not in get_args(Incorporation):
+            raise ValueError(f"incorporation = {self.incorporation!r}; allowed: {', '.join(get_args(Incorporation))}")
+        check(self.arrival_weight, "arrival_weight", 0.0, open_low=True)
         if self.backend not in ("condensed", "ipopt", "fatrop"):
             raise ValueError(f"backend = {self.backend!r}; allowed: condensed, ipopt, fatrop")
         widest = _UNEQUAL ** (1.0 / max(1, self.nodes - 2))
@@ -118,7 +125,10 @@ def planner(config: FlightConfig, mission: FlightMission, bound: TrackingBound) 
         return _cost_to_go(knowledge, config.grid_nodes, config.grid_layers)
 
     period = config.replan_period(mission.control_period)
-    return RecedingHorizon(parameters, certificate, solver(config), cost_to_go, mission.knowledge, period)
+    return RecedingHorizon(
+        parameters, certificate, solver(config), cost_to_go, mission.knowledge, period,
+        config.incorporation, config.arrival_weight,
+    )  # fmt: skip
 
 
 def solver(config: FlightConfig) -> Solver:

@@ -17,8 +17,8 @@ and the manoeuvre, one arc of duration M = N_bar h_1, N_bar = ceil(v_max / (h_1 
 H is the cubic spline of the terrain. The bounds are Euclidean, unlike the print's L-infinity boxes, because Psi is:
 in a box the best speed is its corner's. Sum h_i beta is constant on a given grid and left out. Near the target the
 terminal cost gives way to ``hold``: p_N = p_f, with fewer arcs, so that the vehicle arrives exactly. A vehicle that is
-to arrive at a given time is told how far to go it should have at p_N, L: Psi and the row of S_eps give way to
-kappa_L / 2 (Psi(p_N) / psi - L)^2, psi being the cost of a metre.
+to arrive at a given time is told how far to go it should have at p_N, L, by the term kappa_L / 2 (Psi(p_N) / psi -
+L)^2, psi being the cost of a metre: in the place of Psi and the row of S_eps, or, as a mere penalty, beside them.
 
 The print's grid is uniform; there, 4 points an arc are looked at. A stretched one, h_{i+1} = r h_i, looks further ahead
 with as many unknowns: fine over what is flown before the next plan, coarse over what will be planned again. Its long
@@ -154,6 +154,15 @@ class Landscape:
         return Landscape(terrain, spline.coefficients(terrain.z), cost)
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """How far to go a plan should have at p_N, by kappa_L / 2 (Psi(p_N) / psi - L)^2."""
+
+    length: float  # [m] L
+    weight: float = _WANTED_WEIGHT  # kappa_L [1/m^2 * cost]
+    instead: bool = True  # of Psi and the row of S_eps, not beside them
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """One instance: from this state, with or without an exact arrival."""
@@ -162,7 +171,7 @@ class Problem:
     landscape: Landscape
     start: Array  # (6,) p_1 [m], v_1 [m/s]
     hold: Array | None = None  # (3,) [m]: p_N must be here
-    wanted: float | None = None  # [m] that Psi's length to go should be at p_N, in the place of Psi
+    wanted: Wanted | None = None
 
     @property
     def arcs(self) -> int:
@@ -189,7 +198,9 @@ class Problem:
         out[kernels.TERRAIN_WEIGHT], out[kernels.APPROACH_WEIGHT] = self.terrain_weight, _APPROACH_WEIGHT
         out[kernels.CLIMB_WEIGHT], out[kernels.SPACING] = _CLIMB_WEIGHT, self.landscape.terrain.spacing
         if self.wanted is not None and self.hold is None:
-            out[kernels.WANTED], out[kernels.WANTED_WEIGHT] = self.wanted, _WANTED_WEIGHT
+            out[kernels.WANTED], out[kernels.WANTED_WEIGHT] = self.wanted.length, self.wanted.weight
+            if self.wanted.instead:
+                out[kernels.PSI] = 0.0
         return out
 
     @property

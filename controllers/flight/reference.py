@@ -207,9 +207,8 @@ def _programme(shape: _Shape) -> _Programme:
     if not shape.hold:
         togo = length_to_go(ca.horzcat(p_end, p_end + beyond * v_end))
         here, there = ca.horzsplit(psi * togo)
-        timed = packed[kernels.WANTED_WEIGHT] > 0
         off = togo[0] - packed[kernels.WANTED]
-        cost += ca.if_else(timed, packed[kernels.WANTED_WEIGHT] / 2 * off**2, here)
+        cost += packed[kernels.WANTED_WEIGHT] / 2 * off**2 + here
 
     # Soft constraints, of the form "at most the slack".
     arc = np.repeat(np.arange(n), shape.points).tolist()  # of each point
@@ -219,7 +218,7 @@ def _programme(shape: _Shape) -> _Programme:
     t = duration * ca.DM(range(1, POINTS_ON_MANOEUVRE + 1)).T / POINTS_ON_MANOEUVRE
     manoeuvre = ca.repmat(p_end, 1, POINTS_ON_MANOEUVRE) + v_end @ t + braking @ (t**2 / 2)
     low_manoeuvre = lowness(manoeuvre).T
-    far = ca.MX(0, 1) if shape.hold else ca.if_else(timed, -1, (there - here) / (beyond * beta) + 1 + epsilon)
+    far = ca.MX(0, 1) if shape.hold else ca.if_else(psi > 0, (there - here) / (beyond * beta) + 1 + epsilon, -1)
     relaxed = [ca.vertcat(stage[: _STATE + _INPUT], ca.fmax(of, 0)) for stage, of in zip(stages, low, strict=True)]
     relaxed += [p_end, v_end, w, ca.fmax(low_manoeuvre, 0), ca.fmax(far, 0)]
 

@@ -18,7 +18,7 @@ from controllers.arrival.outlier import is_outlier
 from controllers.flight.certificate import Certificate
 from controllers.flight.planner import RecedingHorizon
 from controllers.flight.plugin import FlightConfig, SafeFlight
-from controllers.flight.problem import Problem
+from controllers.flight.problem import Problem, Wanted
 from controllers.flight.sqp import GaussNewton
 from controllers.flight.tracker import tracking_bound
 from models.aerial.dynamics import state_at
@@ -99,7 +99,7 @@ def _complied(
     first = free.accelerations[0]
     following = np.concatenate([x[:3] + h * x[3:] + 0.5 * h * h * first, x[3:] + h * first])
     wanted = speed * (agreed - h - horizon)
-    problem = replace(Problem(parameters, landscape, following), wanted=wanted)
+    problem = replace(Problem(parameters, landscape, following), wanted=Wanted(wanted))
     found = GaussNewton(iteration_limit=50).solve(problem, free.unknowns)
     done = not isinstance(found, str) and abs(eta(found.accelerations, following) + h - agreed) <= TOLERANCE
     return Step(share, deviation > 0.0, done, is_outlier(agreed, own, h))

@@ -15,11 +15,11 @@ from sim.studies.study import VEHICLE
 from sim.sweep.trial import Trial, trial
 
 RADIUS, WEIGHT = 8000.0, 10.0  # [m, -] of the radars
-ASIDE = 12_000.0  # [m] of a radar that drives into the way, and of the target's own way
+ASIDE = 12_000.0, 0.2  # [m, of the map's side] at most: from where a radar drives into the way, the target's own way
 HILL_RADIUS, ABOVE = 5000.0, 300.0  # [m] of the hills, and of their tops above the path
 MEASURE = "sim.studies.updates:announced"
 _WAY, _TOLD, _HILL = 0.6, 0.3, 0.55  # of the time of flight: where the radars are, when they appear, where the hill is
-_INSIDE = 5000.0  # [m] that the target stays from the border
+_INSIDE = 0.06  # of the map's side that the target stays from the border
 
 
 def hill_name(notice: float) -> str:
@@ -79,10 +79,15 @@ def varied_mission(asked: Asked) -> dict[str, Trial]:
     }
 
 
+def _aside(ground: HeightField) -> float:
+    """[m] `ASIDE` on this map."""
+    return min(ASIDE[0], ASIDE[1] * min(ground.width, ground.depth))
+
+
 def _radars(flown: Flown, ground: HeightField) -> dict[str, dict[str, Any]]:
     """One that appears in the way, one that drives into it, and one that vanishes before it is reached."""
     way, told = flown.at(_WAY)[:2], _TOLD * flown.duration
-    aside = ASIDE * flown.across
+    aside = _aside(ground) * flown.across
     if not ground.contains(*(way + aside)):
         aside = -aside
     begin = np.clip(way + aside, 0.0, [ground.width, ground.depth])
@@ -101,10 +106,10 @@ def _radars(flown: Flown, ground: HeightField) -> dict[str, dict[str, Any]]:
 def _path(flown: Flown, ground: HeightField) -> tuple[tuple[float, ...], ...]:
     """The target moves to the side, or, at the border, towards the middle of the map."""
     here, size = flown.target[:2], np.array([ground.width, ground.depth])
-    there = here + ASIDE * flown.across
-    if np.any(there < _INSIDE) or np.any(there > size - _INSIDE):
+    there, inside = here + _aside(ground) * flown.across, _INSIDE * float(size.min())
+    if np.any(there < inside) or np.any(there > size - inside):
         inwards = 0.5 * size - here
-        there = here + ASIDE * inwards / float(np.linalg.norm(inwards))
+        there = here + _aside(ground) * inwards / float(np.linalg.norm(inwards))
     height = float(flown.target[2])
     return ((0.4 * flown.duration, *here.tolist(), height), (0.7 * flown.duration, *there.tolist(), height))
 

@@ -11,7 +11,7 @@ import pytest
 
 from controllers.flight import kernels, reference, sqp
 from controllers.flight.cost_to_go import factored_cost
-from controllers.flight.problem import Landscape, Parameters, Problem, Solution, proportional
+from controllers.flight.problem import Landscape, Parameters, Problem, Solution, Wanted, proportional
 from controllers.flight.reference import Reference
 from controllers.flight.sqp import GaussNewton
 from models.terrain.height_field import HeightField
@@ -76,9 +76,9 @@ def held(landscape: Landscape, lengths: tuple[float, ...], distance: float) -> P
     return Problem(parameters, landscape, start, hold=target)
 
 
-def timed(problem: Problem, share: float) -> Problem:
-    """With a length to go at p_N that is this share of that at the start."""
-    return replace(problem, wanted=share * float(problem.landscape.cost(problem.start[:3])[0]))
+def timed(problem: Problem, share: float, **penalty: Any) -> Problem:
+    """With a length to go at p_N that is this share of that at the start; ``penalty`` makes it one."""
+    return replace(problem, wanted=Wanted(share * float(problem.landscape.cost(problem.start[:3])[0]), **penalty))
 
 
 def some_problems(landscape: Landscape) -> list[Problem]:
@@ -97,6 +97,7 @@ def some_problems(landscape: Landscape) -> list[Problem]:
         held(landscape, stretched(6, 10.0, 1.25), 2_200.0),
         timed(problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, uniform(8)), 0.85),
         timed(problem_at(landscape, 9_000.0, 8_000.0, 300.0, towards, uniform(8)), 0.95),
+        timed(problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, uniform(8)), 0.85, weight=0.02, instead=False),
     ]
 
 
@@ -206,7 +207,8 @@ def test_a_length_to_go_that_is_wanted_is_had_where_it_can_be(landscape: Landsca
     solution = solved(GaussNewton().solve(problem, np.zeros(37)))
     s = problem.stencil
     end = problem.start[:3] + s.base[-2] * problem.start[3:] + s.weights[-2] @ solution.accelerations
-    assert float(landscape.cost(end)[0]) == pytest.approx(problem.wanted, abs=5.0)
+    assert problem.wanted is not None
+    assert float(landscape.cost(end)[0]) == pytest.approx(problem.wanted.length, abs=5.0)
 
 
 def test_a_warm_start_from_the_solution_finds_it_again(landscape: Landscape) -> None:

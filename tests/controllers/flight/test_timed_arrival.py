@@ -22,6 +22,7 @@ from tests import flight
 
 MISSION = flight.mission()
 H = 5.0 / 3.0  # [s]
+SCHEDULE = FlightConfig()
 NATURAL = 64.8  # [s] the arrival that nobody asks to be another
 
 
@@ -36,9 +37,11 @@ class FailsFrom:
         return plan if request.t < self._t else Plan.failure(Status.SOLVER_FAILED)
 
 
-def arrival(asked: Callable[[float], float | None], fails_from: float = math.inf) -> tuple[float, list[Plan]]:
+def arrival(
+    asked: Callable[[float], float | None], fails_from: float = math.inf, config: FlightConfig = SCHEDULE
+) -> tuple[float, list[Plan]]:
     """When a vehicle on its plans arrives [s], which is asked for ``asked(t)`` from the second request on."""
-    raw, tracker = SafeFlight.build(FlightConfig(), MISSION)
+    raw, tracker = SafeFlight.build(config, MISSION)
     certificate = Certificate.of(MISSION, tracker.bound)
     planner = Certified(
         FailsFrom(raw, fails_from), partial(Retreat, period=raw.period), certificate, tracker.bound, 4.0
@@ -69,6 +72,30 @@ def test_it_arrives_when_it_is_asked_to(asked: float) -> None:
     found, plans = arrival(lambda t: asked)
     assert abs(found - asked) < 0.5 * H
     assert all(plan.ok for plan in plans)
+
+
+@pytest.mark.parametrize("asked", [48.0, 60.0])
+def test_by_a_13_as_a_constraint_it_arrives_as_soon_as_it_is_asked_to(asked: float) -> None:
+    found, plans = arrival(lambda t: asked, config=FlightConfig(incorporation="constraint"))
+    assert abs(found - asked) < 0.5 * H
+    assert all(plan.ok for plan in plans)
+
+
+def test_a_13_as_a_constraint_cannot_be_kept_where_it_is_asked_to_wait() -> None:
+    """It has the vehicle as far away as if it flew on at v_max, so it would have to fly backwards."""
+    _, plans = arrival(lambda t: 120.0, config=FlightConfig(incorporation="constraint"))
+    failed = [plan for plan in plans if not plan.ok]
+    assert len(failed) > len(plans) / 2
+    assert all(plan.status is Status.INFEASIBLE and "(A.13) is off by" in plan.message for plan in failed)
+
+
+def test_the_larger_its_weight_the_nearer_to_its_time_a_penalty_brings_it() -> None:
+    off = [
+        abs(arrival(lambda t: 48.0, config=FlightConfig(incorporation="penalty", arrival_weight=weight))[0] - 48.0)
+        for weight in (10.0, 100.0, 1e4)
+    ]
+    assert off[0] > off[1] > off[2]
+    assert off[2] < 0.5 * H
 
 
 @pytest.mark.parametrize("change", [-5.0, 10.0])

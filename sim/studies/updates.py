@@ -32,7 +32,7 @@ from sim.store import Record
 from sim.studies.drawing import RADAR, paths_on_map
 from sim.studies.parallel import computed
 from sim.studies.study import Findings, Setup, check_counts, ends, median, track
-from sim.studies.updates_runs import RADIUS, WEIGHT, Asked, hill_name, varied_mission
+from sim.studies.updates_runs import RADIUS, WEIGHT, Asked, hill_name, side_of, varied_mission
 
 Booleans = NDArray[np.bool_]
 
@@ -93,7 +93,7 @@ class Updates:
             claims=_claims(of, notices),
             tracks=[track(name, shown[name], colour) for name, colour in COLOURS.items()],
             places=ends(shown["as it was"]),
-            radars=[(radar[0], radar[1], float(setup.ground.height(radar[0], radar[1])), RADIUS)],
+            radars=[(radar[0], radar[1], float(setup.ground.height(radar[0], radar[1])), radar[2])],
         )  # fmt: skip
 
 
@@ -114,7 +114,7 @@ def _build_ms(setup: Setup) -> float:
     spent = []
     for k in range(_REPETITIONS):
         target = np.array([*(middle + 10.0 * k), float(ground.height(*(middle + 10.0 * k))) + 300.0])
-        radar = Radar(float(0.5 * middle[0]), float(0.5 * middle[1]), RADIUS, WEIGHT)
+        radar = Radar(float(0.5 * middle[0]), float(0.5 * middle[1]), RADIUS * side_of(ground), WEIGHT)
         began = time.thread_time()
         factored_cost(ground, target, (radar,), flight.grid_nodes, flight.grid_layers)
         spent.append(time.thread_time() - began)
@@ -206,7 +206,7 @@ def _figure(
         paths_on_map(left, setup.ground, flights, "(a) one mission, changed on the way")
         radar = shown["radar appears"].config["mission"]["radars"][0]
         centre = (radar["x"] / 1e3, radar["y"] / 1e3)
-        left.add_patch(Circle(centre, RADIUS / 1e3, facecolor=RADAR, alpha=0.2, edgecolor=RADAR))
+        left.add_patch(Circle(centre, radar["radius"] / 1e3, facecolor=RADAR, alpha=0.2, edgecolor=RADAR))
         moved = shown["target moves"].config["mission"]["target_path"][-1]
         left.plot(moved[1] / 1e3, moved[2] / 1e3, "s", ms=6, mfc="#ffd90d", mec="#101824", zorder=4)
         _draw_exposure(middle, of)

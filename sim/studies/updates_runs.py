@@ -14,9 +14,9 @@ from sim.signals import Array
 from sim.studies.study import VEHICLE
 from sim.sweep.trial import Trial, trial
 
-RADIUS, WEIGHT = 8000.0, 10.0  # [m, -] of the radars
-ASIDE = 12_000.0, 0.2  # [m, of the map's side] at most: from where a radar drives into the way, the target's own way
-HILL_RADIUS, ABOVE = 5000.0, 300.0  # [m] of the hills, and of their tops above the path
+WEIGHT = 10.0  # of the radars
+RADIUS, ASIDE = 0.1, 0.15  # of the map's side: of the radars, from where one drives into the way, the target's own way
+HILL_RADIUS, ABOVE = 0.06, 300.0  # of the map's side, and [m] of the hills' tops above the path
 MEASURE = "sim.studies.updates:announced"
 _WAY, _TOLD, _HILL = 0.6, 0.3, 0.55  # of the time of flight: where the radars are, when they appear, where the hill is
 _INSIDE = 0.06  # of the map's side that the target stays from the border
@@ -79,21 +79,21 @@ def varied_mission(asked: Asked) -> dict[str, Trial]:
     }
 
 
-def _aside(ground: HeightField) -> float:
-    """[m] `ASIDE` on this map."""
-    return min(ASIDE[0], ASIDE[1] * min(ground.width, ground.depth))
+def side_of(ground: HeightField) -> float:
+    """[m] the shorter one."""
+    return min(ground.width, ground.depth)
 
 
 def _radars(flown: Flown, ground: HeightField) -> dict[str, dict[str, Any]]:
     """One that appears in the way, one that drives into it, and one that vanishes before it is reached."""
     way, told = flown.at(_WAY)[:2], _TOLD * flown.duration
-    aside = _aside(ground) * flown.across
+    radius, aside = RADIUS * side_of(ground), ASIDE * side_of(ground) * flown.across
     if not ground.contains(*(way + aside)):
         aside = -aside
     begin = np.clip(way + aside, 0.0, [ground.width, ground.depth])
     velocity = (way - begin) / (_WAY * flown.duration)
-    appears = {"radar": ((*way.tolist(), RADIUS, WEIGHT),), "radar_time": told}
-    drives = {"radar": ((*begin.tolist(), RADIUS, WEIGHT),), "radar_velocity": tuple(velocity.tolist())}
+    appears = {"radar": ((*way.tolist(), radius, WEIGHT),), "radar_time": told}
+    drives = {"radar": ((*begin.tolist(), radius, WEIGHT),), "radar_velocity": tuple(velocity.tolist())}
     return {
         "radar appears": appears,
         "radar appears, not told": {**appears, "radar_known": False},
@@ -106,10 +106,10 @@ def _radars(flown: Flown, ground: HeightField) -> dict[str, dict[str, Any]]:
 def _path(flown: Flown, ground: HeightField) -> tuple[tuple[float, ...], ...]:
     """The target moves to the side, or, at the border, towards the middle of the map."""
     here, size = flown.target[:2], np.array([ground.width, ground.depth])
-    there, inside = here + _aside(ground) * flown.across, _INSIDE * float(size.min())
+    there, inside = here + ASIDE * side_of(ground) * flown.across, _INSIDE * side_of(ground)
     if np.any(there < inside) or np.any(there > size - inside):
         inwards = 0.5 * size - here
-        there = here + _aside(ground) * inwards / float(np.linalg.norm(inwards))
+        there = here + ASIDE * side_of(ground) * inwards / float(np.linalg.norm(inwards))
     height = float(flown.target[2])
     return ((0.4 * flown.duration, *here.tolist(), height), (0.7 * flown.duration, *there.tolist(), height))
 
@@ -118,7 +118,7 @@ def _hills(flown: Flown, ground: HeightField, notices: Sequence[float]) -> dict[
     """A hill through which the path would lead."""
     top = flown.at(_HILL)
     height = float(top[2] - ground.height(*top[:2])) + ABOVE
-    hill = (float(top[0]), float(top[1]), HILL_RADIUS, height)
+    hill = (float(top[0]), float(top[1]), HILL_RADIUS * side_of(ground), height)
     higher = with_hills(ground, (Hill(*hill),))
     hit = float(flown.t[np.argmax(flown.x[:, 2] < higher.height(flown.x[:, 0], flown.x[:, 1]))])
     return {hill_name(notice): {"uncharted": (hill,), "uncharted_time": max(hit - notice, 0.0)} for notice in notices}

@@ -126,7 +126,21 @@ TIMED = {
     "range-convergence",
     "mechanisms",
 }  # which measure times
-COMPUTED = {"sphere", "curvature-sign", "contraction", "observability", "consensus"}  # which fly little or nothing
+COMPUTED = {  # which fly little, nothing, or by themselves
+    "updates",
+    "sphere",
+    "curvature-sign",
+    "contraction",
+    "observability",
+    "consensus",
+}
+    "updates",
+    "sphere",
+    "curvature-sign",
+    "contraction",
+    "observability",
+    "consensus",
+}  # which fly little or nothing
 UNMEASURED = {"noise", "ocp-problems", "arrival"}  # over these hills no mission may arrive; not all are solved
 PRINTED = ("A.", "B.", "C.", "D.", "I.")  # the thesis' papers and its Introduction
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))

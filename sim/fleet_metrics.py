@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from models.aerial.mission import FlightMission
+from models.terrain.visibility import RadarTrack
 from sim.log import Recording
-from sim.metrics import FAILURES, REJECTIONS, flown_clearance, solve_times
+from sim.metrics import FAILURES, REJECTIONS, exposure, flown_clearance, solve_times
 from sim.signals import Array
 
 
@@ -65,6 +66,7 @@ def _least_of_segments(off: Array) -> float:
 def fleet_summary(
     recording: Recording,
     missions: Mapping[str, FlightMission],
+    radars: Sequence[RadarTrack],
     deadline: float,
     zone: float,
     seed: int,
@@ -93,13 +95,17 @@ def fleet_summary(
         "nearest_pair": " and ".join(pair),
         "min_clearance_m": clearance,
         "ground_contacts": kinds["ground-contact"],
+        "radar_exposure_s": sum(
+            exposure(recording.t, recording.truths[name], mission, radars) for name, mission in missions.items()
+        ),
         "replans": sum(agent.requests for agent in agents),
         "plans_adopted": sum(len(agent.plans) for agent in agents),
         "plans_rejected": sum(kinds[kind] for kind in REJECTIONS),
         "plans_not_admitted": kinds["not-admitted"],
         "proposals_refused": kinds["separation-refused"],
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
-        "guarantee_lost": kinds["guarantee-lost"] + kinds["deadline-lost"],
+        "guarantee_lost": kinds["guarantee-lost"] + kinds["deadline-lost"] + kinds["separation-unguaranteed"],
+        "outliers": kinds["outlier"],
         **solve_times([ms for agent in agents for ms in agent.solve_ms]),
         "real_time_factor": float(recording.t[-1]) / wall_seconds,
         "seed": seed,

@@ -200,6 +200,11 @@ class Consensus(Protocol):
         ...
 
     @property
+    def outlier(self) -> bool:
+        """Whether the vehicle only follows: its own number takes no part now."""
+        ...
+
+    @property
     def refused(self) -> Mapping[str, int]:
         """How many messages were not used, by why: "garbage", "stranger", "repeated", "from the future", ..."""
         ...
@@ -260,7 +265,7 @@ class EstimatorPlugin(Protocol):
 class ConsensusPlugin(Protocol):
     """An entry point of ``mathnavi.consensus``."""
 
-    Config: ClassVar[type[Any]]  # a frozen dataclass; its fields become --consensus.FIELD
+    Config: ClassVar[type[Any]]  # a frozen dataclass; its fields are given by --consensus-with FIELD=VALUE
     within_starts: ClassVar[bool]  # whether what is agreed stays between the least and the largest start
 
     @staticmethod

@@ -128,6 +128,11 @@ class ClockConsensus:
         return self._rate
 
     @property
+    def outlier(self) -> bool:
+        """Every clock takes part."""
+        return False
+
+    @property
     def refused(self) -> Mapping[str, int]:
         return self._inbox.refused + self._unusable
 

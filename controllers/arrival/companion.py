@@ -49,6 +49,7 @@ class FleetCompanion:
         self._proposed: tuple[int, Plan] | None = None
         self._next_step = -math.inf  # [s] when the consensus is told the vehicle's own time again
         self._told: float | None = None  # [s] of arrival, to the planner
+        self._outlier = False
 
     def talk(self, t: float, received: Sequence[Message]) -> Spoken:
         if self._flown is not None and t >= self._next_step - _SIMULTANEOUS:
@@ -57,9 +58,9 @@ class FleetCompanion:
         messages = self._separation.talk(t, [message for message in received if message.topic == TOPIC])
         told = self._consensus.talk(t, [message for message in received if message.topic == AGREEMENT])
         messages += [(name, Message(t, self._separation.name, AGREEMENT, told)) for name in self._neighbours]
-        happened = tuple((event.kind, event.message) for event in self._separation.events)
+        happened = [(event.kind, event.message) for event in self._separation.events]
         self._separation.events.clear()
-        return Spoken(tuple(messages), self._briefing(t), happened)
+        return Spoken(tuple(messages), self._briefing(t), (*happened, *self._taking_part()))
 
     def propose(self, t: float, plan: Plan) -> None:
         self._proposed = self._separation.propose(plan), plan
@@ -80,6 +81,16 @@ class FleetCompanion:
         if self._proposed is not None and self._proposed[1] is plan and self._separation.admitted(self._proposed[0]):
             self._separation.adopt(t)
         self._flown = plan
+
+    def _taking_part(self) -> tuple[tuple[str, str], ...]:
+        """What to record where the vehicle becomes an outlier, or takes part again."""
+        outlier = self._consensus.outlier and self._flown is not None
+        if outlier == self._outlier:
+            return ()
+        self._outlier = outlier
+        return (
+            ("outlier", "it follows what the others agree on") if outlier else ("outlier-returns", "it takes part"),
+        )
 
     def _briefing(self, t: float) -> tuple[Message, ...]:
         agreed = self._consensus.value

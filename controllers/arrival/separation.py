@@ -73,7 +73,8 @@ class Separation:
     """The protocol of one vehicle. It keeps no time and sends nothing by itself: ``talk`` is to be called often.
 
     ``events`` are what happened since they were last taken away: ``separation-refused``, ``separation-yielded``,
-    ``separation-late`` (not admitted by its start), ``separation-ignored`` (a message that cannot be).
+    ``separation-late`` (not admitted by its start), ``separation-ignored`` (a message that cannot be) and
+    ``separation-unguaranteed`` (a rebase: the guarantee is lost until the next adoption).
     """
 
     def __init__(
@@ -144,6 +145,8 @@ class Separation:
         that have adopted a plan since they were last rebased: the proof is about adopted plans only.
         """
         self._current = Trajectory.of(plan)
+        if self.guaranteed:
+            self._record(float(self._current.t[0]), "unguaranteed", "it flies a plan that nobody has acknowledged")
         self.guaranteed = False
         self.withdraw()
 

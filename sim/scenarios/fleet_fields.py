@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from models.aerial.dynamics import CONTROL_TICKS, TICK
 from sim.checks import check, check_rate
+from sim.fields import with_fields
 from sim.network import Air, DelayedLinks, LossyLinks, Network, Partition, partitioned
 from sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
+from sim.scenarios.information import ChangeFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
 
@@ -51,8 +54,8 @@ class Radio:
 
 
 @dataclass(frozen=True)
-class SimultaneousArrivalConfig:
-    """Fields of the scenario."""
+class FleetFields:
+    """Who flies from where to where over which ground, within which bounds, and how they agree."""
 
     terrain: str = "tian_shan"
     """name of a terrain, or an .npz file"""
@@ -86,11 +89,10 @@ class SimultaneousArrivalConfig:
     """who talks with whom about the time of arrival; of plans all tell all"""
     consensus: str = "maximum"
     """plug-in by which that is agreed"""
+    consensus_with: tuple[str, ...] = ()
+    """FIELD=VALUE of that plug-in; may be given several times"""
     control_rate: float = 1.0 / (CONTROL_TICKS * TICK)
     """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
-    radio: Radio = field(default_factory=Radio)
-    noise: Noise = field(default_factory=Noise)
-    faults: Faults = field(default_factory=Faults)
 
     def __post_init__(self) -> None:
         if not 2 <= self.vehicles <= _MOST:
@@ -115,10 +117,36 @@ class SimultaneousArrivalConfig:
             raise ValueError(f"graph = {self.graph!r}; allowed: {', '.join(get_args(GraphName))}")
         if self.graph == "ring" and self.vehicles < 3:
             raise ValueError("graph = 'ring' with vehicles = 2; allowed: with 3 at least")
-        if self.faults.position_jump > 0.0:
-            raise ValueError(f"faults.position_jump = {self.faults.position_jump!r}; allowed in a fleet: 0")
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of the vehicles."""
         return tuple(f"vehicle_{k + 1}" for k in range(self.vehicles))
+
+    def consensus_config(self, plugin: Any) -> Any:
+        """The configuration of the consensus; ValueError for a field that it does not have, or a value it refuses."""
+        fields: dict[str, Any] = {}
+        for each in self.consensus_with:
+            name, equals, value = each.partition("=")
+            if not equals:
+                raise ValueError(f"consensus_with = {each!r}; allowed: FIELD=VALUE")
+            try:
+                fields[name] = json.loads(value)
+            except ValueError:
+                fields[name] = value
+        return with_fields(plugin.Config(), fields, "consensus_with")
+
+
+@dataclass(frozen=True)
+class SimultaneousArrivalConfig(ChangeFields, FleetFields):
+    """Fields of the scenario."""
+
+    radio: Radio = field(default_factory=Radio)
+    noise: Noise = field(default_factory=Noise)
+    faults: Faults = field(default_factory=Faults)
+
+    def __post_init__(self) -> None:
+        FleetFields.__post_init__(self)
+        ChangeFields.__post_init__(self)
+        if self.faults.position_jump > 0.0:
+            raise ValueError(f"faults.position_jump = {self.faults.position_jump!r}; allowed in a fleet: 0")

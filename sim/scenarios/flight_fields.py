@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass, field
 
 from models.aerial.dynamics import CONTROL_TICKS, TICK
-from models.terrain.hill import hills_of
 from sim.checks import check, check_rate
 from sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
-from sim.scenarios.information import RadarFields, check_target_path
+from sim.scenarios.information import ChangeFields, check_target_path
 
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 
@@ -60,22 +59,16 @@ class MissionFields:
 
 
 @dataclass(frozen=True)
-class SafeFlightConfig(RadarFields, MissionFields):
+class SafeFlightConfig(ChangeFields, MissionFields):
     """Fields of the scenario."""
 
     target_path: tuple[tuple[float, float, float, float], ...] = ()
     """T X Y Z [s, m, m, m] where the target is at a time, and on its way to evenly, as high above ground as at first or
     higher; may be given several times"""
-    uncharted: tuple[tuple[float, float, float, float], ...] = ()
-    """X Y RADIUS HEIGHT [m] of a hill that the map does not show; may be given several times"""
-    uncharted_time: float = 0.0
-    """when the planner is told of the ground as it is [s]"""
     noise: Noise = field(default_factory=Noise)
     faults: Faults = field(default_factory=Faults)
 
     def __post_init__(self) -> None:
         MissionFields.__post_init__(self)
-        RadarFields.__post_init__(self)
-        check(self.uncharted_time, "uncharted_time", 0.0)
+        ChangeFields.__post_init__(self)
         check_target_path(self.target_path)
-        hills_of(self.uncharted)

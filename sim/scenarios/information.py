@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from models.aerial.knowledge import RADARS, TARGET, TERRAIN
 from models.terrain.height_field import HeightField
-from models.terrain.hill import Hill, hills_of, with_hills
+from models.terrain.hill import hills_of, with_hills
 from models.terrain.visibility import Radar, RadarTrack
 from sim.checks import check
 from sim.scenarios.flight_parts import Point
@@ -21,8 +23,8 @@ _SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True)
-class RadarFields:
-    """Fields of the radars of a scenario."""
+class ChangeFields:
+    """Fields of what changes on the way: radars, and ground that is not on the map."""
 
     radar: tuple[tuple[float, float, float, float], ...] = ()
     """X Y RADIUS WEIGHT [m, m, m, -] of a radar; may be given several times"""
@@ -36,6 +38,10 @@ class RadarFields:
     """whether the planner is told of the radars at all"""
     report_period: float = 5.0
     """between two reports of where a radar or a target that moves is now [s]; each means a new cost-to-go"""
+    uncharted: tuple[tuple[float, float, float, float], ...] = ()
+    """X Y RADIUS HEIGHT [m] of a hill that the map does not show; may be given several times"""
+    uncharted_time: float = 0.0
+    """when the planner is told of the ground as it is [s]"""
 
     def __post_init__(self) -> None:
         check(self.radar_time, "radar_time", 0.0)
@@ -46,6 +52,8 @@ class RadarFields:
             raise ValueError(f"radar_velocity = {self.radar_velocity!r}; allowed: two finite numbers")
         for radar in self.radar:
             Radar(*radar)
+        check(self.uncharted_time, "uncharted_time", 0.0)
+        hills_of(self.uncharted)
 
     def tracks(self, terrain: HeightField) -> tuple[RadarTrack, ...]:
         """The radars over time; ValueError for one that is off the map."""
@@ -61,7 +69,7 @@ class RadarFields:
         return tuple(radar for track in known if (radar := track.at(t, terrain)) is not None)
 
     def radar_messages(self, terrain: HeightField, duration: float) -> list[Message]:
-        """All that the planner is told after the start."""
+        """What the planner is told of radars after the start."""
         if not (self.radar and self.radar_known):
             return []
         end = min(duration, math.inf if self.radar_until is None else self.radar_until)
@@ -71,6 +79,28 @@ class RadarFields:
         return [
             Message(t, "radar warning", RADARS, self.radars_at(t, terrain)) for t in sorted(times) if 0.0 < t < duration
         ]
+
+    def ground(self, charted: HeightField) -> HeightField:
+        """The terrain as it is, with the hills that the map does not show."""
+        return with_hills(charted, hills_of(self.uncharted))
+
+    def messages(self, charted: HeightField, duration: float) -> list[Message]:
+        """All that the planner is told after the start, of radars and of the ground."""
+        survey = [Message(self.uncharted_time, "survey", TERRAIN, self.ground(charted))] if self.uncharted else []
+        return [*self.radar_messages(charted, duration), *survey]
+
+    def recorded(self, terrain: HeightField) -> dict[str, Any]:
+        """What a run's mission holds of them."""
+        return {
+            "radars": [
+                {
+                    **dataclasses.asdict(track.radar), "time": track.time, "velocity": track.velocity,
+                    "until": track.until if math.isfinite(track.until) else None,
+                }
+                for track in self.tracks(terrain)
+            ],
+            "charted_at": self.uncharted_time if self.uncharted else None,
+        }  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -123,15 +153,6 @@ def check_track(track: TargetTrack, period: float, check_place: Callable[[str, P
     """``check_place`` of the target wherever it is reported and wherever it turns."""
     for message in track.messages(period):
         check_place(f"target_path at {message.t:g} s", message.payload)
-
-
-def survey(
-    charted: HeightField, rows: Sequence[tuple[float, float, float, float]], time: float
-) -> tuple[HeightField, list[Message]]:
-    """The ground as it is, with hills that the map does not show, and when that is found out."""
-    hills: tuple[Hill, ...] = hills_of(rows)
-    true = with_hills(charted, hills)
-    return true, [Message(time, "survey", TERRAIN, true)] if hills else []
 
 
 def _reports(begin: float, end: float, period: float) -> Array:

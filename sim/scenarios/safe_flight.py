@@ -24,7 +24,6 @@ from models.aerial.entity import build_model
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, terrain_names
-from models.terrain.visibility import RadarTrack
 from sim.cockpit import Agent
 from sim.faults import Disturbance, Disturbed, Gusts, PositionJumps
 from sim.log import Recording
@@ -45,7 +44,7 @@ from sim.scenarios.flight_parts import (
     mounted,
     wants_certificate,
 )
-from sim.scenarios.information import TargetTrack, check_track, survey
+from sim.scenarios.information import TargetTrack, check_track
 from sim.signals import Array, Plan
 
 VEHICLE = "vehicle"
@@ -78,7 +77,7 @@ class SafeFlight:
         estimator = estimator or Part.of(load("estimators", SafeFlight.estimator))
         draws, sensing, failing, corrupting, delaying, gusting, jumping, losing = np.random.default_rng(seed).spawn(8)
         charted = load_terrain(config.terrain)
-        terrain, surveyed = survey(charted, config.uncharted, config.uncharted_time)
+        terrain = config.ground(charted)
         radars = config.tracks(charted)
         mission = mission_but_ends(config, charted, estimator, config.radars_at(0.0, charted))
         mission, first = _certified_mission(config, mission, controller, draws)
@@ -114,7 +113,7 @@ class SafeFlight:
             disturbances.append(PositionJumps(faults.position_jump, planner.period, jumping))
         plant: Plant = Disturbed(body, disturbances) if disturbances else body
 
-        news = [*config.radar_messages(charted, duration), *track.messages(config.report_period), *surveyed]
+        news = [*config.messages(charted, duration), *track.messages(config.report_period)]
         agent = Agent(checked_estimator(estimator, mission), planner, tracker, messages=news)
 
         def finished(t: float, truths: Mapping[str, Array]) -> bool:
@@ -135,7 +134,7 @@ class SafeFlight:
             demands = [Demand("arrived", least=True), *in_time, *safe]
             return judged(summary, demands, told=[Demand("speed_max_m_s", most=mission.speed_max)])
 
-        record = _record(config, seed, controller, estimator, true, radars, tracker.bound)
+        record = _record(config, seed, controller, estimator, true, tracker.bound)
         record["mission"]["target_path"] = [(told.t, *told.payload) for told in track.messages(config.report_period)]
         return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record)
 
@@ -196,7 +195,6 @@ def _record(
     controller: Part,
     estimator: Part,
     mission: FlightMission,
-    radars: tuple[RadarTrack, ...],
     bound: Any,
 ) -> dict[str, Any]:
     """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
@@ -219,12 +217,6 @@ def _record(
             "deadline_factor": mission.deadline_factor,
             "arrival_radius": mission.arrival_radius,
             "tracking_bound": dataclasses.asdict(bound),
-            "radars": [_recorded(radar) for radar in radars],
-            "charted_at": config.uncharted_time if config.uncharted else None,
+            **config.recorded(terrain),
         },
     }
-
-
-def _recorded(track: RadarTrack) -> dict[str, Any]:
-    until = track.until if math.isfinite(track.until) else None
-    return {**dataclasses.asdict(track.radar), "time": track.time, "until": until, "velocity": track.velocity}

@@ -37,7 +37,7 @@ from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from sim.scenarios.fleet_start import Vehicle, started_fleet, zone_of
-from sim.scenarios.flight_parts import mission_but_ends, mounted
+from sim.scenarios.flight_parts import check_above_ground, mission_but_ends, mounted
 from sim.signals import Array
 
 TALK = 1.0 / 12.0  # [s] between two rounds of talking, also of the consensus
@@ -68,12 +68,24 @@ class SimultaneousArrival:
         controller = controller or Part.of(load("controllers", SimultaneousArrival.controller))
         estimator = estimator or Part.of(load("estimators", SimultaneousArrival.estimator))
         draws, sensing, failing, gusting, talking, ranking, losing = np.random.default_rng(seed).spawn(7)
-        terrain, names = load_terrain(config.terrain), config.names
-        common = mission_but_ends(config, terrain, estimator)
+        charted, names = load_terrain(config.terrain), config.names
+        terrain = config.ground(charted)
+        common = mission_but_ends(config, charted, estimator, config.radars_at(0.0, charted))
         fleet = started_fleet(config, common, controller, draws, failing)
         bound = next(iter(fleet.values())).tracker.bound
         zone = zone_of(config, bound)
+        for name, vehicle in fleet.items():
+            for place in ("start", "target"):
+                true = dataclasses.replace(vehicle.mission, terrain=terrain)
+                check_above_ground(f"{place} of {name}", getattr(vehicle.mission, place), true)
         deadline = config.deadline_factor * max(vehicle.stored.t_end for vehicle in fleet.values())
+        duration = math.ceil(1.5 * deadline / TICK) * TICK
+        if duration > _LONGEST:
+            raise ValueError(
+                f"deadline_factor = {config.deadline_factor:g} lets the flight take {duration:.0f} s; allowed: "
+                f"{_LONGEST:.0f} s, so be sooner or faster"
+            )
+        news = config.messages(charted, duration)
         plugin = load("consensus", config.consensus)
         if not plugin.within_starts:
             raise ValueError(
@@ -88,7 +100,7 @@ class SimultaneousArrival:
             vehicle.planner.deadline = deadline
             separation = Separation(name, [other for other in names if other != name], zone, vehicle.stored, rank)
             node = graph.node(name, vehicle.planner.period, deadline)
-            consensus = checked_consensus(Part(plugin, _at_rate(plugin.Config())), node)
+            consensus = checked_consensus(Part(plugin, _at_rate(config.consensus_config(plugin))), node)
             companion = FleetCompanion(
                 separation, consensus, graph.neighbours(name), vehicle.estimate, vehicle.planner.period, TALK
             )
@@ -97,7 +109,7 @@ class SimultaneousArrival:
             equipment[name] = Equipment(start, sensors, config.acceleration_max)
             agents[name] = Agent(
                 checked_estimator(estimator, vehicle.mission), vehicle.planner, vehicle.tracker,
-                companion=companion, stored=vehicle.stored,
+                messages=news, companion=companion, stored=vehicle.stored,
             )  # fmt: skip
         body = MujocoPlant(_model(terrain, names, config.acceleration_max), equipment, sensing)
         faults = config.faults
@@ -105,7 +117,8 @@ class SimultaneousArrival:
         if faults.gust_rms > 0.0:
             disturbances.append(Gusts(faults.gust_rms, faults.gust_time_constant, faults.gust_limit, gusting))
         plant: Plant = Disturbed(body, disturbances) if disturbances else body
-        missions = {name: vehicle.mission for name, vehicle in fleet.items()}
+        missions = {name: dataclasses.replace(vehicle.mission, terrain=terrain) for name, vehicle in fleet.items()}
+        radars = config.tracks(charted)
         arrived: set[str] = set()
 
         def finished(t: float, truths: Mapping[str, Array]) -> bool:
@@ -117,7 +130,7 @@ class SimultaneousArrival:
             return len(arrived) == len(names) or any(body.contacts(name) > 0 for name in names)
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
-            summary = fleet_summary(recording, missions, deadline, config.separation, seed, wall_seconds)
+            summary = fleet_summary(recording, missions, radars, deadline, config.separation, seed, wall_seconds)
             late = [Demand("arrival_time_s", most=deadline)] if summary["arrived"] else []
             demands = [
                 Demand("arrived", least=True), *late, Demand("ground_contacts", most=0),
@@ -127,13 +140,7 @@ class SimultaneousArrival:
             ]  # fmt: skip
             return judged(summary, demands)
 
-        duration = math.ceil(1.5 * deadline / TICK) * TICK
-        if duration > _LONGEST:
-            raise ValueError(
-                f"deadline_factor = {config.deadline_factor:g} lets the flight take {duration:.0f} s; allowed: "
-                f"{_LONGEST:.0f} s, so be sooner or faster"
-            )
-        record = _record(config, seed, controller, estimator, fleet, deadline)
+        record = _record(config, seed, controller, estimator, fleet, terrain, deadline)
         network = config.radio.network(names, talking)
         return Experiment(plant, agents, duration, finished, summarise, record, network)
 
@@ -161,11 +168,11 @@ def _record(
     controller: Part,
     estimator: Part,
     fleet: Mapping[str, Vehicle],
+    terrain: HeightField,
     deadline: float,
 ) -> dict[str, Any]:
     """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
     missions = [vehicle.mission for vehicle in fleet.values()]
-    terrain = missions[0].terrain
     place = config.terrain if config.terrain in terrain_names() else str(Path(config.terrain).resolve())
     resolved = dataclasses.replace(config, terrain=place, starts=tuple(mission.start for mission in missions))
     return {
@@ -175,9 +182,10 @@ def _record(
         "fields": dataclasses.asdict(resolved),
         "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
         "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-        "terrain": {"name": terrain.name, "path": place, "digest": terrain.digest},
+        "terrain": {"name": terrain.name, "path": place, "digest": terrain.digest, "hills": config.uncharted},
         "mission": {
             "vehicles": {name: {"start": v.mission.start, "target": v.mission.target} for name, v in fleet.items()},
+            **config.recorded(terrain),
             "clearance_min": config.clearance_min,
             "separation": config.separation,
             "speed_max": config.speed_max,

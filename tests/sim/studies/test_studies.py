@@ -134,13 +134,6 @@ COMPUTED = {  # which fly little, nothing, or by themselves
     "observability",
     "consensus",
 }
-    "updates",
-    "sphere",
-    "curvature-sign",
-    "contraction",
-    "observability",
-    "consensus",
-}  # which fly little or nothing
 UNMEASURED = {"noise", "ocp-problems", "arrival"}  # over these hills no mission may arrive; not all are solved
 PRINTED = ("A.", "B.", "C.", "D.", "I.")  # the thesis' papers and its Introduction
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))

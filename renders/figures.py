@@ -76,23 +76,7 @@ def map_figure(run: RunData) -> Figure:
         axes = figure.add_subplot()
         draw_map(axes, run.terrain)
         outline = [patheffects.withStroke(linewidth=3.4, foreground="white", alpha=0.85)]
-        for number, track in enumerate(run.mission.radars, start=1):
-            radar, last = track.radar, track.at(min(track.until, run.duration) - 1e-6, run.terrain)
-            centre = (radar.x / 1e3, radar.y / 1e3)
-            colour = _colour(Part.RADAR)
-            axes.add_patch(Circle(centre, radar.radius / 1e3, facecolor=colour, alpha=0.25, edgecolor="none"))
-            axes.add_patch(Circle(centre, radar.radius / 1e3, fill=False, edgecolor=colour, linewidth=1.2))
-            when = "from the start" if track.time <= 0.0 else f"from {track.time:.0f} s"
-            until = f" to {track.until:.0f} s" if track.until < run.duration else ""
-            name_place(axes, f"radar {number}, {when}{until}", centre, (0, 0), "center")
-            if last is not None and (last.x, last.y) != (radar.x, radar.y):
-                end = (last.x / 1e3, last.y / 1e3)
-                axes.annotate("", end, centre, arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.6})
-                axes.add_patch(Circle(end, radar.radius / 1e3, fill=False, edgecolor=colour, lw=1.2, ls="--"))
-        for hill in run.mission.hills:
-            top = (hill.x / 1e3, hill.y / 1e3)
-            axes.add_patch(Circle(top, hill.radius / 1e3, fill=False, edgecolor="white", lw=1.4, ls=":"))
-            name_place(axes, f"not on the map until {run.mission.charted_at:.0f} s", top, (0, 0), "center")
+        draw_changes(axes, run)
         if run.plans:
             first = run.plans[0]
             axes.plot(
@@ -117,6 +101,27 @@ def map_figure(run: RunData) -> Figure:
         axes.set_title(f"Path over {run.terrain.name}")
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
     return figure
+
+
+def draw_changes(axes: Axes, run: RunData) -> None:
+    """Radars, where they are and where they drive to, and hills that the map did not show, on a map [km]."""
+    for number, track in enumerate(run.mission.radars, start=1):
+        radar, last = track.radar, track.at(min(track.until, run.duration) - 1e-6, run.terrain)
+        centre = (radar.x / 1e3, radar.y / 1e3)
+        colour = _colour(Part.RADAR)
+        axes.add_patch(Circle(centre, radar.radius / 1e3, facecolor=colour, alpha=0.25, edgecolor="none"))
+        axes.add_patch(Circle(centre, radar.radius / 1e3, fill=False, edgecolor=colour, linewidth=1.2))
+        when = "from the start" if track.time <= 0.0 else f"from {track.time:.0f} s"
+        until = f" to {track.until:.0f} s" if track.until < run.duration else ""
+        name_place(axes, f"radar {number}, {when}{until}", centre, (0, 0), "center")
+        if last is not None and (last.x, last.y) != (radar.x, radar.y):
+            end = (last.x / 1e3, last.y / 1e3)
+            axes.annotate("", end, centre, arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.6})
+            axes.add_patch(Circle(end, radar.radius / 1e3, fill=False, edgecolor=colour, lw=1.2, ls="--"))
+    for hill in run.mission.hills:
+        top = (hill.x / 1e3, hill.y / 1e3)
+        axes.add_patch(Circle(top, hill.radius / 1e3, fill=False, edgecolor="white", lw=1.4, ls=":"))
+        name_place(axes, f"not on the map until {run.mission.charted_at:.0f} s", top, (0, 0), "center")
 
 
 def name_place(axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], side: str) -> None:

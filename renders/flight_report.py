@@ -8,7 +8,7 @@ from renders import figures, page
 from renders.page import Markup, quantity
 from renders.palette import COLOURS, Part, hexadecimal
 from renders.report import again, events_card, rest, still_block, summary_cards, why
-from renders.run_data import RunData, plan_arcs
+from renders.run_data import RunData, antennas, plan_arcs
 from renders.storyboard import EXAGGERATION
 from renders.terrain_view import Track, script, terrain_view
 from sim.metrics import SHORTFALL
@@ -60,7 +60,7 @@ def _terrain(run: RunData) -> Markup:
         colour = hexadecimal(COLOURS[Part.COMPLETION])
         tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
     places = {Part.START.value: mission.start, Part.TARGET.value: mission.target_at(run.duration)}
-    radars = [(*track.radar.position(ground).tolist(), track.radar.radius) for track in mission.radars]
+    radars = antennas(run)
     note = "Radars weigh on the optimised part of a plan only; its way to rest may lead through one." if radars else ""
     return terrain_view(ground, tracks, places, radars, note)
 

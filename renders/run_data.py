@@ -120,6 +120,11 @@ def trail(run: RunData, t: float, fine: float, coarse: float) -> Array:
     return np.vstack([run.x[np.searchsorted(run.travelled, stops), :3], run.state(t)[:3]])
 
 
+def antennas(run: RunData) -> list[tuple[float, float, float, float]]:
+    """x, y, z and radius [m] of each radar when it is switched on."""
+    return [(*track.radar.position(run.terrain).tolist(), track.radar.radius) for track in run.mission.radars]
+
+
 def load_run(directory: str | Path) -> RunData:
     """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
     log = read_log(directory)

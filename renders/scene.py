@@ -12,17 +12,16 @@ from itertools import groupby
 from types import TracebackType
 from typing import Any
 
-import mujoco
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from models.aerial.entity import airframe_pose
+from renders.domes import add_domes, place_domes
 from renders.landscape import (
     AIRFRAME,
     OPTICS,
     TALL_WORLD,
     TRUE_WORLD,
-    WORLDS,
     Airframe,
     Landscape,
     add_airframe,
@@ -125,14 +124,7 @@ class Scene:
         else:
             self._airframe.place_afar(self.stage, position, quaternion, size, view.eye)
         opacity = 0.16 if near else 0.24  # the chase camera often looks from inside
-        for k, track in enumerate(self.run.mission.radars):
-            radar = track.at(t, self.run.terrain)
-            for world in ("true", "tall"):
-                dome = self.model.geom(f"radar {k} {world}")
-                dome.rgba[3] = 0.0 if radar is None else opacity
-                if radar is not None:
-                    foot = np.array([radar.x, radar.y, float(self.run.terrain.height(radar.x, radar.y))])
-                    dome.pos = foot if world == "true" else self._land.tall(foot)
+        place_domes(self.model, self.run.terrain, self.run.mission.radars, t, opacity)
 
     def _add_lines(self, t: float, camera: str) -> None:
         width = 4.0 if camera == "chase" else 3.4  # [pixels] at a picture 720 pixels high
@@ -199,26 +191,7 @@ class ChaseCamera:
 
 
 def _model(run: RunData, width: int, height: int, samples: int) -> Any:
-    terrain = run.terrain
-    low = float(terrain.z.min())
-    spec = landscape(terrain, width, height, samples)
-    spec.add_material(name="radar", emission=0.8, specular=0.0)
-    for k, track in enumerate(run.mission.radars):
-        radar = track.radar
-        foot = float(terrain.height(radar.x, radar.y))
-        for group, name, factor in WORLDS:
-            mesh = spec.add_mesh(name=f"radar {k} {name}", scale=[radar.radius, radar.radius, factor * radar.radius])
-            mesh.make_sphere(subdivision=4)
-            spec.worldbody.add_geom(
-                name=f"radar {k} {name}",
-                type=mujoco.mjtGeom.mjGEOM_MESH,
-                meshname=mesh.name,
-                pos=[radar.x, radar.y, low + factor * (foot - low)],
-                rgba=[*COLOURS[Part.RADAR], 0.0],
-                material="radar",
-                group=group,
-                contype=0,
-                conaffinity=0,
-            )
+    spec = landscape(run.terrain, width, height, samples)
+    add_domes(spec, run.terrain, run.mission.radars)
     add_airframe(spec, "airframe")
     return spec.compile()

@@ -29,7 +29,7 @@ CLEARANCE, CLEARANCE_BOUND = "min_clearance_m", "clearance_min"
 PATH, STRAIGHT, PATH_RATIO = "path_length_m", "straight_line_m", "path_over_straight_line"
 # What matters first; the rest of a summary follows in its own order.
 KEY_FIGURES = (
-    CLEARANCE, "arrival_time_s", PATH_RATIO, "control_effort",
+    CLEARANCE, "spread_s", "separation_min_m", "arrival_time_s", PATH_RATIO, "control_effort",
     "miss_m", "aspect_error_deg", "impact_speed_m_s", "cost",
     "radar_exposure_s", "fallback_steps", "tracking_error_max_m",
 )  # fmt: skip
@@ -99,7 +99,9 @@ class Sweep:
             "success": lambda record: record.success is True,
             "recorded failure": lambda record: record.status != "ok",
         }
-        flights: dict[str, Test] = {"below h_min": _too_low, "late or not arrived": _late}
+        flights: dict[str, Test] = {
+            "below h_min": _too_low, "nearer to each other than allowed": _too_near, "late or not arrived": _late,
+        }  # fmt: skip
         tests |= {kind: happened for kind, happened in flights.items() if any(map(_can_say(happened), self.records))}
         for key in self._keys:
             values = [record.summary[key] for record in self.records if record.summary.get(key) is not None]
@@ -239,6 +241,11 @@ def _too_low(record: Record) -> bool | None:
         return None
     clearance = record.summary[CLEARANCE]
     return clearance is None or bool(clearance < bound)  # what is no number is no proof of a clearance
+
+
+def _too_near(record: Record) -> bool | None:
+    least, allowed = record.summary.get("separation_min_m"), record.summary.get("separation_allowed_m")
+    return None if least is None or allowed is None else bool(least < allowed)
 
 
 def _late(record: Record) -> bool | None:

@@ -17,6 +17,7 @@ from renders.figures import (
     LOWEST_DRAWN,
     STYLE,
     canvas,
+    draw_changes,
     draw_map,
     log_lengths,
     name_place,
@@ -37,6 +38,7 @@ def map_figure(run: FleetRun) -> Figure:
         figure = canvas(9.4, 6.9)
         whole, close = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
         draw_map(whole, run.terrain)
+        draw_changes(whole, run.flights[0])
         outline = [patheffects.withStroke(linewidth=3.0, foreground="white", alpha=0.85)]
         for number, (flight, colour, name) in enumerate(_each(run), start=1):
             path = flight.x[thinned(len(run.t), 0), :2] / 1e3

@@ -13,6 +13,7 @@ from renders.fleet.storyboard import highlight, verdict
 from renders.page import Markup, quantity
 from renders.palette import hexadecimal
 from renders.report import again, events_card, rest, still_block, summary_cards, why
+from renders.run_data import antennas
 from renders.storyboard import EXAGGERATION
 from renders.terrain_view import Track, script, terrain_view
 from sim.metrics import SHORTFALL
@@ -63,7 +64,7 @@ def _terrain(run: FleetRun) -> Markup:
     ]
     named = run.vehicles.items() if len(run.vehicles) <= MOST_NAMED else ()
     places = {name: flight.mission.start for name, flight in named} | {"slots": run.slots.mean(axis=0)}
-    return terrain_view(run.terrain, tracks, places)
+    return terrain_view(run.terrain, tracks, places, antennas(run.flights[0]))
 
 
 def _pictures(run: FleetRun) -> list[Markup]:

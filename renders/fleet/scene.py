@@ -16,6 +16,7 @@ import numpy as np
 
 from models.aerial.entity import airframe_pose
 from renders.caption import Label
+from renders.domes import add_domes, place_domes
 from renders.fleet.run_data import FleetRun
 from renders.framing import Box, framing
 from renders.landscape import AIRFRAME, OPTICS, TALL_WORLD, TRUE_WORLD, Airframe, Landscape, add_airframe, landscape
@@ -54,7 +55,9 @@ class Scene:
     def __init__(self, run: FleetRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
         self._land = Landscape(run.terrain)
+        self._radars = run.flights[0].mission.radars
         spec = landscape(run.terrain, width, height, samples)
+        add_domes(spec, run.terrain, self._radars)
         for name, colour in zip(run.vehicles, run.colours, strict=True):
             add_airframe(spec, name, colour)
         self.model: Any = spec.compile()
@@ -77,6 +80,7 @@ class Scene:
         view = self._arrival(t, turn) if near else self._land.view(camera, self.run.course, turn, self._aspect)
         self.stage.look(view, ARRIVAL if near else OPTICS[camera], (TRUE_WORLD if near else TALL_WORLD, AIRFRAME))
         self._place_airframes(t, camera, view)
+        place_domes(self.model, self.run.terrain, self._radars, t, 0.24)
         self.stage.begin(fog=False)
         for flight, colour in zip(self.run.flights, self.run.colours, strict=True):
             self._add_lines(flight, colour, t, camera)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
@@ -11,7 +12,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from models.aerial.dynamics import CONTROL_TICKS, TICK
-from sim.checks import check, check_rate
+from models.fleet.graph import Graph
+from sim.checks import check, check_names, check_rate
 from sim.fields import with_fields
 from sim.network import Air, DelayedLinks, LossyLinks, Network, Partition, partitioned
 from sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
@@ -20,6 +22,7 @@ from sim.scenarios.information import ChangeFields
 GraphName = Literal["line", "ring", "complete", "random"]
 
 _MOST = 64
+_NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,8 @@ class FleetFields:
     """name of a terrain, or an .npz file"""
     vehicles: int = 4
     """how many"""
+    name: tuple[str, ...] = ()
+    """of every vehicle, once for each; vehicle_1, vehicle_2, ... if not given"""
     starts: tuple[Point, ...] = ()
     """x, y, z [m] of every vehicle; drawn from the seed if not given"""
     target: Point | None = None
@@ -87,6 +92,8 @@ class FleetFields:
     """of the arrivals, which counts as one time [s]"""
     graph: GraphName = "ring"
     """who talks with whom about the time of arrival; of plans all tell all"""
+    edge: tuple[tuple[str, str, float], ...] = ()
+    """NAME NAME WEIGHT of a graph of your own, in the place of --graph; may be given several times"""
     consensus: str = "maximum"
     """plug-in by which that is agreed"""
     consensus_with: tuple[str, ...] = ()
@@ -115,13 +122,31 @@ class FleetFields:
         check_rate(self.control_rate, "control_rate", TICK)
         if self.graph not in get_args(GraphName):
             raise ValueError(f"graph = {self.graph!r}; allowed: {', '.join(get_args(GraphName))}")
-        if self.graph == "ring" and self.vehicles < 3:
+        if self.name and len(self.name) != self.vehicles:
+            raise ValueError(f"name = {self.name!r}; allowed: {self.vehicles}, one for each vehicle")
+        for name in check_names(self.names):
+            if not _NAME.fullmatch(name):
+                raise ValueError(f"name = {name!r}; allowed: letters, digits, _ and -")
+        if self.graph == "ring" and self.vehicles < 3 and not self.edge:
             raise ValueError("graph = 'ring' with vehicles = 2; allowed: with 3 at least")
 
     @property
     def names(self) -> tuple[str, ...]:
         """Of the vehicles."""
-        return tuple(f"vehicle_{k + 1}" for k in range(self.vehicles))
+        return self.name or tuple(f"vehicle_{k + 1}" for k in range(self.vehicles))
+
+    def network_graph(self, rng: np.random.Generator) -> Graph:
+        """Who talks with whom; ValueError for edges that cannot be, or that leave somebody out."""
+        if self.edge:
+            edges: dict[tuple[str, str], float] = {}
+            for one, other, weight in self.edge:
+                if (one, other) in edges or (other, one) in edges:
+                    raise ValueError(f"edge = {(one, other, weight)!r}; allowed: each pair of vehicles once")
+                edges[one, other] = weight
+            return Graph.of(self.names, edges).checked_connected()
+        if self.graph == "random":
+            return Graph.random_connected(self.names, 0.3, rng)
+        return {"line": Graph.line, "ring": Graph.ring, "complete": Graph.complete}[self.graph](self.names)
 
     def consensus_config(self, plugin: Any) -> Any:
         """The configuration of the consensus; ValueError for a field that it does not have, or a value it refuses."""

@@ -23,7 +23,6 @@ from controllers.arrival.companion import FleetCompanion
 from controllers.arrival.separation import Separation
 from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
-from models.fleet.graph import Graph
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, terrain_names
 from sim.cockpit import Agent
@@ -92,7 +91,7 @@ class SimultaneousArrival:
                 f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
                 "allowed: a plug-in that says within_starts"
             )
-        graph = _graph(config, talking.spawn(1)[0])
+        graph = config.network_graph(talking.spawn(1)[0])
         agents, equipment = {}, {}
         for (name, vehicle), rank, lost in zip(
             fleet.items(), ranking.spawn(len(names)), losing.spawn(len(names)), strict=True
@@ -148,13 +147,6 @@ class SimultaneousArrival:
 def _at_rate(config: Any) -> Any:
     """The configuration of a consensus with the fleet's rounds, if it has a period."""
     return dataclasses.replace(config, period=TALK) if hasattr(config, "period") else config
-
-
-def _graph(config: SimultaneousArrivalConfig, rng: np.random.Generator) -> Graph:
-    names = config.names
-    if config.graph == "random":
-        return Graph.random_connected(names, 0.3, rng)
-    return {"line": Graph.line, "ring": Graph.ring, "complete": Graph.complete}[config.graph](names)
 
 
 @lru_cache(maxsize=2)

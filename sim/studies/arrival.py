@@ -268,7 +268,7 @@ def _draw_spreads(axes: Axes, of: Mapping[tuple[str, int], Sequence[Record]]) ->
     axes.set_xticks(range(len(sizes)), [str(size) for size in sizes])
     axes.set(xlabel="vehicles", ylabel="spread of arrivals [s]")
     axes.set_title("(b) every fleet")
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.35), fontsize=8.0)
+    axes.legend(loc="upper right", fontsize=8.0)
 
 
 def _draw_steps(axes: Axes, steps: Sequence[Step]) -> None:

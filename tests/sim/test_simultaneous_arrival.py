@@ -106,6 +106,28 @@ def test_a_fleet_that_is_told_where_to_start_starts_there(terrain: str) -> None:
     assert SimultaneousArrival.build(told, 7).config["fields"]["starts"] == starts
 
 
+def test_what_is_learnt_on_the_way_is_told_to_all(terrain: str) -> None:
+    """A radar that drives and goes, and a hill that the map does not show; and with a graph of one's own."""
+    outcome = flown(
+        terrain, name=("north", "east", "south"), edge=(("north", "east", 1.0), ("east", "south", 0.5)),
+        radar=((6000.0, 7000.0, 1500.0, 5.0),), radar_time=5.0, radar_until=20.0, radar_velocity=(50.0, 0.0),
+        uncharted=((6500.0, 5000.0, 900.0, 500.0),), uncharted_time=10.0,
+    )  # fmt: skip
+    assert outcome.success, outcome.summary
+    for name in ("north", "east", "south"):
+        told = [e.message.split()[0] for e in outcome.recording.events if e.kind == "message" and e.agent == name]
+        assert told.count("radars") == 4
+        assert told.count("terrain") == 1
+
+
+def test_who_cannot_come_so_late_is_an_outlier_and_comes_back(terrain: str) -> None:
+    outcome = flown(terrain, consensus="laplacian", consensus_with=("delta=0.05",))
+    kinds = [event.kind for event in outcome.recording.events]
+    assert outcome.summary["outliers"] == kinds.count("outlier") > 0
+    assert "outlier-returns" in kinds
+    assert outcome.summary["ground_contacts"] == 0
+
+
 def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
     ground = flight.mountains()
 
@@ -130,10 +152,22 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
         ({"target": (math.nan, 0.0, 0.0)}, r"allowed: three finite numbers"),
         ({"faults": Faults(position_jump=5.0)}, r"position_jump = 5\.0; allowed in a fleet: 0"),
         ({"slot_spacing": 150.0}, r"slot_spacing = 150\.0; allowed: >= 150\."),
+        ({"name": ("a", "b")}, r"name = \('a', 'b'\); allowed: 3, one for each vehicle"),
+        ({"name": ("a", "b", "a")}, r"names = .*; allowed: each once, and not a again"),
+        ({"name": ("a", "b", "c/d")}, r"name = 'c/d'; allowed: letters"),
+        ({"name": ("a", "b", "c"), "edge": (("a", "b", 1.0),)}, r"the graph is not connected: no way from a to c"),
+        ({"name": ("a", "b", "c"), "edge": (("a", "b", -1.0),)}, r"-1\.0; allowed: a finite value >= 0"),
+        ({"name": ("a", "b", "c"), "edge": (("a", "a", 1.0),)}, r"no self-loop"),
+        ({"name": ("a", "b", "c"), "edge": (("a", "d", 1.0),)}, r"'d'"),
+        ({"name": ("a", "b", "c"), "edge": (("a", "b", 1.0), ("b", "a", 2.0))}, r"each pair of vehicles once"),
+        ({"consensus_with": ("period",)}, r"consensus_with = 'period'; allowed: FIELD=VALUE"),
+        ({"consensus_with": ("scaling=3",)}, r"consensus_with\.scaling is not a field; allowed: period"),
+        ({"consensus": "laplacian", "consensus_with": ("scaling=-3",)}, r"scaling = -3\.0; allowed"),
+        ({"uncharted": ((6_000.0, 6_000.0, 2_000.0, 900.0),), **middle}, r"target of vehicle_. = .*under ground"),
     ]
 
 
-@pytest.mark.parametrize("case", range(15))
+@pytest.mark.parametrize("case", range(27))
 def test_bad_input_names_the_culprit(terrain: str, case: int) -> None:
     fields, told = bad(terrain)[case]
     with pytest.raises(ValueError, match=told):

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.terrain.height_field import HeightField
-from models.terrain.visibility import Radar
+from models.terrain.visibility import Radar, RadarTrack
+from tests import flight
 
 RIDGE = HeightField(np.array([[0.0, 0.0, 100.0, 0.0, 0.0]] * 5), 100.0)  # runs north at x = 200 m
 ROUGH = HeightField(np.random.default_rng(0).uniform(0.0, 300.0, (7, 9)), 100.0)
@@ -102,3 +103,30 @@ def test_a_bad_radar_names_its_culprit(changed: dict[str, float], message: str) 
 def test_points_of_the_wrong_shape_are_named() -> None:
     with pytest.raises(ValueError, match=r"points has shape \(3,\)"):
         Radar(1.0, 2.0, 3.0, 4.0).exposed(RIDGE, [1.0, 2.0, 3.0])
+
+
+def test_a_radar_that_drives_is_where_it_drives_to_and_stays_at_the_edge() -> None:
+    ground = flight.mountains()
+    track = RadarTrack(Radar(3000.0, 4000.0, 900.0, 1.0), 10.0, 500.0, (50.0, 0.0))
+    assert track.at(9.9, ground) is None
+    assert track.at(500.0, ground) is None
+    assert track.at(10.0, ground) == track.radar
+    there = track.at(30.0, ground)
+    assert there is not None
+    assert (there.x, there.y) == (4000.0, 4000.0)
+    last = track.at(499.0, ground)
+    assert last is not None
+    assert last.x == ground.width
+
+
+def test_who_flies_over_a_radar_that_drives_is_exposed_while_it_is_there_and_on() -> None:
+    ground = flight.mountains()
+    track = RadarTrack(Radar(3000.0, 4000.0, 900.0, 1.0), 10.0, 40.0, (50.0, 0.0))
+    t = np.arange(0.0, 60.0, 0.5)
+    over = np.column_stack([np.full(len(t), 4000.0), np.full(len(t), 4000.0), np.full(len(t), 0.0)])
+    over[:, 2] = float(ground.height(4000.0, 4000.0)) + 500.0
+    seen = t[track.exposed(ground, t, over)]
+    assert len(seen) > 10
+    # within 750 m of it, at 50 m/s, about the 30 s at which it is below
+    assert 10.0 <= seen[0] <= 16.0
+    assert 39.0 <= seen[-1] < 40.0

@@ -106,6 +106,7 @@ def fleet_summary(
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
         "guarantee_lost": kinds["guarantee-lost"] + kinds["deadline-lost"] + kinds["separation-unguaranteed"],
         "outliers": kinds["outlier"],
+        "clocks_apart": kinds["clock-apart"],
         **solve_times([ms for agent in agents for ms in agent.solve_ms]),
         "real_time_factor": float(recording.t[-1]) / wall_seconds,
         "seed": seed,

@@ -128,6 +128,12 @@ class ClockConsensus:
         return self._rate
 
     @property
+    def disagreement(self) -> float:
+        """[s] by which the corrected clocks of the neighbours differ from its own, as it last heard, at most."""
+        known = [link for link in self._links.values() if self._last is not None and self._recent(link, self._last)]
+        return max((abs(link.told.correction + link.theta - self._correction) for link in known), default=0.0)
+
+    @property
     def outlier(self) -> bool:
         """Every clock takes part."""
         return False
@@ -176,10 +182,13 @@ class ClockConsensus:
             link.rate = (theta - link.theta_then) / (t - link.since)
             link.since, link.theta_then = t, theta
 
+    def _recent(self, link: _Link, t: float) -> bool:
+        return t - link.taken <= self._config.memory + SIMULTANEOUS
+
     def _integrate(self, t: float) -> None:
         correction, rate = self._correction, self._rate
         for name, link in sorted(self._links.items()):
-            if t - link.taken > self._config.memory + SIMULTANEOUS:
+            if not self._recent(link, t):
                 continue
             known = (self._node.valency, link.told.valency)
             weight = edge_weight(self._node.weights[name], self._config.scaling * self.period, *known)

@@ -83,7 +83,7 @@ class LaplacianConsensus:
     def __init__(self, config: LaplacianConfig, node: Node) -> None:
         self.period = config.period
         self._config, self._node = config, node
-        self._inbox = Inbox(node, Told.sound)
+        self._inbox = Inbox(node, Told.sound, 2.0 * node.clock_error)
         self._value = self._own = math.nan
         self._outlier = True  # until it has a number of its own
         self._started = False  # and has not yet told it

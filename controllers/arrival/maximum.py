@@ -52,7 +52,7 @@ class MaximumConsensus:
     def __init__(self, config: MaximumConfig, node: Node) -> None:
         self.period = config.period
         self._node = node
-        self._inbox = Inbox(node, Told.sound)
+        self._inbox = Inbox(node, Told.sound, 2.0 * node.clock_error)
         self._beyond = 0  # numbers heard above D
         self._largest: float | None = None
         self._own = math.nan

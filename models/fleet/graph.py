@@ -31,6 +31,7 @@ class Node:
     weights: Mapping[str, float]  # a_lm > 0 of each neighbour l
     planning_period: float = 5.0 / 3.0  # [s] h, after which the vehicles agree anew
     deadline: float = math.inf  # [s] D, the latest common time that the fleet may agree on
+    clock_error: float = 0.0  # [s] epsilon, that a vehicle's clock may be off
 
     @property
     def valency(self) -> float:

@@ -22,6 +22,7 @@ from sim.scenarios.information import ChangeFields
 GraphName = Literal["line", "ring", "complete", "random"]
 
 _MOST = 64
+_FARTHEST, _FASTEST = 20.0, 0.01  # [s] of a clock, and of its drift
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -54,6 +55,36 @@ class Radio:
         )
         half = frozenset(names[: len(names) // 2])
         return partitioned(network, [Partition(*self.partition, half)])
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """The vehicles' clocks; without an offset and a drift they have one in common."""
+
+    offset: float = 0.0
+    """half-width of what each is off at first [s]"""
+    drift: float = 0.0
+    """half-width of what each gains or loses in a second [s]"""
+    error: float = 0.0
+    """what a clock may be off once it is corrected; it enlarges what vehicles keep between them [s]"""
+    settling: float = 5.0
+    """for which the vehicles agree on a time and on nothing else [s]"""
+
+    def __post_init__(self) -> None:
+        check(self.offset, "clocks.offset", 0.0, _FARTHEST)
+        check(self.drift, "clocks.drift", 0.0, _FASTEST)
+        check(self.error, "clocks.error", 0.0, _FARTHEST)
+        check(self.settling, "clocks.settling", 0.0)
+        if not self.agree and self.error == 0.0:
+            raise ValueError(
+                f"clocks.error = {self.error!r} with clocks.offset = {self.offset:g} and clocks.drift = "
+                f"{self.drift:g}; allowed: > 0, for corrected clocks are not exact"
+            )
+
+    @property
+    def agree(self) -> bool:
+        """Whether there is a clock in common."""
+        return self.offset == 0.0 and self.drift == 0.0
 
 
 @dataclass(frozen=True)
@@ -167,6 +198,7 @@ class SimultaneousArrivalConfig(ChangeFields, FleetFields):
     """Fields of the scenario."""
 
     radio: Radio = field(default_factory=Radio)
+    clocks: Clocks = field(default_factory=Clocks)
     noise: Noise = field(default_factory=Noise)
     faults: Faults = field(default_factory=Faults)
 

@@ -34,7 +34,7 @@ class Vehicle:
 
 
 def zone_of(config: SimultaneousArrivalConfig, bound: TrackingBound) -> Zone:
-    return Zone(config.separation, math.hypot(bound.horizontal, bound.vertical), config.speed_max)
+    return Zone(config.separation, math.hypot(bound.horizontal, bound.vertical), config.speed_max, config.clocks.error)
 
 
 def started_fleet(

@@ -19,8 +19,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from controllers.arrival.companion import FleetCompanion
-from controllers.arrival.separation import Separation
 from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
 from models.terrain.height_field import HeightField
@@ -30,16 +28,16 @@ from sim.faults import Disturbance, Disturbed, Gusts
 from sim.fleet_metrics import fleet_summary
 from sim.log import Recording
 from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, checked_consensus, checked_estimator, load
+from sim.plugins import Part, checked_estimator, load
 from sim.protocols import Plant
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from sim.scenarios.fleet_start import Vehicle, started_fleet, zone_of
+from sim.scenarios.fleet_talk import companions
 from sim.scenarios.flight_parts import check_above_ground, mission_but_ends, mounted
 from sim.signals import Array
 
-TALK = 1.0 / 12.0  # [s] between two rounds of talking, also of the consensus
 _LONGEST = 7200.0  # [s]
 
 
@@ -85,30 +83,16 @@ class SimultaneousArrival:
                 f"{_LONGEST:.0f} s, so be sooner or faster"
             )
         news = config.messages(charted, duration)
-        plugin = load("consensus", config.consensus)
-        if not plugin.within_starts:
-            raise ValueError(
-                f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
-                "allowed: a plug-in that says within_starts"
-            )
-        graph = config.network_graph(talking.spawn(1)[0])
         agents, equipment = {}, {}
-        for (name, vehicle), rank, lost in zip(
-            fleet.items(), ranking.spawn(len(names)), losing.spawn(len(names)), strict=True
-        ):
+        talkers = companions(config, fleet, zone, deadline, talking, ranking)
+        for (name, vehicle), lost in zip(fleet.items(), losing.spawn(len(names)), strict=True):
             vehicle.planner.deadline = deadline
-            separation = Separation(name, [other for other in names if other != name], zone, vehicle.stored, rank)
-            node = graph.node(name, vehicle.planner.period, deadline)
-            consensus = checked_consensus(Part(plugin, _at_rate(config.consensus_config(plugin))), node)
-            companion = FleetCompanion(
-                separation, consensus, graph.neighbours(name), vehicle.estimate, vehicle.planner.period, TALK
-            )
             sensors = mounted(estimator, vehicle.mission, config.faults, lost)
             start = np.array([*vehicle.mission.start, 0.0, 0.0, 0.0])
             equipment[name] = Equipment(start, sensors, config.acceleration_max)
             agents[name] = Agent(
                 checked_estimator(estimator, vehicle.mission), vehicle.planner, vehicle.tracker,
-                messages=news, companion=companion, stored=vehicle.stored,
+                messages=news, companion=talkers[name], stored=vehicle.stored,
             )  # fmt: skip
         body = MujocoPlant(_model(terrain, names, config.acceleration_max), equipment, sensing)
         faults = config.faults
@@ -142,11 +126,6 @@ class SimultaneousArrival:
         record = _record(config, seed, controller, estimator, fleet, terrain, deadline)
         network = config.radio.network(names, talking)
         return Experiment(plant, agents, duration, finished, summarise, record, network)
-
-
-def _at_rate(config: Any) -> Any:
-    """The configuration of a consensus with the fleet's rounds, if it has a period."""
-    return dataclasses.replace(config, period=TALK) if hasattr(config, "period") else config
 
 
 @lru_cache(maxsize=2)

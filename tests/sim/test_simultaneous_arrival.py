@@ -11,7 +11,7 @@ import pytest
 
 from sim.fleet_metrics import arrival_times, least_separation
 from sim.scenarios.experiment import Outcome
-from sim.scenarios.fleet_fields import Radio, SimultaneousArrivalConfig
+from sim.scenarios.fleet_fields import Clocks, Radio, SimultaneousArrivalConfig
 from sim.scenarios.flight_parts import Faults
 from sim.scenarios.simultaneous_arrival import SimultaneousArrival
 from tests import flight
@@ -120,6 +120,23 @@ def test_what_is_learnt_on_the_way_is_told_to_all(terrain: str) -> None:
         assert told.count("terrain") == 1
 
 
+def test_without_a_clock_in_common_they_agree_on_one_and_then_arrive_at_one_time(terrain: str) -> None:
+    clocks = Clocks(offset=10.0, drift=1e-4, error=0.1, settling=3.0)
+    outcome = flown(terrain, clocks=clocks, radio=Radio(delay=(0.0, 0.2), loss=0.2))
+    assert outcome.success, outcome.summary
+    assert outcome.summary["clocks_apart"] == 0
+    kinds = [event.kind for event in outcome.recording.events]
+    assert "companion-raised" not in kinds
+    silent = [event.t for event in outcome.recording.events if event.kind == "not-admitted"]
+    assert min(silent) < 3.0  # nobody asks for room until the clocks agree
+    assert outcome.summary["plans_adopted"] > outcome.summary["replans"] / 2
+
+
+def test_clocks_that_are_trusted_too_soon_are_on_record(terrain: str) -> None:
+    outcome = flown(terrain, clocks=Clocks(offset=10.0, error=0.1, settling=0.0))
+    assert outcome.summary["clocks_apart"] > 0
+
+
 def test_who_cannot_come_so_late_is_an_outlier_and_comes_back(terrain: str) -> None:
     outcome = flown(terrain, consensus="laplacian", consensus_with=("delta=0.05",))
     kinds = [event.kind for event in outcome.recording.events]
@@ -160,6 +177,7 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
         ({"name": ("a", "b", "c"), "edge": (("a", "a", 1.0),)}, r"no self-loop"),
         ({"name": ("a", "b", "c"), "edge": (("a", "d", 1.0),)}, r"'d'"),
         ({"name": ("a", "b", "c"), "edge": (("a", "b", 1.0), ("b", "a", 2.0))}, r"each pair of vehicles once"),
+        ({"clocks": Clocks(offset=10.0, error=2.0)}, r"slot_spacing = 800\.0; allowed: >= 1350"),
         ({"consensus_with": ("period",)}, r"consensus_with = 'period'; allowed: FIELD=VALUE"),
         ({"consensus_with": ("scaling=3",)}, r"consensus_with\.scaling is not a field; allowed: period"),
         ({"consensus": "laplacian", "consensus_with": ("scaling=-3",)}, r"scaling = -3\.0; allowed"),
@@ -167,7 +185,7 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
     ]
 
 
-@pytest.mark.parametrize("case", range(27))
+@pytest.mark.parametrize("case", range(28))
 def test_bad_input_names_the_culprit(terrain: str, case: int) -> None:
     fields, told = bad(terrain)[case]
     with pytest.raises(ValueError, match=told):
@@ -182,6 +200,16 @@ def test_bad_input_names_the_culprit(terrain: str, case: int) -> None:
 def test_a_radio_that_cannot_be_is_refused(fields: dict[str, Any], told: str) -> None:
     with pytest.raises(ValueError, match=told):
         Radio(**fields)
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [({"offset": 50.0}, r"clocks\.offset = 50\.0"), ({"drift": math.nan}, r"clocks\.drift = nan"),
+     ({"offset": 1.0}, r"clocks\.error = 0\.0 with clocks\.offset = 1"), ({"settling": -1.0}, r"clocks\.settling")],
+)  # fmt: skip
+def test_clocks_that_cannot_be_are_refused(fields: dict[str, Any], told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        Clocks(**fields)
 
 
 def test_nobody_arrives_in_a_log_of_nothing(terrain: str) -> None:

@@ -1,0 +1,86 @@
+"""What the vehicles of a fleet say to each other: a companion for each, on a clock in common or on its own."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from controllers.arrival.clock import ClockConfig, ClockConsensus
+from controllers.arrival.companion import FleetCompanion
+from controllers.arrival.local_clock import ClockedCompanion, LocalClock
+from controllers.arrival.separation import Separation
+from controllers.arrival.zone import Zone
+from models.fleet.graph import Graph
+from sim.plugins import Part, checked_consensus, load
+from sim.protocols import Companion
+from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
+from sim.scenarios.fleet_start import Vehicle
+from sim.signals import Plan
+
+TALK = 1.0 / 12.0  # [s] between two rounds of talking, also of the consensus
+_SHORTEST_MEMORY = 0.25  # [s]
+
+
+def companions(
+    config: SimultaneousArrivalConfig,
+    fleet: Mapping[str, Vehicle],
+    zone: Zone,
+    deadline: float,
+    talking: np.random.Generator,
+    ranking: np.random.Generator,
+) -> dict[str, Companion]:
+    """Of every vehicle; ValueError for a consensus or a graph that cannot be."""
+    plugin = load("consensus", config.consensus)
+    if not plugin.within_starts:
+        raise ValueError(
+            f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
+            "allowed: a plug-in that says within_starts"
+        )
+    agreement = config.consensus_config(plugin)
+    if hasattr(agreement, "period"):
+        agreement = dataclasses.replace(agreement, period=TALK)
+    graph = config.network_graph(talking.spawn(1)[0])
+    *ranks, ticking = ranking.spawn(len(fleet) + 1)
+    made: dict[str, Companion] = {}
+    for (name, vehicle), rank in zip(fleet.items(), ranks, strict=True):
+        talker = partial(_talker, name, list(fleet), vehicle, zone, graph, deadline, Part(plugin, agreement), rank)
+        if config.clocks.agree:
+            made[name] = talker(vehicle.stored, 0.0)
+            continue
+        clock = LocalClock(
+            float(ticking.uniform(-config.clocks.offset, config.clocks.offset)),
+            float(ticking.uniform(-config.clocks.drift, config.clocks.drift)),
+        )
+        memory = max(_SHORTEST_MEMORY, 4.0 * TALK + 2.0 * config.radio.delay[1])
+        consensus = ClockConsensus(ClockConfig(period=TALK, memory=memory), graph.node(name))
+        made[name] = ClockedCompanion(
+            name, clock, consensus, graph.neighbours(name), config.clocks.settling, config.clocks.error, talker
+        )
+    return made
+
+
+def _talker(
+    name: str,
+    names: list[str],
+    vehicle: Vehicle,
+    zone: Zone,
+    graph: Graph,
+    deadline: float,
+    consensus: Part,
+    rng: np.random.Generator,
+    stored: Plan,
+    ahead: float,
+) -> FleetCompanion:
+    """What talks of plans and arrivals in a time that is ``ahead`` [s] of the simulation's."""
+    separation = Separation(name, [other for other in names if other != name], zone, stored, rng)
+    node: Any = dataclasses.replace(
+        graph.node(name, vehicle.planner.period, deadline + ahead), clock_error=zone.clock_error
+    )
+    return FleetCompanion(
+        separation, checked_consensus(consensus, node), graph.neighbours(name), vehicle.estimate,
+        vehicle.planner.period, TALK,
+    )  # fmt: skip

@@ -5,10 +5,13 @@ from __future__ import annotations
 import csv
 import html
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,12 +20,12 @@ from PIL import Image
 from models.terrain.dem import write_npz
 from models.terrain.height_field import HeightField
 from sim.plugins import load
-from sim.scenarios.experiment import Outcome
+from sim.scenarios.experiment import Experiment, Outcome
 from sim.store import Record, Store
 from sim.studies.missile_flights import CASES, KINDS, OTHERS, PAIRS, some
 from sim.studies.study import Findings, Setup, on_terrain, write_findings
-from sim.sweep import execution
-from sim.sweep.child import StoppedError, Worker, module_path
+from sim.sweep import execution, serve
+from sim.sweep.child import StoppedError
 from sim.sweep.trial import Trial
 
 SMALLEST: dict[str, dict[str, int]] = {
@@ -139,16 +142,17 @@ def hills(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
-class LentWorker:
-    """A worker whose child goes on to the next study, and is spared another start."""
+class Here:
+    """A worker that runs trials in this process, and is spared the start of another."""
 
-    def __init__(self, kept: Worker) -> None:
-        self._kept, self._stopped = kept, False
+    def __init__(self) -> None:
+        self._stopped = False
 
-    def run(self, job: Trial, key: str, timeout: float | None) -> Record:
+    def run(self, trial: Trial, key: str, timeout: float | None) -> Record:
         if self._stopped:
             raise StoppedError
-        return self._kept.run(job, key, timeout)
+        assert timeout is None
+        return serve._run(pickle.loads(pickle.dumps(trial)), key)  # as it reaches a process of its own
 
     def stop(self) -> None:
         self._stopped = True
@@ -156,23 +160,43 @@ class LentWorker:
     close = stop
 
 
+class Remembered:
+    """An experiment that is built when it is asked for, and flown once however often that is."""
+
+    def __init__(self, build: Callable[[], Experiment], key: str, outcomes: dict[str, Outcome]) -> None:
+        self._build, self._key, self._outcomes = build, key, outcomes
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._experiment, name)
+
+    @cached_property
+    def _experiment(self) -> Experiment:
+        return self._build()
+
+    def run(self) -> Outcome:
+        if self._key not in self._outcomes:
+            self._outcomes[self._key] = self._experiment.run()
+        return self._outcomes[self._key]
+
+
 @pytest.fixture(scope="module")
-def kept_worker() -> Iterator[Worker]:
-    worker = Worker(module_path())
-    yield worker
-    worker.close()
+def outcomes() -> dict[str, Outcome]:
+    """What has been flown so far, by the key of a trial without a measure."""
+    return {}
 
 
-@dataclass(frozen=True)
-class Remembering(Setup):
-    """Flies a mission for its path once, however often the study is run."""
+@pytest.fixture
+def flown_once(outcomes: dict[str, Outcome], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Missions are flown here, and each once: a study flies its missions for their records, and some for their paths
+    again; and several studies compare with the same mission.
+    """
+    build = Trial.build
 
-    paths: dict[str, Outcome] = field(default_factory=dict)
+    def remembered(trial: Trial) -> Remembered:
+        return Remembered(lambda: build(trial), replace(trial, measure="").key, outcomes)
 
-    def flown(self, mission: Trial) -> Outcome:
-        if mission.key not in self.paths:
-            self.paths[mission.key] = super().flown(mission)
-        return self.paths[mission.key]
+    monkeypatch.setattr(Trial, "build", remembered)
+    monkeypatch.setattr(execution, "Worker", lambda path, compiling: Here())
 
 
 def test_every_study_is_in_this_suite() -> None:
@@ -180,15 +204,13 @@ def test_every_study_is_in_this_suite() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_study_keeps_the_contract(
-    name: str, hills: str, tmp_path: Path, kept_worker: Worker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("flown_once")
+def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path) -> None:
     """One test for all of it, so that each study is run once."""
-    monkeypatch.setattr(execution, "Worker", lambda path, compiling: LentWorker(kept_worker))
     plugin = load("studies", name)
     config = plugin.Config(**SMALLEST[name])
     with Store.open(tmp_path / "trials.db") as store:
-        setup = Remembering(hills if on_terrain(plugin) else None, store)
+        setup = Setup(hills if on_terrain(plugin) else None, store)
         findings: Findings = plugin.run(config, setup)
         write_findings(tmp_path, name, plugin.title, findings, setup, f"mathnavi study {name}")
         flown = store.keys()

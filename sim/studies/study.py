@@ -76,8 +76,7 @@ class Setup:
 
     def flown(self, mission: Trial) -> Outcome:
         """One mission again, for its path."""
-        outcome: Outcome = mission.build().run()
-        return outcome
+        return mission.flown()
 
 
 def check_counts(config: Any) -> None:

@@ -6,12 +6,9 @@ import csv
 import html
 import json
 import pickle
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +17,7 @@ from PIL import Image
 from models.terrain.dem import write_npz
 from models.terrain.height_field import HeightField
 from sim.plugins import load
-from sim.scenarios.experiment import Experiment, Outcome
+from sim.scenarios.experiment import Outcome
 from sim.store import Record, Store
 from sim.studies.missile_flights import CASES, KINDS, OTHERS, PAIRS, some
 from sim.studies.study import Findings, Setup, on_terrain, write_findings
@@ -160,25 +157,6 @@ class Here:
     close = stop
 
 
-class Remembered:
-    """An experiment that is built when it is asked for, and flown once however often that is."""
-
-    def __init__(self, build: Callable[[], Experiment], key: str, outcomes: dict[str, Outcome]) -> None:
-        self._build, self._key, self._outcomes = build, key, outcomes
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._experiment, name)
-
-    @cached_property
-    def _experiment(self) -> Experiment:
-        return self._build()
-
-    def run(self) -> Outcome:
-        if self._key not in self._outcomes:
-            self._outcomes[self._key] = self._experiment.run()
-        return self._outcomes[self._key]
-
-
 @pytest.fixture(scope="module")
 def outcomes() -> dict[str, Outcome]:
     """What has been flown so far, by the key of a trial without a measure."""
@@ -190,12 +168,14 @@ def flown_once(outcomes: dict[str, Outcome], monkeypatch: pytest.MonkeyPatch) ->
     """Missions are flown here, and each once: a study flies its missions for their records, and some for their paths
     again; and several studies compare with the same mission.
     """
-    build = Trial.build
 
-    def remembered(trial: Trial) -> Remembered:
-        return Remembered(lambda: build(trial), replace(trial, measure="").key, outcomes)
+    def flown(trial: Trial) -> Outcome:
+        key = replace(trial, measure="").key
+        if key not in outcomes:
+            outcomes[key] = trial.build().run()
+        return outcomes[key]
 
-    monkeypatch.setattr(Trial, "build", remembered)
+    monkeypatch.setattr(Trial, "flown", flown)
     monkeypatch.setattr(execution, "Worker", lambda path, compiling: Here())
 
 

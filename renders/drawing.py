@@ -9,12 +9,14 @@ import importlib
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from renders.film import Frame
-from renders.page import Markup
 from renders.palette import Picture
 from renders.run_log import existing_folder, read_json
+
+if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes that draw make none
+    from renders.page import Markup
 
 FLIGHT = "renders.flight"
 TOUR = "tour"  # the direction that cuts between the cameras

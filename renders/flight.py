@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING
 
 from renders.flight_caption import words
-from renders.flight_report import report
 from renders.painter import Painter, painting
 from renders.run_data import RunData, load_run
 from renders.storyboard import CAMERAS, highlight, storyboard
+
+if TYPE_CHECKING:
+    from renders.page import Markup
 
 __all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
 
@@ -20,3 +23,10 @@ def painter(run: RunData, width: int, height: int, samples: int) -> AbstractCont
     from renders.scene import Scene  # imports mujoco
 
     return painting(Scene, words, run, width, height, samples)
+
+
+def report(run: RunData) -> Markup:
+    """The run on one page."""
+    from renders.flight_report import report  # imports matplotlib
+
+    return report(run)

@@ -6,6 +6,8 @@ height above the surroundings, so that ridges stand out from valleys wherever th
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from PIL import Image
 from scipy import ndimage
@@ -45,6 +47,7 @@ def resampled(terrain: HeightField, size: int, order: int) -> Array:
     return heights
 
 
+@lru_cache(maxsize=4)  # figures and pages over one terrain show it again and again
 def relief(terrain: HeightField, size: int) -> Picture:
     """(rows, cols, 3) picture of the ground seen from above, row 0 NORTH, the longer side ``size`` pixels."""
     z = resampled(terrain, size, order=3)
@@ -79,6 +82,7 @@ def relief(terrain: HeightField, size: int) -> Picture:
     light = np.clip(0.80 * lit + 0.18 + 0.12 * openness, 0.0, 1.35)[..., None]
     shaded = colour * np.where(light < 1.0, SHADOW + (1.0 - SHADOW) * light, 1.0 + 0.45 * (light - 1.0))
     picture: Picture = (255.0 * np.clip(shaded[::-1], 0.0, 1.0)).astype(np.uint8)
+    picture.flags.writeable = False  # for it is shared
     return picture
 
 

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.aerial.dynamics import state_at
-from models.aerial.mission import FlightMission
-from models.terrain.visibility import RadarTrack
 from sim.log import AgentRecorder, Recording
 from sim.signals import Array
+
+if TYPE_CHECKING:  # the compiled kernels take a while to import, and most that import this only read names
+    from models.aerial.mission import FlightMission
+    from models.terrain.visibility import RadarTrack
 
 # The summary's figures as they are read, for every table that shows them.
 SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
@@ -109,6 +110,8 @@ def references(t: Array, agent: AgentRecorder) -> Array:
 
     Where a plan takes over it is still that of the plan before, so that the deviation which ends a plan counts.
     """
+    from models.aerial.dynamics import state_at
+
     out = np.full((len(t), 6), np.nan)
     ends = [*(start for start, _ in agent.plans), math.inf][1:]  # none without a plan
     for k, ((adopted, plan), following) in enumerate(zip(agent.plans, ends, strict=True)):

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING
 
 from renders.lagrangian.painter import ScenePainter, scene_painting
-from renders.lagrangian.report import report
 from renders.lagrangian.run_data import LagrangianRun, load_run
 from renders.lagrangian.storyboard import CAMERAS, highlight, storyboard
+
+if TYPE_CHECKING:
+    from renders.page import Markup
 
 __all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
 
@@ -17,3 +20,10 @@ cameras, still_camera = CAMERAS, CAMERAS[0]
 def painter(run: LagrangianRun, width: int, height: int, samples: int) -> AbstractContextManager[ScenePainter]:
     """What draws the frames of a run; OpenGL's backend must have been chosen."""
     return scene_painting(run, width, height, samples)
+
+
+def report(run: LagrangianRun) -> Markup:
+    """The run on one page."""
+    from renders.lagrangian.report import report  # imports matplotlib
+
+    return report(run)

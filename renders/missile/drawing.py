@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING
 
 from renders.missile.caption import words
-from renders.missile.report import report
 from renders.missile.run_data import MissileRun, load_run
 from renders.missile.storyboard import CAMERAS, highlight, storyboard
 from renders.painter import Painter, painting
+
+if TYPE_CHECKING:
+    from renders.page import Markup
 
 __all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
 
@@ -20,3 +23,10 @@ def painter(run: MissileRun, width: int, height: int, samples: int) -> AbstractC
     from renders.missile.scene import Scene  # imports mujoco
 
     return painting(Scene, words, run, width, height, samples)
+
+
+def report(run: MissileRun) -> Markup:
+    """The run on one page."""
+    from renders.missile.report import report  # imports matplotlib
+
+    return report(run)

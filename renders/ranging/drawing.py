@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING
 
 from renders.painter import Painter, painting
 from renders.ranging.caption import words
-from renders.ranging.report import report
 from renders.ranging.run_data import RangingRun, load_run
 from renders.ranging.storyboard import CAMERAS, highlight, storyboard
+
+if TYPE_CHECKING:
+    from renders.page import Markup
 
 __all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
 
@@ -20,3 +23,10 @@ def painter(run: RangingRun, width: int, height: int, samples: int) -> AbstractC
     from renders.ranging.scene import Scene  # imports mujoco
 
     return painting(Scene, words, run, width, height, samples)
+
+
+def report(run: RangingRun) -> Markup:
+    """The run on one page."""
+    from renders.ranging.report import report  # imports matplotlib
+
+    return report(run)

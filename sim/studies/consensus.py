@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from renders.study_report import Table
@@ -58,9 +58,13 @@ class ConsensusConfig:
     """numbers of vehicles: 4, 8, 16"""
     seeds: int = 5
     """random graphs of each size, and draws of lost messages"""
+    vehicles: int = 8
+    """on the graphs with long rounds, delays, links that change and clocks"""
 
     def __post_init__(self) -> None:
         check_counts(self)
+        if self.vehicles < _SIZES[0] or self.vehicles % 2:  # a ring has two halves
+            raise ValueError(f"vehicles = {self.vehicles}; allowed: an even number >= {_SIZES[0]}")
         if self.sizes > len(_SIZES):
             raise ValueError(f"sizes = {self.sizes}; allowed: 1 to {len(_SIZES)}")
 
@@ -82,14 +86,16 @@ class ConsensusStudy:
             for kind in KINDS
             for seed in range(config.seeds if kind == "random" else 1)
         ]
-        links = [LinkCase(name, 0) for name in ("switching", "matchings")]
-        links += [LinkCase("loss", seed) for seed in range(config.seeds)]
-        delays = [DelayCase(fraction, own) for own in ("then", "now") for fraction in _FRACTIONS]
+        many = config.vehicles
+        links = [LinkCase(name, 0, many) for name in ("switching", "matchings")]
+        links += [LinkCase("loss", seed, many) for seed in range(config.seeds)]
+        delays = [DelayCase(fraction, own, many) for own in ("then", "now") for fraction in _FRACTIONS]
+        clocks = [replace(case, n=many) for case in _CLOCKS]
         jobs.add("rate", rate_on, cases)
-        jobs.add("coarse", rate_on, [RateCase(kind, 8, 0, amount) for kind in KINDS for amount in _AMOUNTS])
+        jobs.add("coarse", rate_on, [RateCase(kind, many, 0, amount) for kind in KINDS for amount in _AMOUNTS])
         jobs.add("delay", delayed, delays)
         jobs.add("links", over_links, links)
-        jobs.add("clocks", clocks_agree, _CLOCKS)
+        jobs.add("clocks", clocks_agree, clocks)
         jobs.add("outlier", with_outlier, [OutlierCase(ROUNDS[0], None), *map(OutlierCase, ROUNDS)])
         done: dict[str, list[Any]] = jobs.done(setup)
         rates = dict(zip(cases, done["rate"], strict=True))
@@ -110,8 +116,8 @@ class ConsensusStudy:
                 }
                 for case, found in rates.items()
             ],
-            tables=_tables(rates, done["coarse"], late, over, dict(zip(_CLOCKS, done["clocks"], strict=True)),
-                           everybody, outliers),
+            tables=_tables(rates, done["coarse"], late, over, dict(zip(clocks, done["clocks"], strict=True)),
+                           everybody, outliers, many),
             figure=consensus_figure.figure(rates, late, over, outliers[ROUNDS[0]]),
             caption="(a) Measured decay of the disagreement against the algebraic connectivity. (b) A delay below and "
             "above pi / (2 s lambda_n) on every link; solid: compared with a vehicle's own value then, dashed: now. "
@@ -132,6 +138,7 @@ def _tables(
     clocks: Mapping[ClockCase, ClockFound],
     everybody: OutlierFound,
     outliers: Mapping[int, OutlierFound],
+    many: int,
 ) -> tuple[Table, ...]:
     loss = [found for case, found in over.items() if case.name == "loss"]
     per = len(_AMOUNTS)
@@ -140,7 +147,7 @@ def _tables(
               "maximum, diameter"),
               [(_named(case), case.n, f"{f.connectivity:.4f}", f"{f.rate / f.connectivity:.4f}",
                 f"{f.rounds_to_maximum}, {f.diameter}") for case, f in sorted(rates.items(), key=_order)]),
-        Table("Rate over lambda_2 in long rounds, 8 vehicles", ("s h d_max", *KINDS),
+        Table(f"Rate over lambda_2 in long rounds, {many} vehicles", ("s h d_max", *KINDS),
               [(f"{amount:g}", *(f"{coarse[k * per + row].rate / coarse[k * per + row].connectivity:.3f}"
                                  for k in range(len(KINDS)))) for row, amount in enumerate(_AMOUNTS)]),
         Table("Delay on every link of a random graph", ("delay over the bound", "compared with one's own value",
@@ -153,7 +160,7 @@ def _tables(
                   f"{f.moved:.1e}") for case, f in over.items() if case.name != "loss"),
                (f"a ring that loses {LOSS:.0%}", span([f.rate for f in loss], ".3f"), f"{loss[0].reference:.3f}",
                 f"at most {max(f.moved for f in loss):.1e}")]),
-        Table("Clocks on a line of 8", ("delays", "apart at first [s]", "corrected clocks apart [s]",
+        Table(f"Clocks on a line of {many}", ("delays", "apart at first [s]", "corrected clocks apart [s]",
               "delays' asymmetry allows [s]"),
               [(case.name, f"{f.first:.2f}", f"{f.last:.2g}", f"{f.allowed:.2g}") for case, f in clocks.items()]),
         Table("An outlier in the middle of a line of 8, second planning period", ("rounds", "the others agree off "

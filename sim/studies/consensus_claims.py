@@ -37,7 +37,8 @@ def claims(
     then = {case.fraction: found.rate for case, found in late.items() if case.own == "then"}
     now = [found.rate for case, found in late.items() if case.own == "now"]
     split = all((rate > 0.0) == (fraction < 1.0) for fraction, rate in then.items())
-    switching, halves = (over[LinkCase(name, 0)] for name in ("switching", "matchings"))
+    links_of = {case.name: found for case, found in over.items()}
+    switching, halves = links_of["switching"], links_of["matchings"]
     loss = [found for case, found in over.items() if case.name == "loss"]
     links = switching.least >= (1.0 - WITHIN) * switching.reference
     links &= halves.rate >= (1.0 - WITHIN) * halves.reference and min(f.rate for f in loss) > 0.0

@@ -63,14 +63,15 @@ def _draw_rates(axes: Axes, rates: Mapping[RateCase, RateFound]) -> None:
 
 def _draw_delays(axes: Axes, late: Mapping[DelayCase, DelayFound]) -> None:
     axes.set_title(r"(b) delays $\tau$ around the bound $\pi / (2 s \lambda_n)$")
-    shown = [fraction for fraction in (0.9, 1.1, 1.5) if DelayCase(fraction, "then") in late]
+    by: dict[tuple[float, str], DelayFound] = {(case.fraction, case.own): found for case, found in late.items()}
+    shown = [fraction for fraction in (0.9, 1.1, 1.5) if (fraction, "then") in by]
     colours = dict(zip(shown, (_BELOW, "#e07b00", _ABOVE), strict=True))
     for own, style in (("then", "-"), ("now", (0, (5, 2)))):
         for fraction, colour in colours.items():
-            found = late[DelayCase(fraction, "then" if own == "then" else "now")]
+            found = by[fraction, own]
             axes.plot(found.t, found.size, color=colour, lw=1.4 if own == "then" else 1.8, ls=style)
     for fraction, colour in colours.items():
-        found = late[DelayCase(fraction, "then")]
+        found = by[fraction, "then"]
         tail = found.t > 0.8 * found.t[-1]
         axes.annotate(
             f"{fraction:g} of it", (found.t[-1], float(found.size[tail].max())), (5, 0), va="center",
@@ -90,8 +91,9 @@ def _draw_links(axes: Axes, over: Mapping[LinkCase, LinkFound]) -> None:
         ("matchings", _KINDS["line"][0], "two halves of a ring in turn; dashed: their mean"),
         ("loss", _KINDS["random"][0], rf"ring that loses {LOSS:.0%}; dashed: without loss"),
     )
+    first: dict[str, LinkFound] = {case.name: found for case, found in over.items() if case.seed == 0}
     for name, colour, label in named:
-        found = over[LinkCase(name, 0)]  # type: ignore[arg-type]
+        found = first[name]
         kept = found.size >= _LEAST
         axes.plot(found.t[kept], found.size[kept], color=colour, lw=1.8, label=label)
         t = np.array([0.0, 30.0])

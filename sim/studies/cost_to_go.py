@@ -40,6 +40,7 @@ from sim.studies.study import Findings, Setup, check_counts
 GRIDS = ((33, 5), (65, 9))
 PLANNERS_GRID = GRIDS[1]
 NEAR = 200.0  # [m]
+THERE = 1.0  # [m] from the target, where the flow need not go on
 RADIUS, WEIGHT = 10_000.0, 10.0
 CASES = ("none", "in the way", "over the target")  # where the radar stands
 PRINTED_BUILD, PRINTED_CHANGE = 15.8, 1.5  # [s]
@@ -166,15 +167,21 @@ def flow(cost: FactoredCost | TrilinearCost, terrain: HeightField, starts: Array
     """Follow the negative gradient from the points (n, 3) [m]; (m, n, 3) are a few instants, the last one the end.
 
     Only the first ``keep`` points matter but in the last instant: in the others, the rest stands where it started.
+    A point that is ``THERE`` stays, and when all are there the flow ends.
     """
     p, instants = starts.copy(), [starts.copy()]
-    for stride, count in ((100.0, 2500), (10.0, 400)):
+    across = max(terrain.width, terrain.depth)
+    for stride, count in ((100.0, min(2500, round(8.0 * across / 100.0))), (10.0, 400)):
         for k in range(count):
-            gradient = cost.gradient(p)
+            left = np.linalg.norm(p - cost.target, axis=1)
+            under_way = left > THERE
+            if not under_way.any():
+                break
+            gradient = cost.gradient(p[under_way])
             size = np.linalg.norm(gradient, axis=1, keepdims=True) + 1e-12
-            left = np.linalg.norm(p - cost.target, axis=1, keepdims=True)
-            p = p - np.minimum(stride, 0.5 * left) * gradient / size
-            p[:, :2] = np.clip(p[:, :2], 0.0, (terrain.width, terrain.depth))
+            moved = p[under_way] - np.minimum(stride, 0.5 * left[under_way, None]) * gradient / size
+            moved[:, :2] = np.clip(moved[:, :2], 0.0, (terrain.width, terrain.depth))
+            p[under_way] = moved
             if k % 25 == 24:
                 instants.append(np.vstack([p[:keep], starts[keep:]]))
     return np.array([*instants, p])

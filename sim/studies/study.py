@@ -76,8 +76,7 @@ class Setup:
 
     def flown(self, mission: Trial) -> Outcome:
         """One mission again, for its path."""
-        outcome: Outcome = mission.build().run()
-        return outcome
+        return mission.flown()
 
 
 def check_counts(config: Any) -> None:
@@ -147,6 +146,7 @@ def write_findings(
     write_text(folder / f"{name}.csv", as_csv(findings.rows))
     picture = io.BytesIO()
     findings.figure.savefig(picture, format="png", dpi=150, facecolor="white")
+    findings.figure.set_layout_engine("none")  # everything has its place now, and the page shows it there
     write_bytes(folder / f"{name}.png", picture.getvalue())
     page = StudyPage(
         name=name,

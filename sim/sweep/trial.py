@@ -18,7 +18,7 @@ from typing import Any
 
 from sim.fields import leaf, plain, with_fields
 from sim.plugins import Part, load
-from sim.scenarios.experiment import Experiment
+from sim.scenarios.experiment import Experiment, Outcome
 from sim.store import Record, canonical_json
 from sim.sweep.code import code_version
 
@@ -72,9 +72,14 @@ class Trial:
         experiment: Experiment = _plugin("scenarios", self.scenario).build(self.config, self.seed, *parts)
         return experiment
 
+    def flown(self) -> Outcome:
+        """What came of it, with the whole log."""
+        outcome: Outcome = self.build().run()
+        return outcome
+
     def run(self) -> tuple[dict[str, Any], bool]:
         """The summary, with what is measured beside it, and whether the mission did what it should."""
-        outcome = self.build().run()
+        outcome = self.flown()
         measured = _function(self.measure)(outcome) if self.measure else {}
         return {**outcome.summary, **measured}, bool(outcome.success)
 

@@ -265,7 +265,7 @@ def wait_for(path: Path, count: int) -> None:
 
 
 def test_a_sweep_that_is_killed_again_and_again_leaves_the_same_trials(path: Path, tmp_path: Path) -> None:
-    words = (COIN, "--trials", "50", "--vary", "part.share=0..1", "--raise-at", "7", "--wait", "0.05")
+    words = (COIN, "--trials", "50", "--vary", "part.share=0..1", "--raise-at", "7", "--wait", "0.1")
     assert sweep(*words, "--store", str(tmp_path / "undisturbed.db"), "--workers", "2") == 0
     chance = random.Random(1)
     for kill in range(3):

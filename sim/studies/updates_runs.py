@@ -63,7 +63,7 @@ class Flown:
 
 def varied_mission(asked: Asked) -> dict[str, Trial]:
     """A mission as it was, and with each change, by the path that it had."""
-    outcome = trial("safe-flight", asked.seed, fields={"terrain": asked.terrain}).build().run()
+    outcome = trial("safe-flight", asked.seed, fields={"terrain": asked.terrain}).flown()
     mission = outcome.config["mission"]
     flown = Flown(outcome.recording.t, outcome.recording.truths[VEHICLE], np.array(mission["target"]))
     place = {"terrain": asked.terrain, "start": mission["start"], "target": mission["target"]}

@@ -42,8 +42,9 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "tracking": (
         "attitude_rms_rad", "settled_at_s",
-        "tracking_breaches", "tracking_error_max_m", "tracking_bound_m", "rebased_plans",
-        "saturated_s", "inputs_clipped",
+        "tracking_breaches", "tracking_error_max_m", "tracking_error_rms_m", "tracking_bound_m",
+        "tracking_bound_horizontal_m", "tracking_bound_vertical_m", "rebased_plans",
+        "tilt_max_deg", "thrust_mean_share", "thrust_max_share", "saturated_share", "saturated_s", "inputs_clipped",
     ),
     "planning": (
         "replans", "plans_adopted", "plans_rejected", "plans_not_admitted", "proposals_refused",

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -73,12 +74,10 @@ class Similarity:
     def mission(self, mission: FlightMission) -> FlightMission:
         """What the planner is told: places, bounds, terrain and radars. Of noise and gusts the tracking bound tells."""
         speed, acceleration = self.scales
-        terrain = mission.terrain
-        magnified = HeightField(terrain.z * self.length, terrain.spacing * self.length, name=terrain.name)
         (x, y, z), (x_f, y_f, z_f) = mission.start, mission.target
         return dataclasses.replace(
             mission,
-            terrain=magnified,
+            terrain=_magnified(mission.terrain, self.length),
             start=(x * self.length, y * self.length, z * self.length),
             target=(x_f * self.length, y_f * self.length, z_f * self.length),
             clearance_min=mission.clearance_min * self.length,
@@ -113,6 +112,12 @@ class Similarity:
 
     def _payload(self, payload: Any) -> Any:
         return self.radar(payload) if isinstance(payload, Radar) else payload
+
+
+@lru_cache(maxsize=4)
+def _magnified(terrain: HeightField, length: float) -> HeightField:
+    """Once for all planners over it, so that what they build on it is built once too."""
+    return HeightField(terrain.z * length, terrain.spacing * length, name=terrain.name)
 
 
 class SimilarPlanner:

@@ -31,8 +31,8 @@ from sim.signals import Array
 
 _SIDE, _SPACING = 640.0, 4.0  # [m]
 _GRAIN = 64.0  # [1/m]
-_BANDS = 5  # of hard rock
-_HARD = 0.42  # share of a ledge's width that is steep
+_BANDS = 4  # of hard rock
+_HARD = 0.45  # share of a ledge's width that is steep
 _CLIMB = 0.62  # share of the way along the branch after which its floor climbs to the plateau
 
 
@@ -58,13 +58,13 @@ class Canyon:
         return Canyon(
             number=number,
             y_0=float(rng.uniform(0.40, 0.50)) * _SIDE,
-            amplitudes=(float(rng.uniform(48.0, 62.0)), float(rng.uniform(10.0, 18.0))),
-            lengths=(float(rng.uniform(300.0, 380.0)), float(rng.uniform(120.0, 160.0))),
+            amplitudes=(float(rng.uniform(34.0, 43.0)), float(rng.uniform(7.0, 11.0))),
+            lengths=(float(rng.uniform(320.0, 390.0)), float(rng.uniform(130.0, 170.0))),
             phases=(float(rng.uniform(0.0, 2.0 * math.pi)), float(rng.uniform(0.0, 2.0 * math.pi))),
             floor=(west, west + float(rng.uniform(2.0, 5.0))),
             half_width=float(rng.uniform(13.0, 17.0)),
-            wall=float(rng.uniform(42.0, 52.0)),
-            plateau=west + float(rng.uniform(92.0, 108.0)),
+            wall=float(rng.uniform(66.0, 76.0)),
+            plateau=west + float(rng.uniform(96.0, 110.0)),
             fork=float(rng.uniform(0.42, 0.62)) * _SIDE,
         )
 
@@ -85,7 +85,7 @@ class Canyon:
 
 
 def canyon(number: int = 0) -> HeightField:
-    """The canyon of a number: 161 x 161 nodes at 4 m, walls of some 90 m. ValueError for a negative number."""
+    """The canyon of a number: 161 x 161 nodes at 4 m, walls of some 100 m. ValueError for a negative number."""
     if number < 0:
         raise ValueError(f"canyon number = {number}; allowed: a whole number >= 0")
     rng = np.random.default_rng([number, 0xCA])
@@ -95,7 +95,7 @@ def canyon(number: int = 0) -> HeightField:
     x, y = np.meshgrid(axis, axis)
     # Beyond the map the gorge goes on, so that its ends are no walls.
     along = np.linspace(-60.0, _SIDE + 60.0, 1600)
-    push = 9.0 * _noise(rng, count, 5) + 3.0 * _noise(rng, count, 16)
+    push = 8.0 * _noise(rng, count, 5) + 1.5 * _noise(rng, count, 16)
     gorge = _distance(np.column_stack([along, plan.middle(along)]), x, y)[0] + push
     to_branch, place = _distance(plan.branch(), x, y)
     up = np.clip((place - _CLIMB) / (1.0 - _CLIMB), 0.0, 1.0)
@@ -119,7 +119,7 @@ def _ledges(share: Array) -> Array:
     part = s - k
     steep = np.clip(part / _HARD, 0.0, 1.0)
     gentle = np.clip((part - _HARD) / (1.0 - _HARD), 0.0, 1.0)
-    risen: Array = (k + 0.68 * _smooth(steep) + 0.32 * gentle) / _BANDS
+    risen: Array = (k + 0.6 * _smooth(steep) + 0.4 * gentle) / _BANDS
     return risen
 
 

@@ -187,7 +187,7 @@ def _certified_mission(
             return mission, plan
     raise ValueError(
         f"drawn_separation = {config.drawn_separation!r}: none of {_DRAWS} missions drawn for start = {config.start!r} "
-        f"and target = {config.target!r} over the lowest {config.drawn_lowest:.3g} of the map has its ends so far apart "
+        f"and target = {config.target!r} over the lowest {config.drawn_lowest:.3g} of the map's heights has its ends so far apart "
         "and an initial certificate; allowed: other shares, or both --start and --target"
     )
 
@@ -207,7 +207,7 @@ def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.G
     """Above a node of the map's lowest ground."""
     border = math.ceil(_BORDER * max(terrain.z.shape))
     within = terrain.z[border:-border, border:-border]
-    low = np.argwhere(within <= np.quantile(within, config.drawn_lowest)) + border
+    low = np.argwhere(within <= within.min() + config.drawn_lowest * np.ptp(within)) + border
     row, column = low[rng.integers(len(low))]
     x, y = float(column) * terrain.spacing, float(row) * terrain.spacing
     above = config.clearance_min + float(rng.uniform(*config.drawn_heights))

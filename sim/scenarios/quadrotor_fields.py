@@ -58,8 +58,8 @@ class QuadrotorCanyonConfig:
     """x, y, z [m] of the vehicle's centre; drawn from the seed if not given"""
     drawn_heights: tuple[float, float] = (2.0, 10.0)
     """heights above h_min between which a start or target is drawn [m]"""
-    drawn_lowest: float = 0.08
-    """share of the map, the lowest ground of it, over which a start or target is drawn: the floor of a canyon"""
+    drawn_lowest: float = 0.1
+    """share of the map's range of heights, from below, over which a start or target is drawn: the floor of a canyon"""
     drawn_separation: tuple[float, float] = (0.6, 0.95)
     """shares of the map's side between which the distance of a drawn start and target lies"""
     clearance_min: float = 4.0

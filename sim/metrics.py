@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from models.aerial.dynamics import state_at
 from models.aerial.mission import FlightMission
 from models.terrain.visibility import Radar
-from sim.log import AgentRecorder, Recording
-from sim.signals import Array
+from sim.log import Recording
+from sim.signals import Array, Plan
 
 # The summary's figures as they are read, for every table that shows them.
 SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
@@ -114,14 +114,14 @@ def solve_times(solve_ms: Sequence[float]) -> dict[str, float]:
     }
 
 
-def references(t: Array, agent: AgentRecorder) -> Array:
-    """The state (n, 6) that the tracker was asked for at each time; NaN before the first plan.
+def references(t: Array, plans: Sequence[tuple[float, Plan]]) -> Array:
+    """The state (n, 6) that the tracker was asked for at each time, of (adopted at [s], plan); NaN before the first.
 
     Where a plan takes over it is still that of the plan before, so that the deviation which ends a plan counts.
     """
     out = np.full((len(t), 6), np.nan)
-    ends = [*(start for start, _ in agent.plans), math.inf][1:]  # none without a plan
-    for k, ((adopted, plan), following) in enumerate(zip(agent.plans, ends, strict=True)):
+    ends = [*(start for start, _ in plans), math.inf][1:]  # none without a plan
+    for k, ((adopted, plan), following) in enumerate(zip(plans, ends, strict=True)):
         begun = t > adopted + _SIMULTANEOUS if k else t > adopted - _SIMULTANEOUS
         flown = begun & (t <= following + _SIMULTANEOUS)
         out[flown] = state_at(plan, t[flown])
@@ -178,7 +178,7 @@ def flight_summary(
     kinds = Counter(event.kind for event in recording.events if event.agent == name)
     distance = np.linalg.norm(x[:, :3] - np.array(mission.target), axis=1)
     arrived = bool(distance[-1] <= mission.arrival_radius)
-    error = x - references(t, agent)
+    error = x - references(t, agent.plans)
     broken = (np.hypot(error[:, 0], error[:, 1]) > bound.horizontal) | (np.abs(error[:, 2]) > bound.vertical)
     clearance = flown_clearance(t, x, mission)
     command = agent.commands[: recording.length - 1]

@@ -48,7 +48,7 @@ def quadrotor_summary(
     seen = dataclasses.replace(recording, truths={**recording.truths, name: point(x)})
     figures = flight_summary(seen, name, mission.flight, (), bound, deadline, seed, wall_seconds)
     del figures["control_effort"], figures["radar_exposure_s"]  # inputs are thrusts here, and nobody watches
-    error = np.linalg.norm((point(x) - references(t, recording.agents[name]))[:, :3], axis=1)
+    error = np.linalg.norm((point(x) - references(t, recording.agents[name].plans))[:, :3], axis=1)
     asked = recording.agents[name].commands[: max(1, recording.length - 1)] / mission.vehicle.thrust_max
     return {
         **figures,

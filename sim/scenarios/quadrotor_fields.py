@@ -66,8 +66,8 @@ class QuadrotorCanyonConfig:
     """h_min, least height of every part of the vehicle above ground [m]"""
     speed_max: float = 14.0
     """v_max [m/s]"""
-    acceleration_max: float = 5.0
-    """a_max [m/s^2]"""
+    acceleration_max: float = 3.0
+    """a_max [m/s^2]; above some 3.5 a plan that turns unforeseen may ask for more than the rotors can turn the thrust"""
     deadline_factor: float = 1.5
     """gamma: the deadline over the duration of the first plan, which rests on the way over the plateau"""
     arrival_radius: float = 2.5

@@ -192,7 +192,9 @@ class ChaseCamera:
         height = gaussian_filter1d(np.maximum(climb + how.rise * how.distance, least), 0.7 * sigma, mode="nearest")
         self.eye = np.column_stack([back, height])
         ahead = how.ahead * how.distance * heading
-        self.lookat = np.column_stack([position[:, :2] + ahead, gaussian_filter1d(position[:, 2], 0.2 * sigma, mode="nearest")])
+        self.lookat = np.column_stack(
+            [position[:, :2] + ahead, gaussian_filter1d(position[:, 2], 0.2 * sigma, mode="nearest")]
+        )
 
     def view(self, t: float) -> View:
         eye, lookat = (

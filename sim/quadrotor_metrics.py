@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from controllers.flight.certificate import TrackingBound
 from models.quadrotor.dynamics import ATTITUDE, POSITION, VELOCITY
 from models.quadrotor.mission import QuadrotorMission
 from sim.log import Recording
-from sim.metrics import flight_summary, references
+from sim.metrics import Bound, flight_summary, references
 from sim.signals import Array
 
 _FULL = 1e-3  # share of a rotor's greatest thrust: nearer to a bound it counts as saturated
@@ -33,7 +32,7 @@ def quadrotor_summary(
     recording: Recording,
     name: str,
     mission: QuadrotorMission,
-    bound: TrackingBound,
+    bound: Bound,
     deadline: float,
     seed: int,
     wall_seconds: float,

@@ -5,8 +5,8 @@ The gorge's middle is a curve from west to east,
     y(x) = y_0 + A_1 sin(2 pi x / L_1 + phi_1) + A_2 sin(2 pi x / L_2 + phi_2),
 
 and that of its branch leaves it for the north and ends on the plateau. With d [m] the distance to the nearest curve,
-pushed about by noise so that walls have alcoves and spurs, w half the width of the floor and W that of a wall, the ground
-is
+pushed about by noise so that walls have alcoves and spurs, w half the width of the floor and W that of a wall, the
+ground is
 
     z = floor + (plateau - floor) ledges((d - w) / W),
 
@@ -135,7 +135,7 @@ def _distance(curve: Array, x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def _noise(rng: np.random.Generator, count: int, cells: int) -> Array:
-    """(count, count) of deviation 1: octaves from ``cells`` bumps along a side on, each half as large and half as high."""
+    """(count, count) of deviation 1: octaves from ``cells`` bumps along a side on, each half as large and as high."""
     total = np.zeros((count, count))
     share, n = 1.0, cells
     while n < count // 2:

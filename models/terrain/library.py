@@ -80,10 +80,12 @@ def _installed() -> dict[str, EntryPoint]:
 @cache
 def _load(point: EntryPoint, number: str) -> HeightField:
     made = point.load()
-    if number and not (number.isdecimal() and number.isascii() and len(number) <= _DIGITS and signature(made).parameters):
+    if number and not (
+        number.isdecimal() and number.isascii() and len(number) <= _DIGITS and signature(made).parameters
+    ):
         raise ValueError(
-            f"terrain '{point.name}:{number}': allowed: a whole number of at most {_DIGITS} digits after a terrain that is "
-            "made from one, as canyon:3"
+            f"terrain '{point.name}:{number}': allowed: a whole number of at most {_DIGITS} digits after a terrain "
+            "that is made from one, as canyon:3"
         )
     terrain = made(int(number)) if number else made()
     if not isinstance(terrain, HeightField):

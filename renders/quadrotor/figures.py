@@ -45,7 +45,9 @@ def tracking_figure(run: QuadrotorRun) -> Figure:
             i = thinned(len(run.flight.t), int(np.argmax(np.nan_to_num(off))))
             axes.plot(run.flight.t[i], 100.0 * off[i], color=_LINE, lw=1.0)
             axes.axhline(100.0 * run.bound[name], color=BOUND, ls=":", lw=1.2)
-            axes.set(ylabel=f"{name} [cm]", ylim=(0.0, 115.0 * max(run.bound[name], float(np.nanmax(off, initial=0.0)))))
+            axes.set(
+                ylabel=f"{name} [cm]", ylim=(0.0, 115.0 * max(run.bound[name], float(np.nanmax(off, initial=0.0))))
+            )
         panels[0].set_title("Off the plan, against the bound in the certificate (dotted)")
         panels[1].set(xlabel="time [s]", xlim=(0.0, run.duration))
     return figure

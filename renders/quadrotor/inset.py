@@ -38,8 +38,10 @@ class Inset:
         if run.index(t) > 0:
             self._line(draw, run.x[: run.index(t) + 1 : 20, :3], Part.FLOWN, 2.4 * pixel)
         for place, part, radius in (
-            (run.mission.start, Part.START, 3.0), (run.mission.target, Part.TARGET, 3.6), (run.state(t), Part.FLOWN, 4.4),
-        ):  # fmt: skip
+            (run.mission.start, Part.START, 3.0),
+            (run.mission.target, Part.TARGET, 3.6),
+            (run.state(t), Part.FLOWN, 4.4),
+        ):
             (column, row), r = self._pixels(place[None])[0], radius * pixel
             draw.ellipse((column - r, row - r, column + r, row + r), _colour(part), "white", max(1, round(1.4 * pixel)))
         width = max(1, round(1.5 * pixel))

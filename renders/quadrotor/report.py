@@ -41,7 +41,9 @@ def _headline(run: QuadrotorRun) -> tuple[Markup, Markup]:
     arrived, clearance = bool(summary.get("arrived")), summary.get("min_clearance_m")
     safe = clearance is not None and clearance >= least and not summary.get("ground_contacts")
     verdict = ("arrived" if arrived else "did not arrive") + (
-        f", no part of it ever nearer than {least:g} m above the ground" if safe else ", and came too close to the ground"
+        f", no part of it ever nearer than {least:g} m above the ground"
+        if safe
+        else ", and came too close to the ground"
     )
     error, bound = (quantity(key, summary.get(key)) for key in ("tracking_error_max_m", "tracking_bound_m"))
     tiles = {
@@ -88,7 +90,11 @@ def _figures(run: QuadrotorRun) -> list[Markup]:
     flight, summary = run.flight, run.flight.summary
     least = quantity("min_clearance_m", summary.get("min_clearance_m"))
     drawn = [
-        ("map", figures.map_figure(flight), f"Hill-shaded map of {flight.terrain.name} with the path, start and target."),
+        (
+            "map",
+            figures.map_figure(flight),
+            f"Hill-shaded map of {flight.terrain.name} with the path, start and target.",
+        ),
         (
             "profile",
             figures.profile_figure(flight),
@@ -103,8 +109,8 @@ def _figures(run: QuadrotorRun) -> list[Markup]:
         (
             "tracking",
             tracking_figure(run),
-            "Distance of the centre from the plan being flown, across and along the vertical, against the bound that the "
-            "certificate allows for.",
+            "Distance of the centre from the plan being flown, across and along the vertical, against the bound in "
+            "the certificate.",
         ),
         (
             "rotors",

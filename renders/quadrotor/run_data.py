@@ -1,4 +1,4 @@
-"""A finished flight of a quadrotor as pictures need it: the flight of its centre, and the body that tilts and pushes."""
+"""A finished flight of a quadrotor as pictures need it: the flight of its centre, and the body that tilts."""
 
 from __future__ import annotations
 

@@ -40,6 +40,7 @@ SPAN = 0.07  # of the picture's height: the airframe from afar
 WIDTH = {"chase": 3.4, "overview": 3.2, "top": 3.4}  # [pixels] of lines, at a picture 720 pixels high
 PIN = 34.0  # [pixels] likewise: height of the pins at start and target
 TRAIL, BEHIND = 2.0, 14.0  # [m] between points of the trail from afar; what of it is drawn finely beside the vehicle
+_UP = np.array([0.0, 0.0, 1.0])
 LOW = 0.16  # [m] under the vehicle's centre the trail is drawn beside it, not through it
 
 
@@ -91,7 +92,7 @@ class Scene:
             if camera == "chase" and not flight.terrain.line_of_sight(eye, place):
                 continue
             up = PIN * self.stage.unit * float(self.stage.metres_per_pixel(place[None])[0])
-            found += [(part.value, *pixel) for pixel in self.stage.inside((place + [0.0, 0.0, up])[None]).tolist()]
+            found += [(part.value, *pixel) for pixel in self.stage.inside((place + up * _UP)[None]).tolist()]
         return found
 
     # ---- cameras

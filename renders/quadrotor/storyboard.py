@@ -1,7 +1,7 @@
 """Which moment of a quadrotor's flight each frame of its video shows, from where.
 
-The vehicle is a metre wide and its way half a kilometre long: most of the video goes behind it, the overview and the top
-view say where in the canyon that is.
+The vehicle is a metre wide and its way half a kilometre long: most of the video goes behind it, the overview and the
+top view say where in the canyon that is.
 """
 
 from __future__ import annotations
@@ -15,7 +15,13 @@ CAMERAS = ("chase", "overview", "top")
 TURN = 1.2  # [degrees/s of video] at which the overview turns
 LAST_LOOK = 1.6  # [s of video] for which the last moment stays
 # Cameras, lengths [s of video] and ends [share of the flight] of the tour's shots.
-SHOTS = (("overview", 2.6, 0.05), ("chase", 7.6, 0.42), ("top", 2.4, 0.55), ("chase", 7.0, 0.90), ("overview", 1.8, 1.0))
+SHOTS = (
+    ("overview", 2.6, 0.05),
+    ("chase", 7.6, 0.42),
+    ("top", 2.4, 0.55),
+    ("chase", 7.0, 0.90),
+    ("overview", 1.8, 1.0),
+)
 FORCED_LENGTH = 20.0  # [s of video] before the last look, where one camera films everything
 
 

@@ -16,7 +16,7 @@ _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 
 @dataclass(frozen=True)
 class Mismatch:
-    """The true quadrotor over the declared one. The tracking bound allows for a tenth more mass and a quarter of drag."""
+    """The true quadrotor over the declared one; the tracking bound allows for a tenth of mass and a quarter of drag."""
 
     mass: float = 1.0
     """factor of the mass"""
@@ -38,11 +38,12 @@ class Mismatch:
     @property
     def vehicle(self) -> Quadrotor:
         """The one that flies, but for its front left rotor."""
+        x, y, z = NOMINAL.drag
         return dataclasses.replace(
             NOMINAL,
             mass=self.mass * NOMINAL.mass,
             motor_lag=self.motor_lag * NOMINAL.motor_lag,
-            drag=tuple(self.drag * part for part in NOMINAL.drag),
+            drag=(self.drag * x, self.drag * y, self.drag * z),
         )
 
 
@@ -67,7 +68,7 @@ class QuadrotorCanyonConfig:
     speed_max: float = 14.0
     """v_max [m/s]"""
     acceleration_max: float = 3.0
-    """a_max [m/s^2]; above some 3.5 a plan that turns unforeseen may ask for more than the rotors can turn the thrust"""
+    """a_max [m/s^2]; from some 3.5 on the rotors may not turn the thrust as soon as a new plan asks for it"""
     deadline_factor: float = 1.5
     """gamma: the deadline over the duration of the first plan, which rests on the way over the plateau"""
     arrival_radius: float = 2.5
@@ -97,6 +98,6 @@ class QuadrotorCanyonConfig:
         check_rate(self.control_rate, "control_rate", TICK)
         if self.faults.position_jump > 0.0:
             raise ValueError(
-                f"faults.position_jump = {self.faults.position_jump!r}; allowed for a quadrotor: 0, for beside its plan "
-                "it has no certificate"
+                f"faults.position_jump = {self.faults.position_jump!r}; allowed for a quadrotor: 0, for beside "
+                "its plan it has no certificate"
             )

@@ -130,6 +130,8 @@ class SimilarPlanner:
     def plan(self, request: PlanRequest) -> Plan:
         plan = self._shrunk.plan(self._planner.plan(self._magnified.request(request)))
         if plan.ok:
-            # Rounding must not part it from the plan being flown, nor from its time.
+            # Rounding must not part it from its time, nor from where it is to start.
             plan.t[0] = request.t_start
+            if request.current is None:
+                plan.x[0] = request.estimate.x
         return plan

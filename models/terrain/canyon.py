@@ -95,7 +95,8 @@ def canyon(number: int = 0) -> HeightField:
     x, y = np.meshgrid(axis, axis)
     # Beyond the map the gorge goes on, so that its ends are no walls.
     along = np.linspace(-60.0, _SIDE + 60.0, 1600)
-    push = 8.0 * _noise(rng, count, 5) + 1.5 * _noise(rng, count, 16)
+    # No wall comes so far that it would close the floor.
+    push = np.minimum(8.0 * _noise(rng, count, 5) + 1.5 * _noise(rng, count, 16), 0.5 * plan.half_width)
     gorge = _distance(np.column_stack([along, plan.middle(along)]), x, y)[0] + push
     to_branch, place = _distance(plan.branch(), x, y)
     up = np.clip((place - _CLIMB) / (1.0 - _CLIMB), 0.0, 1.0)

@@ -56,7 +56,8 @@ def build_spec(
 def add_vehicle(spec: Any, name: str, vehicle: Quadrotor = NOMINAL) -> None:
     """Attach a quadrotor to a world."""
     one = mujoco.MjSpec.from_file(str(_XML))
-    one.option.gravity = spec.option.gravity
+    for setting in ("gravity", "timestep", "integrator"):  # those of the world hold
+        setattr(one.option, setting, getattr(spec.option, setting))
     _set_parameters(one, vehicle)
     spec.worldbody.add_frame().attach_body(one.body("body"), f"{name}/", "")
 

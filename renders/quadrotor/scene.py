@@ -30,7 +30,7 @@ from renders.stage import Optics, Stage, View
 from sim.signals import Array
 
 CHASE = Optics(50.0, 2e-4, 5.0)
-NEAR = Following(distance=2.7, step=0.1, smoothing=0.6, clear=1.2, rise=0.42, ahead=0.7)
+NEAR = Following(distance=2.4, step=0.1, smoothing=0.6, clear=1.2, rise=0.42, ahead=0.7)
 VEHICLE, NEAR_GROUP = "vehicle", 4
 DRAWN = 2  # the group of the vehicle's geoms that are to be seen
 SPIN = 23.0  # [rad/s] at which rotors are drawn to turn

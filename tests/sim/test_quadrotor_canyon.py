@@ -119,7 +119,7 @@ def test_an_estimate_of_something_else_ends_a_flight_with_its_reason() -> None:
         ({"terrain": "valley"}, r"terrain 'valley' is not known; allowed are canyon"),
         ({"clearance_min": -1.0}, r"clearance_min = -1\.0"),
         ({"speed_max": 0.0}, r"speed_max = 0\.0"),
-        ({"speed_max": 1.0}, r"speed_max = 1 leaves nothing to plan with"),
+        ({"speed_max": 0.2}, r"speed_max = 0.2 leaves nothing to plan with"),
         ({"acceleration_max": math.inf}, r"acceleration_max = inf"),
         ({"deadline_factor": 0.9}, r"deadline_factor = 0\.9"),
         ({"arrival_radius": 0.1}, r"arrival_radius = 0\.1 leaves nothing"),

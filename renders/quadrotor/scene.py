@@ -34,7 +34,7 @@ NEAR = Following(distance=2.4, step=0.1, smoothing=0.6, clear=1.2, rise=0.42, ah
 VEHICLE, NEAR_GROUP = "vehicle", 4
 DRAWN = 2  # the group of the vehicle's geoms that are to be seen
 SPIN = 23.0  # [rad/s] at which rotors are drawn to turn
-SIGHT = {"overview": (72.0, -38.0), "top": (90.0, -89.9)}  # [degrees] azimuth and elevation
+SIGHT = {"overview": (72.0, -52.0), "top": (90.0, -89.9)}  # [degrees] azimuth and elevation
 FREE = {"overview": Box(0.02, 0.98, 0.06, 0.98), "top": Box(0.03, 0.97, 0.03, 0.97)}  # of the picture, for the map
 SPAN = 0.07  # of the picture's height: the airframe from afar
 WIDTH = {"chase": 3.4, "overview": 3.2, "top": 3.4}  # [pixels] of lines, at a picture 720 pixels high

@@ -13,7 +13,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -24,7 +23,7 @@ from models.aerial.dynamics import CONTROL_TICKS, TICK
 from models.aerial.entity import build_model
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain, terrain_names
+from models.terrain.library import load_terrain, place_of
 from models.terrain.visibility import Radar
 from sim.checks import check, check_rate
 from sim.cockpit import Agent
@@ -257,7 +256,7 @@ def _record(
 ) -> dict[str, Any]:
     """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
     terrain = mission.terrain
-    place = config.terrain if config.terrain in terrain_names() else str(Path(config.terrain).resolve())
+    place = place_of(config.terrain)
     resolved = dataclasses.replace(config, terrain=place, start=mission.start, target=mission.target)
     return {
         "scenario": "safe-flight",

@@ -21,6 +21,7 @@ from renders.figures import BOUND, STYLE
 from renders.relief import relief
 from renders.study_report import Table
 from renders.sweep_data import figures
+from sim.scenarios.experiment import Outcome
 from sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig
 from sim.statistics import rate
 from sim.store import Record
@@ -35,6 +36,7 @@ FIELDS: Mapping[str, Any] = {
 }
 H_MIN = QuadrotorCanyonConfig().clearance_min
 MAP_PIXELS = 480
+PATH, EVERY = "sim.studies.quadrotor:path", 0.4  # a measure, and what lies between its points [s]
 BLUE, ORANGE = "#0d5fa8", "#d9731a"
 
 
@@ -65,13 +67,10 @@ class QuadrotorStudy:
     def run(config: QuadrotorStudyConfig, setup: Setup) -> Findings:
         trials = [_mission(config, canyon, k) for canyon in range(config.canyons) for k in range(config.missions)]
         records = setup.fly(trials)
-        shown = range(min(config.drawn, config.canyons))
+        flown = [np.array(record.summary["path"]) for record in records]
         paths = {
-            canyon: [
-                setup.flown(_mission(config, canyon, k)).recording.truths[VEHICLE][:, :2]
-                for k in range(config.missions)
-            ]
-            for canyon in shown
+            canyon: flown[canyon * config.missions : (canyon + 1) * config.missions]
+            for canyon in range(min(config.drawn, config.canyons))
         }
         rows = [_row(record) for record in records]
         return Findings(
@@ -92,7 +91,15 @@ class QuadrotorStudy:
 
 
 def _mission(config: QuadrotorStudyConfig, canyon: int, k: int) -> Trial:
-    return trial("quadrotor-canyon", canyon * config.missions + k, fields={"terrain": f"canyon:{canyon}", **FIELDS})
+    fields = {"terrain": f"canyon:{canyon}", **FIELDS}
+    return trial("quadrotor-canyon", canyon * config.missions + k, fields=fields, measure=PATH)
+
+
+def path(outcome: Outcome) -> dict[str, Any]:
+    """A measure: where on the map the vehicle was, two or three times a second, [[x, y], ...] [m]."""
+    recording = outcome.recording
+    places = recording.truths[VEHICLE][:: max(1, round(EVERY / float(np.diff(recording.t[:2])[0])))]
+    return {"path": np.round(np.vstack([places, recording.truths[VEHICLE][-1:]])[:, :2], 1).tolist()}
 
 
 def _share(records: Sequence[Record]) -> np.ndarray:

@@ -67,7 +67,7 @@ def _terrain(run: QuadrotorRun) -> Markup:
         colour = hexadecimal(COLOURS[Part.COMPLETION])
         tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
     places = {Part.START.value: flight.mission.start, Part.TARGET.value: flight.mission.target}
-    note = "The first plan rests on a way over the plateau; those after it find the way through the canyon."
+    note = "The first plan's way to rest leads over the plateau; the plans after it find a shorter one."
     return terrain_view(flight.terrain, tracks, places, (), note)
 
 

@@ -67,8 +67,8 @@ class QuadrotorCanyonConfig:
     """h_min, least height of every part of the vehicle above ground [m]"""
     speed_max: float = 14.0
     """v_max [m/s]"""
-    acceleration_max: float = 3.0
-    """a_max [m/s^2]; from some 3.5 on the rotors may not turn the thrust as soon as a new plan asks for it"""
+    acceleration_max: float = 2.5
+    """a_max [m/s^2]; from 3 on the rotors may not turn the thrust as soon as a new plan asks for it"""
     deadline_factor: float = 1.5
     """gamma: the deadline over the duration of the first plan, which rests on the way over the plateau"""
     arrival_radius: float = 2.5

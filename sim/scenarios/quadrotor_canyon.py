@@ -13,9 +13,9 @@ or a little less. MuJoCo's ground is that of the map.
 **What the bound allows for.** Gusts as declared, a tenth more mass, a quarter more or less drag. A weaker rotor or a
 greater mismatch is not in it, nor are plans that turn so suddenly that the rotors have not the moments for it. Of 1000
 plans that took over unforeseen, each turning anew with all of a_max, none led farther off than .6 of the bound at 2.5
-m/s^2; at 3 one in 400 did, at 3.5 vehicles were thrown on their backs. Where the tracker does not keep its bound that is
-an event, the planner is based anew on the estimate, and where no plan is certified from there the loss of the guarantee
-is one.
+m/s^2; at 3 one in 400 left it, at 3.5 vehicles were thrown on their backs. Where the tracker does not keep its bound,
+that is an event, the planner is based anew on the estimate, and where no plan is certified from there the loss of the
+guarantee is one.
 
 The vehicle follows the canyon because that is the shorter way: over the plateau it would have to climb and to descend.
 Nothing forbids that, and where a spur is in the way it may cross it, low, rather than go around.

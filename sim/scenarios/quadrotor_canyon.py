@@ -46,7 +46,7 @@ from sim.log import Recording
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, checked_sensors, load
 from sim.protocols import Plant
-from sim.quadrotor_metrics import quadrotor_summary
+from sim.quadrotor_metrics import point, quadrotor_summary
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.flight_parts import (
@@ -134,6 +134,13 @@ class QuadrotorCanyon:
             )
         record = _record(config, seed, controller, estimator, mission, terrain, tracker.bound)
         return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record)
+
+    @staticmethod
+    def errors(config: QuadrotorCanyonConfig, x: Array, truth: Array) -> dict[str, Array]:
+        """The error of each state of the point mass, named with its unit, of estimates (n, 6) to truths (n, 13)."""
+        off = x - point(truth)
+        names = ("x [m]", "y [m]", "z [m]", "v_x [m/s]", "v_y [m/s]", "v_z [m/s]")
+        return {name: off[:, k] for k, name in enumerate(names)}
 
 
 @lru_cache(maxsize=4)

@@ -57,6 +57,13 @@ def test_its_figures_are_those_of_the_log(outcome: Outcome) -> None:
     assert all(label(key)[0] for key in summary)
 
 
+def test_estimates_are_compared_with_the_centre(outcome: Outcome) -> None:
+    x, truth = outcome.arrays["estimate.x"], outcome.arrays["truth.x"]
+    errors = QuadrotorCanyon.errors(QuadrotorCanyonConfig(), x, truth)
+    assert list(errors) == ["x [m]", "y [m]", "z [m]", "v_x [m/s]", "v_y [m/s]", "v_z [m/s]"]
+    assert all(np.abs(off).max() < 1e-9 for off in errors.values())  # its sensor has no noise
+
+
 def test_the_clearance_is_that_of_the_whole_vehicle(outcome: Outcome) -> None:
     """No point of a ball of its reach is ever lower over the ground around it."""
     x, ground = outcome.arrays["truth.x"][::15], load_terrain("canyon")

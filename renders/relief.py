@@ -6,6 +6,7 @@ height above the surroundings, so that ridges stand out from valleys wherever th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -19,21 +20,63 @@ from sim.signals import Array
 SUN_AZIMUTH = np.radians(315.0)  # from the north-west, as on printed maps
 SUN_ELEVATION = np.radians(42.0)
 SNOW_LINE_LEAST = 2200.0  # [m] no snow below, however low the map
-# Height tints: share of the map's range of heights, red, green, blue.
-TINTS = np.array(
-    [
-        [0.00, 0.36, 0.43, 0.27],
-        [0.12, 0.50, 0.53, 0.33],
-        [0.26, 0.66, 0.61, 0.42],
-        [0.42, 0.64, 0.53, 0.38],
-        [0.60, 0.53, 0.44, 0.36],
-        [0.80, 0.50, 0.46, 0.43],
-        [1.00, 0.62, 0.60, 0.58],
-    ]
-)
-ROCK = np.array([0.44, 0.39, 0.35])
 SNOW = np.array([0.86, 0.885, 0.93])  # leaves room for the sunlit side to be whiter
 SHADOW = np.array([0.30, 0.36, 0.52])  # what shade multiplies the colours by: bluish, never black
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What a kind of ground looks like."""
+
+    tints: Array  # (k, 4) share of the map's range of heights, red, green, blue
+    rock: Array | None = None  # (3,) of steep slopes; None where the tints are those of rock
+    ambient: float = 0.18  # light that comes from everywhere
+
+
+MOUNTAINS = Look(
+    np.array(
+        [
+            [0.00, 0.36, 0.43, 0.27],
+            [0.12, 0.50, 0.53, 0.33],
+            [0.26, 0.66, 0.61, 0.42],
+            [0.42, 0.64, 0.53, 0.38],
+            [0.60, 0.53, 0.44, 0.36],
+            [0.80, 0.50, 0.46, 0.43],
+            [1.00, 0.62, 0.60, 0.58],
+        ]
+    ),
+    np.array([0.44, 0.39, 0.35]),
+)
+# Sand and scrub on the floor, beds of red and pale sandstone, juniper on the plateau.
+SANDSTONE = Look(
+    np.array(
+        [
+            [0.00, 0.42, 0.44, 0.25],
+            [0.03, 0.56, 0.52, 0.32],
+            [0.06, 0.80, 0.64, 0.44],
+            [0.13, 0.72, 0.43, 0.28],
+            [0.20, 0.64, 0.33, 0.21],
+            [0.22, 0.84, 0.62, 0.44],
+            [0.25, 0.86, 0.66, 0.48],
+            [0.27, 0.68, 0.36, 0.23],
+            [0.38, 0.76, 0.44, 0.28],
+            [0.41, 0.60, 0.29, 0.19],
+            [0.44, 0.82, 0.54, 0.36],
+            [0.52, 0.72, 0.39, 0.25],
+            [0.54, 0.89, 0.72, 0.54],
+            [0.57, 0.87, 0.68, 0.50],
+            [0.59, 0.66, 0.35, 0.23],
+            [0.68, 0.78, 0.49, 0.33],
+            [0.74, 0.85, 0.64, 0.46],
+            [0.80, 0.70, 0.56, 0.38],
+            [0.86, 0.55, 0.52, 0.34],
+            [0.93, 0.62, 0.56, 0.38],
+            [1.00, 0.74, 0.64, 0.47],
+        ]
+    ),
+    ambient=0.42,
+)
+LOOKS = {"canyon": SANDSTONE}  # by the first word of a terrain's name; mountains otherwise
 
 
 def resampled(terrain: HeightField, size: int, order: int) -> Array:
@@ -55,11 +98,13 @@ def relief(terrain: HeightField, size: int) -> Picture:
     north, east = np.gradient(z, spacing)
     low, high = float(terrain.z.min()), float(terrain.z.max())
     height = np.clip((z - low) / max(high - low, 1.0), 0.0, 1.0)
-    colour = np.stack([np.interp(height, TINTS[:, 0], TINTS[:, k]) for k in (1, 2, 3)], axis=-1)
+    look = LOOKS.get(terrain.name.partition(" ")[0], MOUNTAINS)
+    colour = np.stack([np.interp(height, look.tints[:, 0], look.tints[:, k]) for k in (1, 2, 3)], axis=-1)
 
     slope = np.hypot(east, north)
     roughness = np.clip(np.percentile(slope, 95), 0.05, 1.0)  # flat maps get their relief, too
-    colour = _mix(colour, ROCK, _step(slope, 0.55, 1.1) * _step(height, 0.15, 0.45))
+    if look.rock is not None:
+        colour = _mix(colour, look.rock, _step(slope, 0.55, 1.1) * _step(height, 0.15, 0.45))
     snow_line = max(SNOW_LINE_LEAST, low + 0.50 * (high - low))
     depth = 0.10 * (high - low) + 100.0
     facing_south = np.clip(north, -0.6, 0.6)  # uphill to the north: the sun melts these slopes first
@@ -79,7 +124,7 @@ def relief(terrain: HeightField, size: int) -> Picture:
     lit = np.clip(normal @ sun, 0.0, None) / np.sin(SUN_ELEVATION)  # 1 on level ground
     prominence = z - ndimage.gaussian_filter(z, 0.02 * size, mode="nearest")
     openness = np.clip(prominence / max(2.0 * float(prominence.std()), 1.0), -1.0, 1.0)
-    light = np.clip(0.80 * lit + 0.18 + 0.12 * openness, 0.0, 1.35)[..., None]
+    light = np.clip((0.98 - look.ambient) * lit + look.ambient + 0.12 * openness, 0.0, 1.35)[..., None]
     shaded = colour * np.where(light < 1.0, SHADOW + (1.0 - SHADOW) * light, 1.0 + 0.45 * (light - 1.0))
     picture: Picture = (255.0 * np.clip(shaded[::-1], 0.0, 1.0)).astype(np.uint8)
     picture.flags.writeable = False  # for it is shared

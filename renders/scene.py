@@ -8,6 +8,7 @@ Import ``renders.opengl`` and choose the backend before this module, which impor
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import groupby
 from types import TracebackType
 from typing import Any
@@ -34,7 +35,6 @@ from renders.storyboard import EXAGGERATION
 from sim.signals import Array
 
 CHASE = Optics(45.0, 2e-4, 5.0)
-CHASE_DISTANCE = 1300.0  # [m] behind the vehicle
 PIN = 34.0  # [pixels] at a picture 720 pixels high: height of the pins at start and target
 _ANGLE, _RISE = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), np.radians([15.0, 30.0, 50.0, 75.0]))
 # (192, 3) points on the upper half of the unit sphere
@@ -49,7 +49,7 @@ class Scene:
         self._land = Landscape(run.terrain)
         self.model = _model(run, width, height, samples)
         self._airframe = Airframe(self.model, "airframe")
-        self._chase = ChaseCamera(run)
+        self._chase = ChaseCamera(run, AFAR)
         self.stage = Stage(self.model, width, height, glow=0.75)
 
     def __enter__(self) -> Scene:
@@ -118,7 +118,7 @@ class Scene:
         position, quaternion = airframe_pose(x[:3], x[3:], u)
         position = self.world(position, camera)
         span = 0.16 if near else 0.055  # of the picture's height
-        size = span * 2.0 * (CHASE_DISTANCE if near else view.distance) * self.stage.tangent()
+        size = span * 2.0 * (AFAR.distance if near else view.distance) * self.stage.tangent()
         if near:
             self._airframe.place(self.stage, position, quaternion, size)
         else:
@@ -153,32 +153,46 @@ class Scene:
             self.stage.pin(foot, top, PIN, COLOURS[part])
 
 
+@dataclass(frozen=True)
+class Following:
+    """How a camera follows a vehicle."""
+
+    distance: float  # [m] behind it
+    step: float  # [s] between the precomputed places
+    smoothing: float  # [s] standard deviation of the Gaussian that steadies the camera
+    clear: float  # [m] over the ground between itself and the vehicle, at least
+    rise: float = 0.36  # over the vehicle, in distances
+    ahead: float = 0.55  # of the vehicle lies what it looks at, in distances
+
+
+AFAR = Following(1300.0, 0.25, 2.5, 110.0)
+
+
 class ChaseCamera:
     """Behind and above the vehicle, on a smoothed path that stays clear of the ground."""
 
-    STEP = 0.25  # [s] between the precomputed places
-    SMOOTHING = 2.5  # [s] standard deviation of the Gaussian that steadies the camera
-
-    def __init__(self, run: RunData) -> None:
-        self.t = np.arange(0.0, run.duration + self.STEP, self.STEP)
+    def __init__(self, run: RunData, how: Following) -> None:
+        self.t = np.arange(0.0, run.duration + how.step, how.step)
         position = np.array([run.state(float(t))[:3] for t in self.t])
-        sigma = self.SMOOTHING / self.STEP
+        sigma = how.smoothing / how.step
         course = run.mission.target[:2] - run.mission.start[:2]
         # Where the vehicle hovers the course to the target stands in for a direction of flight.
-        rate = np.gradient(position[:, :2], self.STEP, axis=0) + course / max(float(np.linalg.norm(course)), 1.0)
+        rate = np.gradient(position[:, :2], how.step, axis=0) + course / max(float(np.linalg.norm(course)), 1.0)
         rate = gaussian_filter1d(rate, 1.6 * sigma, axis=0, mode="nearest")
         heading = rate / np.maximum(np.linalg.norm(rate, axis=1, keepdims=True), 1e-9)
         climb = gaussian_filter1d(position[:, 2], sigma, mode="nearest")
-        back = position[:, :2] - CHASE_DISTANCE * heading
+        back = position[:, :2] - how.distance * heading
         # The camera clears the highest ground between itself and the vehicle, known a little in advance.
         line = np.linspace(0.0, 1.0, 9)[:, None, None]
         east, north = np.moveaxis(back + line * (position[:, :2] - back), -1, 0)
         ground = run.terrain.height(np.clip(east, 0.0, run.terrain.width), np.clip(north, 0.0, run.terrain.depth))
-        least = maximum_filter1d(np.max(ground, axis=0) + 110.0, round(2.0 * sigma) | 1, mode="nearest")
-        height = gaussian_filter1d(np.maximum(climb + 0.36 * CHASE_DISTANCE, least), 0.7 * sigma, mode="nearest")
+        least = maximum_filter1d(np.max(ground, axis=0) + how.clear, round(2.0 * sigma) | 1, mode="nearest")
+        height = gaussian_filter1d(np.maximum(climb + how.rise * how.distance, least), 0.7 * sigma, mode="nearest")
         self.eye = np.column_stack([back, height])
-        ahead = 0.55 * CHASE_DISTANCE * heading
-        self.lookat = np.column_stack([position[:, :2] + ahead, gaussian_filter1d(position[:, 2], 2.0, mode="nearest")])
+        ahead = how.ahead * how.distance * heading
+        self.lookat = np.column_stack(
+            [position[:, :2] + ahead, gaussian_filter1d(position[:, 2], 0.2 * sigma, mode="nearest")]
+        )
 
     def view(self, t: float) -> View:
         eye, lookat = (

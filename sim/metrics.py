@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.log import AgentRecorder, Recording
-from sim.signals import Array
+from sim.log import Recording
+from sim.signals import Array, Plan
 
 if TYPE_CHECKING:  # the compiled kernels take a while to import, and most that import this only read names
     from models.aerial.mission import FlightMission
@@ -42,8 +42,9 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "tracking": (
         "attitude_rms_rad", "settled_at_s",
-        "tracking_breaches", "tracking_error_max_m", "tracking_bound_m", "rebased_plans",
-        "saturated_s", "inputs_clipped",
+        "tracking_breaches", "tracking_error_max_m", "tracking_error_rms_m", "tracking_bound_m",
+        "tracking_bound_horizontal_m", "tracking_bound_vertical_m", "rebased_plans",
+        "tilt_max_deg", "thrust_mean_share", "thrust_max_share", "saturated_share", "saturated_s", "inputs_clipped",
     ),
     "planning": (
         "replans", "plans_adopted", "plans_rejected", "plans_not_admitted", "proposals_refused",
@@ -105,16 +106,16 @@ def solve_times(solve_ms: Sequence[float]) -> dict[str, float]:
     }
 
 
-def references(t: Array, agent: AgentRecorder) -> Array:
-    """The state (n, 6) that the tracker was asked for at each time; NaN before the first plan.
+def references(t: Array, plans: Sequence[tuple[float, Plan]]) -> Array:
+    """The state (n, 6) that the tracker was asked for at each time, of (adopted at [s], plan); NaN before the first.
 
     Where a plan takes over it is still that of the plan before, so that the deviation which ends a plan counts.
     """
     from models.aerial.dynamics import state_at
 
     out = np.full((len(t), 6), np.nan)
-    ends = [*(start for start, _ in agent.plans), math.inf][1:]  # none without a plan
-    for k, ((adopted, plan), following) in enumerate(zip(agent.plans, ends, strict=True)):
+    ends = [*(start for start, _ in plans), math.inf][1:]  # none without a plan
+    for k, ((adopted, plan), following) in enumerate(zip(plans, ends, strict=True)):
         begun = t > adopted + _SIMULTANEOUS if k else t > adopted - _SIMULTANEOUS
         flown = begun & (t <= following + _SIMULTANEOUS)
         out[flown] = state_at(plan, t[flown])
@@ -170,7 +171,7 @@ def flight_summary(
     kinds = Counter(event.kind for event in recording.events if event.agent == name)
     distance = np.linalg.norm(x[:, :3] - np.array(mission.target), axis=1)
     arrived = bool(distance[-1] <= mission.arrival_radius)
-    error = x - references(t, agent)
+    error = x - references(t, agent.plans)
     broken = (np.hypot(error[:, 0], error[:, 1]) > bound.horizontal) | (np.abs(error[:, 2]) > bound.vertical)
     clearance = flown_clearance(t, x, mission)
     command = agent.commands[: recording.length - 1]

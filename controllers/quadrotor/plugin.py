@@ -3,7 +3,8 @@
 The two time scales of Fig. A.9: the planner moves a double integrator every half second, the tracker the quadrotor
 many times in between. What the tracker keeps enters the planner's certificate as its tracking bound. The planner works
 on the mission magnified to its own scale (``similarity``), so its fields are those of the controller ``flight``, in its
-units.
+units. One of them has another default: beside the walls of a canyon, cliffs at the planner's scale, plans with
+a ``margin`` of 25 m often lack their certificate.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from sim.protocols import Planner, Tracker
 class QuadrotorConfig:
     """Fields of ``--planner``."""
 
-    flight: FlightConfig = field(default_factory=FlightConfig)
+    flight: FlightConfig = field(default_factory=lambda: FlightConfig(margin=100.0))
     """the planner's, in units in which the mission's v_max is 300 m/s; its ``bandwidth`` is another tracker's"""
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
 

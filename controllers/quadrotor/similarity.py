@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -63,9 +64,6 @@ class Similarity:
             radar, x=radar.x * self.length, y=radar.y * self.length, radius=radar.radius * self.length
         )
 
-    def terrain(self, terrain: HeightField) -> HeightField:
-        return HeightField(terrain.z * self.length, terrain.spacing * self.length, name=terrain.name)
-
     def bound(self, bound: TrackingBound) -> TrackingBound:
         speed, acceleration = self.scales
         return TrackingBound(
@@ -81,7 +79,7 @@ class Similarity:
         (x, y, z), (x_f, y_f, z_f) = mission.start, mission.target
         return dataclasses.replace(
             mission,
-            terrain=self.terrain(mission.terrain),
+            terrain=_magnified(mission.terrain, self.length),
             start=(x * self.length, y * self.length, z * self.length),
             target=(x_f * self.length, y_f * self.length, z_f * self.length),
             clearance_min=mission.clearance_min * self.length,
@@ -120,12 +118,18 @@ class Similarity:
         if message.topic == ARRIVAL and isinstance(payload, float):
             return payload * self.time
         if message.topic == TERRAIN and isinstance(payload, HeightField):
-            return self.terrain(payload)
+            return _magnified(payload, self.length)
         if message.topic == RADARS and isinstance(payload, tuple):
             return tuple(self.radar(each) if isinstance(each, Radar) else each for each in payload)
         if message.topic == TARGET and isinstance(payload, tuple):
             return tuple(each * self.length if isinstance(each, float) else each for each in payload)
         return payload
+
+
+@lru_cache(maxsize=4)
+def _magnified(terrain: HeightField, length: float) -> HeightField:
+    """Once for all planners over it, so that what they build on it is built once too."""
+    return HeightField(terrain.z * length, terrain.spacing * length, name=terrain.name)
 
 
 class SimilarPlanner:
@@ -138,6 +142,8 @@ class SimilarPlanner:
     def plan(self, request: PlanRequest) -> Plan:
         plan = self._shrunk.plan(self._planner.plan(self._magnified.request(request)))
         if plan.ok:
-            # Rounding must not part it from the plan being flown, nor from its time.
+            # Rounding must not part it from its time, nor from where it is to start.
             plan.t[0] = request.t_start
+            if request.current is None:
+                plan.x[0] = request.estimate.x
         return plan

@@ -23,6 +23,8 @@ from sim.signals import Array
 
 _XML = Path(__file__).parent / "quadrotor.xml"
 _AXES = "xyz"
+REACH = 0.335
+"""[m] from the centre to the farthest point of what touches"""
 
 
 def build_spec(
@@ -47,11 +49,17 @@ def build_spec(
     spec.option.gravity = (0.0, 0.0, -gravities.pop())
     _light(spec)
     for name, vehicle in each.items():
-        one = mujoco.MjSpec.from_file(str(_XML))
-        one.option.gravity = spec.option.gravity
-        _set_parameters(one, vehicle)
-        spec.worldbody.add_frame().attach_body(one.body("body"), f"{name}/", "")
+        add_vehicle(spec, name, vehicle)
     return spec
+
+
+def add_vehicle(spec: Any, name: str, vehicle: Quadrotor = NOMINAL) -> None:
+    """Attach a quadrotor to a world."""
+    one = mujoco.MjSpec.from_file(str(_XML))
+    for setting in ("gravity", "timestep", "integrator"):  # those of the world hold
+        setattr(one.option, setting, getattr(spec.option, setting))
+    _set_parameters(one, vehicle)
+    spec.worldbody.add_frame().attach_body(one.body("body"), f"{name}/", "")
 
 
 def build_model(

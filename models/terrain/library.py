@@ -1,5 +1,6 @@
 """The terrains by name. A terrain is an entry point of the group ``mathnavi.terrains``: a function without arguments
-that returns a ``HeightField``. Those of this project enter by the same door as a stranger's.
+that returns a ``HeightField``, or one of a whole number: ``NAME:3`` is what it makes of 3, ``NAME`` of its default.
+Those of this project enter by the same door as a stranger's.
 """
 
 from __future__ import annotations
@@ -7,6 +8,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from models.terrain.height_field import HeightField
 
 GROUP = "mathnavi.terrains"
 DATA = Path(__file__).parent / "data"
+_DIGITS = 9  # of a terrain's number
 
 
 @cache
@@ -47,10 +50,14 @@ def terrain_names() -> tuple[str, ...]:
 
 
 def load_terrain(name_or_path: str | Path) -> HeightField:
-    """A terrain by its name, or the map in an ``.npz`` file; each is loaded once."""
+    """A terrain by its name, or name and number, or the map in an ``.npz`` file; each is loaded once.
+
+    ValueError for a name or a number that is not known, FileNotFoundError for a file that is not there.
+    """
     installed = _installed()
-    if isinstance(name_or_path, str) and name_or_path in installed:
-        return _load(installed[name_or_path])
+    name, _, number = str(name_or_path).partition(":")
+    if isinstance(name_or_path, str) and name in installed:
+        return _load(installed[name], number)
     path = Path(name_or_path)
     if path.suffix == ".npz":
         return _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_npz(path)
@@ -59,14 +66,28 @@ def load_terrain(name_or_path: str | Path) -> HeightField:
     )
 
 
+def place_of(name_or_path: str) -> str:
+    """What loads the same terrain from any folder: a name stays, a path becomes whole."""
+    installed = name_or_path.partition(":")[0] in _installed()
+    return name_or_path if installed else str(Path(name_or_path).resolve())
+
+
 @cache
 def _installed() -> dict[str, EntryPoint]:
     return {point.name: point for point in entry_points(group=GROUP)}
 
 
 @cache
-def _load(point: EntryPoint) -> HeightField:
-    terrain = point.load()()
+def _load(point: EntryPoint, number: str) -> HeightField:
+    made = point.load()
+    if number and not (
+        number.isdecimal() and number.isascii() and len(number) <= _DIGITS and signature(made).parameters
+    ):
+        raise ValueError(
+            f"terrain '{point.name}:{number}': allowed: a whole number of at most {_DIGITS} digits after a terrain "
+            "that is made from one, as canyon:3"
+        )
+    terrain = made(int(number)) if number else made()
     if not isinstance(terrain, HeightField):
         raise ValueError(f"terrain {point.name!r}: {point.value} returned {type(terrain).__name__}, not a HeightField")
     return terrain

@@ -137,11 +137,9 @@ class FlightFields(Protocol):
     def faults(self) -> Faults: ...
 
 
-def mission_but_ends(
-    config: FlightFields, terrain: HeightField, estimator: Part, radars: tuple[Radar, ...] = ()
-) -> FlightMission:
-    """The mission of a vehicle but for its start and target; ``radars`` are known from the start."""
-    mission = FlightMission(
+def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar, ...] = ()) -> FlightMission:
+    """The mission of a vehicle but for its start, its target, and how good its estimates are."""
+    return FlightMission(
         terrain=terrain,
         start=(math.nan,) * 3,
         target=(math.nan,) * 3,
@@ -156,6 +154,13 @@ def mission_but_ends(
         gust=GustModel(config.faults.gust_rms, config.faults.gust_time_constant, config.faults.gust_limit),
         radars=radars,
     )
+
+
+def mission_but_ends(
+    config: FlightFields, terrain: HeightField, estimator: Part, radars: tuple[Radar, ...] = ()
+) -> FlightMission:
+    """The mission of a vehicle but for its start and target; ``radars`` are known from the start."""
+    mission = bare_mission(config, terrain, radars)
     return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 
 
@@ -173,10 +178,13 @@ def faulty(planner: Planner, faults: Faults, rngs: Sequence[np.random.Generator]
 
 def mounted(estimator: Part, mission: FlightMission, faults: Faults, rng: np.random.Generator) -> tuple[Sensor, ...]:
     """The sensors that an estimator asks for, and one of the acceleration, with their dropouts."""
-    sensors: list[Sensor] = [*checked_sensors(estimator, mission), AccelerationSensor()]
-    if faults.dropout_rate > 0.0:
-        return tuple(
-            Dropout(sensor, faults.dropout_rate, one)
-            for sensor, one in zip(sensors, rng.spawn(len(sensors)), strict=True)
-        )
-    return tuple(sensors)
+    return with_dropouts((*checked_sensors(estimator, mission), AccelerationSensor()), faults, rng)
+
+
+def with_dropouts(sensors: Sequence[Sensor], faults: Faults, rng: np.random.Generator) -> tuple[Sensor, ...]:
+    """Sensors that lose a share of their readings, if any is to be lost."""
+    if faults.dropout_rate <= 0.0:
+        return tuple(sensors)
+    return tuple(
+        Dropout(sensor, faults.dropout_rate, one) for sensor, one in zip(sensors, rng.spawn(len(sensors)), strict=True)
+    )

@@ -12,7 +12,6 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -23,7 +22,7 @@ from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain, terrain_names
+from models.terrain.library import load_terrain, place_of
 from sim.cockpit import Agent
 from sim.faults import Disturbance, Disturbed, Gusts, PositionJumps
 from sim.log import Recording
@@ -199,7 +198,7 @@ def _record(
 ) -> dict[str, Any]:
     """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
     terrain = mission.terrain
-    place = config.terrain if config.terrain in terrain_names() else str(Path(config.terrain).resolve())
+    place = place_of(config.terrain)
     resolved = dataclasses.replace(config, terrain=place, start=mission.start, target=mission.target)
     return {
         "scenario": "safe-flight",

@@ -13,7 +13,6 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -22,7 +21,7 @@ import numpy as np
 from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
 from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain, terrain_names
+from models.terrain.library import load_terrain, place_of
 from sim.cockpit import Agent
 from sim.faults import Disturbance, Disturbed, Gusts
 from sim.fleet_metrics import fleet_summary
@@ -144,7 +143,7 @@ def _record(
 ) -> dict[str, Any]:
     """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
     missions = [vehicle.mission for vehicle in fleet.values()]
-    place = config.terrain if config.terrain in terrain_names() else str(Path(config.terrain).resolve())
+    place = place_of(config.terrain)
     resolved = dataclasses.replace(config, terrain=place, starts=tuple(mission.start for mission in missions))
     return {
         "scenario": "simultaneous-arrival",

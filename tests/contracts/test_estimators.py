@@ -35,6 +35,7 @@ from models.missile.coordinates import COORDINATES
 from models.missile.dynamics import TICK as MISSILE_TICK
 from models.missile.mission import CASES, MissileMission, Target
 from models.missile.sensors import StateNoise
+from models.quadrotor.mission import QuadrotorMission
 from models.terrain.height_field import HeightField
 from models.textbook.library import SYSTEMS
 from models.textbook.mission import TextbookMission
@@ -197,6 +198,34 @@ def textbook_bench(name: str, silent: bool = False) -> Bench:
     )
 
 
+def quadrotor_bench(silent: bool = False) -> Bench:
+    """Near hover, swaying, position readings off by .3 m; its state is (p, v, q, omega), the planner's first."""
+    terrain = HeightField(np.zeros((3, 3)), 200.0)
+    flight = FlightMission(
+        terrain, (100.0, 100.0, 90.0), (300.0, 300.0, 90.0), position_noise=0.0 if silent else 0.3,
+        control_period=2 * TICK,
+    )  # fmt: skip
+    mission = QuadrotorMission(flight)
+    ordered = [0, 1, 2, 7, 8, 9, 3, 4, 5, 6, 10, 11, 12]
+    back = np.argsort(ordered)
+    sway, phases = np.array([0.02, -0.02, -0.02, 0.02]), np.array([0.0, 0.0, 0.3, 0.3])
+
+    def step(x: Array, u: Array) -> Array:
+        return mission.flow(x[back], u, TICK)[ordered]
+
+    return Bench(
+        mission,
+        TICK,
+        mission.start_state[ordered],
+        lambda t: mission.vehicle.hover_thrust + sway * np.cos(6.0 * t + phases),
+        step,
+        lambda x, u: Truth(x[back], np.zeros(6)),
+        np.array([1.0] * 3 + [0.05] * 3),
+        np.full(6, 1e-9),
+        4.0,
+    )
+
+
 LAGRANGIAN_PERIOD = 0.02  # [s] of the readings of both Lagrangian systems
 
 
@@ -259,6 +288,7 @@ BENCHES: dict[str, Callable[[bool], Bench]] = {
     "planar missile": partial(missile_bench, "planar"),
     "spatial missile": partial(missile_bench, "spatial"),
     "ranging": ranging_bench,
+    "quadrotor": quadrotor_bench,
     "rigid body": rigid_body_bench,
     "hyperbolic plane": partial(point_bench, hyperbolic_space(2)),
     **{name: partial(textbook_bench, name) for name in SYSTEMS if name != "example-2-1"},  # which has no observer
@@ -271,7 +301,10 @@ def benches_of(plugin: Any) -> list[str]:
 
 
 def fits(plugin: Any, mission: Any) -> bool:
-    if not isinstance(mission, typing.get_type_hints(plugin.build)["mission"]):
+    kind = typing.get_type_hints(plugin.build)["mission"]
+    # What is estimated of a quadrotor is its point mass, and attitude and rate beside it: an estimator of any whole
+    # state says something else.
+    if not isinstance(mission, kind) or (isinstance(mission, QuadrotorMission) and kind is not QuadrotorMission):
         return False
     try:
         plugin.build(plugin.Config(), mission)
@@ -374,7 +407,7 @@ def replay(estimator: Estimator, steps: Sequence[Step]) -> Iterator[tuple[Step, 
 
 
 def test_there_are_estimators() -> None:
-    assert {"full_state", "kalman", "missile_kalman"} <= PLUGINS.keys()
+    assert {"full_state", "kalman", "missile_kalman", "quadrotor_state"} <= PLUGINS.keys()
 
 
 @pytest.mark.parametrize("name", sorted(PLUGINS))

@@ -26,6 +26,7 @@ from models.aerial.knowledge import RADARS
 from models.aerial.mission import FlightMission
 from models.manifold.mission import LagrangianMission
 from models.missile.mission import MissileMission, Target
+from models.quadrotor.mission import QuadrotorMission
 from models.terrain.visibility import Radar
 from models.textbook.library import SYSTEMS
 from models.textbook.mission import TextbookMission
@@ -34,7 +35,7 @@ from models.unicycle.mission import RangingMission
 from sim.loop import whole_ticks
 from sim.protocols import ControllerPlugin, Planner
 from sim.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
-from tests import flight
+from tests import flight, quadrotor
 from tests.controllers.exciting import robots
 from tests.controllers.missile import flights
 
@@ -130,6 +131,26 @@ def ranging_bench() -> Bench:
     )
 
 
+def quadrotor_bench() -> Bench:
+    """Hills of 40 m at a quadrotor's speeds; the planner sees the point mass."""
+    mission = QuadrotorMission(quadrotor.flight_mission(quadrotor.hills(), (40.0, 50.0), (350.0, 340.0)))
+    x, y, z = mission.flight.start
+    return Bench(
+        mission,
+        TICK,
+        mission.flight.start_state,
+        (
+            flight.at_rest((x, y, z - 20.0)),  # under ground
+            flight.at_rest((-50.0, y, z)),  # off the map
+            np.array([x, y, z, 0.0, 0.0, -13.0]),  # diving into the ground
+            np.array([5.0, y, z, -13.0, 0.0, 0.0]),  # leaving the map
+        ),
+        Message(0.0, "radar warning", "radar", Radar(200.0, 200.0, 90.0, 5.0)),
+        flight.assert_well_formed,
+        state_at,
+    )
+
+
 def textbook_bench() -> Bench:
     """A robot that sees two flags; any estimate that is finite leads on."""
     system = SYSTEMS["camera-and-flags"]
@@ -166,6 +187,7 @@ BENCHES: dict[type, Callable[[], Bench]] = {
     MissileMission: missile_bench,
     RangingMission: ranging_bench,
     DrivenMission: textbook_bench,
+    QuadrotorMission: quadrotor_bench,
 }
 
 
@@ -208,18 +230,20 @@ def sequence(
     return asked
 
 
-def numbers(config: type[Any]) -> list[tuple[str, bool]]:
-    """The configuration's fields that hold a number, and whether it is a real one."""
+def numbers(config: type[Any]) -> list[tuple[type[Any], str, bool]]:
+    """The fields of a configuration, and of those within it, that hold a number, and whether it is a real one."""
     found = []
     for name, kind in typing.get_type_hints(config).items():
         kinds = typing.get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
         if {int, float} & set(kinds):
-            found.append((name, float in kinds))
+            found.append((config, name, float in kinds))
+        if dataclasses.is_dataclass(kind):
+            found += numbers(typing.cast(type[Any], kind))
     return found
 
 
 def test_there_are_planners() -> None:
-    assert {"flight", "literal", "missile", "exciting", "input_signal"} <= PLUGINS.keys()
+    assert {"flight", "literal", "missile", "exciting", "input_signal", "quadrotor"} <= PLUGINS.keys()
 
 
 def test_conforms_to_the_protocol(planner: Planner) -> None:
@@ -237,10 +261,10 @@ def test_its_configuration_is_frozen_and_has_defaults(plugin: type[ControllerPlu
 def test_a_configuration_out_of_range_is_refused_by_the_name_of_the_field(plugin: type[ControllerPlugin]) -> None:
     fields = numbers(plugin.Config)
     assert fields
-    for name, real in fields:
+    for config, name, real in fields:
         for value in (math.nan, math.inf, -math.inf, -1.0) if real else (0, -1):
             with pytest.raises(ValueError, match=rf"{name} = .*allowed"):
-                plugin.Config(**{name: value})
+                config(**{name: value})
 
 
 def test_its_period_is_whole_ticks(planner: Planner, bench: Bench) -> None:

@@ -22,6 +22,7 @@ from models.aerial.dynamics import TICK, flow, state_at
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from models.manifold.mission import LagrangianMission
 from models.missile.mission import MissileMission
+from models.quadrotor.mission import QuadrotorMission
 from models.unicycle.mission import RangingMission
 from sim.faults import Gusts
 from sim.loop import whole_ticks
@@ -34,9 +35,9 @@ from tests.controllers.missile import flights
 PLUGINS = {
     entry.name: entry
     for entry in entry_points(group="mathnavi.controllers")
-    # A signal follows no plan of a vehicle, and a reference of a Lagrangian system is no plan from where it is; their
-    # own tests hold them.
-    if typing.get_type_hints(entry.load().build)["mission"] not in (DrivenMission, LagrangianMission)
+    # A signal follows no plan of a vehicle, a reference of a Lagrangian system is no plan from where it is, and what a
+    # quadrotor is asked for are thrusts, not its plan's accelerations; their own tests hold them.
+    if typing.get_type_hints(entry.load().build)["mission"] not in (DrivenMission, LagrangianMission, QuadrotorMission)
 }
 GUST = GustModel(1.5, 3.0, 4.0)
 

@@ -7,13 +7,17 @@ import dataclasses
 import numpy as np
 import pytest
 
+from controllers.flight.completion import ArcList
 from controllers.quadrotor.bound import Loop, tracking_bound
-from controllers.quadrotor.tracker import TrackerConfig
+from controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
+from models.aerial.dynamics import state_at
 from models.aerial.mission import FlightMission, GustModel
-from models.quadrotor.dynamics import NOMINAL, Quadrotor
+from models.quadrotor.dynamics import NOMINAL, Quadrotor, at_rest
+from models.quadrotor.entity import RotorDrive
 from sim.faults import ConstantWrench, Gusts
-from sim.signals import Array
-from tests.quadrotor import PERIOD, flight_mission, flown, hovering, plain, turning
+from sim.plant import Equipment, MujocoPlant
+from sim.signals import Array, Phase
+from tests.quadrotor import PERIOD, TICKS, built, estimate_of, flight_mission, flown, hovering, plain, turning
 
 CONFIG = TrackerConfig()
 GUSTS = GustModel(0.7, 2.0, 1.5)
@@ -61,6 +65,36 @@ def test_the_bound_is_kept_in_gusts(true: Quadrotor, seed: int) -> None:
     assert 0.02 < np.hypot(off[:, 0], off[:, 1]).max() <= bound.horizontal
     assert np.abs(off[:, 2]).max() <= bound.vertical
     assert np.linalg.norm(off[:, 3:], axis=1).max() <= bound.speed
+
+
+def test_the_bound_is_kept_by_plans_that_take_over_unforeseen() -> None:
+    """Every half second another plan, of turns drawn anew: at 2.5 m/s^2 the rotors have the moments for any of them."""
+    flight = mission(acceleration_max=2.5)
+    bound = tracking_bound(CONFIG, NOMINAL, flight)
+    assert bound.feedback == 0.0
+    rng, high = np.random.default_rng(0), np.array([200.0, 200.0, 900.0])
+    plant = MujocoPlant(
+        built(plain(), NOMINAL), {"quad": Equipment(at_rest(high), drive=RotorDrive(NOMINAL))}, np.random.default_rng(0)
+    )
+    tracker = GeometricTracker(PERIOD, CONFIG, NOMINAL, bound)
+    t, x, off = 0.0, np.array([*high, 0.0, 0.0, 0.0]), []
+    for _ in range(40):
+        arcs = ArcList.begin(t, x)
+        while len(arcs.u) < 4:
+            direction = rng.standard_normal(3)
+            u = 2.5 * direction / np.linalg.norm(direction)
+            if np.linalg.norm(arcs.x[-1][3:] + 0.5 * u) <= flight.speed_max - bound.speed:
+                arcs.add(u, 0.5, Phase.OPTIMISED)
+        plan = arcs.plan(0.0, 0.0)
+        for _ in range(round(0.5 / PERIOD)):
+            estimate = estimate_of(plant.state("quad"), plant.t)
+            off.append(estimate.x - state_at(plan, plant.t))
+            plant.step({"quad": tracker.command(plant.t, estimate, plan)}, TICKS)
+        t += 0.5
+        x = state_at(plan, t)
+    error = np.array(off)
+    assert 0.05 < np.hypot(error[:, 0], error[:, 1]).max() <= bound.horizontal
+    assert np.abs(error[:, 2]).max() <= bound.vertical
 
 
 def test_more_to_allow_for_is_a_wider_bound() -> None:

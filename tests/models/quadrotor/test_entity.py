@@ -10,7 +10,7 @@ import pytest
 
 from models.aerial.dynamics import TICK
 from models.quadrotor.dynamics import NOMINAL, ROTORS, at_rest
-from models.quadrotor.entity import RotorDrive, build_model, build_spec, rotor_thrusts, tilt
+from models.quadrotor.entity import REACH, RotorDrive, build_model, build_spec, rotor_thrusts, tilt
 from models.terrain.height_field import HeightField
 from sim.plant import Equipment, MujocoPlant
 from tests.quadrotor import HIGH, built, hills, plain
@@ -34,6 +34,22 @@ def test_the_file_states_the_nominal_vehicle() -> None:
     for field in ("mass", "inertia"):
         np.testing.assert_array_equal(getattr(model.body("quad/body"), field), getattr(written.body("body"), field))
     np.testing.assert_array_equal(written.opt.gravity, model.opt.gravity)
+
+
+def test_nothing_that_touches_reaches_farther_than_is_said() -> None:
+    model = built(plain(), NOMINAL)
+    corners = np.array(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0])).reshape(3, -1).T
+    farthest = []
+    for name in ("outline", "under"):
+        geom = model.geom(f"quad/{name}")
+        assert geom.contype[0]
+        if name == "outline":  # a cylinder: radius, half its height
+            farthest.append(float(np.hypot(geom.size[0], abs(geom.pos[2]) + geom.size[1])))
+        else:
+            farthest.append(float(np.linalg.norm(geom.pos + corners * geom.size, axis=1).max()))
+    touching = [k for k in range(model.ngeom) if model.geom_contype[k] and model.geom_bodyid[k]]
+    assert len(touching) == len(farthest)
+    assert 0.99 * REACH < max(farthest) <= REACH
 
 
 def test_the_drawn_parts_weigh_nothing() -> None:

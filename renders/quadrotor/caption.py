@@ -1,0 +1,43 @@
+"""What is written on a picture of a quadrotor's flight."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renders.caption import Label, Words, pace
+from renders.film import Frame
+from renders.flight_caption import phase_name
+from renders.palette import Part
+from renders.quadrotor.run_data import QuadrotorRun
+from renders.quadrotor.storyboard import notices
+
+LEGEND = (Part.FLOWN, Part.OPTIMISED, Part.MANOEUVRE, Part.COMPLETION)
+
+
+def words(run: QuadrotorRun, frame: Frame, labels: list[tuple[str, float, float]]) -> Words:
+    """The words of a frame, with ``labels`` (text, column, row) beside places."""
+    flight = run.flight
+    i, mission = flight.index(frame.t), flight.mission
+    speed, clearance, tilt = float(np.linalg.norm(flight.x[i, 3:])), float(run.clearance[i]), float(run.tilt[i])
+    title = [f"mathnavi · {flight.config['scenario']} · {flight.terrain.name} · seed {flight.config['seed']}"]
+    if frame.camera != "chase":
+        title.append("vehicle not to scale")
+    return Words(
+        title=title,
+        numbers=(
+            ("TIME", f"{frame.t:.1f} s", pace(frame, run.duration)),
+            ("SPEED", f"{speed:.1f} m/s", f"bound {mission.speed_max:g} m/s"),
+            (
+                "CLEARANCE",
+                f"{clearance:.1f} m" if np.isfinite(clearance) else "off the map",
+                f"at least {mission.clearance_min:g} m",
+            ),
+            ("TILT", f"{tilt:.0f}°", f"thrust {run.thrusts[i].mean() / run.thrust_max:.0%} of all"),
+        ),
+        state=phase_name(flight, frame.t),
+        legend=LEGEND,
+        notice=frame.notice,
+        share=frame.t / run.duration,
+        moments=[t / run.duration for t, _ in notices(run)],
+        labels=[Label(*label) for label in labels],
+    )

@@ -1,0 +1,22 @@
+"""How flights of quadrotors are drawn (``renders.drawing``)."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+
+from renders.painter import Painter, painting
+from renders.quadrotor.caption import words
+from renders.quadrotor.report import report
+from renders.quadrotor.run_data import QuadrotorRun, load_run
+from renders.quadrotor.storyboard import CAMERAS, highlight, storyboard
+
+__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+
+cameras, still_camera = CAMERAS, "chase"
+
+
+def painter(run: QuadrotorRun, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
+    """What draws the frames of a run; OpenGL's backend must have been chosen."""
+    from renders.quadrotor.scene import Scene  # imports mujoco
+
+    return painting(Scene, words, run, width, height, samples)

@@ -1,0 +1,70 @@
+"""A small map in the corner of a picture: where in the canyon the vehicle is, and where it is going."""
+
+from __future__ import annotations
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from renders.palette import COLOURS, Part, Picture, part_of
+from renders.quadrotor.run_data import QuadrotorRun
+from renders.relief import relief
+from renders.run_data import plan_arcs
+from sim.signals import Array
+
+SIZE, EDGE = 208, 18  # [pixels] at a picture 720 pixels high: of the longer side, and from the picture's edge
+SHARPER = 3  # it is drawn so many times as large
+STEP = 0.25  # [s] between the points of a plan
+
+
+class Inset:
+    """Draws on pictures of one height."""
+
+    def __init__(self, run: QuadrotorRun, height: int) -> None:
+        self._run = run
+        self._unit = height / 720.0
+        side = max(16, round(SIZE * self._unit))
+        self._ground = Image.fromarray(relief(run.flight.terrain, side * SHARPER))
+        terrain = run.flight.terrain
+        self._scale = np.array([self._ground.width / terrain.width, self._ground.height / terrain.depth])
+
+    def put(self, picture: Picture, t: float) -> Picture:
+        """The picture with the map at time ``t`` [s] in its upper right corner."""
+        run, chart = self._run.flight, self._ground.copy()
+        draw, pixel = ImageDraw.Draw(chart), SHARPER * self._unit
+        plan = run.plan(t)
+        if plan is not None and t < run.duration:
+            for phase, points in plan_arcs(plan, t, STEP):
+                self._line(draw, points, part_of(phase), 1.6 * pixel)
+        if run.index(t) > 0:
+            self._line(draw, run.x[: run.index(t) + 1 : 20, :3], Part.FLOWN, 2.4 * pixel)
+        for place, part, radius in (
+            (run.mission.start, Part.START, 3.0),
+            (run.mission.target, Part.TARGET, 3.6),
+            (run.state(t), Part.FLOWN, 4.4),
+        ):
+            (column, row), r = self._pixels(place[None])[0], radius * pixel
+            draw.ellipse((column - r, row - r, column + r, row + r), _colour(part), "white", max(1, round(1.4 * pixel)))
+        width = max(1, round(1.5 * pixel))
+        draw.rectangle((0, 0, chart.width - 1, chart.height - 1), outline="white", width=width)
+        small = chart.resize((chart.width // SHARPER, chart.height // SHARPER), Image.Resampling.LANCZOS)
+        edge = round(EDGE * self._unit)
+        shown = picture.copy()
+        right = shown.shape[1] - edge
+        shown[edge : edge + small.height, right - small.width : right] = np.asarray(small)
+        return shown
+
+    def _pixels(self, points: Array) -> Array:
+        """(n, 2) column and row of points (n, 2 or more) [m]; north is up."""
+        placed: Array = points[:, :2] * self._scale
+        placed[:, 1] = self._ground.height - placed[:, 1]
+        return placed
+
+    def _line(self, draw: ImageDraw.ImageDraw, points: Array, part: Part, width: float) -> None:
+        if len(points) > 1:
+            pixels = [(float(column), float(row)) for column, row in self._pixels(points)]
+            draw.line(pixels, _colour(part), max(1, round(width)), joint="curve")
+
+
+def _colour(part: Part) -> tuple[int, int, int]:
+    red, green, blue = (round(255 * channel) for channel in COLOURS[part])
+    return red, green, blue

@@ -1,0 +1,126 @@
+"""A quadrotor's flight on one page: in the canyon, over the ground, near its plan, and what its rotors did."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from renders import figures, page
+from renders.page import Markup, quantity
+from renders.palette import COLOURS, Part, hexadecimal
+from renders.quadrotor.figures import clearance_figure, rotors_figure, tracking_figure
+from renders.quadrotor.run_data import QuadrotorRun
+from renders.quadrotor.storyboard import highlight
+from renders.report import again, events_card, rest, still_block, summary_cards, why
+from renders.run_data import plan_arcs
+from renders.terrain_view import Track, script, terrain_view
+from sim.metrics import SHORTFALL
+
+PLAN_STEP = 0.2  # [s] between the points of a plan that is drawn
+
+
+def report(run: QuadrotorRun) -> Markup:
+    """The report's HTML."""
+    flight = run.flight
+    return page.document(
+        flight.title,
+        *_headline(run),
+        _terrain(run),
+        *_pictures(run),
+        page.section("Summary", summary_cards(flight.summary)),
+        page.section("The flight", *_figures(run)),
+        page.section("Events", events_card(flight.events)),
+        page.section("Do it again", *again(flight.directory, flight.config)),
+        page.footer(rest(flight.summary)),
+        script=script(),
+    )
+
+
+def _headline(run: QuadrotorRun) -> tuple[Markup, Markup]:
+    flight = run.flight
+    summary, least = flight.summary, flight.mission.clearance_min
+    arrived, clearance = bool(summary.get("arrived")), summary.get("min_clearance_m")
+    safe = clearance is not None and clearance >= least and not summary.get("ground_contacts")
+    verdict = ("arrived" if arrived else "did not arrive") + (
+        f", no part of it ever nearer than {least:g} m above the ground"
+        if safe
+        else ", and came too close to the ground"
+    )
+    error, bound = (quantity(key, summary.get(key)) for key in ("tracking_error_max_m", "tracking_bound_m"))
+    tiles = {
+        f"arrival (deadline {quantity('deadline_s', summary.get('deadline_s'))})": quantity(
+            "arrival_time_s", summary.get("arrival_time_s") if arrived else None
+        ),
+        f"least clearance (allowed {least:g} m)": quantity("min_clearance_m", clearance),
+        f"farthest off its plan (bound {bound})": error,
+        "greatest tilt": quantity("tilt_max_deg", summary.get("tilt_max_deg")),
+        "path flown": f"{flight.travelled[-1]:.0f} m",
+    }
+    good = arrived and safe and SHORTFALL not in summary
+    return page.heading(flight.title, f"The quadrotor {verdict}{why(summary)}.", good), page.tiles(tiles)
+
+
+def _terrain(run: QuadrotorRun) -> Markup:
+    flight = run.flight
+    tracks = [Track(Part.FLOWN.value, flight.x[:, :3], hexadecimal(COLOURS[Part.FLOWN]))]
+    if flight.plans:
+        arcs = [points for _, points in plan_arcs(flight.plans[0], flight.plans[0].t_start, PLAN_STEP)]
+        colour = hexadecimal(COLOURS[Part.COMPLETION])
+        tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
+    places = {Part.START.value: flight.mission.start, Part.TARGET.value: flight.mission.target}
+    note = "The first plan's way to rest leads over the plateau; the plans after it find a shorter one."
+    return terrain_view(flight.terrain, tracks, places, (), note)
+
+
+def _pictures(run: QuadrotorRun) -> list[Markup]:
+    flight = run.flight
+    middle = sum(highlight(run)) / 2.0
+    return [
+        still_block(
+            flight.directory, "chase", middle, "The quadrotor in the canyon, its path behind and its plan ahead.",
+            f"At {middle:.1f} s, where the ground is nearest in mid-flight: the vehicle in its true size and attitude.",
+        ),
+        still_block(
+            flight.directory, "overview", flight.duration, f"The whole of {flight.terrain.name} with the path flown.",
+            "The end of the flight. Heights are true; the vehicle is drawn far larger than it is.",
+        ),
+    ]  # fmt: skip
+
+
+def _figures(run: QuadrotorRun) -> list[Markup]:
+    flight, summary = run.flight, run.flight.summary
+    least = quantity("min_clearance_m", summary.get("min_clearance_m"))
+    drawn = [
+        (
+            "map",
+            figures.map_figure(flight),
+            f"Hill-shaded map of {flight.terrain.name} with the path, start and target.",
+        ),
+        (
+            "profile",
+            figures.profile_figure(flight),
+            "Height of the vehicle's centre and of the ground along its path. The clearance has a log scale.",
+        ),
+        (
+            "clearance",
+            clearance_figure(run),
+            f"Clearance over time of the part that is nearest to the ground, {run.reach:g} m from the centre at most: "
+            f"the least is {least}, on the exact triangles. Below, the speed.",
+        ),
+        (
+            "tracking",
+            tracking_figure(run),
+            "Distance of the centre from the plan being flown, across and along the vertical, against the bound in "
+            "the certificate.",
+        ),
+        (
+            "rotors",
+            rotors_figure(run),
+            "Tilt of the thrust, and the thrust asked of each rotor between nothing and its greatest.",
+        ),
+    ]
+    if summary.get("solve_ms_mean") is not None:
+        drawn.append(("solve", figures.solve_figure(summary), "Thread CPU time of one optimisation."))
+    if flight.events:
+        alt = "The times at which each kind of event happened."
+        drawn.append(("events", figures.events_figure(flight.events, flight.duration), alt))
+    return [page.figure_block(figure, name, alt) for name, figure, alt in drawn]

@@ -32,7 +32,6 @@ FORCED_LENGTH = 18.4  # [s] of video before the last look, where one camera film
 TOLD = {  # kinds of events that a video tells of; the rest is for the report
     "position-jump": "position jump",
     "tracking-breach": "tracking bound exceeded",
-    "rebased": "tracking bound exceeded",
     "guarantee-lost": "guarantee lost",
     "plan-endangered": "the plan is not safe any more",
     "arrival-lost": "no plan to where the target is now",

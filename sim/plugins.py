@@ -110,6 +110,12 @@ def checked_consensus(part: Part, mission: Any) -> Consensus:
     consensus: Consensus = _called("consensus", part, "build", mission)
     for method in ("talk", "start"):
         _check_made(f"consensus: {part.name!r}: build() returned", consensus, method)
+    for attribute in ("value", "outlier", "refused"):
+        if not hasattr(consensus, attribute):
+            raise ValueError(
+                f"consensus: {part.name!r}: build() returned {_kind(consensus)} without {attribute}; allowed: one that "
+                "has period, value, outlier, refused, start and talk"
+            )
     return consensus
 
 

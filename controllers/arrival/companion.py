@@ -66,7 +66,7 @@ class FleetCompanion:
         self._proposed = self._separation.propose(plan), plan
 
     def admits(self, t: float, plan: Plan) -> bool:
-        """Also, unasked and with the guarantee lost, a plan that was made anew because the vehicle had left its own."""
+        """Also, unasked and with the guarantee lost, a plan made anew because the one before was worth nothing."""
         if "rebased" in plan.notes:
             self._separation.rebase(plan)
             return True

@@ -238,7 +238,6 @@ class Literal:
         self._box = self._thrust / math.sqrt(3.0)
         self.period = max(1, round(config.h / mission.control_period)) * mission.control_period
         self._learn(mission.knowledge)
-        self._sine = steepest_sine(mission.terrain)
 
     def plan(self, request: PlanRequest) -> Plan:
         self._listen(request)
@@ -304,6 +303,7 @@ class Literal:
 
     def _learn(self, known: Knowledge) -> None:
         self._knowledge, self._target = known, np.array(known.target)
+        self._sine = steepest_sine(known.terrain)
         self._cost = _cost_to_go(known, self._config.grid_nodes, self._config.grid_layers)
 
     def _measured(self, request: PlanRequest) -> Array:

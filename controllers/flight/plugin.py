@@ -122,7 +122,9 @@ def planner(config: FlightConfig, mission: FlightMission, bound: TrackingBound) 
     )
 
     def cost_to_go(knowledge: Knowledge) -> FactoredCost:
-        return _cost_to_go(knowledge, config.grid_nodes, config.grid_layers)
+        # What is learnt in flight is asked for once.
+        build = _cost_to_go if knowledge == mission.knowledge else _built
+        return build(knowledge, config.grid_nodes, config.grid_layers)
 
     period = config.replan_period(mission.control_period)
     return RecedingHorizon(
@@ -142,4 +144,8 @@ def solver(config: FlightConfig) -> Solver:
 
 @lru_cache(maxsize=64)  # each vehicle of a fleet has a target of its own
 def _cost_to_go(knowledge: Knowledge, nodes: int, layers: int) -> FactoredCost:
+    return _built(knowledge, nodes, layers)
+
+
+def _built(knowledge: Knowledge, nodes: int, layers: int) -> FactoredCost:
     return factored_cost(knowledge.terrain, np.array(knowledge.target), knowledge.radars, nodes, layers)

@@ -19,7 +19,7 @@ import numpy as np
 
 from controllers.flight.certificate import TrackingBound
 from controllers.flight.planner import ARRIVAL
-from models.aerial.knowledge import RADARS, TARGET, TERRAIN
+from models.aerial.knowledge import RADARS, TARGET, TERRAIN, place_in
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
@@ -121,8 +121,8 @@ class Similarity:
             return _magnified(payload, self.length)
         if message.topic == RADARS and isinstance(payload, tuple):
             return tuple(self.radar(each) if isinstance(each, Radar) else each for each in payload)
-        if message.topic == TARGET and isinstance(payload, tuple):
-            return tuple(each * self.length if isinstance(each, float) else each for each in payload)
+        if message.topic == TARGET and (place := place_in(payload)) is not None:
+            return tuple(each * self.length for each in place)
         return payload
 
 

@@ -13,13 +13,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
+
+import numpy as np
 
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
 from sim.signals import Message
 
 RADARS, TARGET, TERRAIN = "radars", "target", "terrain"  # topics
+_FARTHEST = 1e7  # [m]
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,7 @@ class Knowledge:
         for message in messages:
             if message.topic in (RADARS, TARGET, TERRAIN) and not self.complaint(message):
                 payload = message.payload
-                fields[message.topic] = tuple(payload) if message.topic != TERRAIN else payload
+                fields[message.topic] = place_in(payload) if message.topic == TARGET else payload
         known = replace(self, **fields)
         return self if known == self else known
 
@@ -49,11 +53,8 @@ class Knowledge:
             )  # fmt: skip
             return "" if alike else f"a map of another extent than {terrain.width:g} m by {terrain.depth:g} m"
         if message.topic == TARGET:
-            try:
-                x, y, z = map(float, payload)
-            except (TypeError, ValueError):
-                return f"target = {payload!r}; allowed: three finite numbers"
-            known = math.isfinite(x + y + z) and bool(terrain.contains(x, y))
+            place = place_in(payload)
+            known = place is not None and bool(terrain.contains(*place[:2]))
             return "" if known else f"target = {payload!r}; allowed: three finite numbers, on the map"
         if message.topic == RADARS:
             if not isinstance(payload, tuple) or not all(isinstance(radar, Radar) for radar in payload):
@@ -61,3 +62,16 @@ class Knowledge:
             off = [radar for radar in payload if not terrain.contains(radar.x, radar.y)]
             return f"{off[0]!r} is off the map" if off else ""
         return ""
+
+
+def place_in(payload: Any) -> tuple[float, float, float] | None:
+    """x, y, z [m] that a message holds, as a sequence or an array of three numbers; None if it does not."""
+    if not isinstance(payload, (tuple, list, np.ndarray)) or len(payload) != 3:
+        return None
+    if not all(isinstance(each, Real) for each in payload):
+        return None
+    try:
+        x, y, z = map(float, payload)
+    except OverflowError:
+        return None
+    return (x, y, z) if max(abs(x), abs(y), abs(z)) <= _FARTHEST and not math.isnan(x + y + z) else None

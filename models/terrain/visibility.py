@@ -63,15 +63,25 @@ class RadarTrack:
     until: float = math.inf  # [s]
     velocity: tuple[float, float] = (0.0, 0.0)  # [m/s] east, north
 
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.time) and self.until > self.time):
+            raise ValueError(f"radar: on from {self.time} to {self.until} s; allowed is a finite time, and a later one")
+        if not all(map(math.isfinite, self.velocity)):
+            raise ValueError(f"radar: velocity is {self.velocity}; allowed are two finite numbers")
+
     def at(self, t: float, terrain: HeightField) -> Radar | None:
-        """The radar at ``t`` [s]; None while it is off. At the edge of the map it stays."""
+        """The radar at ``t`` [s]; None while it is off. Where it reaches the edge of the map it stays."""
         if not self.time <= t < self.until:
             return None
-        if not any(self.velocity):
-            return self.radar
         away = t - self.time
-        x = min(max(self.radar.x + self.velocity[0] * away, 0.0), terrain.width)
-        y = min(max(self.radar.y + self.velocity[1] * away, 0.0), terrain.depth)
+        for place, velocity, side in zip(
+            (self.radar.x, self.radar.y), self.velocity, (terrain.width, terrain.depth), strict=True
+        ):
+            if velocity != 0.0:
+                away = min(away, ((side if velocity > 0.0 else 0.0) - place) / velocity)
+        east, north = self.velocity
+        x = min(max(self.radar.x + east * away, 0.0), terrain.width)  # but for rounding on it already
+        y = min(max(self.radar.y + north * away, 0.0), terrain.depth)
         return replace(self.radar, x=x, y=y)
 
     def exposed(self, terrain: HeightField, t: Array, points: Array) -> Booleans:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import re
@@ -21,6 +22,7 @@ from sim.scenarios.information import ChangeFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
 
+TALK = 1.0 / 12.0  # [s] between two rounds of talking, also of the consensus
 _MOST = 64
 _FARTHEST, _FASTEST = 20.0, 0.01  # [s] of a clock, and of its drift
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
@@ -184,13 +186,22 @@ class FleetFields:
         fields: dict[str, Any] = {}
         for each in self.consensus_with:
             name, equals, value = each.partition("=")
-            if not equals:
+            if not (name and equals):
                 raise ValueError(f"consensus_with = {each!r}; allowed: FIELD=VALUE")
+            if name == "period":
+                raise ValueError(f"consensus_with = {each!r}; allowed: any field but the period, which is {TALK:.4g} s")
             try:
                 fields[name] = json.loads(value)
             except ValueError:
                 fields[name] = value
-        return with_fields(plugin.Config(), fields, "consensus_with")
+        config = plugin.Config()
+        if hasattr(config, "period"):
+            config = dataclasses.replace(config, period=TALK)
+        try:
+            return with_fields(config, fields, "consensus_with")
+        except ValueError as error:
+            told = str(error)
+            raise ValueError(told if told.startswith("consensus_with") else f"consensus_with: {told}") from None
 
 
 @dataclass(frozen=True)

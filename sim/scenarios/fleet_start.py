@@ -12,7 +12,8 @@ import numpy as np
 
 from controllers.arrival.estimate import ArrivalEstimate
 from controllers.arrival.zone import Zone, checked_start
-from controllers.flight.certificate import Certified, TrackingBound
+from controllers.flight.certificate import TrackingBound
+from controllers.flight.certified import Certified
 from models.aerial.mission import FlightMission
 from sim.plugins import Part, checked_controller
 from sim.scenarios.fleet_fields import SimultaneousArrivalConfig

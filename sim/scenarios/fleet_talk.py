@@ -17,11 +17,10 @@ from controllers.arrival.zone import Zone
 from models.fleet.graph import Graph
 from sim.plugins import Part, checked_consensus, load
 from sim.protocols import Companion
-from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
+from sim.scenarios.fleet_fields import TALK, SimultaneousArrivalConfig
 from sim.scenarios.fleet_start import Vehicle
 from sim.signals import Plan
 
-TALK = 1.0 / 12.0  # [s] between two rounds of talking, also of the consensus
 _SHORTEST_MEMORY = 0.25  # [s]
 
 
@@ -41,8 +40,6 @@ def companions(
             "allowed: a plug-in that says within_starts"
         )
     agreement = config.consensus_config(plugin)
-    if hasattr(agreement, "period"):
-        agreement = dataclasses.replace(agreement, period=TALK)
     graph = config.network_graph(talking.spawn(1)[0])
     *ranks, ticking = ranking.spawn(len(fleet) + 1)
     made: dict[str, Companion] = {}

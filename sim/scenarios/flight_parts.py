@@ -11,7 +11,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from controllers.flight.certificate import Certificate, Certified, TrackingBound
+from controllers.flight.certificate import Certificate, TrackingBound
+from controllers.flight.certified import Certified
 from controllers.flight.planner import Retreat
 from models.aerial.dynamics import TICK
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel

@@ -19,6 +19,7 @@ from sim.scenarios.flight_parts import Point
 from sim.signals import Array, Message
 
 _SOONEST = 0.1  # [s] between reports
+_LATEST = 36_000.0  # [s] of a target's path
 _SIMULTANEOUS = 1e-9  # [s]
 
 
@@ -33,7 +34,7 @@ class ChangeFields:
     radar_until: float | None = None
     """when they are switched off [s]; never if not given"""
     radar_velocity: tuple[float, float] = (0.0, 0.0)
-    """of the radars, from when they are switched on [m/s east, north]; at the edge of the map they stay"""
+    """of the radars, from when they are switched on [m/s east, north]; where they reach the map's edge they stay"""
     radar_known: bool = True
     """whether the planner is told of the radars at all"""
     report_period: float = 5.0
@@ -53,7 +54,10 @@ class ChangeFields:
         for radar in self.radar:
             Radar(*radar)
         check(self.uncharted_time, "uncharted_time", 0.0)
-        hills_of(self.uncharted)
+        try:
+            hills_of(self.uncharted)
+        except ValueError as error:
+            raise ValueError(f"uncharted: {error}") from None
 
     def tracks(self, terrain: HeightField) -> tuple[RadarTrack, ...]:
         """The radars over time; ValueError for one that is off the map."""
@@ -82,7 +86,10 @@ class ChangeFields:
 
     def ground(self, charted: HeightField) -> HeightField:
         """The terrain as it is, with the hills that the map does not show."""
-        return with_hills(charted, hills_of(self.uncharted))
+        try:
+            return with_hills(charted, hills_of(self.uncharted))
+        except ValueError as error:
+            raise ValueError(f"uncharted: {error}") from None
 
     def messages(self, charted: HeightField, duration: float) -> list[Message]:
         """All that the planner is told after the start, of radars and of the ground."""
@@ -129,14 +136,18 @@ class TargetTrack:
         """[s] when it is at rest for good."""
         return self.path[-1][0] if self.path else 0.0
 
+    def reported(self, period: float) -> list[tuple[float, Point]]:
+        """When [s] and where it is reported: every ``period`` [s], and wherever it turns."""
+        times = sorted({*_reports(0.0, self.ends, period), *(point[0] for point in self.path)} - {0.0})
+        return [(t, self.at(t)) for t in times]
+
     def messages(self, period: float) -> list[Message]:
-        """Where it is, every ``period`` [s], and wherever it turns."""
-        times = sorted({*_reports(0.0, self.ends, period), *(point[0] for point in self.path)})
-        told: list[Message] = []
-        for t in times:
-            place = self.at(t)
-            if t > 0.0 and place != (told[-1].payload if told else self.target):
+        """What the planner is told: where it is, if that is elsewhere than before."""
+        told, before = [], self.target
+        for t, place in self.reported(period):
+            if place != before:
                 told.append(Message(t, "target watch", TARGET, place))
+            before = place
         return told
 
 
@@ -144,8 +155,10 @@ def check_target_path(path: Sequence[tuple[float, float, float, float]]) -> None
     """ValueError for points that are not finite or whose times do not increase."""
     before = 0.0
     for point in path:
-        if not (all(map(math.isfinite, point)) and point[0] > before):
-            raise ValueError(f"target_path = {point!r}; allowed: four finite numbers, times > 0 and increasing")
+        if not (all(map(math.isfinite, point)) and before < point[0] <= _LATEST):
+            raise ValueError(
+                f"target_path = {point!r}; allowed: four finite numbers, times > 0, increasing and <= {_LATEST:g}"
+            )
         before = point[0]
 
 

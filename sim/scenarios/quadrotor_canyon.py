@@ -32,7 +32,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from controllers.flight.certificate import Certified, TrackingBound
+from controllers.flight.certificate import TrackingBound
+from controllers.flight.certified import Certified
 from models.aerial.dynamics import TICK
 from models.aerial.mission import EstimateQuality
 from models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS

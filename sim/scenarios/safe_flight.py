@@ -17,7 +17,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from controllers.flight.certificate import Certified, TrackingBound
+from controllers.flight.certificate import TrackingBound
+from controllers.flight.certified import Certified
 from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
 from models.aerial.mission import FlightMission
@@ -125,7 +126,7 @@ class SafeFlight:
             promised = [t + config.deadline_factor * (plan.t_end - t) for t, plan in flown]
             due = min([*promised, 2.0 * deadline]) if isinstance(planner, Certified) else deadline
             if config.target_path and isinstance(planner, Certified):
-                due = planner.deadline  # a target that moves may have moved it
+                due = planner.promised  # a target that moves may have moved it
             flown_to = dataclasses.replace(true, target=track.at(float(recording.t[-1])))
             summary = flight_summary(recording, VEHICLE, flown_to, radars, tracker.bound, due, seed, wall_seconds)
             in_time = [Demand("arrival_time_s", most=due)] if summary["arrived"] else []
@@ -134,7 +135,7 @@ class SafeFlight:
             return judged(summary, demands, told=[Demand("speed_max_m_s", most=mission.speed_max)])
 
         record = _record(config, seed, controller, estimator, true, tracker.bound)
-        record["mission"]["target_path"] = [(told.t, *told.payload) for told in track.messages(config.report_period)]
+        record["mission"]["target_path"] = [(t, *place) for t, place in track.reported(config.report_period)]
         return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record)
 
 

@@ -292,12 +292,45 @@ def test_ends_that_are_not_given_are_drawn_far_apart_and_certified(terrain: str)
         (SafeFlightConfig, "target_path", ((0.0, 1.0, 2.0, 3.0),)),
         (SafeFlightConfig, "target_path", ((9.0, 1.0, 2.0, 3.0), (9.0, 1.0, 2.0, 3.0))),
         (SafeFlightConfig, "target_path", ((9.0, 1.0, math.nan, 3.0),)),
+        (SafeFlightConfig, "target_path", ((1e8, 1.0, 2.0, 3.0),)),
         (SafeFlightConfig, "uncharted_time", -1.0),
     ],
 )
 def test_a_field_out_of_range_is_refused_by_name(group: type[Any], field: str, value: float) -> None:
     with pytest.raises(ValueError, match=rf"{field} = .*allowed"):
         group(**{field: value})
+
+
+def test_a_deadline_that_was_lost_is_not_kept_because_the_target_might_move(terrain: str) -> None:
+    """A target that never moves promises nothing new."""
+    rough = {"faults": Faults(position_jump=150.0), "deadline_factor": 1.0}
+    plain = flown(terrain, **rough)
+    resting = flown(terrain, **rough, target_path=((1.0, *flight.mission().target),))
+    assert "deadline-lost" in [event.kind for event in plain.recording.events]
+    assert resting.summary["deadline_s"] == pytest.approx(plain.summary["deadline_s"])
+
+
+def test_plans_that_never_take_over_lose_the_arrival_at_a_target_that_moves(terrain: str) -> None:
+    x, y, z = flight.above(flight.mountains(), (9000.0, 10_500.0), 150.0)
+    late = Faults(late_plan_rate=1.0, late_plan_latency=3.0)
+    path = ((10.0, *flight.mission().target), (10.5, x, y, z))
+    outcome = flown(terrain, deadline_factor=1.0, faults=late, target_path=path)
+        terrain, deadline_factor=1.0, faults=late, target_path=((10.0, *flight.mission().target), (10.5, x, y, z))
+    )
+    kinds = [event.kind for event in outcome.recording.events]
+    assert kinds.count("arrival-lost") == 1
+    assert "deadline-moved" not in kinds
+    assert outcome.summary["min_clearance_m"] >= H_MIN
+
+
+def test_a_target_that_rests_before_it_moves_is_recorded_so(terrain: str) -> None:
+    there = (9000.0, 10_500.0, 2000.0)
+    built = SafeFlight.build(config(terrain, target_path=((20.0, *flight.mission().target), (30.0, *there))), 0)
+    path = np.array(built.config["mission"]["target_path"])
+    before = path[path[:, 0] <= 20.0]
+    assert len(before) > 1
+    np.testing.assert_allclose(before[:, 1:3], [flight.TARGET] * len(before))
+    assert path[-1, 0] == 30.0
 
 
 def test_a_vehicle_thrown_into_the_ground_is_not_reported_above_it(terrain: str) -> None:
@@ -343,7 +376,7 @@ def test_what_changes_on_the_way_is_told_and_flown_by(terrain: str) -> None:
     ("fields", "message"),
     [
         ({"target_path": ((10.0, -5.0, 0.0, 900.0),)}, "target_path at 10 s = .*off the map"),
-        ({"uncharted": ((20_000.0, 0.0, 100.0, 100.0),)}, "is not on the terrain"),
+        ({"uncharted": ((20_000.0, 0.0, 100.0, 100.0),)}, "uncharted: hill: .* is not on the terrain"),
         ({"uncharted": ((*flight.TARGET, 900.0, 500.0),)}, "target = .*under ground"),
         ({"uncharted": ((*flight.START, 900.0, 500.0),)}, "start = .*under ground"),
     ],

@@ -140,8 +140,10 @@ def test_clocks_that_are_trusted_too_soon_are_on_record(terrain: str) -> None:
 def test_who_cannot_come_so_late_is_an_outlier_and_comes_back(terrain: str) -> None:
     outcome = flown(terrain, consensus="laplacian", consensus_with=("delta=0.05",))
     kinds = [event.kind for event in outcome.recording.events]
-    assert outcome.summary["outliers"] == kinds.count("outlier") > 0
-    assert "outlier-returns" in kinds
+    who = [event.agent for event in outcome.recording.events if event.kind == "outlier"]
+    assert set(who) <= {"vehicle_1", "vehicle_2", "vehicle_3"}
+    assert outcome.summary["outliers"] == len(who) > 0
+    assert kinds.index("outlier") < kinds.index("outlier-returns")
     assert outcome.summary["ground_contacts"] == 0
 
 
@@ -179,13 +181,17 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
         ({"name": ("a", "b", "c"), "edge": (("a", "b", 1.0), ("b", "a", 2.0))}, r"each pair of vehicles once"),
         ({"clocks": Clocks(offset=10.0, error=2.0)}, r"slot_spacing = 800\.0; allowed: >= 1350"),
         ({"consensus_with": ("period",)}, r"consensus_with = 'period'; allowed: FIELD=VALUE"),
+        ({"consensus_with": ("=3",)}, r"consensus_with = '=3'; allowed: FIELD=VALUE"),
+        ({"consensus_with": ("period=3",)}, r"consensus_with = 'period=3'; allowed: any field but the period"),
         ({"consensus_with": ("scaling=3",)}, r"consensus_with\.scaling is not a field; allowed: period"),
-        ({"consensus": "laplacian", "consensus_with": ("scaling=-3",)}, r"scaling = -3\.0; allowed"),
+        ({"consensus": "laplacian", "consensus_with": ("scaling=-3",)}, r"consensus_with: scaling = -3\.0; allowed"),
+        ({"uncharted": ((6_000.0, 6_000.0, math.nan, 900.0),)}, r"uncharted: hill: radius = nan"),
+        ({"uncharted": ((-6_000.0, 6_000.0, 9.0, 900.0),)}, r"uncharted: hill: .* is not on the terrain"),
         ({"uncharted": ((6_000.0, 6_000.0, 2_000.0, 900.0),), **middle}, r"target of vehicle_. = .*under ground"),
     ]
 
 
-@pytest.mark.parametrize("case", range(28))
+@pytest.mark.parametrize("case", range(30))
 def test_bad_input_names_the_culprit(terrain: str, case: int) -> None:
     fields, told = bad(terrain)[case]
     with pytest.raises(ValueError, match=told):

@@ -10,7 +10,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from controllers.flight.certificate import Certificate, Certified, TrackingBound, pass_time
+from controllers.flight.certificate import Certificate, TrackingBound, pass_time
+from controllers.flight.certified import Certified
 from controllers.flight.completion import ArcList, complete
 from controllers.flight.planner import Retreat, complete_by
 from models.aerial.dynamics import state_at

@@ -16,7 +16,8 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from controllers.flight.certificate import Certificate, Certified
+from controllers.flight.certificate import Certificate
+from controllers.flight.certified import Certified
 from controllers.flight.completion import ArcList
 from controllers.flight.planner import Retreat, complete_by
 from controllers.flight.plugin import FlightConfig, SafeFlight

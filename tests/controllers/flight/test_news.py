@@ -8,10 +8,12 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from controllers.flight.certificate import Certificate, Certified, remainder
+from controllers.flight.certificate import Certificate, remainder
+from controllers.flight.certified import Certified
 from controllers.flight.planner import Retreat
 from controllers.flight.plugin import FlightConfig, SafeFlight
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
@@ -170,14 +172,76 @@ def test_a_target_without_a_plan_to_it_is_announced_once_and_so_is_its_return() 
     before = planner.deadline
     following = asked(planner, current, 4 * h)
     assert following.ok
-    assert ("deadline-moved" in following.notes) == (planner.deadline > before)
-    assert following.t_end <= planner.deadline
-    assert "arrival-regained" in asked(planner, following, 5 * h).notes
+    assert planner.deadline == before  # it has not taken over yet
+    notes = asked(planner, following, 5 * h).notes
+    assert "arrival-regained" in notes
+    assert ("deadline-moved" in notes) == (following.t_end > before)
+    assert following.t_end <= planner.deadline == planner.promised
+
+
+def test_a_plan_that_does_not_take_over_is_none() -> None:
+    """Whoever did not let it: the deadline stays, and the loss is announced."""
+    planner, current = certified()
+    h, before = planner.period, planner.deadline
+    moved = Message(h, "watch", TARGET, flight.above(MISSION.terrain, (2000.0, 9000.0), 150.0))
+    assert asked(planner, current, h, moved).ok
+    assert "arrival-lost" in asked(planner, current, 2 * h).notes
+    assert "arrival-lost" not in asked(planner, current, 3 * h).notes
+    assert planner.deadline == before
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_off_its_plan_over_a_wrong_map_it_takes_the_way_with_more_clearance(lost: bool) -> None:
+    """Off its bound, or without an estimate, at the instant at which the map changes, and no plan to be had."""
+    nothing = [Plan.failure(Status.SOLVER_FAILED, "no solution")] * 9
+    tried = 0
+    for seconds in np.arange(2.0, 5.0, 0.5):
+        planner, current = certified(*nothing)
+        t = 6 * planner.period
+        x, y, _ = state_at(current, t + seconds)[:3]
+        ground = with_hills(MISSION.terrain, (Hill(float(x), float(y), 700.0, 300.0),))
+        estimate = Estimate(t, state_at(current, t) + np.array([0.0, 0.0, 0.0 if lost else 100.0, 0.0, 0.0, 0.0]))
+        estimate = dataclasses.replace(estimate, status=Status.LOST if lost else Status.OK)
+        told = (Message(t, "survey", TERRAIN, ground),)
+        answer = planner.plan(PlanRequest(t, t + planner.period, estimate, current, told))
+        least = CERTIFICATE.told(told).clearances
+        if answer.ok and "guarantee-lost" in answer.notes:
+            tried += 1
+            assert least(answer).min() > least(remainder(current, t)).min()
+        elif not answer.ok:
+            assert "guarantee-lost" in answer.notes
+        assert answer.notes.count("guarantee-lost") <= 1
+    assert tried > 0 or lost
+
+
+def test_a_guarantee_that_was_lost_is_regained_when_there_is_a_plan_again() -> None:
+    nothing = [Plan.failure(Status.SOLVER_FAILED, "no solution")]
+    planner, current = certified(*nothing)
+    t = 6 * planner.period
+    x, y, _ = state_at(current, t + 2.0)[:3]
+    walled = with_hills(MISSION.terrain, (Hill(float(x), float(y), 500.0, 900.0),))
+    lost = asked(planner, current, t, Message(t, "survey", TERRAIN, walled))
+    assert "guarantee-lost" in lost.notes
+    flown = lost if lost.ok else current
+    found = asked(planner, flown, t + planner.period, Message(t, "survey", TERRAIN, MISSION.terrain))
+    assert "guarantee-regained" in found.notes
+
+
+def test_what_is_told_while_nobody_can_answer_is_not_forgotten() -> None:
+    planner, current = certified()
+    t = 6 * planner.period
+    x, y, _ = state_at(current, t + 8.0)[:3]
+    ground = with_hills(MISSION.terrain, (Hill(float(x), float(y), 900.0, 900.0),))
+    told = (Message(t, "survey", TERRAIN, ground),)
+    malformed = planner.plan(PlanRequest(t, t + planner.period, Estimate(t, np.zeros(7)), current, told))
+    assert malformed.status is Status.MALFORMED
+    assert "plan-endangered" in asked(planner, current, t + planner.period).notes
 
 
 def test_messages_that_cannot_be_are_recorded_and_change_nothing() -> None:
     planner, current = certified()
     strange = Message(1.0, "stranger", TARGET, (math.nan, 0.0, 0.0)), Message(1.0, "stranger", RADARS, "many")
+    strange += (Message(1.0, "stranger", TARGET, (10**400, 1, 1)),)
     answer = asked(planner, current, planner.period, *strange)
     assert answer.ok
     assert answer.notes[0] == "message-ignored"

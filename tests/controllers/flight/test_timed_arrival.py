@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.flight.certificate import Certificate, Certified
+from controllers.flight.certificate import Certificate
+from controllers.flight.certified import Certified
 from controllers.flight.completion import ArcList, complete
 from controllers.flight.planner import ARRIVAL, Retreat
 from controllers.flight.plugin import FlightConfig, SafeFlight

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.flight.certificate import Certificate, Certified
+from controllers.flight.certificate import Certificate
+from controllers.flight.certified import Certified
 from controllers.flight.planner import Retreat
 from controllers.quadrotor.plugin import QuadrotorConfig, QuadrotorFlight
 from estimators.quadrotor_state import QuadrotorState

@@ -68,7 +68,7 @@ def test_a_request_is_magnified_and_the_answer_shrunk() -> None:
     ground = hills()
     told = (
         Message(1.0, "tower", "radars", (Radar(10.0, 20.0, 30.0, 4.0),)),
-        Message(1.0, "tower", "target", (10.0, 20.0, 30.0)),
+        Message(1.0, "tower", "target", [10, 20.0, 30.0]),
         Message(1.0, "tower", "terrain", ground),
         Message(1.0, "fleet", "arrival time", 70.0),
         Message(1.0, "stranger", "radars", ("nonsense",)),

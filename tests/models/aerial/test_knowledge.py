@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,13 @@ def test_a_message_again_or_of_another_topic_tells_nothing_new() -> None:
     assert not any(KNOWN.complaint(message) for message in again)
 
 
+@pytest.mark.parametrize("place", [(10, 20, 30), [10.0, 20.0, 30.0], np.array([10.0, 20.0, 30.0])])
+def test_a_place_may_be_any_three_numbers(place: Any) -> None:
+    target = KNOWN.updated([told(TARGET, place)]).target
+    assert target == (10.0, 20.0, 30.0)
+    assert all(type(each) is float for each in target)
+
+
 @pytest.mark.parametrize(
     ("topic", "payload", "complaint"),
     [
@@ -45,6 +53,11 @@ def test_a_message_again_or_of_another_topic_tells_nothing_new() -> None:
         (TARGET, (-1.0, 2.0, 3.0), "on the map"),
         (TARGET, (1.0, 2.0), "three"),
         (TARGET, "there", "three"),
+        (TARGET, "123", "three"),
+        (TARGET, {1: 2, 2: 3, 3: 4}, "three"),
+        (TARGET, (10**400, 1, 1), "three"),
+        (TARGET, (6000.0, 6000.0, 1e300), "three"),
+        (TARGET, (6000.0, math.nan, 900.0), "three"),
         (TERRAIN, KNOWN.terrain.z, "another extent"),
         (TERRAIN, HeightField(np.zeros((3, 3)), 1.0), "another extent"),
     ],

@@ -117,6 +117,14 @@ def test_a_radar_that_drives_is_where_it_drives_to_and_stays_at_the_edge() -> No
     last = track.at(499.0, ground)
     assert last is not None
     assert last.x == ground.width
+    aslant = RadarTrack(Radar(11_000.0, 4000.0, 900.0, 1.0), 0.0, 500.0, (50.0, 20.0))
+    assert aslant.at(100.0, ground) == aslant.at(20.0, ground) == Radar(ground.width, 4400.0, 900.0, 1.0)
+
+
+@pytest.mark.parametrize("fields", [(math.nan,), (5.0, 5.0), (0.0, 9.0, (math.nan, 0.0))])
+def test_a_track_that_cannot_be_is_refused(fields: Any) -> None:
+    with pytest.raises(ValueError, match=r"radar: .*allowed"):
+        RadarTrack(Radar(3000.0, 4000.0, 900.0, 1.0), *fields)
 
 
 def test_who_flies_over_a_radar_that_drives_is_exposed_while_it_is_there_and_on() -> None:

@@ -129,7 +129,6 @@ TIMED = {
     "mechanisms",
 }  # which measure times
 COMPUTED = {  # which fly little, nothing, or by themselves
-    "updates",
     "sphere",
     "curvature-sign",
     "contraction",

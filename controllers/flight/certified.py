@@ -1,0 +1,237 @@
+"""What makes "never collides, always arrives" true: nothing is flown that has not been certified whole.
+
+``Certified`` keeps the invariant, at every t before arrival:
+
+    x(t) = x_pi(t) (within the tracking bound),  C(pi),  t_e <= gamma V_0.
+
+A candidate replaces the plan being flown at its start time if and only if it starts on it, is certified, and ends by
+the deadline. Otherwise the stored plan stays, which is safe and arrives. This is Propositions A.2 and A.3, made true
+for arcs instead of nodes, for any planner. The one exception is announced before it is flown: where the map turns out
+to be wrong and nothing can be certified any more, of two plans that cannot the one with more clearance is flown.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from controllers.flight.certificate import JOIN, SIMULTANEOUS, Certificate, Refusal, TrackingBound, pass_time, remainder
+from models.aerial.dynamics import state_at
+from models.aerial.knowledge import Knowledge
+from sim.protocols import Planner
+from sim.signals import Estimate, Message, Phase, Plan, PlanRequest, Status
+
+
+def _owned(plan: Plan) -> Plan:
+    """The plan in arrays of its own, read-only, so that a planner which uses its arrays again cannot change it."""
+    t, x, u = (np.array(values, dtype=np.float64) for values in (plan.t, plan.x, plan.u))
+    phase = np.array(plan.phase, dtype=np.int64)
+    for values in (t, x, u, phase):
+        values.setflags(write=False)
+    return dataclasses.replace(plan, t=t, x=x, u=u, phase=phase)
+
+
+class Certified:
+    """A planner whose every answer is certified, and which answers something safe where that can be had.
+
+    ``reserve(certificate)`` makes the planner that is asked where there is no plan to fall back on: at the start, when
+    the vehicle has left its plan, and when its plan turns out to be unsafe.
+
+    What is told on the way (``models.aerial.knowledge``) is judged at the next planning instant. *A map that was
+    wrong*: if what is left of the plan being flown is safe over the map as it is now, the guarantee is kept. Otherwise
+    a certified plan from where the plan is now takes over without delay; if none can be had, the loss is announced
+    ("guarantee-lost"), of the reserve's plan and the present one that with more clearance is flown, and the search goes
+    on at every period until there is one ("guarantee-regained"). *A target elsewhere*: the vehicle is as safe as
+    before, but its plan leads to where the target was. The first certified plan that leads to the new one takes over,
+    and if it ends after the deadline, the deadline is D = t_s + gamma V from then on, t_s its start ("deadline-moved").
+    Where none has taken over by the next instant the loss is announced ("arrival-lost") until one has.
+    """
+
+    def __init__(
+        self,
+        planner: Planner,
+        reserve: Callable[[Certificate], Planner],
+        certificate: Certificate,
+        bound: TrackingBound,
+        deadline_factor: float,
+    ) -> None:
+        if not deadline_factor >= 1.0:
+            raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
+        self.period = planner.period
+        self.deadline = np.inf  # [s] in force now
+        self.promised = np.inf  # [s] likewise, but for what was lost: missed passes, and plans that had to be made anew
+        self._planner, self._make_reserve = planner, reserve
+        self._reserve = reserve(certificate)
+        self._certificate, self._bound, self._factor = certificate, bound, deadline_factor
+        self._next_pass = np.inf  # [s] of the plan that was being flown at the last request
+        self._unheard: tuple[Message, ...] = ()  # of requests that could not be answered
+        self._unsure = False  # whether the plan being flown was certified over another map
+        self._lost = False  # whether it was announced that it is not safe over this one
+        self._astray = 0  # planning instants at which it has led elsewhere
+        self._announced = False  # whether that was announced
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """The planner's answer if it may be flown; a failure that says why not otherwise."""
+        current, x = request.current, request.estimate.x
+        request = dataclasses.replace(request, messages=(*self._unheard, *request.messages))
+        self._unheard = ()
+        if x.shape != (6,):
+            self._unheard = request.messages
+            return Plan.failure(Status.MALFORMED, f"the estimate's state has shape {x.shape}; allowed: (6,)")
+        notes = self._listen(request.messages)
+        if current is None:
+            plan = self._fresh(request)
+            if plan.ok:
+                self.deadline = self.promised = request.t + self._factor * (plan.t_end - request.t)
+                self._next_pass = pass_time(plan, self._certificate.target, request.t)
+            return dataclasses.replace(plan, notes=notes + plan.notes)
+        notes += self._followed(current)
+        # That the mission goes on says that the pass was missed. One at this very tick may still be judged.
+        missed = self._next_pass < request.t - SIMULTANEOUS
+        self._next_pass = pass_time(current, self._certificate.target, request.t - 2.0 * SIMULTANEOUS)
+        if missed:
+            notes = (*notes, "missed-pass")
+            left = max(current.t_end - request.t, self.period)
+            self.deadline = max(self.deadline, request.t + self._factor * left)
+        error = x - state_at(current, request.t)
+        if request.estimate.status is not Status.OK:
+            # Nobody knows where the vehicle is: its plan is the best guess, and no estimate to plan from anew.
+            notes = (*notes, "guarantee-lost")
+        elif self._bound.broken_by(error):
+            far = f"{np.hypot(error[0], error[1]):.1f} m across, {error[2]:.1f} m up from the plan"
+            answer = self._rebased(request, request.estimate, (*notes, "tracking-breach"), far)
+            return answer if self._danger(current, request.t) is None else self._evading(answer, request)
+        if (danger := self._danger(current, request.t)) is not None:
+            here = dataclasses.replace(request, estimate=Estimate(request.t, state_at(current, request.t)))
+            told = f"over the map as it is now: {danger.message}"
+            return self._evading(self._rebased(here, here.estimate, (*notes, "plan-endangered"), told), here)
+        if self._lost:
+            self._lost = False
+            notes = (*notes, "guarantee-regained")
+        plan = self._judged(self._planner, request)
+        return dataclasses.replace(plan, notes=notes + self._following(current, plan) + plan.notes)
+
+    def _listen(self, messages: Sequence[Message]) -> tuple[str, ...]:
+        """Go by the target and the map that ``messages`` tell of; "message-ignored" for what cannot be."""
+        before, now = self._certificate, self._certificate.told(messages)
+        if now is not before:
+            self._certificate, self._reserve = now, self._make_reserve(now)
+            self._unsure = self._unsure or now.terrain is not before.terrain
+            if now.target is not before.target:
+                self._next_pass = np.inf  # nobody will be there
+        known = Knowledge(now.terrain, tuple(now.target.tolist()))
+        return ("message-ignored",) if any(known.complaint(message) for message in messages) else ()
+
+    def _danger(self, current: Plan, t: float) -> Refusal | None:
+        """Why what is left of the plan being flown is not safe over a map that it was not certified over."""
+        if not self._unsure:
+            return None
+        danger = self._certificate.endangered(remainder(current, t))
+        self._unsure = danger is not None
+        return danger
+
+    def _evading(self, plan: Plan, request: PlanRequest) -> Plan:
+        """A certified plan if there is one; else the reserve's, if that has more clearance than the present one."""
+        assert request.current is not None
+        if plan.ok:
+            return plan
+        self._lost = True
+        notes = tuple(dict.fromkeys(plan.notes))
+        reserve = self._reserve.plan(dataclasses.replace(request, t_start=request.t, current=None))
+        present = remainder(request.current, request.t)
+        if not reserve.ok or self._least_clearance(reserve) <= self._least_clearance(present):
+            return dataclasses.replace(plan, notes=notes)
+        notes = (*notes, *self._extended(reserve, request.t), "rebased")
+        return dataclasses.replace(_owned(reserve), notes=notes, message=plan.message)
+
+    def _least_clearance(self, plan: Plan) -> float:
+        return float(self._certificate.clearances(plan).min())
+
+    def _followed(self, current: Plan) -> tuple[str, ...]:
+        """What there is to tell of the plan being flown after the target has moved: it leads there, or still not."""
+        if not self._certificate.leads(current):
+            self._astray += 1
+            return self._announce() if self._astray > 1 else ()
+        notes: tuple[str, ...] = ("arrival-regained",) if self._announced else ()
+        if self._astray and current.t_end > self.deadline + SIMULTANEOUS:
+            self.deadline = self._deadline_of(current)
+            self.promised = max(self.promised, self.deadline)
+            notes = (*notes, "deadline-moved")
+        self._astray, self._announced = 0, False
+        return notes
+
+    def _following(self, current: Plan, plan: Plan) -> tuple[str, ...]:
+        """Likewise, where there is no plan that could take over."""
+        there = plan.ok and plan.ready <= plan.t_start + SIMULTANEOUS
+        return () if there or self._certificate.leads(current) else self._announce()
+
+    def _announce(self) -> tuple[str, ...]:
+        """That the plan being flown leads elsewhere, once."""
+        before, self._announced = self._announced, True
+        return () if before else ("arrival-lost",)
+
+    def _deadline_of(self, plan: Plan) -> float:
+        """[s] by which a plan to a target that has moved has to end."""
+        return max(self.deadline, plan.t_start + self._factor * (plan.t_end - plan.t_start))
+
+    def _fresh(self, request: PlanRequest) -> Plan:
+        """A certified plan from the estimate itself, by the planner or, failing that, the reserve."""
+        plan = self._judged(self._planner, request)
+        if plan.ok and plan.ready <= plan.t_start:
+            return plan
+        reason = plan.message or (Status.LATE if plan.ok else plan.status).value
+        reserve = self._judged(self._reserve, request)
+        if not reserve.ok:
+            return dataclasses.replace(reserve, message=f"{reason}; the reserve: {reserve.message}")
+        return dataclasses.replace(reserve, notes=("reserve-plan",), message=reason)
+
+    def _rebased(self, request: PlanRequest, origin: Estimate, notes: tuple[str, ...], why: str) -> Plan:
+        """The plan being flown is worth nothing: plan anew from ``origin``, at once, or announce the loss."""
+        plan = self._fresh(dataclasses.replace(request, t_start=request.t, current=None, estimate=origin))
+        if not plan.ok:
+            return dataclasses.replace(plan, notes=(*notes, "guarantee-lost"), message=f"{why}; {plan.message}")
+        return dataclasses.replace(plan, notes=(*notes, *self._extended(plan, request.t), "rebased"), message=why)
+
+    def _extended(self, plan: Plan, t: float) -> tuple[str, ...]:
+        """For a plan that takes over whenever it ends: "deadline-lost" if that is late, and its end is the deadline."""
+        self._next_pass = pass_time(plan, self._certificate.target, t)
+        if plan.t_end <= self.deadline:
+            return ()
+        self.deadline = plan.t_end
+        return ("deadline-lost",)
+
+    def _judged(self, planner: Planner, request: PlanRequest) -> Plan:
+        """The planner's answer if it may be flown, or the failure it is."""
+        try:
+            plan = planner.plan(request)
+            if not isinstance(plan, Plan):
+                raise TypeError(f"plan() returned {type(plan).__name__}; allowed: Plan")
+            return self._examined(plan, request)
+        except (Exception, SystemExit) as error:  # whatever a stranger's planner does, the vehicle flies on
+            return Plan.raised(error)
+
+    def _examined(self, plan: Plan, request: PlanRequest) -> Plan:
+        if not plan.ok:
+            return plan
+        plan = _owned(plan)
+        refusal = self._certificate.refuse(plan)
+        if refusal is None and abs(plan.t_start - request.t_start) > SIMULTANEOUS:
+            refusal = Refusal(Status.WRONG_START, f"starts at {plan.t_start:.3f} s, asked for {request.t_start:.3f} s")
+        if refusal is None:
+            origin = request.estimate.x if request.current is None else state_at(request.current, request.t_start)
+            gap = float(np.abs(plan.x[0] - origin).max())
+            if gap > JOIN:
+                refusal = Refusal(Status.WRONG_START, f"starts {gap:.3g} beside the plan being flown")
+        if refusal is None and request.current is not None:
+            leads = self._certificate.leads(request.current)
+            deadline = self.deadline if leads else self._deadline_of(plan)
+            if plan.t_end > deadline + SIMULTANEOUS:
+                refusal = Refusal(Status.DEADLINE, f"ends at {plan.t_end:.1f} s; the deadline is {deadline:.1f} s")
+        if refusal is None:
+            return plan
+        notes = ("manoeuvre-rejected",) if refusal.phase is Phase.MANOEUVRE else ()
+        return dataclasses.replace(
+            Plan.failure(refusal.status, refusal.message, ready=plan.ready, solve_ms=plan.solve_ms), notes=notes
+        )

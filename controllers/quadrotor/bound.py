@@ -20,7 +20,8 @@ the tracker makes up for most of it; across it theta is an acceleration by tilt,
   mass_tolerance g.
 
 That is exact for the linear loop; the tests hold it against the flight in MuJoCo. Rotors have bounds: a plan is left
-what they can do beside the feedback, up and down, where drag helps neither, and a_max if that is less.
+what they can do beside the feedback, up and down, where drag helps neither, what they have the moments for when plans
+take over unforeseen (``turning``), and a_max if that is less.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from controllers.flight.certificate import TrackingBound
 from controllers.quadrotor.reference import deviation
 from controllers.quadrotor.tracker import LEAST_THRUST, TrackerConfig
+from controllers.quadrotor.turning import greatest_acceleration
 from models.aerial.mission import FlightMission
 from models.quadrotor.dynamics import ROTOR_COUNT, Quadrotor
 from sim.signals import Array
@@ -137,7 +139,8 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
     # Upwards a heavier vehicle needs more; downwards it only leaves more thrust.
     up = ROTOR_COUNT * vehicle.thrust_max / m - g - d_z - float(along[2] + weight[2])
     down = (1.0 - LEAST_THRUST) * g - d_z - float(along[2])
-    able = min(up, down) / foreseen.acceleration
+    turned = greatest_acceleration(config, vehicle, mission.control_period)
+    able = min(up / foreseen.acceleration, down / foreseen.acceleration, turned)
     if able <= 0.0:
         raise ValueError(
             f"gust rms = {mission.gust.rms!r}, mass_tolerance = {tolerance!r} and drag_tolerance = "

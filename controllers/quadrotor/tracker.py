@@ -76,9 +76,9 @@ class TrackerConfig:
     """greatest unknown force per mass that is made up for [m/s^2]"""
     feedback_max: float = 8.0
     """greatest k_p e_p + k_v e_v [m/s^2]"""
-    reference_bandwidth: float = 9.0
+    reference_bandwidth: float = 6.0
     """omega of the reference filter [rad/s]"""
-    preview: float = 0.25
+    preview: float = 0.37
     """how long before a turn of the plan the reference begins it [s]"""
     tilt_max: float = 60.0
     """greatest tilt that is asked for [degrees]"""

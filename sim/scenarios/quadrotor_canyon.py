@@ -10,12 +10,11 @@ it tilts. So mission, certificate and summary have the ground of the map raised 
 a body of that reach: h_min is kept by every part of the vehicle, and ``min_clearance_m`` is that of the nearest part,
 or a little less. MuJoCo's ground is that of the map.
 
-**What the bound allows for.** Gusts as declared, a tenth more mass, a quarter more or less drag. A weaker rotor or a
-greater mismatch is not in it, nor are plans that turn so suddenly that the rotors have not the moments for it. Of 1000
-plans that took over unforeseen, each turning anew with all of a_max, none led farther off than .6 of the bound at 2.5
-m/s^2; at 3 one in 400 left it, at 3.5 vehicles were thrown on their backs. Where the tracker does not keep its bound,
-that is an event, the planner is based anew on the estimate, and where no plan is certified from there the loss of the
-guarantee is one.
+**What the bound allows for.** Gusts as declared, a tenth more mass, a quarter more or less drag, and plans that take
+over unforeseen, for which a_max is reduced to what the rotors have the moments for (``controllers.quadrotor.turning``):
+some 2.3 m/s^2 in still air, 1.9 in gusts of .6. A weaker rotor or a greater mismatch is not in it. Where the tracker
+does not keep its bound, that is an event, the planner is based anew on the estimate, and where no plan is certified
+from there the loss of the guarantee is one.
 
 The vehicle follows the canyon because that is the shorter way: over the plateau it would have to climb and to descend.
 Nothing forbids that, and where a spur is in the way it may cross it, low, rather than go around.

@@ -315,8 +315,6 @@ def test_plans_that_never_take_over_lose_the_arrival_at_a_target_that_moves(terr
     late = Faults(late_plan_rate=1.0, late_plan_latency=3.0)
     path = ((10.0, *flight.mission().target), (10.5, x, y, z))
     outcome = flown(terrain, deadline_factor=1.0, faults=late, target_path=path)
-        terrain, deadline_factor=1.0, faults=late, target_path=((10.0, *flight.mission().target), (10.5, x, y, z))
-    )
     kinds = [event.kind for event in outcome.recording.events]
     assert kinds.count("arrival-lost") == 1
     assert "deadline-moved" not in kinds

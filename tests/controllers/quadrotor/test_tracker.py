@@ -57,7 +57,7 @@ def test_a_circle_is_flown_with_the_nose_ahead() -> None:
     run_up = [((4.0, 0.0, 0.0), 2.0)]
     turns = [((-4.0 * math.sin(rate * (k + 0.5) * h), 4.0 * math.cos(rate * (k + 0.5) * h), 0.0), h) for k in range(48)]
     states, off, _ = flown(plan_of([*run_up, *turns]), 13.0)
-    assert np.linalg.norm(off[:, :2], axis=1).max() < 0.1
+    assert np.linalg.norm(off[:, :2], axis=1).max() < 0.13
     assert np.abs(off[:, 2]).max() < 0.05
     for x in states[600:]:
         nose, v = rotation(x[ATTITUDE])[:2, 0], x[VELOCITY][:2]
@@ -66,8 +66,8 @@ def test_a_circle_is_flown_with_the_nose_ahead() -> None:
 
 def test_turns_at_full_acceleration_are_followed_closely() -> None:
     _, off, asked = flown(turning(np.random.default_rng(1), 4.5, 10.0), 8.0)
-    assert np.linalg.norm(off[:, :2], axis=1).max() < 0.12
-    assert np.abs(off[:, 2]).max() < 0.06
+    assert np.linalg.norm(off[:, :2], axis=1).max() < 0.16
+    assert np.abs(off[:, 2]).max() < 0.09
     assert ((asked >= 0.0) & (asked <= NOMINAL.thrust_max)).all()
 
 

@@ -36,6 +36,7 @@ NOMINAL, FAULTED, PRINTED = "nominal", "10 % solver failures", "average of (A.12
 CONSTRAINT, PENALTY = "maximum, by (A.13)", "maximum, by its penalty"
 PRINTED_SIZE = 4  # of the fleets that agree, or comply, as printed
 SHOWN = 6  # of the fleet that is drawn
+LEAST_DRAWN = 1e-2  # [s] of a spread
 COLOURS = {NOMINAL: "#0d5fa8", FAULTED: "#d9731a", PRINTED: "#c2183b", CONSTRAINT: "#7b3fa0", PENALTY: "#1a9850"}
 
 
@@ -192,12 +193,17 @@ def _claims(of: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[Step
             worst[PRINTED] <= H,
         ),
         Claim(
-            "A.constraint", "printed", "The planner satisfies the consensus by imposing (A.13), or by penalising it.",
-            "A.8.3", f"fleets that agree on the maximum arrive within h = {H:.2f} s of each other by either",
-            f"by (A.13) spread {median(by_kind[CONSTRAINT]).text()} s, at most {worst[CONSTRAINT]:.2f} s, "
-            f"{_without_plan(of, CONSTRAINT):.0%} of the answers no plan: who is early would have to fly back; by its "
-            f"penalty {median(by_kind[PENALTY]).text()} s, at most {worst[PENALTY]:.2f} s",
-            max(worst[CONSTRAINT], worst[PENALTY]) <= H,
+            "A.constraint", "printed", "The planner satisfies the consensus by imposing (A.13).", "A.8.3",
+            f"fleets that agree on the maximum arrive within h = {H:.2f} s of each other",
+            f"spread {median(by_kind[CONSTRAINT]).text()} s, at most {worst[CONSTRAINT]:.2f} s; "
+            f"{_without_plan(of, CONSTRAINT):.0%} of the answers no plan: who is early would have to fly back",
+            worst[CONSTRAINT] <= H,
+        ),
+        Claim(
+            "A.penalty", "printed", "Or by penalising deviations from it.", "A.8.3", "likewise",
+            f"spread {median(by_kind[PENALTY]).text()} s, at most {worst[PENALTY]:.2f} s; "
+            f"{_without_plan(of, PENALTY):.1%} of the answers no plan",
+            worst[PENALTY] <= H,
         ),
         Claim(
             "A.one-step", "printed", "In most cases the planner fulfils (A.13) in one single step.", "A.8.4",
@@ -257,14 +263,14 @@ def _draw_spreads(axes: Axes, of: Mapping[tuple[str, int], Sequence[Record]]) ->
     sizes = sorted({size for _, size in of})
     for (kind, size), some in of.items():
         spread = spreads(some)
-        offset = 0.18 * (list(COLOURS).index(kind) - 2)
+        offset = 0.14 * (list(COLOURS).index(kind) - 2)
         x = sizes.index(size) + offset + rng.uniform(-0.05, 0.05, len(spread))
         label = kind if size == min(s for k, s in of if k == kind) else None
-        axes.plot(x, np.maximum(spread, 1e-2), "o", ms=5, alpha=0.75, color=COLOURS[kind], label=label)
+        axes.plot(x, np.maximum(spread, LEAST_DRAWN), "o", ms=5, alpha=0.75, color=COLOURS[kind], label=label)
     axes.axhline(H, color=INK, ls="--", lw=1.0)
     axes.annotate("h", (len(sizes) - 0.55, H), (0, 3), textcoords="offset points")
     axes.set_yscale("log")
-    axes.set_ylim(1e-2, None)
+    axes.set_ylim(0.7 * LEAST_DRAWN, None)
     axes.set_xticks(range(len(sizes)), [str(size) for size in sizes])
     axes.set(xlabel="vehicles", ylabel="spread of arrivals [s]")
     axes.set_title("(b) every fleet")

@@ -96,7 +96,7 @@ CLAIMS = {
     "contraction": {"riemannian.contraction", "D.infinitely-thin", "D.contraction-sign", "D.brackets"},
     "consensus": {"fleet.laplacian", "A.laplacian-rate", "A.outlier-keeps-value"},
     "attitude": {"riemannian.attitude"},
-    "arrival": {"fleet.spread", "A.consensus-by-A12", "A.constraint", "A.one-step"},
+    "arrival": {"fleet.spread", "A.consensus-by-A12", "A.constraint", "A.penalty", "A.one-step"},
     "quadrotor": {"fleet.quadrotor"},
     "separation": {"fleet.separation", "fleet.cost"},
     "mechanisms": {

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import groupby
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from renders.landscape import (
 )
 from renders.palette import COLOURS, Part, Picture, part_of
 from renders.run_data import RunData, plan_arcs, trail
-from renders.stage import Optics, Stage, View
+from renders.stage import Optics, Stage, Staged, View
 from renders.storyboard import EXAGGERATION
 from sim.signals import Array
 
@@ -41,8 +40,8 @@ _ANGLE, _RISE = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), n
 DOME = np.stack([np.cos(_ANGLE) * np.cos(_RISE), np.sin(_ANGLE) * np.cos(_RISE), np.sin(_RISE)], -1).reshape(-1, 3)
 
 
-class Scene:
-    """A context manager: the renderer is closed at its end, or OSMesa complains when the process ends."""
+class Scene(Staged):
+    """A context manager, see ``Staged``."""
 
     def __init__(self, run: RunData, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -51,14 +50,6 @@ class Scene:
         self._airframe = Airframe(self.model, "airframe")
         self._chase = ChaseCamera(run, AFAR)
         self.stage = Stage(self.model, width, height, glow=0.75)
-
-    def __enter__(self) -> Scene:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.stage.close()
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""

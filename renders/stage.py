@@ -9,7 +9,8 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -235,6 +236,20 @@ class Stage:
         mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
         scene.ngeom += 1
         return geom
+
+
+class Staged:
+    """What is drawn on a stage, a context manager: the renderer is closed at its end, or OSMesa complains at exit."""
+
+    stage: Stage
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stage.close()
 
 
 def _resample(points: Array, span: Array, step: float) -> Array:

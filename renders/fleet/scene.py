@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from itertools import groupby
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from renders.framing import Box, framing
 from renders.landscape import AIRFRAME, OPTICS, TALL_WORLD, TRUE_WORLD, Airframe, Landscape, add_airframe, landscape
 from renders.palette import Colour, Part, Picture, part_of
 from renders.run_data import RunData, plan_arcs, trail
-from renders.stage import Optics, Stage, View
+from renders.stage import Optics, Stage, Staged, View
 from sim.signals import Array
 
 ARRIVAL = Optics(38.0, 2e-3, 6.0)
@@ -49,8 +48,8 @@ DARK: Colour = (0.08, 0.10, 0.14)  # of no vehicle
 APART = 17.0  # [pixels] at a picture 720 pixels high, between two labels
 
 
-class Scene:
-    """A context manager: the renderer is closed at its end, or OSMesa complains when the process ends."""
+class Scene(Staged):
+    """A context manager, see ``Staged``."""
 
     def __init__(self, run: FleetRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -65,14 +64,6 @@ class Scene:
         self._aspect = width / height
         self._sight = self._arrival_sight()
         self.stage = Stage(self.model, width, height, glow=0.75)
-
-    def __enter__(self) -> Scene:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.stage.close()
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview and the arrival."""

@@ -9,7 +9,6 @@ Import ``renders.opengl`` and choose the backend before this module, which impor
 from __future__ import annotations
 
 import math
-from types import TracebackType
 from typing import Any
 
 import mujoco
@@ -22,7 +21,7 @@ from renders.lagrangian.run_data import LagrangianRun
 from renders.lagrangian.storyboard import RECENT
 from renders.lagrangian.views import AZIMUTH, ELEVATION, azimuth
 from renders.palette import COLOURS, Part, Picture
-from renders.stage import Optics, Stage
+from renders.stage import Optics, Stage, Staged
 from sim.signals import Array
 
 OPTICS = Optics(28.0, 0.02, 40.0)
@@ -41,8 +40,8 @@ NOSE = (0.26, 0.0, 0.0)  # [m] of the rigid body
 TIP = 0.9  # of the distance of the farthest geom of the last body, beyond which geoms are its tip
 
 
-class Scene:
-    """A context manager: the renderer is closed at its end, or OSMesa complains when the process ends."""
+class Scene(Staged):
+    """A context manager, see ``Staged``."""
 
     def __init__(self, run: LagrangianRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -69,14 +68,6 @@ class Scene:
             np.linalg.norm(self._velocity_of(run.log.x[run.look(t)])) for t in np.linspace(0.0, run.duration, 400)
         ]
         self._scale = (TURNING if self._is_ball else ARROW) * self._size / max(float(np.max(speeds)), 1e-9)
-
-    def __enter__(self) -> Scene:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.stage.close()
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]."""

@@ -9,7 +9,6 @@ Import ``renders.opengl`` and choose the backend before this module, which impor
 from __future__ import annotations
 
 import math
-from types import TracebackType
 from typing import Any
 
 import mujoco
@@ -22,7 +21,7 @@ from renders.missile.ground import PIXELS, TILE, ground_picture
 from renders.missile.run_data import TO_WORLD, MissileRun
 from renders.missile.storyboard import CLOSE
 from renders.palette import COLOURS, Part, Picture
-from renders.stage import HORIZON, NADIR, Stage
+from renders.stage import HORIZON, NADIR, Stage, Staged
 from sim.signals import Array
 
 GROUND, DRAWN = 1, 2  # geom groups
@@ -42,8 +41,8 @@ RULER = 50.0  # [m] of height between the lines in the side view
 FLAME, CORE = (1.0, 0.42, 0.05), (1.0, 0.88, 0.55)
 
 
-class Scene:
-    """A context manager: the renderer is closed at its end, or OSMesa complains when the process ends."""
+class Scene(Staged):
+    """A context manager, see ``Staged``."""
 
     def __init__(self, run: MissileRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -55,14 +54,6 @@ class Scene:
         self._scaled = [_Scaled(self.model, np.array(geoms)) for geoms in (drawn, rings)]
         force = np.linalg.norm(run.coordinates.input_in_space(run.u)[:, :3], axis=1)
         self._largest_force = max(float(force.max()), run.weight)
-
-    def __enter__(self) -> Scene:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.stage.close()
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the chase camera."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import groupby
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from renders.quadrotor.inset import Inset
 from renders.quadrotor.run_data import QuadrotorRun
 from renders.run_data import plan_arcs
 from renders.scene import ChaseCamera, Following
-from renders.stage import Optics, Stage, View
+from renders.stage import Optics, Stage, Staged, View
 from sim.signals import Array
 
 CHASE = Optics(50.0, 2e-4, 5.0)
@@ -44,8 +43,8 @@ _UP = np.array([0.0, 0.0, 1.0])
 LOW = 0.16  # [m] under the vehicle's centre the trail is drawn beside it, not through it
 
 
-class Scene:
-    """A context manager: the renderer is closed at its end, or OSMesa complains when the process ends."""
+class Scene(Staged):
+    """A context manager, see ``Staged``."""
 
     def __init__(self, run: QuadrotorRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -56,14 +55,6 @@ class Scene:
         self._inset = Inset(run, height)
         self._aspect = width / height
         self.stage = Stage(self.model, width, height, glow=0.75)
-
-    def __enter__(self) -> Scene:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.stage.close()
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the overview around the map."""

@@ -10,7 +10,6 @@ Import ``renders.opengl`` and choose the backend before this module, which impor
 from __future__ import annotations
 
 import math
-from types import TracebackType
 from typing import Any
 
 import mujoco
@@ -25,7 +24,7 @@ from renders.ranging.cameras import OPTICS, chase_view, top_view
 from renders.ranging.floor import OUTSIDE, extent, floor_picture, pale
 from renders.ranging.run_data import RangingRun
 from renders.run_log import last_at
-from renders.stage import Stage
+from renders.stage import Stage, Staged
 from sim.signals import Array, Status
 
 ROBOT_GROUP = 2  # of the geoms of the robot that eyes see
@@ -45,8 +44,8 @@ LIFT = 0.002  # [m] of a ghost, so that its nose and that of a robot in the same
 APART = 0.3  # [m] between robot and estimate from which on both are named
 
 
-class Scene:
-    """A context manager: the renderer is closed at its end, or OSMesa complains when the process ends."""
+class Scene(Staged):
+    """A context manager, see ``Staged``."""
 
     def __init__(self, run: RangingRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
@@ -57,14 +56,6 @@ class Scene:
         nose = [g for g in robot if self.model.geom(g).name.endswith("/nose")]
         self._nose, self._body = frozenset(nose), frozenset(robot) - frozenset(nose)
         self._height = 0.0  # [m] of marks around poses, in the picture being drawn
-
-    def __enter__(self) -> Scene:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.stage.close()
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
         """The picture at time ``t`` [s]; ``turn`` [degrees] turns the camera behind the robot."""

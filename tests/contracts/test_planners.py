@@ -145,7 +145,7 @@ def quadrotor_bench() -> Bench:
             np.array([x, y, z, 0.0, 0.0, -13.0]),  # diving into the ground
             np.array([5.0, y, z, -13.0, 0.0, 0.0]),  # leaving the map
         ),
-        Message(0.0, "radar warning", "radar", Radar(200.0, 200.0, 90.0, 5.0)),
+        Message(0.0, "radar warning", RADARS, (Radar(200.0, 200.0, 90.0, 5.0),)),
         flight.assert_well_formed,
         state_at,
     )

@@ -79,6 +79,8 @@ class Cockpit:
             self._adopt(t)
             self._ask(t, self.estimate)
             self._adopt(t)
+        else:
+            self._alarm(t, self.estimate)
         if self.plan is not None and k % self.tracker_ticks == 0:
             self._track(t, self.estimate, self.plan)
 
@@ -120,12 +122,39 @@ class Cockpit:
             self.record.event(t, kind, told)
         self.undelivered = sorted([*self.undelivered, *spoken.briefing], key=lambda each: each.t)
 
-    def _ask(self, t: float, estimate: Estimate) -> None:
+    def _deliver(self, t: float) -> list[Message]:
+        """What falls due, for the planner's next request; each is on record."""
+        due = []
         while self.undelivered and self.undelivered[0].t <= t + _SIMULTANEOUS:
             message = self.undelivered.pop(0)
-            self.delivered.append(message)
+            due.append(message)
             told = f": {message.payload:.10g}" if isinstance(message.payload, float) else ""
             self.record.event(t, "message", f"{message.topic} from {message.sender}{told}")
+        self.delivered += due
+        return due
+
+    def _alarm(self, t: float, estimate: Estimate) -> None:
+        """Between two planning instants: whether what is told now asks for another plan at once."""
+        alarmed = getattr(self.agent.planner, "alarmed", None)
+        if alarmed is None or self.plan is None or not self.undelivered or self.undelivered[0].t > t + _SIMULTANEOUS:
+            return
+        request = PlanRequest(t, t, estimate, self.plan, tuple(self._deliver(t)))
+        try:
+            plan = alarmed(request)
+        except (Exception, SystemExit) as error:
+            plan = Plan.raised(error)
+        if plan is None:
+            return
+        self.record.asked(plan)
+        if plan.ok:
+            self.pending = [plan]  # what was to take over next starts on the plan that is given up
+            self._of_companion(t, lambda companion: companion.propose(t, plan), None)
+            self._adopt(t)
+        else:
+            self._refused(t, plan, plan.status, plan.message)
+
+    def _ask(self, t: float, estimate: Estimate) -> None:
+        self._deliver(t)
         t_start = t + self.agent.planner.period if self.plan is not None else t
         request = PlanRequest(t, t_start, estimate, self.plan, tuple(self.delivered))
         try:

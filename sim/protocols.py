@@ -142,7 +142,11 @@ class Estimator(Protocol):
 
 @runtime_checkable
 class Planner(Protocol):
-    """Estimate to plan, slowly."""
+    """Estimate to plan, slowly.
+
+    One that also has ``alarmed(request) -> Plan | None`` is asked that as soon as messages arrive between two planning
+    instants: for a plan that has to take over at once. Those messages are the next request's too.
+    """
 
     period: float  # [s]
 

@@ -39,14 +39,15 @@ class Certified:
     ``reserve(certificate)`` makes the planner that is asked where there is no plan to fall back on: at the start, when
     the vehicle has left its plan, and when its plan turns out to be unsafe.
 
-    What is told on the way (``models.aerial.knowledge``) is judged at the next planning instant. *A map that was
-    wrong*: if what is left of the plan being flown is safe over the map as it is now, the guarantee is kept. Otherwise
-    a certified plan from where the plan is now takes over without delay; if none can be had, the loss is announced
-    ("guarantee-lost"), of the reserve's plan and the present one that with more clearance is flown, and the search goes
-    on at every period until there is one ("guarantee-regained"). *A target elsewhere*: the vehicle is as safe as
-    before, but its plan leads to where the target was. The first certified plan that leads to the new one takes over,
-    and if it ends after the deadline, the deadline is D = t_s + gamma V from then on, t_s its start ("deadline-moved").
-    Where none has taken over by the next instant the loss is announced ("arrival-lost") until one has.
+    What is told on the way (``models.aerial.knowledge``) is judged at the next planning instant, a map as soon as it is
+    told (``alarmed``). *A map that was wrong*: if what is left of the plan being flown is safe over the map as it is
+    now, the guarantee is kept. Otherwise a certified plan from where the plan is now takes over without delay; if none
+    can be had, the loss is announced ("guarantee-lost"), of the reserve's plan and the present one that with more
+    clearance is flown, and the search goes on at every period until there is one ("guarantee-regained"). *A target
+    elsewhere*: the vehicle is as safe as before, but its plan leads to where the target was. The first certified plan
+    that leads to the new one takes over, and if it ends after the deadline, the deadline is D = t_s + gamma V from then
+    on, t_s its start ("deadline-moved"). Where none has taken over by the next instant the loss is announced
+    ("arrival-lost") until one has.
     """
 
     def __init__(
@@ -104,14 +105,29 @@ class Certified:
             answer = self._rebased(request, request.estimate, (*notes, "tracking-breach"), far)
             return answer if self._danger(current, request.t) is None else self._evading(answer, request)
         if (danger := self._danger(current, request.t)) is not None:
-            here = dataclasses.replace(request, estimate=Estimate(request.t, state_at(current, request.t)))
-            told = f"over the map as it is now: {danger.message}"
-            return self._evading(self._rebased(here, here.estimate, (*notes, "plan-endangered"), told), here)
+            return self._endangered(request, current, danger, notes)
         if self._lost:
             self._lost = False
             notes = (*notes, "guarantee-regained")
         plan = self._judged(self._planner, request)
         return dataclasses.replace(plan, notes=notes + self._following(current, plan) + plan.notes)
+
+    def alarmed(self, request: PlanRequest) -> Plan | None:
+        """Between two planning instants, as soon as something is told: a plan that has to take over at once, or None.
+
+        Its messages are those of the next request too.
+        """
+        self._listen(request.messages)
+        danger = None if request.current is None else self._danger(request.current, request.t)
+        if danger is None or request.current is None:
+            return None
+        return self._endangered(request, request.current, danger, ())
+
+    def _endangered(self, request: PlanRequest, current: Plan, danger: Refusal, notes: tuple[str, ...]) -> Plan:
+        """Leave the plan being flown from where it is now."""
+        here = dataclasses.replace(request, estimate=Estimate(request.t, state_at(current, request.t)))
+        told = f"over the map as it is now: {danger.message}"
+        return self._evading(self._rebased(here, here.estimate, (*notes, "plan-endangered"), told), here)
 
     def _listen(self, messages: Sequence[Message]) -> tuple[str, ...]:
         """Go by the target and the map that ``messages`` tell of; "message-ignored" for what cannot be."""

@@ -81,8 +81,7 @@ class Updates:
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}; the ends of each are those drawn without a change. "
                 f"A new terminal cost takes {build:.0f} ms, {build / PERIOD / 10.0:.1f} % of a planning period: the "
-                "print's took 15.8 s, and 1.5 s for a changed threat (A.5). A message waits for the next planning "
-                f"instant, {PERIOD:.2f} s at most.",
+                "print's took 15.8 s, and 1.5 s for a changed threat (A.5).",
             ),
             rows=rows,
             tables=(_table(rows),),

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -46,15 +47,24 @@ class Watched:
         self.broken: list[str] = []  # the loop would take an assertion for a planner's bug
 
     def plan(self, request: PlanRequest) -> Plan:
-        self._certificate = self._certificate.told(request.messages)
         answer = self._planner.plan(request)
-        if request.current is not None:
-            left = remainder(request.current, request.t)
-            flown = answer if answer.ok and answer.t_start <= request.t else left
-            danger = self._certificate.endangered(flown)
-            if (danger is not None) != ("guarantee-lost" in answer.notes):
-                self.broken.append(f"at {request.t:.2f} s {danger}, and {answer.notes}")
+        self._examine(request, answer)
         return answer
+
+    def alarmed(self, request: PlanRequest) -> Plan | None:
+        answer = self._planner.alarmed(request)
+        self._examine(request, answer)
+        return answer
+
+    def _examine(self, request: PlanRequest, answer: Plan | None) -> None:
+        self._certificate = self._certificate.told(request.messages)
+        if request.current is None:
+            return
+        at_once = answer is not None and answer.ok and answer.t_start <= request.t
+        flown = answer if at_once and answer is not None else remainder(request.current, request.t)
+        danger, notes = self._certificate.endangered(flown), () if answer is None else answer.notes
+        if (danger is not None) != ("guarantee-lost" in notes):
+            self.broken.append(f"at {request.t:.2f} s {danger}, and {notes}")
 
 
 def flown(news: Sequence[Message], ground: HeightField = MISSION.terrain) -> tuple[Recording, Watched, list[str]]:
@@ -119,6 +129,20 @@ def test_a_hill_in_the_way_that_is_known_in_time_is_flown_around() -> None:
     assert arrives(recording, MISSION.target)
     mission = dataclasses.replace(MISSION, terrain=ground)
     assert flown_clearance(recording.t, recording.truths["vehicle"], mission).min() >= MISSION.clearance_min
+
+
+def test_a_map_that_was_wrong_is_judged_as_soon_as_it_is_told() -> None:
+    """Between two planning instants; what was to take over at the next one does not."""
+    ground = hill_ahead(0.5, 1500.0, 1200.0)
+    for t in (15.2, 16.1):  # [s] planning instants are 15 and 16.67
+        recording, watched, _ = flown([Message(t, "survey", TERRAIN, ground)], ground)
+        assert not watched.broken
+        told = [event.t for event in recording.events if event.kind == "plan-endangered"]
+        assert told[0] == pytest.approx(t, abs=DT)
+        taken = [(at, plan) for at, plan in recording.agents["vehicle"].plans if at >= t - DT]
+        assert taken[0][0] == pytest.approx(told[0])
+        for (_, before), (at, after) in pairwise(taken):
+            np.testing.assert_allclose(after.x[0], state_at(before, at), atol=1e-6)
 
 
 def test_ground_that_is_higher_elsewhere_changes_nothing_of_the_guarantee() -> None:

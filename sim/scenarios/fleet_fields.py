@@ -124,7 +124,7 @@ class FleetFields:
     spread: float = 5.0 / 3.0
     """of the arrivals, which counts as one time [s]"""
     graph: GraphName = "ring"
-    """who talks with whom about the time of arrival; of plans all tell all"""
+    """who talks with whom about the time of arrival, a ring of two being a line; of plans all tell all"""
     edge: tuple[tuple[str, str, float], ...] = ()
     """NAME NAME WEIGHT of a graph of your own, in the place of --graph; may be given several times"""
     consensus: str = "maximum"
@@ -157,11 +157,13 @@ class FleetFields:
             raise ValueError(f"graph = {self.graph!r}; allowed: {', '.join(get_args(GraphName))}")
         if self.name and len(self.name) != self.vehicles:
             raise ValueError(f"name = {self.name!r}; allowed: {self.vehicles}, one for each vehicle")
-        for name in check_names(self.names):
+        try:
+            check_names(self.names)
+        except ValueError as error:
+            raise ValueError(f"name: {error}") from None
+        for name in self.names:
             if not _NAME.fullmatch(name):
                 raise ValueError(f"name = {name!r}; allowed: letters, digits, _ and -")
-        if self.graph == "ring" and self.vehicles < 3 and not self.edge:
-            raise ValueError("graph = 'ring' with vehicles = 2; allowed: with 3 at least")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -176,10 +178,14 @@ class FleetFields:
                 if (one, other) in edges or (other, one) in edges:
                     raise ValueError(f"edge = {(one, other, weight)!r}; allowed: each pair of vehicles once")
                 edges[one, other] = weight
-            return Graph.of(self.names, edges).checked_connected()
+            try:
+                return Graph.of(self.names, edges).checked_connected()
+            except ValueError as error:
+                raise ValueError(f"edge: {error}") from None
         if self.graph == "random":
             return Graph.random_connected(self.names, 0.3, rng)
-        return {"line": Graph.line, "ring": Graph.ring, "complete": Graph.complete}[self.graph](self.names)
+        graph = "line" if self.vehicles == 2 else self.graph
+        return {"line": Graph.line, "ring": Graph.ring, "complete": Graph.complete}[graph](self.names)
 
     def consensus_config(self, plugin: Any) -> Any:
         """The configuration of the consensus; ValueError for a field that it does not have, or a value it refuses."""

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,11 @@ def started_fleet(
     failing: np.random.Generator,
 ) -> dict[str, Vehicle]:
     """All vehicles, with stored plans that keep apart; what is not given is drawn again until they do."""
+    for (one, a), (other, b) in combinations(zip(config.names, config.starts, strict=False), 2):
+        if math.dist(a, b) < config.separation:
+            raise ValueError(
+                f"starts of {one} and {other} are {math.dist(a, b):.2f} m apart; allowed: >= {config.separation:g} m"
+            )
     reasons: list[str] = []
     given = bool(config.starts) and config.target is not None
     for _ in range(1 if given else _DRAWS):

@@ -15,7 +15,7 @@ from controllers.arrival.local_clock import ClockedCompanion, LocalClock
 from controllers.arrival.separation import Separation
 from controllers.arrival.zone import Zone
 from models.fleet.graph import Graph
-from sim.plugins import Part, checked_consensus, load
+from sim.plugins import Part, checked_consensus, load, names
 from sim.protocols import Companion
 from sim.scenarios.fleet_fields import TALK, SimultaneousArrivalConfig
 from sim.scenarios.fleet_start import Vehicle
@@ -35,9 +35,10 @@ def companions(
     """Of every vehicle; ValueError for a consensus or a graph that cannot be."""
     plugin = load("consensus", config.consensus)
     if not plugin.within_starts:
+        fitting = [name for name in names("consensus") if load("consensus", name).within_starts]
         raise ValueError(
             f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
-            "allowed: a plug-in that says within_starts"
+            f"allowed: {', '.join(fitting)}, or another that says within_starts"
         )
     agreement = config.consensus_config(plugin)
     graph = config.network_graph(talking.spawn(1)[0])

@@ -38,7 +38,7 @@ class ChangeFields:
     radar_known: bool = True
     """whether the planner is told of the radars at all"""
     report_period: float = 5.0
-    """between two reports of where a radar or a target that moves is now [s]; each means a new cost-to-go"""
+    """between two reports of where what moves is now [s]; each means a new cost-to-go"""
     uncharted: tuple[tuple[float, float, float, float], ...] = ()
     """X Y RADIUS HEIGHT [m] of a hill that the map does not show; may be given several times"""
     uncharted_time: float = 0.0
@@ -53,6 +53,16 @@ class ChangeFields:
             raise ValueError(f"radar_velocity = {self.radar_velocity!r}; allowed: two finite numbers")
         for radar in self.radar:
             Radar(*radar)
+        idle = {
+            "radar_time": self.radar_time,
+            "radar_until": self.radar_until,
+            "radar_velocity": any(self.radar_velocity),
+        }
+        for name, given in idle.items():
+            if given and not self.radar:
+                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: with a radar only")
+        if self.uncharted_time and not self.uncharted:
+            raise ValueError(f"uncharted_time = {self.uncharted_time!r}; allowed: with an uncharted hill only")
         check(self.uncharted_time, "uncharted_time", 0.0)
         try:
             hills_of(self.uncharted)
@@ -163,9 +173,11 @@ def check_target_path(path: Sequence[tuple[float, float, float, float]]) -> None
 
 
 def check_track(track: TargetTrack, period: float, check_place: Callable[[str, Point], None]) -> None:
-    """``check_place`` of the target wherever it is reported and wherever it turns."""
+    """``check_place`` of the target where it is told to be, and wherever it is reported on its way."""
+    for t, x, y, z in track.path:
+        check_place(f"target_path: place at {t:g} s", (x, y, z))
     for message in track.messages(period):
-        check_place(f"target_path at {message.t:g} s", message.payload)
+        check_place(f"target_path: place at {message.t:g} s", message.payload)
 
 
 def _reports(begin: float, end: float, period: float) -> Array:

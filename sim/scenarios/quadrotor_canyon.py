@@ -44,7 +44,7 @@ from sim.cockpit import Agent
 from sim.faults import Disturbed, Gusts
 from sim.log import Recording
 from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, checked_controller, checked_estimator, checked_quality, checked_sensors, load
+from sim.plugins import Part, called, checked_controller, checked_estimator, checked_quality, checked_sensors, load
 from sim.protocols import Plant
 from sim.quadrotor_metrics import point, quadrotor_summary
 from sim.scenarios.demands import Demand, judged
@@ -107,6 +107,8 @@ class QuadrotorCanyon:
         if faults.gust_rms > 0.0:
             strength = true.mass * faults.gust_rms, faults.gust_time_constant, true.mass * faults.gust_limit
             plant = Disturbed(body, [Gusts(*strength, gusting)])
+        trial = MujocoPlant(_model(terrain, config.mismatch), {VEHICLE: equipment}, np.random.default_rng(0))
+        _check_estimates(controller, estimator, mission, trial, first)
         agent = Agent(checked_estimator(estimator, mission), planner, tracker, ROTOR_COUNT)
         deadline = config.deadline_factor * first.t_end
 
@@ -141,6 +143,19 @@ class QuadrotorCanyon:
         off = x - point(truth)
         names = ("x [m]", "y [m]", "z [m]", "v_x [m/s]", "v_y [m/s]", "v_z [m/s]")
         return {name: off[:, k] for k, name in enumerate(names)}
+
+
+def _check_estimates(
+    controller: Part, estimator: Part, mission: QuadrotorMission, plant: MujocoPlant, plan: Plan
+) -> None:
+    """ValueError for an estimator from whose estimates the tracker cannot fly."""
+    _, tracker = checked_controller(controller, mission, TrackingBound)
+    estimate = checked_estimator(estimator, mission).update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT))
+    try:
+        tracker.command(0.0, estimate, plan)
+    except ValueError as error:
+        name = called("estimators", estimator.name)
+        raise ValueError(f"estimator = {name!r}: {error}, as those of quadrotor_state are") from None
 
 
 @lru_cache(maxsize=4)

@@ -294,6 +294,9 @@ def test_ends_that_are_not_given_are_drawn_far_apart_and_certified(terrain: str)
         (SafeFlightConfig, "target_path", ((9.0, 1.0, math.nan, 3.0),)),
         (SafeFlightConfig, "target_path", ((1e8, 1.0, 2.0, 3.0),)),
         (SafeFlightConfig, "uncharted_time", -1.0),
+        (SafeFlightConfig, "uncharted_time", 5.0),
+        (SafeFlightConfig, "radar_velocity", (5.0, 0.0)),
+        (SafeFlightConfig, "radar_until", 5.0),
     ],
 )
 def test_a_field_out_of_range_is_refused_by_name(group: type[Any], field: str, value: float) -> None:
@@ -373,7 +376,8 @@ def test_what_changes_on_the_way_is_told_and_flown_by(terrain: str) -> None:
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"target_path": ((10.0, -5.0, 0.0, 900.0),)}, "target_path at 10 s = .*off the map"),
+        ({"target_path": ((10.0, -5.0, 0.0, 900.0),)}, "target_path: place at 10 s = .*off the map"),
+        ({"target_path": ((10.0, 6000.0, 6000.0, 100.0),)}, "target_path: place at 10 s = .*under ground"),
         ({"uncharted": ((20_000.0, 0.0, 100.0, 100.0),)}, "uncharted: hill: .* is not on the terrain"),
         ({"uncharted": ((*flight.TARGET, 900.0, 500.0),)}, "target = .*under ground"),
         ({"uncharted": ((*flight.START, 900.0, 500.0),)}, "start = .*under ground"),

@@ -106,7 +106,7 @@ class Certified:
             return answer if self._danger(current, request.t) is None else self._evading(answer, request)
         if (danger := self._danger(current, request.t)) is not None:
             return self._endangered(request, current, danger, notes)
-        if self._lost:
+        if self._lost and "guarantee-lost" not in notes:
             self._lost = False
             notes = (*notes, "guarantee-regained")
         plan = self._judged(self._planner, request)

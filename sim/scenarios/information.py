@@ -61,9 +61,9 @@ class ChangeFields:
         for name, given in idle.items():
             if given and not self.radar:
                 raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: with a radar only")
+        check(self.uncharted_time, "uncharted_time", 0.0)
         if self.uncharted_time and not self.uncharted:
             raise ValueError(f"uncharted_time = {self.uncharted_time!r}; allowed: with an uncharted hill only")
-        check(self.uncharted_time, "uncharted_time", 0.0)
         try:
             hills_of(self.uncharted)
         except ValueError as error:
@@ -133,10 +133,12 @@ class TargetTrack:
 
     def at(self, t: float) -> Point:
         """Its place [m] at ``t`` [s]; off the map as high as it is told."""
+        if not self.path:
+            return self.target
         times = [0.0, *(point[0] for point in self.path)]
         places = np.array([self.target, *(point[1:] for point in self.path)])
         x, y, z = (float(np.interp(t, times, places[:, axis])) for axis in range(3))
-        if not self.path or not self.terrain.contains(x, y):
+        if not self.terrain.contains(x, y):
             return x, y, z
         above = self.target[2] - float(self.terrain.height(*self.target[:2]))
         return x, y, max(z, float(self.terrain.height(x, y)) + above)

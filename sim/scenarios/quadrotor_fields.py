@@ -68,7 +68,7 @@ class QuadrotorCanyonConfig:
     speed_max: float = 14.0
     """v_max [m/s]"""
     acceleration_max: float = 2.5
-    """a_max [m/s^2]; from 3 on the rotors may not turn the thrust as soon as a new plan asks for it"""
+    """a_max [m/s^2]; plans use no more of it than the rotors have the moments for"""
     deadline_factor: float = 1.5
     """gamma: the deadline over the duration of the first plan, which rests on the way over the plateau"""
     arrival_radius: float = 2.5

@@ -59,7 +59,7 @@ from sim.scenarios.flight_parts import (
     with_dropouts,
 )
 from sim.scenarios.quadrotor_fields import Mismatch, QuadrotorCanyonConfig
-from sim.signals import Array, Estimate, Plan, PlanRequest
+from sim.signals import Array, Estimate, Plan, PlanRequest, Status
 
 VEHICLE = "vehicle"
 _LONGEST = 3600.0  # [s] of simulated time that is logged
@@ -107,7 +107,9 @@ class QuadrotorCanyon:
         if faults.gust_rms > 0.0:
             strength = true.mass * faults.gust_rms, faults.gust_time_constant, true.mass * faults.gust_limit
             plant = Disturbed(body, [Gusts(*strength, gusting)])
-        trial = MujocoPlant(_model(terrain, config.mismatch), {VEHICLE: equipment}, np.random.default_rng(0))
+        # Sensors of its own: those of the flight may lose readings, and draw whether they do.
+        sound = Equipment(mission.start_state, checked_sensors(estimator, mission), drive=RotorDrive(true))
+        trial = MujocoPlant(_model(terrain, config.mismatch), {VEHICLE: sound}, np.random.default_rng(0))
         _check_estimates(controller, estimator, mission, trial, first)
         agent = Agent(checked_estimator(estimator, mission), planner, tracker, ROTOR_COUNT)
         deadline = config.deadline_factor * first.t_end
@@ -151,6 +153,8 @@ def _check_estimates(
     """ValueError for an estimator from whose estimates the tracker cannot fly."""
     _, tracker = checked_controller(controller, mission, TrackingBound)
     estimate = checked_estimator(estimator, mission).update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT))
+    if estimate.status is not Status.OK:
+        return  # it has not seen enough yet to say
     try:
         tracker.command(0.0, estimate, plan)
     except ValueError as error:

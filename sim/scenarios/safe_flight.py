@@ -71,8 +71,8 @@ class SafeFlight:
         """The closed loop of one seed.
 
         Raises ValueError for a start or target below h_min, off the map or without an initial certificate, for an
-        unknown terrain, for a radar, a hill or a target's path off the map; FileNotFoundError for a terrain file that is
-        not there.
+        unknown terrain, and for a radar, a hill or a target's path off the map; FileNotFoundError for a terrain file
+        that is not there.
         """
         controller = controller or Part.of(load("controllers", SafeFlight.controller))
         estimator = estimator or Part.of(load("estimators", SafeFlight.estimator))

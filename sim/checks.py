@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Sequence
 
 _MOST = 1_000_000  # of anything that is held in memory
+_CLOSE = 0.6  # similarity from which a name that is not known counts as misspelt
 
 
 def check(value: float, name: str, low: float, high: float = math.inf, *, open_low: bool = False) -> None:
@@ -21,6 +23,18 @@ def check_names(names: Sequence[str]) -> tuple[str, ...]:
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
         raise ValueError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
     return tuple(names)
+
+
+def allowed_for(name: str, known: Sequence[str], besides: str = "") -> str:
+    """What to say of a name that is none of the known ones: what was meant, perhaps, and all that is allowed."""
+    close = close_names(name, known)
+    meant = f"did you mean {' or '.join(close)}? " if close else ""
+    return f"{meant}allowed: {', '.join([*known, *[besides] * bool(besides)]) or 'none'}"
+
+
+def close_names(name: str, known: Sequence[str]) -> list[str]:
+    """Names that a misspelt one may have been meant for, the nearest first."""
+    return difflib.get_close_matches(name, known, 3, _CLOSE)
 
 
 def check_rate(rate: float, name: str, tick: float) -> None:

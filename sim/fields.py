@@ -13,6 +13,8 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from sim.checks import allowed_for
+
 _PLAIN = (bool, int, float, str)
 _hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
 
@@ -143,4 +145,4 @@ def _check_names(config: type, names: typing.Iterable[str], where: str) -> None:
     known = [field.name for field in dataclasses.fields(config)]
     for name in names:
         if name not in known:
-            raise ValueError(f"{_joined(where, name)} is not a field; allowed: {', '.join(known)}")
+            raise ValueError(f"{_joined(where, name)} is not a field; {allowed_for(name, known)}")

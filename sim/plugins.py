@@ -16,6 +16,7 @@ from importlib.metadata import entry_points
 from numbers import Real
 from typing import Any, TypeVar, get_type_hints
 
+from sim.checks import allowed_for
 from sim.protocols import Consensus, Estimator, Planner, Sensor
 
 Quality = TypeVar("Quality")
@@ -23,6 +24,8 @@ Quality = TypeVar("Quality")
 GROUPS = {
     kind: f"mathnavi.{kind}" for kind in ("controllers", "estimators", "consensus", "scenarios", "studies", "terrains")
 }
+
+_PLACE = "or package.module:Class"
 
 NEEDED = {  # of the class itself, beside Config
     "controllers": ("build",),
@@ -67,8 +70,7 @@ def load(kind: str, name: str) -> Any:
     """
     points = {point.name: point for point in entry_points(group=GROUPS[kind])}
     if name not in points and ":" not in name:
-        known = ", ".join(sorted(points)) or "none"
-        raise ValueError(f"{kind}: {name!r} is not known; allowed: {known}, or package.module:Class")
+        raise ValueError(f"{kind}: {name!r} is not known; {allowed_for(name, sorted(points), _PLACE)}")
     try:
         plugin = points[name].load() if name in points else _at(name)
     except Exception as error:  # whatever a stranger's module does when it is imported

@@ -66,7 +66,7 @@ class CriticallyDamped:
         if not 0.0 < bandwidth <= _FASTEST / period:
             raise ValueError(
                 f"bandwidth = {bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s "
-                f"at {1.0 / period:g} commands a second"
+                f"at a control_rate of {1.0 / period:g} Hz"
             )
         self.period, self.bound = period, bound
         self._bandwidth = bandwidth

@@ -106,8 +106,8 @@ def _autopilot(config: MissileConfig, mission: MissileMission) -> Autopilot:
     fastest = _FASTEST / mission.control_period
     if config.bandwidth > fastest:
         raise ValueError(
-            f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s at "
-            f"{1.0 / mission.control_period:g} commands a second"
+            f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s at a control_rate of "
+            f"{1.0 / mission.control_period:g} Hz"
         )
     return FeedbackLinearisation(mission, config.bandwidth)
 

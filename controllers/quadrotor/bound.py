@@ -143,8 +143,9 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
     able = min(up / foreseen.acceleration, down / foreseen.acceleration, turned)
     if able <= 0.0:
         raise ValueError(
-            f"gust rms = {mission.gust.rms!r}, mass_tolerance = {tolerance!r} and drag_tolerance = "
-            f"{config.drag_tolerance!r} take {-able:.3g} m/s^2 more than the rotors have; allowed: what leaves some"
+            f"speed_max = {mission.speed_max!r}, gust rms = {mission.gust.rms!r}, mass_tolerance = {tolerance!r} and "
+            f"drag_tolerance = {config.drag_tolerance!r} together take {-able:.3g} m/s^2 more than the rotors have; "
+            "allowed: less of them, slower flight above all"
         )
     feedback = max(0.0, a_max - able)
     left = a_max - feedback

@@ -114,7 +114,7 @@ class GeometricTracker:
         if not 0.0 < period * config.attitude_bandwidth <= _FASTEST:
             raise ValueError(
                 f"attitude_bandwidth = {config.attitude_bandwidth!r}; allowed: > 0 and <= {_FASTEST / period:g} rad/s "
-                f"at {1.0 / period:g} commands a second"
+                f"at a control_rate of {1.0 / period:g} Hz"
             )
         self.period, self.bound = period, bound
         self._config, self._vehicle = config, vehicle

@@ -15,6 +15,7 @@ import numpy as np
 
 from models.terrain.dem import Raster, height_field, read_npz, read_png, square_grid
 from models.terrain.height_field import HeightField
+from sim.checks import allowed_for
 
 GROUP = "mathnavi.terrains"
 DATA = Path(__file__).parent / "data"
@@ -61,9 +62,7 @@ def load_terrain(name_or_path: str | Path) -> HeightField:
     path = Path(name_or_path)
     if path.suffix == ".npz":
         return _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_npz(path)
-    raise ValueError(
-        f"terrain {str(name_or_path)!r} is not known; allowed are {', '.join(sorted(installed))} or an .npz"
-    )
+    raise ValueError(f"terrain = {name!r}: not known; {allowed_for(name, sorted(installed), 'or an .npz')}")
 
 
 def place_of(name_or_path: str) -> str:

@@ -7,7 +7,6 @@ is allowed. Beyond what tyro checks, a flag given twice is an error unless it is
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import io
 import math
 import re
@@ -20,10 +19,10 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
+from sim.checks import close_names
 from sim.commands.errors import BadInputError
 
 _CONFIG = (tyro.conf.UseAppendAction, tyro.conf.DisallowNone)
-_CLOSE = 0.6  # similarity from which a flag that is not known counts as misspelt
 
 
 @dataclass(frozen=True)
@@ -169,7 +168,7 @@ def suggestion(name: str, known: Sequence[str], prog: str) -> str:
     """What may have been meant by a flag that is not known."""
     if not name.startswith("--no-"):
         known = [flag for flag in known if flag not in {negation(other) for other in known}]
-    close = difflib.get_close_matches(name, known, 3, _CLOSE)
+    close = close_names(name, known)
     # A field may be asked for without its group: --nodes means --planner.nodes.
     close += [flag for flag in known if flag.rpartition(".")[2] == name.lstrip("-") and flag not in close]
     if close:

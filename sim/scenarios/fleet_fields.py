@@ -99,8 +99,8 @@ class FleetFields:
     """how many"""
     name: tuple[str, ...] = ()
     """of every vehicle, once for each; vehicle_1, vehicle_2, ... if not given"""
-    starts: tuple[Point, ...] = ()
-    """x, y, z [m] of every vehicle; drawn from the seed if not given"""
+    start: tuple[Point, ...] = ()
+    """x, y, z [m] of every vehicle, once for each; drawn from the seed if not given"""
     target: Point | None = None
     """x, y, z [m] of the middle of the slots; drawn from the seed if not given"""
     slot_spacing: float = 1500.0
@@ -137,13 +137,19 @@ class FleetFields:
     def __post_init__(self) -> None:
         if not 2 <= self.vehicles <= _MOST:
             raise ValueError(f"vehicles = {self.vehicles!r}; allowed: a whole number from 2 to {_MOST}")
-        if self.starts and len(self.starts) != self.vehicles:
-            raise ValueError(f"starts = {len(self.starts)} points; allowed: {self.vehicles}, one for each vehicle")
-        for point in (*self.starts, *((self.target,) if self.target is not None else ())):
-            if not all(map(math.isfinite, point)):
-                raise ValueError(f"point = {point!r}; allowed: three finite numbers")
+        if self.start and len(self.start) != self.vehicles:
+            raise ValueError(f"start = {len(self.start)} points; allowed: {self.vehicles}, one for each vehicle")
+        for name, points in (("start", self.start), ("target", () if self.target is None else (self.target,))):
+            for point in points:
+                if not all(map(math.isfinite, point)):
+                    raise ValueError(f"{name} = {point!r}; allowed: three finite numbers")
         check(self.separation, "separation", 0.0, LARGEST, open_low=True)
-        check(self.slot_spacing, "slot_spacing", self.separation, LARGEST)
+        check(self.slot_spacing, "slot_spacing", 0.0, LARGEST, open_low=True)
+        if self.slot_spacing < self.separation:
+            raise ValueError(
+                f"separation = {self.separation!r}; allowed: <= slot_spacing = {self.slot_spacing!r}, for those "
+                "that have arrived keep it too"
+            )
         for name in ("drawn_heights", "drawn_distance"):
             low, high = getattr(self, name)
             if not 0.0 <= low <= high <= LARGEST:
@@ -204,10 +210,9 @@ class FleetFields:
         if hasattr(config, "period"):
             config = dataclasses.replace(config, period=TALK)
         try:
-            return with_fields(config, fields, "consensus_with")
+            return with_fields(config, fields)
         except ValueError as error:
-            told = str(error)
-            raise ValueError(told if told.startswith("consensus_with") else f"consensus_with: {told}") from None
+            raise ValueError(f"consensus_with: {error}") from None
 
 
 @dataclass(frozen=True)

@@ -47,18 +47,18 @@ def started_fleet(
     failing: np.random.Generator,
 ) -> dict[str, Vehicle]:
     """All vehicles, with stored plans that keep apart; what is not given is drawn again until they do."""
-    for (one, a), (other, b) in combinations(zip(config.names, config.starts, strict=False), 2):
+    for (one, a), (other, b) in combinations(zip(config.names, config.start, strict=False), 2):
         if math.dist(a, b) < config.separation:
             raise ValueError(
-                f"starts of {one} and {other} are {math.dist(a, b):.2f} m apart; allowed: >= {config.separation:g} m"
+                f"start of {one} and of {other} are {math.dist(a, b):.2f} m apart; allowed: >= {config.separation:g} m"
             )
     reasons: list[str] = []
-    given = bool(config.starts) and config.target is not None
+    given = bool(config.start) and config.target is not None
     for _ in range(1 if given else _DRAWS):
         try:
             target = config.target or drawn_point(common, config.drawn_heights, rng)
             slots = _slots(config, common, target)
-            starts = config.starts or _drawn_starts(config, common, target, rng)
+            starts = config.start or _drawn_starts(config, common, target, rng)
             missions = {
                 name: dataclasses.replace(common, start=start, target=slot, cruise_level=_level(config, common, k))
                 for k, (name, start, slot) in enumerate(zip(config.names, starts, slots, strict=True))
@@ -76,8 +76,8 @@ def started_fleet(
             return fleet
     raise ValueError(
         f"drawn_distance = {config.drawn_distance!r}: none of {_DRAWS} fleets drawn can start; the last: "
-        f"{reasons[-1]}; allowed: other shares of the side, fewer vehicles, a smaller separation, or --starts and "
-        "--target"
+        f"{reasons[-1]}; allowed: other shares of the side, fewer vehicles, a smaller separation, or start and "
+        "target"
     )
 
 

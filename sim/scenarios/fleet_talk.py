@@ -27,25 +27,18 @@ _SHORTEST_MEMORY = 0.25  # [s]
 def companions(
     config: SimultaneousArrivalConfig,
     fleet: Mapping[str, Vehicle],
+    consensus: Part,
     zone: Zone,
     deadline: float,
     talking: np.random.Generator,
     ranking: np.random.Generator,
 ) -> dict[str, Companion]:
-    """Of every vehicle; ValueError for a consensus or a graph that cannot be."""
-    plugin = load("consensus", config.consensus)
-    if not plugin.within_starts:
-        fitting = [name for name in names("consensus") if load("consensus", name).within_starts]
-        raise ValueError(
-            f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
-            f"allowed: {', '.join(fitting)}, or another that says within_starts"
-        )
-    agreement = config.consensus_config(plugin)
+    """Of every vehicle; ValueError for a graph that cannot be."""
     graph = config.network_graph(talking.spawn(1)[0])
     *ranks, ticking = ranking.spawn(len(fleet) + 1)
     made: dict[str, Companion] = {}
     for (name, vehicle), rank in zip(fleet.items(), ranks, strict=True):
-        talker = partial(_talker, name, list(fleet), vehicle, zone, graph, deadline, Part(plugin, agreement), rank)
+        talker = partial(_talker, name, list(fleet), vehicle, zone, graph, deadline, consensus, rank)
         if config.clocks.agree:
             made[name] = talker(vehicle.stored, 0.0)
             continue
@@ -54,11 +47,23 @@ def companions(
             float(ticking.uniform(-config.clocks.drift, config.clocks.drift)),
         )
         memory = max(_SHORTEST_MEMORY, 4.0 * TALK + 2.0 * config.radio.delay[1])
-        consensus = ClockConsensus(ClockConfig(period=TALK, memory=memory), graph.node(name))
+        clocks = ClockConsensus(ClockConfig(period=TALK, memory=memory), graph.node(name))
         made[name] = ClockedCompanion(
-            name, clock, consensus, graph.neighbours(name), config.clocks.settling, config.clocks.error, talker
+            name, clock, clocks, graph.neighbours(name), config.clocks.settling, config.clocks.error, talker
         )
     return made
+
+
+def consensus_of(config: SimultaneousArrivalConfig) -> Part:
+    """By what the fleet agrees on a time; ValueError for a plug-in that agrees on none, or a field that it refuses."""
+    plugin = load("consensus", config.consensus)
+    if not plugin.within_starts:
+        fitting = [name for name in names("consensus") if load("consensus", name).within_starts]
+        raise ValueError(
+            f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
+            f"allowed: {', '.join(fitting)}, or another that says within_starts"
+        )
+    return Part(plugin, config.consensus_config(plugin))
 
 
 def _talker(

@@ -33,7 +33,7 @@ from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from sim.scenarios.fleet_start import Vehicle, started_fleet, zone_of
-from sim.scenarios.fleet_talk import companions
+from sim.scenarios.fleet_talk import companions, consensus_of
 from sim.scenarios.flight_parts import check_above_ground, mission_but_ends, mounted
 from sim.signals import Array
 
@@ -64,7 +64,7 @@ class SimultaneousArrival:
         controller = controller or Part.of(load("controllers", SimultaneousArrival.controller))
         estimator = estimator or Part.of(load("estimators", SimultaneousArrival.estimator))
         draws, sensing, failing, gusting, talking, ranking, losing = np.random.default_rng(seed).spawn(7)
-        charted, names = load_terrain(config.terrain), config.names
+        charted, names, consensus = load_terrain(config.terrain), config.names, consensus_of(config)
         terrain = config.ground(charted)
         common = mission_but_ends(config, charted, estimator, config.radars_at(0.0, charted))
         fleet = started_fleet(config, common, controller, draws, failing)
@@ -83,7 +83,7 @@ class SimultaneousArrival:
             )
         news = config.messages(charted, duration)
         agents, equipment = {}, {}
-        talkers = companions(config, fleet, zone, deadline, talking, ranking)
+        talkers = companions(config, fleet, consensus, zone, deadline, talking, ranking)
         for (name, vehicle), lost in zip(fleet.items(), losing.spawn(len(names)), strict=True):
             vehicle.planner.deadline = deadline
             sensors = mounted(estimator, vehicle.mission, config.faults, lost)
@@ -144,7 +144,7 @@ def _record(
     """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
     missions = [vehicle.mission for vehicle in fleet.values()]
     place = place_of(config.terrain)
-    resolved = dataclasses.replace(config, terrain=place, starts=tuple(mission.start for mission in missions))
+    resolved = dataclasses.replace(config, terrain=place, start=tuple(mission.start for mission in missions))
     return {
         "scenario": "simultaneous-arrival",
         "drawing": "renders.fleet.drawing",

@@ -34,7 +34,7 @@ def test_what_makes_no_sense_is_refused_with_what_is_allowed(fields: dict[str, A
 
 
 def test_a_bandwidth_too_fast_for_the_ticks_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"bandwidth = 60\.0; allowed: at most 50 rad/s at 250 commands a second"):
+    with pytest.raises(ValueError, match=r"bandwidth = 60\.0; allowed: at most 50 rad/s at a control_rate of 250 Hz"):
         built(mission(), bandwidth=60.0)
 
 

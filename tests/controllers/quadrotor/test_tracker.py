@@ -187,7 +187,7 @@ def test_gains_that_cannot_be_are_refused(field: str, value: float) -> None:
 
 
 def test_gains_too_fast_for_the_period_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"attitude_bandwidth = 14\.0; allowed: .* at 60 commands a second"):
+    with pytest.raises(ValueError, match=r"attitude_bandwidth = 14\.0; allowed: .* at a control_rate of 60 Hz"):
         GeometricTracker(1.0 / 60.0, TrackerConfig(), NOMINAL, ANY_BOUND)
 
 

@@ -51,7 +51,7 @@ def test_the_built_in_terrains_are_named() -> None:
 
 
 def test_an_unknown_name_lists_those_that_exist() -> None:
-    with pytest.raises(ValueError, match=r"terrain 'everest' is not known; allowed are .*jacksboro.*tian_shan.*npz"):
+    with pytest.raises(ValueError, match=r"terrain = 'everest': not known; allowed: .*jacksboro.*tian_shan.*npz"):
         load_terrain("everest")
 
 

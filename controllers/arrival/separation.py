@@ -192,7 +192,7 @@ class Separation:
         if answer.clear:
             self._acknowledged.add(sender)
         elif sender not in self._acknowledged:
-            self._record(t, "refused", f"{answer.id} by {sender}")
+            self._record(t, "refused", f"proposal {answer.id}, by {sender}")
             self.withdraw()
 
     def _answer(self, sender: str, proposal: Proposal, t: float) -> Answer | None:
@@ -215,7 +215,7 @@ class Separation:
             return True
         if self.admitted(mine.id) or (mine.rank, self.name) > (proposal.rank, sender):
             return False
-        self._record(t, "yielded", f"{mine.id} to {proposal.id} of {sender}")
+        self._record(t, "yielded", f"proposal {mine.id}, to {proposal.id} of {sender}")
         self.withdraw()
         return True
 

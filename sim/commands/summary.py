@@ -35,7 +35,7 @@ def warnings(recording: Recording) -> list[str]:
 
 
 def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
-    """One row a figure, in groups; keys of no group come last. A kind of events has the message of its first."""
+    """One row a figure, in groups; keys of no group come last. Of a kind of events the first is told."""
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
@@ -55,7 +55,9 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
         kinds.setdefault(event.kind, []).append(event)
     heading = "events"
     for kind, same in sorted(kinds.items()):
-        table.add_row(heading, kind.replace("-", " "), str(len(same)), Text(same[0].message, overflow="fold"))
+        first = same[0]
+        when = f"{'first ' if len(same) > 1 else ''}at {first.t:.1f} s, {first.agent}: {first.message}".removesuffix(": ")
+        table.add_row(heading, kind.replace("-", " "), str(len(same)), Text(when, overflow="fold"))
         heading = ""
     return table
 

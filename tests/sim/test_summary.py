@@ -51,6 +51,7 @@ def test_each_kind_of_event_is_counted_and_has_the_message_of_its_first() -> Non
     Console(file=screen, width=100).print(summary_table({"arrived": True, SHORTFALL: "late"}, events))
     shown = screen.getvalue()
     (raised,) = [line for line in shown.splitlines() if "raised" in line]
-    assert raised.split()[-5:] == ["15", "TypeError:", "[0]", "returned", "NoneType"]
+    assert raised.split()[-10:-1] == ["15", "first", "at", "0.0", "s,", "vehicle:", "TypeError:", "[0]", "returned"]
+    assert "at 99.0 s, vehicle: 1.2 m" in shown
     assert "low clearance" in shown
     assert "late" not in shown  # stands in the verdict

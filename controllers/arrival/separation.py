@@ -157,7 +157,7 @@ class Separation:
         its start has passed is withdrawn: it came too late.
         """
         if self._pending and t > self._pending.trajectory.t[0] + SIMULTANEOUS and not self.admitted(self._pending.id):
-            self._record(t, "late", f"{self._pending.id}: {self._unheard()} have not acknowledged it")
+            self._record(t, "late", f"proposal {self._pending.id}: {self._unheard()} have not acknowledged it")
             self.withdraw()
         answers: dict[str, Answer] = {}
         for message in received:

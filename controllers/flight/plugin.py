@@ -17,7 +17,7 @@ from controllers.flight.sqp import GaussNewton
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
 from models.aerial.knowledge import Knowledge
 from models.aerial.mission import FlightMission
-from sim.checks import check
+from sim.checks import check, check_positive
 from sim.protocols import Planner, Tracker
 
 _INSIDE = 1.0 - 1e-4  # the solver aims this far inside the bounds, so that its tolerance does not cost a plan
@@ -26,8 +26,8 @@ _ROUNDING = 0.01  # of a control period: a period may be written with five digit
 
 
 @dataclass(frozen=True)
-class FlightConfig:
-    """Fields of ``--planner``."""
+class RecedingHorizonConfig:
+    """Fields of the planner, over whatever tracker."""
 
     nodes: int = 13
     """N, nodes of the horizon"""
@@ -49,15 +49,13 @@ class FlightConfig:
     """rows and columns of the cost-to-go's grid"""
     grid_layers: int = 9
     """its layers"""
-    bandwidth: float = 0.8
-    """of the tracker [rad/s]"""
     incorporation: Incorporation = "schedule"
     """how a time of arrival that is asked for enters: as a schedule, as the constraint (A.13), or as its penalty"""
     arrival_weight: float = 1000.0
     """of that penalty, for a squared second [m^2/s^5]"""
 
     def __post_init__(self) -> None:
-        check_fields(self, 2, ("horizon", "beta", "bandwidth", "tolerance"))
+        check_fields(self, 2, ("horizon", "beta", "tolerance"))
         check(self.margin, "margin", 0.0)
         if self.incorporation not in get_args(Incorporation):
             raise ValueError(f"incorporation = {self.incorporation!r}; allowed: {', '.join(get_args(Incorporation))}")
@@ -98,6 +96,18 @@ class FlightConfig:
         return ticks * control_period
 
 
+@dataclass(frozen=True)
+class FlightConfig(RecedingHorizonConfig):
+    """Fields of ``--planner``."""
+
+    bandwidth: float = 0.8
+    """of the tracker [rad/s]"""
+
+    def __post_init__(self) -> None:
+        RecedingHorizonConfig.__post_init__(self)
+        check_positive(self, "bandwidth")
+
+
 class SafeFlight:
     """Receding horizon with a safety manoeuvre behind every plan, optimised on line and certified."""
 
@@ -110,7 +120,7 @@ class SafeFlight:
         return planner(config, mission, bound), CriticallyDamped(mission.control_period, config.bandwidth, bound)
 
 
-def planner(config: FlightConfig, mission: FlightMission, bound: TrackingBound) -> RecedingHorizon:
+def planner(config: RecedingHorizonConfig, mission: FlightMission, bound: TrackingBound) -> RecedingHorizon:
     """The planner over a tracker that keeps ``bound``, whichever that is."""
     certificate = Certificate.of(mission, bound)
     parameters = Parameters(
@@ -133,7 +143,7 @@ def planner(config: FlightConfig, mission: FlightMission, bound: TrackingBound) 
     )  # fmt: skip
 
 
-def solver(config: FlightConfig) -> Solver:
+def solver(config: RecedingHorizonConfig) -> Solver:
     """The solver that the configuration names."""
     if config.backend == "condensed":
         return GaussNewton(config.tolerance)

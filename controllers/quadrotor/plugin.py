@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from controllers.flight.certificate import Certificate
-from controllers.flight.plugin import FlightConfig, planner
+from controllers.flight.plugin import RecedingHorizonConfig, planner
 from controllers.quadrotor.bound import tracking_bound
 from controllers.quadrotor.similarity import Similarity, SimilarPlanner
 from controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
@@ -24,8 +24,8 @@ from sim.protocols import Planner, Tracker
 class QuadrotorConfig:
     """Fields of ``--planner``."""
 
-    flight: FlightConfig = field(default_factory=lambda: FlightConfig(margin=100.0))
-    """the planner's, in units in which the mission's v_max is 300 m/s; its ``bandwidth`` is another tracker's"""
+    flight: RecedingHorizonConfig = field(default_factory=lambda: RecedingHorizonConfig(margin=100.0))
+    """Of the planner, on the mission magnified: v_max is 300 m/s there, and its times are 10/3 of the true ones."""
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
 
 

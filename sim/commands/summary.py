@@ -55,11 +55,15 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
         kinds.setdefault(event.kind, []).append(event)
     heading = "events"
     for kind, same in sorted(kinds.items()):
-        first = same[0]
-        when = f"{'first ' if len(same) > 1 else ''}at {first.t:.1f} s, {first.agent}: {first.message}".removesuffix(": ")
-        table.add_row(heading, kind.replace("-", " "), str(len(same)), Text(when, overflow="fold"))
+        table.add_row(heading, kind.replace("-", " "), str(len(same)), Text(_first(same), overflow="fold"))
         heading = ""
     return table
+
+
+def _first(events: Sequence[Event]) -> str:
+    event = events[0]
+    told = f"at {event.t:.1f} s, {event.agent}" + f": {event.message}" * bool(event.message)
+    return f"first {told}" if len(events) > 1 else told
 
 
 def _figure(value: Any) -> str:

@@ -54,7 +54,7 @@ class Faults:
     corrupted_plan_rate: float = 0.0
     """fraction of the requests answered with NaN"""
     late_plan_rate: float = 0.0
-    """fraction of the requests answered late_plan_latency too late to be of use"""
+    """fraction of the requests answered too late to be of use"""
     late_plan_latency: float = 2.0
     """simulated time that a late answer takes [s]"""
     position_jump: float = 0.0

@@ -116,7 +116,7 @@ class Faults:
     solver_failure_rate: float = 0.0
     """fraction of the requests on which the solver gives up"""
     late_plan_rate: float = 0.0
-    """fraction of the requests answered late_plan_latency too late to be of use"""
+    """fraction of the requests answered too late to be of use"""
     late_plan_latency: float = 1.0
     """simulated time that a late answer takes [s]"""
 

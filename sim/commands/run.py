@@ -60,10 +60,12 @@ def main(argv: Sequence[str]) -> int:
         with bad_input():
             outcome.write(folder)
         stale |= _drawn(folder)
+    shown = sorted(picture for picture in stale if picture.exists())
+    for picture in shown:
+        picture.unlink()
     if replaced:  # by chance, perhaps: nobody named the folder
-        errors.print(f"replaced the run in {folder}", style="dim", soft_wrap=True, highlight=False)
-    for picture in stale:
-        picture.unlink(missing_ok=True)
+        gone = f", and removed its {', '.join(picture.name for picture in shown)}" if shown else ""
+        errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
 
     console = Console()
     console.print(f"{order.name}, seed {order.common.seed}: {verdict(outcome)}", style="bold", highlight=False)
@@ -137,6 +139,8 @@ def _draw(options: Options, folder: Path, errors: Console) -> None:
     if options.video:
         from renders.video import write_video
 
+        if not errors.is_terminal:  # where there is one a bar tells
+            errors.print("drawing the video (up to a minute)", style="dim", highlight=False)
         try:
             write_video(folder, progress=errors.is_terminal)
         except (NoOpenGLError, NothingToDrawError, RuntimeError) as error:

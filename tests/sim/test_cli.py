@@ -258,8 +258,12 @@ def test_a_run_that_replaces_another_in_a_folder_nobody_named_says_so(
     monkeypatch.chdir(tmp_path)
     assert main(["run", *mission]) == 0
     assert not capsys.readouterr().err
+    folder = Path("renders/out/safe-flight-seed0")
+    (folder / "video.mp4").write_bytes(b"of the first run")
     assert main(["run", *mission]) == 0
-    assert capsys.readouterr().err == "replaced the run in renders/out/safe-flight-seed0\n"
+    assert capsys.readouterr().err == f"replaced the run in {folder}, and removed its video.mp4\n"
+    assert main(["run", *mission]) == 0
+    assert capsys.readouterr().err == f"replaced the run in {folder}\n"
 
 
 def test_help_of_run_has_the_fields_of_the_plugins_that_are_chosen(capsys: pytest.CaptureFixture[str]) -> None:

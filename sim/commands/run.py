@@ -139,8 +139,6 @@ def _draw(options: Options, folder: Path, errors: Console) -> None:
     if options.video:
         from renders.video import write_video
 
-        if not errors.is_terminal:  # where there is one a bar tells
-            errors.print("drawing the video (up to a minute)", style="dim", highlight=False)
         try:
             write_video(folder, progress=errors.is_terminal)
         except (NoOpenGLError, NothingToDrawError, RuntimeError) as error:

@@ -11,7 +11,7 @@ from renders.report import again, events_card, rest, still_block, summary_cards,
 from renders.run_data import RunData, antennas, plan_arcs
 from renders.storyboard import EXAGGERATION
 from renders.terrain_view import Track, script, terrain_view
-from sim.metrics import SHORTFALL
+from sim.metrics.names import SHORTFALL
 
 PLAN_STEP = 0.5  # [s] between the points of a plan that is drawn
 

@@ -20,7 +20,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from renders import figures
-from sim.metrics import label
+from sim.metrics.names import label
 
 STYLE_SHEET = Path(__file__).with_name("page.css")
 # What a page may use: what stands in it. The pictures a reader saves from a 3-D view are blobs.

@@ -18,7 +18,7 @@ from renders.page import Markup, quantity
 from renders.run_log import described
 from renders.video import write_still
 from sim.log import write_text
-from sim.metrics import SHORTFALL, SUMMARY_GROUPS, label
+from sim.metrics.names import SHORTFALL, SUMMARY_GROUPS, label
 from sim.signals import Event
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted

@@ -17,7 +17,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from sim.metrics import SUMMARY_GROUPS, label
+from sim.metrics.names import SUMMARY_GROUPS, label
 from sim.signals import Array
 from sim.statistics import Band, Rate, rate, supported_band
 from sim.store import Record

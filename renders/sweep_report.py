@@ -37,7 +37,7 @@ from renders.sweep_data import (
 )
 from renders.terrain_view import Track, script, terrain_view
 from sim.log import write_text
-from sim.metrics import SHORTFALL, label
+from sim.metrics.names import SHORTFALL, label
 from sim.statistics import Band, Rate, percent
 from sim.store import Record
 

@@ -16,7 +16,7 @@ from renders.report import again, events_card, rest, still_block, summary_cards,
 from renders.run_data import antennas
 from renders.storyboard import EXAGGERATION
 from renders.terrain_view import Track, script, terrain_view
-from sim.metrics import SHORTFALL
+from sim.metrics.names import SHORTFALL
 
 MOST_NAMED = 8  # starts that have a name in the view of the terrain: of more they hide each other
 

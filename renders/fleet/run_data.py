@@ -15,7 +15,7 @@ from models.terrain.height_field import HeightField
 from renders.palette import Colour, vehicle_colour
 from renders.run_data import RunData, flight_of
 from renders.run_log import last_at, read_fleet
-from sim.fleet_metrics import arrival_time
+from sim.metrics.fleet import arrival_time
 from sim.signals import Array, Event
 
 AGREED = re.compile(r"arrival time from .*: (\S+)")  # how a vehicle's log tells of the time that it has agreed to

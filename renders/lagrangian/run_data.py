@@ -19,7 +19,7 @@ from models.mechanism.entity import build_model
 from models.mechanism.geometry import MechanismManifold
 from models.mechanism.system import heavier
 from renders.run_log import RunLog, last_at, read_log
-from sim.lagrangian_metrics import VelocityErrors
+from sim.metrics.lagrangian import VelocityErrors
 from sim.signals import Array, Status
 
 REACH = 0.5  # [rad, m] that an error of the position, the largest or a usual one, is drawn as, at most

@@ -12,7 +12,7 @@ import numpy as np
 from renders.drawing import TOUR, checked_camera
 from renders.film import Frame, Shot, frames_of
 from renders.lagrangian.run_data import LagrangianRun
-from sim.metrics import SHORTFALL
+from sim.metrics.names import SHORTFALL
 from sim.signals import Status
 
 CAMERAS = ("panel", "scene")

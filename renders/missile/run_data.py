@@ -15,7 +15,7 @@ from models.missile.dynamics import NOMINAL
 from models.missile.mission import Target
 from models.missile.target import TargetMotion
 from renders.run_log import RunLog, last_at, read_log
-from sim.missile_metrics import Approach, attack_angles, closest_approach, references
+from sim.metrics.missile import Approach, attack_angles, closest_approach, references
 from sim.signals import Array, Plan
 
 TO_WORLD = np.array([1.0, -1.0, -1.0])  # from the Earth frame, whose z is down, and back

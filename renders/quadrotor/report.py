@@ -13,7 +13,7 @@ from renders.quadrotor.storyboard import highlight
 from renders.report import again, events_card, rest, still_block, summary_cards, why
 from renders.run_data import plan_arcs
 from renders.terrain_view import Track, script, terrain_view
-from sim.metrics import SHORTFALL
+from sim.metrics.names import SHORTFALL
 
 PLAN_STEP = 0.2  # [s] between the points of a plan that is drawn
 

@@ -13,8 +13,8 @@ import numpy as np
 from models.quadrotor.dynamics import ATTITUDE, ROTOR_COUNT, STATE_SIZE
 from renders.run_data import RunData, flight_of
 from renders.run_log import read_log
-from sim.metrics import references
-from sim.quadrotor_metrics import point, tilts
+from sim.metrics.flight import references
+from sim.metrics.quadrotor import point, tilts
 from sim.signals import Array
 
 

@@ -15,7 +15,7 @@ from renders.palette import COLOURS, Part, hexadecimal
 from renders.ranging.beliefs import FADED
 from renders.ranging.run_data import RangingRun
 from renders.ranging.storyboard import decided
-from sim.ranging_metrics import HEADING, POSITION
+from sim.metrics.ranging import HEADING, POSITION
 from sim.signals import Array
 
 DRIVEN, ESTIMATE, HYPOTHESIS, READ = (

@@ -12,7 +12,7 @@ from renders.ranging.field_figure import field_figure
 from renders.ranging.run_data import RangingRun
 from renders.ranging.storyboard import highlight, verdict
 from renders.report import again, events_card, rest, still_block, summary_cards
-from sim.ranging_metrics import HEADING, POSITION
+from sim.metrics.ranging import HEADING, POSITION
 
 
 def report(run: RangingRun) -> Markup:

@@ -16,8 +16,8 @@ from models.unicycle.entity import DriveName
 from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
 from renders.ranging.beliefs import Beliefs, read_beliefs, shaped
 from renders.run_log import RunLog, last_at, read_log
-from sim.consistency import normalised_error_squared
-from sim.ranging_metrics import HEADING, POSITION
+from sim.metrics.consistency import normalised_error_squared
+from sim.metrics.ranging import HEADING, POSITION
 from sim.signals import Array, Status
 
 Flags = NDArray[np.bool_]

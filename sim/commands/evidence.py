@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from renders.sweep_data import PATH_RATIO, Group, Sweep, format_numbers, format_value
-from sim.metrics import label
+from sim.metrics.names import label
 from sim.statistics import Band, Rate
 from sim.store import Record
 

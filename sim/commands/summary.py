@@ -10,7 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from sim.log import Recording
-from sim.metrics import SHORTFALL, SUMMARY_GROUPS, label
+from sim.metrics.names import SHORTFALL, SUMMARY_GROUPS, label
 from sim.scenarios.experiment import Outcome
 from sim.signals import Event
 

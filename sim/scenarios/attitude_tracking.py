@@ -14,7 +14,7 @@ from models.manifold.mission import LagrangianMission
 from models.manifold.sensors import PositionQuality
 from models.manifold.systems import RigidBody
 from sim.checks import check
-from sim.lagrangian_metrics import tracking_figures
+from sim.metrics.lagrangian import tracking_figures
 from sim.plugins import Part, checked_sensors, load
 from sim.scenarios.demands import Demand
 from sim.scenarios.experiment import Experiment

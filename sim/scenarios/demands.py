@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sim.metrics import SHORTFALL, label
+from sim.metrics.names import SHORTFALL, label
 
 
 @dataclass(frozen=True)

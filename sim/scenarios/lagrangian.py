@@ -17,8 +17,8 @@ from models.manifold.mission import LagrangianMission
 from models.manifold.sensors import PositionQuality
 from sim.checks import check, check_rate
 from sim.cockpit import Agent
-from sim.lagrangian_metrics import errors_of, lagrangian_summary
 from sim.log import Recording
+from sim.metrics.lagrangian import errors_of, lagrangian_summary
 from sim.number_lists import NumberList
 from sim.ode_plant import OdePlant
 from sim.plugins import Part, checked_controller, checked_estimator

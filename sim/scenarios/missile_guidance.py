@@ -27,7 +27,7 @@ from models.missile.target import TargetMotion
 from sim.cockpit import Agent
 from sim.faults import ConstantWrench, Delayed, Disturbance, Disturbed, FailingSolver, Gusts
 from sim.log import Recording
-from sim.missile_metrics import missile_summary
+from sim.metrics.missile import missile_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
 from sim.protocols import Plant, Sensor

@@ -43,10 +43,10 @@ from models.terrain.library import load_terrain, place_of
 from sim.cockpit import Agent
 from sim.faults import Disturbed, Gusts
 from sim.log import Recording
+from sim.metrics.quadrotor import point, quadrotor_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, called, checked_controller, checked_estimator, checked_quality, checked_sensors, load
 from sim.protocols import Plant
-from sim.quadrotor_metrics import point, quadrotor_summary
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.flight_parts import (

@@ -23,10 +23,10 @@ from models.unicycle.mission import KnownStart, RangingMission
 from models.unicycle.sensors import Outage
 from sim.cockpit import Agent
 from sim.log import Recording
+from sim.metrics.ranging import ranging_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
 from sim.protocols import Sensor
-from sim.ranging_metrics import ranging_summary
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.ranging_fields import RangeLocalisationConfig

@@ -27,7 +27,7 @@ from models.terrain.library import load_terrain, place_of
 from sim.cockpit import Agent
 from sim.faults import Disturbance, Disturbed, Gusts, PositionJumps
 from sim.log import Recording
-from sim.metrics import flight_summary
+from sim.metrics.flight import flight_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, load
 from sim.protocols import Plant

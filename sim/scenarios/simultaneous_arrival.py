@@ -24,8 +24,8 @@ from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, place_of
 from sim.cockpit import Agent
 from sim.faults import Disturbance, Disturbed, Gusts
-from sim.fleet_metrics import fleet_summary
 from sim.log import Recording
+from sim.metrics.fleet import fleet_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_estimator, load
 from sim.protocols import Plant

@@ -22,8 +22,8 @@ from models.textbook.mission import TICK, TextbookMission
 from models.textbook.system import System
 from sim.checks import check, check_rate
 from sim.cockpit import Agent
-from sim.convergence import decay_rate
 from sim.log import Recording
+from sim.metrics.convergence import decay_rate
 from sim.number_lists import NumberList
 from sim.ode_plant import OdePlant, OdeVehicle
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load

@@ -20,7 +20,7 @@ from controllers.exciting.open_loop import path
 from controllers.exciting.plugin import PATTERNS, Exciting
 from controllers.exciting.reference import Reference
 from models.unicycle.mission import RangingMission
-from sim.ranging_metrics import Errors, rms
+from sim.metrics.ranging import Errors, rms
 from sim.scenarios.experiment import Outcome
 from sim.scenarios.range_localisation import VEHICLE
 from sim.scenarios.ranging_fields import Field, RangeLocalisationConfig

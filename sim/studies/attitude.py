@@ -19,7 +19,7 @@ from models.manifold.sensors import POSITION
 from renders.claims import Claim
 from renders.figures import INK, STYLE
 from renders.study_report import Table
-from sim.lagrangian_metrics import SETTLED, angles_to_reference
+from sim.metrics.lagrangian import SETTLED, angles_to_reference
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.scenarios.attitude_tracking import VEHICLE

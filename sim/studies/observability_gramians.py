@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.observability import EmpiricalGramian, empirical_gramian
+from sim.metrics.observability import EmpiricalGramian, empirical_gramian
 from sim.scenarios.range_localisation import VEHICLE as ROBOT
 from sim.scenarios.safe_flight import VEHICLE as AIRCRAFT
 from sim.scenarios.textbook import VEHICLE as CAMERA

@@ -26,8 +26,8 @@ from estimators.observability.region import Criterion, exact_run, region_of_conv
 from models.field.curve import Coefficients, Curve, ellipse
 from models.unicycle.mission import RangeQuality, RangingMission
 from models.unicycle.patterns import figure_eight
+from sim.metrics.ranging import HEADING, LAST, POSITION
 from sim.plugins import load
-from sim.ranging_metrics import HEADING, LAST, POSITION
 from sim.scenarios.ranging_fields import Field
 from sim.signals import Array
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from renders.claims import Claim
 from renders.sweep_data import figures
-from sim.consistency import Consistency, RootMeanSquare, consistency, root_mean_square
+from sim.metrics.consistency import Consistency, RootMeanSquare, consistency, root_mean_square
 from sim.signals import Array
 from sim.statistics import Rate, rate
 from sim.store import Record

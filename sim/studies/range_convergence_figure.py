@@ -14,7 +14,7 @@ from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 from renders.figures import INK, STYLE
 from renders.palette import COLOURS, Part, hexadecimal
 from renders.sweep_data import figures
-from sim.consistency import consistency
+from sim.metrics.consistency import consistency
 from sim.signals import Array
 from sim.statistics import Rate
 from sim.studies.range_convergence_claims import (

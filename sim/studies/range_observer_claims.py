@@ -10,7 +10,7 @@ import numpy as np
 
 from estimators.ranging.observer import FeedForward
 from renders.claims import Claim
-from sim.ranging_metrics import HEADING, POSITION
+from sim.metrics.ranging import HEADING, POSITION
 from sim.signals import Array
 from sim.studies.range_observer_identities import Identities
 from sim.studies.range_observer_runs import MOTIONS, MOVING, PRINTED_GAINS, SHOWN, TURNING, Gains

@@ -18,7 +18,7 @@ from estimators.ranging.observer import FeedForward
 from renders.figures import GRID, INK, STYLE
 from renders.palette import COLOURS, Part, hexadecimal
 from renders.ranging.shapes import outline
-from sim.ranging_metrics import POSITION
+from sim.metrics.ranging import POSITION
 from sim.signals import Array
 from sim.studies.heat_map import readable_on
 from sim.studies.observability_maps import STANDARD

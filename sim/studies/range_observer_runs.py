@@ -18,7 +18,7 @@ from estimators.observability.region import ExactRun, exact_run
 from estimators.ranging.observer import FeedForward, RangeObserverConfig
 from models.unicycle.mission import KnownStart, RangeQuality, RangingMission
 from models.unicycle.patterns import circle, figure_eight
-from sim.ranging_metrics import rms
+from sim.metrics.ranging import rms
 from sim.signals import Array, Measurement
 from sim.studies.observability_maps import SENSORS, STANDARD, drawn_start, driving
 from sim.studies.range_observer_watched import STRIDE, Verdict, Watched, watched

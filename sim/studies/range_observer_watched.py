@@ -9,7 +9,7 @@ import numpy as np
 
 from estimators.observability.region import ExactRun
 from estimators.ranging.observer import RangeObserver, RangeObserverConfig
-from sim.ranging_metrics import HEADING, LAST, POSITION, rms
+from sim.metrics.ranging import HEADING, LAST, POSITION, rms
 from sim.signals import Array
 
 STRIDE = 5  # readings from one at which errors are taken to the next

@@ -18,9 +18,9 @@ import numpy as np
 from estimators.observability.region import Criterion, ExactRun, exact_run, region_of_convergence
 from models.field.curve import Curve
 from models.unicycle.mission import KnownStart, RangingMission
-from sim.consistency import normalised_error_squared
+from sim.metrics.consistency import normalised_error_squared
+from sim.metrics.ranging import HEADING, LAST, POSITION
 from sim.plugins import load
-from sim.ranging_metrics import HEADING, LAST, POSITION
 from sim.scenarios.ranging_fields import Noise
 from sim.signals import Array, Estimate, Measurement
 from sim.studies.observability_maps import SENSORS, drawn_start, driving, spread

@@ -21,7 +21,7 @@ from models.manifold.mission import LagrangianMission
 from models.manifold.sensors import POSITION
 from renders.claims import Claim
 from renders.study_report import Table
-from sim.lagrangian_metrics import errors_of
+from sim.metrics.lagrangian import errors_of
 from sim.plugins import load
 from sim.scenarios.sphere_observer import VEHICLE, config_mission
 from sim.signals import Array

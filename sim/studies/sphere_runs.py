@@ -16,7 +16,7 @@ from models.manifold.constant_curvature import ConstantCurvature, hyperbolic_spa
 from models.manifold.systems import PointSystem, chart, linear, printed
 from models.mechanism.entity import build_model
 from models.mechanism.system import MechanismSystem
-from sim.lagrangian_metrics import VelocityErrors, errors_of
+from sim.metrics.lagrangian import VelocityErrors, errors_of
 from sim.scenarios.arm_velocity import VEHICLE as MECHANISM
 from sim.scenarios.experiment import Outcome
 from sim.scenarios.sphere_observer import rigid_body_plant

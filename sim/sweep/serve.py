@@ -30,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.metrics import is_wall_clock
+from sim.metrics.names import is_wall_clock
 from sim.store import Record, canonical_json
 from sim.sweep.compilation import compilation_reported
 from sim.sweep.trial import Trial

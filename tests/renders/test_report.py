@@ -18,7 +18,7 @@ from renders.page import inline_svg
 from renders.report import write_report
 from renders.run_data import RunData
 from renders.run_log import described
-from sim.metrics import label
+from sim.metrics.names import label
 from sim.signals import Event
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 from tests.renders.synthetic import ridges

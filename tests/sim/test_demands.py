@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.metrics import SHORTFALL
+from sim.metrics.names import SHORTFALL
 from sim.scenarios.demands import Demand, judged
 
 SUMMARY = {"arrived": False, "min_clearance_m": 45.13, "speed_max_m_s": 397.61, "touched_wall": True, "nothing": None}

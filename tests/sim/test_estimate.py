@@ -13,7 +13,7 @@ import pytest
 
 from models.textbook.mission import TextbookMission
 from sim.cli import main
-from sim.metrics import is_wall_clock
+from sim.metrics.names import is_wall_clock
 from sim.protocols import Motion, Sensor
 from sim.scenarios.missile_fields import MissileGuidanceConfig
 from sim.scenarios.missile_guidance import MissileGuidance

@@ -13,7 +13,7 @@ import pytest
 from models.manifold.attitude import Attitude
 from models.manifold.sensors import PositionQuality
 from sim.cli import main
-from sim.lagrangian_metrics import VelocityErrors, errors_of
+from sim.metrics.lagrangian import VelocityErrors, errors_of
 from sim.plugins import Part, load
 from sim.scenarios.arm_velocity import ArmVelocity, ArmVelocityConfig
 from sim.scenarios.attitude_tracking import AttitudeTrackingFields, AttitudeTrackingScenario

@@ -10,9 +10,9 @@ import pytest
 
 from models.quadrotor.entity import REACH
 from models.terrain.library import load_terrain
-from sim.metrics import label
+from sim.metrics.names import label
+from sim.metrics.quadrotor import point, tilts
 from sim.plugins import Part, load
-from sim.quadrotor_metrics import point, tilts
 from sim.scenarios.experiment import Outcome
 from sim.scenarios.flight_parts import Faults, Noise
 from sim.scenarios.quadrotor_canyon import QuadrotorCanyon

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.fleet_metrics import arrival_times, least_separation
+from sim.metrics.fleet import arrival_times, least_separation
 from sim.scenarios.experiment import Outcome
 from sim.scenarios.fleet_fields import Clocks, Radio, SimultaneousArrivalConfig
 from sim.scenarios.flight_parts import Faults

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from sim.commands.summary import summary_table, verdict, warnings
 from sim.log import AgentRecorder, Recording
-from sim.metrics import SHORTFALL
+from sim.metrics.names import SHORTFALL
 from sim.scenarios.experiment import Outcome
 from sim.signals import Event, Plan, Status
 

@@ -27,7 +27,7 @@ from models.aerial.dynamics import state_at
 from models.aerial.mission import FlightMission
 from sim.cockpit import Agent
 from sim.loop import simulate
-from sim.metrics import flown_clearance
+from sim.metrics.flight import flown_clearance
 from sim.protocols import Planner
 from sim.signals import Array, Phase, Plan, PlanRequest, Status
 from tests import flight

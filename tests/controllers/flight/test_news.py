@@ -27,7 +27,7 @@ from models.terrain.visibility import Radar
 from sim.cockpit import Agent
 from sim.log import Recording
 from sim.loop import simulate
-from sim.metrics import flown_clearance
+from sim.metrics.flight import flown_clearance
 from sim.signals import Estimate, Message, Plan, PlanRequest, Status
 from tests import flight
 

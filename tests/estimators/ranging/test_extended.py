@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from estimators.ranging.extended import RangeEkf, RangeEkfConfig
-from sim.consistency import consistency
+from sim.metrics.consistency import consistency
 from sim.signals import Array
 from tests.estimators.ranging.runs import START, Run, misplaced, mission, nees, reference, steps_of, told
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 
 from estimators.ranging.unscented import RangeUkf, RangeUkfConfig, square_root
-from sim.consistency import consistency
+from sim.metrics.consistency import consistency
 from tests.estimators.ranging.runs import START, misplaced, mission, nees, reference, steps_of, told
 from tests.estimators.ranging.walls import seeds
 

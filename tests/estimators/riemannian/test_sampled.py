@@ -12,7 +12,7 @@ from estimators.riemannian.gains import CurvatureName, Gains
 from estimators.riemannian.sampled import SampledObserver
 from models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
 from models.manifold.systems import PointSystem, linear
-from sim.lagrangian_metrics import errors_of
+from sim.metrics.lagrangian import errors_of
 from sim.signals import Array
 
 SPACES = [sphere(3), hyperbolic_space(2), flat_space(2)]

@@ -25,7 +25,7 @@ from renders.palette import VEHICLES, vehicle_colour
 from renders.report import write_report
 from renders.run_log import described
 from renders.video import write_video
-from sim.metrics import label
+from sim.metrics.names import label
 from sim.signals import Array
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 

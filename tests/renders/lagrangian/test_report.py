@@ -13,7 +13,7 @@ from renders.lagrangian.names import with_unit
 from renders.lagrangian.report import report
 from renders.lagrangian.run_data import LagrangianRun
 from renders.report import write_report
-from sim.metrics import SUMMARY_GROUPS, label
+from sim.metrics.names import SUMMARY_GROUPS, label
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
 UNGROUPED = {"seed", "version", "real_time_factor", "shortfall"}

@@ -13,7 +13,7 @@ import pytest
 from renders.drawing import drawing_of
 from renders.lagrangian.run_data import REACH, LagrangianRun, load_run
 from renders.lagrangian.storyboard import verdict
-from sim.lagrangian_metrics import rms
+from sim.metrics.lagrangian import rms
 
 ALL = ("body", "sphere", "hyperbolic-plane", "tracking", "arm", "cart", "differences")
 

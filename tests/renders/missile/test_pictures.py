@@ -23,7 +23,7 @@ from renders.missile.storyboard import closing
 from renders.report import write_report
 from renders.run_log import described
 from renders.video import write_still, write_video
-from sim.metrics import label
+from sim.metrics.names import label
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)

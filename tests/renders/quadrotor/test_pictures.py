@@ -25,7 +25,7 @@ from renders.quadrotor.run_data import QuadrotorRun, load_run
 from renders.quadrotor.storyboard import CAMERAS, storyboard
 from renders.report import write_report
 from renders.run_log import described
-from sim.metrics import label
+from sim.metrics.names import label
 from sim.signals import Event
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 

@@ -17,7 +17,7 @@ from renders.ranging.report import report
 from renders.ranging.run_data import RangingRun
 from renders.report import write_report
 from renders.run_log import described
-from sim.metrics import label
+from sim.metrics.names import label
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
 

@@ -13,8 +13,8 @@ from models.missile.coordinates import PLANAR, SPATIAL
 from models.missile.mission import CASES, MissileMission, Target
 from models.missile.target import TargetMotion
 from sim.log import AgentRecorder
-from sim.metrics import SUMMARY_GROUPS, is_wall_clock, label
-from sim.missile_metrics import attack_angles, closest_approach, cost, references
+from sim.metrics.missile import attack_angles, closest_approach, cost, references
+from sim.metrics.names import SUMMARY_GROUPS, is_wall_clock, label
 from sim.signals import Array, Plan
 from tests.missile import fly
 

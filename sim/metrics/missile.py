@@ -16,7 +16,7 @@ from models.missile.dynamics import Body
 from models.missile.mission import MissileMission
 from models.missile.target import TargetMotion
 from sim.log import Recording
-from sim.metrics import FAILURES, solve_times
+from sim.metrics.planning import FAILURES, solve_times
 from sim.signals import Array, Plan
 
 _ROUND_OFF = 1e-9  # relative excess of an input that does not count

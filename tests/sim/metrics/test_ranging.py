@@ -9,8 +9,8 @@ import pytest
 
 from models.unicycle.mission import RangingMission
 from sim.log import AgentRecorder, Recording
-from sim.metrics import SUMMARY_GROUPS, is_wall_clock, label
-from sim.ranging_metrics import Errors, ranging_summary, rms
+from sim.metrics.names import SUMMARY_GROUPS, is_wall_clock, label
+from sim.metrics.ranging import Errors, ranging_summary, rms
 from sim.signals import Array, Estimate, Status
 from tests.localisation import run
 from tests.unicycle import STANDARD

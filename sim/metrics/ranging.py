@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from models.unicycle.entity import RADIUS
 from models.unicycle.mission import RangingMission
-from sim.consistency import normalised_error_squared
 from sim.log import AgentRecorder, Recording
+from sim.metrics.consistency import normalised_error_squared
 from sim.signals import Array, Integers, Status
 
 POSITION, HEADING = 0.3, 0.2

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from models.manifold.manifold import CutLocusError, Manifold
-from sim.convergence import decay_rate
 from sim.log import Recording
+from sim.metrics.convergence import decay_rate
 from sim.signals import Array, Status
 
 LAST = 0.25

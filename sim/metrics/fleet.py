@@ -12,7 +12,8 @@ import numpy as np
 from models.aerial.mission import FlightMission
 from models.terrain.visibility import RadarTrack
 from sim.log import Recording
-from sim.metrics import FAILURES, REJECTIONS, exposure, flown_clearance, solve_times
+from sim.metrics.flight import exposure, flown_clearance
+from sim.metrics.planning import FAILURES, REJECTIONS, solve_times
 from sim.signals import Array
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from models.quadrotor.dynamics import ATTITUDE, POSITION, VELOCITY
 from models.quadrotor.mission import QuadrotorMission
 from sim.log import Recording
-from sim.metrics import Bound, flight_summary, references
+from sim.metrics.flight import Bound, flight_summary, references
 from sim.signals import Array
 
 _FULL = 1e-3  # share of a rotor's greatest thrust: nearer to a bound it counts as saturated

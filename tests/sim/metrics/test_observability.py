@@ -13,7 +13,7 @@ from models.aerial.entity import build_model
 from models.aerial.sensors import AccelerationSensor, Dropout, FullStateSensor, PositionSensor
 from models.terrain.height_field import HeightField
 from sim.faults import Disturbed, Gusts
-from sim.observability import EmpiricalGramian, empirical_gramian
+from sim.metrics.observability import EmpiricalGramian, empirical_gramian
 from sim.plant import Equipment, MujocoPlant
 from sim.protocols import Plant, Sensor
 

@@ -1,0 +1,69 @@
+"""The names of a summary's figures: in which groups they are read, in which units, and which of them tell the time."""
+
+from __future__ import annotations
+
+# The summary's figures as they are read, for every table that shows them.
+SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
+    "impact": ("hit", "miss_m", "aspect_error_deg", "path_angle_error_deg", "impact_speed_m_s", "impact_time_s"),
+    "estimate": (
+        "converged", "position_rms_m", "heading_rms_deg", "convergence_time_s", "position_error_max_m",
+        "heading_error_max_deg", "nees_mean", "observable", "lost_ranges", "initialising_s", "lost_s",
+        "velocity_rms", "position_rms", "velocity_rms_last_quarter", "velocity_error_start", "velocity_error_end",
+        "found_from_s", "error_start", "error_rms", "error_end", "error_max", "decay_rate_per_s", "escaped",
+        "escape_time_s",
+    ),
+    "mission": (
+        "vehicles", "arrived", "arrived_vehicles", "spread_s", "first_arrival_s", "arrival_time_s", "deadline_s",
+        "planned_time_s", "flight_time_s", "run_time_s", "speed_max",
+    ),
+    "path": (
+        "path_length_m", "straight_line_m", "mean_height_m", "apex_m", "attack_angle_max_deg",
+        "cost", "planned_cost", "control_effort", "radar_exposure_s",
+    ),
+    "safety": (
+        "min_clearance_m", "separation_min_m", "separation_allowed_m", "nearest_pair", "wall_clearance_min_m",
+        "ground_contacts", "touched_wall", "speed_max_m_s",
+        "missed_passes", "guarantee_lost",
+    ),
+    "tracking": (
+        "attitude_rms_rad", "settled_at_s",
+        "tracking_breaches", "tracking_error_max_m", "tracking_error_rms_m", "tracking_bound_m",
+        "tracking_bound_horizontal_m", "tracking_bound_vertical_m", "rebased_plans",
+        "tilt_max_deg", "thrust_mean_share", "thrust_max_share", "saturated_share", "saturated_s", "inputs_clipped",
+    ),
+    "planning": (
+        "replans", "plans_adopted", "plans_rejected", "plans_not_admitted", "proposals_refused",
+        "outliers", "clocks_apart", "manoeuvres_rejected", "late_plans", "fallback_steps",
+    ),
+    "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
+}  # fmt: skip
+# By the end of a name; the longer first.
+UNITS = {"_per_s": "1/s", "_m_s": "m/s", "_deg": "deg", "_rad": "rad", "_ms": "ms", "_s": "s", "_m": "m"}
+# What a name alone does not say; |v| is a length in the metric of what moves.
+LABELS = {
+    "velocity_rms": ("velocity error, rms", "in units of v"),
+    "position_rms": ("distance of position, rms", "in the metric"),
+    "velocity_rms_last_quarter": ("|Δv| of the last quarter", "in the metric"),
+    "velocity_error_start": ("|Δv| at the start", "in the metric"),
+    "velocity_error_end": ("|Δv| at the end", "in the metric"),
+    "found_from_s": ("velocity found after", "s"),
+    "speed_max": ("highest |v|", "in the metric"),
+    "attitude_rms_rad": ("angle to reference, rms", "rad"),
+    "settled_at_s": ("on the reference after", "s"),
+}
+SHORTFALL = "shortfall"  # the summary's key of what a run did not do; without it the mission did what it should
+
+
+def label(key: str) -> tuple[str, str]:
+    """The readable name and the unit ("" for none) of a key of the summary."""
+    if key.startswith("solve_ms_"):
+        return f"solve time {key.removeprefix('solve_ms_')}", "ms"
+    if key in LABELS:
+        return LABELS[key]
+    end = next((end for end in UNITS if key.endswith(end)), "")
+    return key.removesuffix(end).replace("_", " "), UNITS.get(end, "")
+
+
+def is_wall_clock(key: str) -> bool:
+    """Whether a key of a summary tells how long something took: such figures differ from run to run."""
+    return key.startswith("solve_ms") or key.endswith("_wall_s") or key == "real_time_factor"

@@ -213,8 +213,12 @@ class Consensus(Protocol):
         """How many messages were not used, by why: "garbage", "stranger", "repeated", "from the future", ..."""
         ...
 
-    def start(self, value: float) -> None:
-        """The vehicle's own number from now on; not finite if it has none. It is told in the next round."""
+    def start(self, value: float, now: float = 0.0) -> None:
+        """The vehicle's own number from now on; not finite if it has none. It is told in the next round.
+
+        A time of arrival [s] is one of the clock that shows ``now`` [s]: it is ``value - now`` ahead. A time to go is
+        one of a clock that shows 0.
+        """
         ...
 
     def talk(self, t: float, received: Sequence[Message]) -> Any:

@@ -142,7 +142,7 @@ class ClockConsensus:
     def refused(self) -> Mapping[str, int]:
         return self._inbox.refused + self._unusable
 
-    def start(self, value: float) -> None:
+    def start(self, value: float, now: float = 0.0) -> None:
         """A first guess of the correction [s]; one that is not finite changes nothing."""
         if math.isfinite(value):
             self._correction = float(value)

@@ -53,7 +53,7 @@ class FleetCompanion:
 
     def talk(self, t: float, received: Sequence[Message]) -> Spoken:
         if self._flown is not None and t >= self._next_step - _SIMULTANEOUS:
-            self._consensus.start(self._estimate(self._flown, t))
+            self._consensus.start(self._estimate(self._flown, t), t)
             self._next_step = t + self._planning_period
         messages = self._separation.talk(t, [message for message in received if message.topic == TOPIC])
         told = self._consensus.talk(t, [message for message in received if message.topic == AGREEMENT])

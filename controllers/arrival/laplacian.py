@@ -85,6 +85,7 @@ class LaplacianConsensus:
         self._config, self._node = config, node
         self._inbox = Inbox(node, Told.sound, 2.0 * node.clock_error)
         self._value = self._own = math.nan
+        self._begun = 0.0  # [s] the planning period
         self._outlier = True  # until it has a number of its own
         self._started = False  # and has not yet told it
         self._times: list[float] = []  # [s] of its rounds within memory
@@ -104,17 +105,19 @@ class LaplacianConsensus:
     def refused(self) -> Mapping[str, int]:
         return self._inbox.refused
 
-    def start(self, value: float) -> None:
-        """The vehicle's own eta_m at the beginning of a planning period.
+    def start(self, value: float, now: float = 0.0) -> None:
+        """The vehicle's own eta_m at the beginning of a planning period, a time of arrival on the clock of ``now``.
 
-        It decides by (A.14), from the estimate and the agreement of the period that ends, whether it takes part. A
-        vehicle without a finite estimate follows, and one that had none before takes part again.
+        It decides by (A.14), from the estimate and the agreement of the period that ends, whether it takes part: both
+        as times to go from that period's beginning. A vehicle without a finite estimate follows, and one that had none
+        before takes part again.
         """
         value = float(value)
         judged = math.isfinite(self._own) and math.isfinite(self._value)
-        beyond = judged and is_outlier(self._value, self._own, self._node.planning_period, self._config.delta)
+        agreed, own = self._value - self._begun, self._own - self._begun
+        beyond = judged and is_outlier(agreed, own, self._node.planning_period, self._config.delta)
         self._outlier = beyond or not math.isfinite(value)
-        self._own = value
+        self._own, self._begun = value, now
         if not self._outlier:
             self._value = value
         self._started = True

@@ -73,7 +73,7 @@ class MaximumConsensus:
     def refused(self) -> Mapping[str, int]:
         return self._inbox.refused + Counter({"beyond the deadline": self._beyond})
 
-    def start(self, value: float) -> None:
+    def start(self, value: float, now: float = 0.0) -> None:
         """The vehicle's own number; the agreed one rises to it if it is at most D."""
         self._own = float(value)
         if not self.outlier:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from controllers.arrival.inbox import Told
 from controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
-from controllers.arrival.outlier import is_outlier
+from controllers.arrival.outlier import DELTA, is_outlier
 from models.fleet.graph import Graph
 from sim.network import Air, DelayedLinks, LossyLinks, Network
 from sim.signals import Array, Message
@@ -102,6 +102,23 @@ def test_a_second_start_forgets_what_was_said_before() -> None:
 
 
 # ---- outliers (A.14)
+
+
+@given(st.floats(10.0, 300.0), st.floats(0.5, 2.0), st.floats(0.0, 1000.0))
+def test_who_is_an_outlier_does_not_depend_on_where_the_clock_begins(own: float, ratio: float, now: float) -> None:
+    node = Graph.line(("a", "b")).node("a", planning_period=1.0)
+    found = []
+    for zero in (0.0, now):
+        part = LaplacianConsensus(LaplacianConfig(scaling=1e6), node)
+        part.start(zero + own, zero)
+        part.talk(zero, [])
+        for k in range(1, 40):
+            part.talk(zero + k * H, [Message(zero + k * H, "b", "", Told(zero + ratio * own, 1.0))])
+        part.start(zero + own, zero + 1.0)
+        found.append(part.outlier)
+    if abs(abs((ratio * own - 1.0) / own - 1.0) - DELTA) > 1e-6:
+        assert found == [is_outlier(ratio * own, own, 1.0)] * 2
+
 
 LINE = Graph.line(NAMES[:5])
 

@@ -63,26 +63,34 @@ class Cockpit:
         """Do what falls due at tick k; ``row`` is that of the log."""
         if self.plan is None and self.agent.stored is not None:
             self._take_over(t, self.agent.stored)
-        self.record.measurements(row, readings)
-        self._act(k, t, readings)
+        self.observe(row, k, t, readings)
+        if self.estimate is not None:
+            self._act(k, t, self.estimate)
         self.record.command(row, self.command)
 
-    def _act(self, k: int, t: float, readings: Sequence[Measurement]) -> None:
+    def observe(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
+        """Take in what the sensors read, and estimate if it falls due."""
+        self.record.measurements(row, readings)
         self.inbox.extend(readings)
         if k % self.estimator_ticks == 0:
             self._estimate(t)
-        if self.estimate is None:
-            return
+
+    def obey(self, row: int, command: Array) -> None:
+        """Take a command (nu,) from outside, which stays until the next one."""
+        self.command = command
+        self.record.command(row, command)
+
+    def _act(self, k: int, t: float, estimate: Estimate) -> None:
         if self.agent.companion is not None and k % self.companion_ticks == 0:
             self._talk(t)
         if k % self.planner_ticks == 0:
             self._adopt(t)
-            self._ask(t, self.estimate)
+            self._ask(t, estimate)
             self._adopt(t)
         else:
-            self._alarm(t, self.estimate)
+            self._alarm(t, estimate)
         if self.plan is not None and k % self.tracker_ticks == 0:
-            self._track(t, self.estimate, self.plan)
+            self._track(t, estimate, self.plan)
 
     def _estimate(self, t: float) -> None:
         """The estimator's answer, or what is left of the last one where it cannot be used."""

@@ -7,6 +7,9 @@ divisor of these; the ticks between two looks are one step of the plant with the
 takes over at its own start time, one planning period later, if it is at hand by then; until then, and whenever there is
 none, the vehicle flies the last plan that was adopted, which leads to rest. The loop knows protocols only: it never
 asks what a plan is for.
+
+``simulate`` runs it from beginning to end. A ``Loop`` is stepped from outside, by whoever commands the actuators in the
+place of planner and tracker: the sensors, the estimators, the disturbances and the looks are those of a flight.
 """
 
 from __future__ import annotations
@@ -55,6 +58,86 @@ def _rates(name: str, agent: Agent, dt: float) -> tuple[int, int, int, int]:
     return estimator, planner, tracker, talks
 
 
+class Loop:
+    """The loop between two looks: ``look`` or ``observe``, then ``advance``, until ``over``.
+
+    ``t`` [s] and ``truths``, (nx,) by vehicle, are those of the last look; ``recording`` holds all looks so far.
+    """
+
+    def __init__(
+        self, plant: Plant, agents: Mapping[str, Agent], duration: float, network: Network | None = None
+    ) -> None:
+        """From the plant's present time for ``duration`` [s]. ``network`` carries what companions say.
+
+        Raises ValueError if an agent has no vehicle, a rate is not a whole number of ticks, or an estimator is slower
+        than the parts that use it.
+        """
+        if unknown := sorted(set(agents) - set(plant.names)):
+            raise ValueError(f"agents {unknown} have no vehicle; the plant has {list(plant.names)}")
+        dt = plant.dt
+        self._steps = whole_ticks(duration, dt, "duration")
+        self._plant, self._names = plant, plant.names
+        rates = {name: _rates(name, agent, dt) for name, agent in agents.items()}
+        self.stride = math.gcd(*(ticks for of_agent in rates.values() for ticks in of_agent)) or 1
+        """ticks between two looks; gcd() is 0: no agents"""
+        rows = -(-self._steps // self.stride) + 1
+        self.recording = Recording.begin(plant, {name: agent.input_size for name, agent in agents.items()}, rows)
+        carrier = Air(list(agents)) if network is None else network
+        self.cockpits = {
+            name: Cockpit(
+                name,
+                agent,
+                *rates[name],
+                carrier,
+                self.recording.agents[name],
+                np.zeros(agent.input_size),
+                undelivered=sorted(agent.messages, key=lambda message: message.t),
+            )
+            for name, agent in agents.items()
+        }
+        self._each = tuple(self.cockpits.values())
+        self._row = self._tick = 0
+        self.t = plant.t
+        self.truths: dict[str, Array] = {}
+
+    @property
+    def over(self) -> bool:
+        """Whether the duration has passed."""
+        return self._tick == self._steps
+
+    def look(self) -> None:
+        """Sensors and estimators, and what the agents do."""
+        row, k, t = self._begin()
+        for cockpit in self._each:
+            cockpit.look(row, k, t, self._plant.sense(cockpit.name))
+
+    def observe(self) -> None:
+        """Sensors and estimators only; what acts until the next look is left to ``command``."""
+        row, k, t = self._begin()
+        for cockpit in self._each:
+            cockpit.observe(row, k, t, self._plant.sense(cockpit.name))
+
+    def command(self, name: str, u: Array) -> None:
+        """The input (nu,) of a vehicle from this look on, in the place of its tracker's; kept until the next one."""
+        self.cockpits[name].obey(self._row, u)
+
+    def advance(self) -> None:
+        """One step of the plant under the commands, to the next look."""
+        commands = {cockpit.name: cockpit.command for cockpit in self._each}
+        ticks = min(self.stride, self._steps - self._tick)
+        self.recording.events.extend(self._plant.step(commands, ticks))
+        self._tick += ticks
+        self._row += 1
+
+    def _begin(self) -> tuple[int, int, float]:
+        """Log the truth; the row of the log, the tick, and the time [s]."""
+        plant = self._plant
+        t = self.t = plant.t
+        self.truths = {name: plant.state(name) for name in self._names}
+        self.recording.truth(self._row, t, self.truths)
+        return self._row, self._tick, t
+
+
 def simulate(
     plant: Plant,
     agents: Mapping[str, Agent],
@@ -71,39 +154,13 @@ def simulate(
     Raises ValueError if an agent has no vehicle, a rate is not a whole number of ticks, or an estimator is slower
     than the parts that use it.
     """
-    if unknown := sorted(set(agents) - set(plant.names)):
-        raise ValueError(f"agents {unknown} have no vehicle; the plant has {list(plant.names)}")
-    dt, steps = plant.dt, whole_ticks(duration, plant.dt, "duration")
-    names = plant.names
-    rates = {name: _rates(name, agent, dt) for name, agent in agents.items()}
-    stride = math.gcd(*(ticks for of_agent in rates.values() for ticks in of_agent)) or 1  # gcd() is 0: no agents
-    rows = -(-steps // stride) + 1
-    recording = Recording.begin(plant, {name: agent.input_size for name, agent in agents.items()}, rows)
-    carrier = Air(list(agents)) if network is None else network
-    cockpits = [
-        Cockpit(
-            name,
-            agent,
-            *rates[name],
-            carrier,
-            recording.agents[name],
-            np.zeros(agent.input_size),
-            undelivered=sorted(agent.messages, key=lambda message: message.t),
-        )
-        for name, agent in agents.items()
-    ]
+    loop = Loop(plant, agents, duration, network)
     told = -math.inf  # [s]
-    for row, k in enumerate((*range(0, steps, stride), steps)):
-        t = plant.t
-        truths = {name: plant.state(name) for name in names}
-        recording.truth(row, t, truths)
-        for cockpit in cockpits:
-            cockpit.look(row, k, t, plant.sense(cockpit.name))
-        if k == steps or (finished is not None and finished(t, truths)):
-            break
-        commands = {cockpit.name: cockpit.command for cockpit in cockpits}
-        recording.events.extend(plant.step(commands, min(stride, steps - k)))
-        if progress is not None and t >= told + 1.0:
-            told = t
-            progress(t)
-    return recording.end()
+    while True:
+        loop.look()
+        if loop.over or (finished is not None and finished(loop.t, loop.truths)):
+            return loop.recording.end()
+        loop.advance()
+        if progress is not None and loop.t >= told + 1.0:
+            told = loop.t
+            progress(told)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from models.aerial.dynamics import state_at
 from sim.cockpit import Agent
 from sim.log import Recording
-from sim.loop import simulate, whole_ticks
+from sim.loop import Loop, simulate, whole_ticks
 from sim.protocols import Plant, Sensor
 from sim.signals import Array, Estimate, Event, Measurement, Message, Phase, Plan, PlanRequest, Status
 from tests import flight
@@ -412,3 +412,37 @@ def test_without_any_estimate_nothing_is_planned_and_nothing_raised() -> None:
     assert kinds(recording) == ["estimate-unusable"]
     assert not recording.agents["vehicle"].plans
     assert "estimate.x" not in recording.arrays()
+
+
+def test_the_commands_of_a_flight_given_from_outside_lead_the_same_way() -> None:
+    flown, again = Flight(), Flight()
+    recording = flown.run()
+    loop = Loop(again.plant, {"vehicle": Agent(again.estimator, again.planner, again.tracker)}, again.duration)
+    for u in recording.agents["vehicle"].commands:
+        loop.observe()
+        loop.command("vehicle", u)
+        if not loop.over:
+            loop.advance()
+    assert loop.over
+    arrays = loop.recording.end().arrays()
+    assert all(np.array_equal(values, arrays[name]) for name, values in recording.arrays().items() if name in arrays)
+    assert {"t", "truth.x", "estimate.x", "command.u", "measurement.full_state"} <= set(arrays)
+    assert not again.planner.asked
+    assert not again.tracker.flown
+
+
+def test_a_flight_can_be_handed_over_from_one_look_to_the_next() -> None:
+    given = Flight(messages=[Message(0.0, "tower", "news", 1.0)])
+    agent = Agent(given.estimator, given.planner, given.tracker, messages=given.messages)
+    loop = Loop(given.plant, {"vehicle": agent}, 1.0)
+    loop.observe()
+    loop.command("vehicle", np.zeros(3))
+    assert not loop.recording.events
+    loop.advance()
+    for _ in range(4):
+        loop.look()
+        loop.advance()
+    loop.look()
+    assert kinds(loop.recording) == ["message"]
+    assert given.planner.asked[0].t == pytest.approx(PERIOD)
+    assert given.tracker.flown

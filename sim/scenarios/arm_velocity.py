@@ -21,6 +21,7 @@ from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_sensors, load
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, checked_speed, given_start, velocity_errors
+from sim.scenarios.task import Inputs
 from sim.signals import Array
 
 VEHICLE = "mechanism"
@@ -70,7 +71,12 @@ class ArmVelocity:
         sensors = checked_sensors(estimator, mission)
         start = checked_speed(_start(config, mission), mission)
         plant = MujocoPlant(real, {VEHICLE: Equipment(start, sensors)}, np.random.default_rng(seed))
-        loop = Loop("arm-velocity", VEHICLE, plant, mission, truth, {"mechanism": config.mechanism})
+        names, ranges = tuple(mission.system.inputs), real.actuator_ctrlrange
+        bounds = np.where(real.actuator_ctrllimited[:, None], ranges, (-np.inf, np.inf))
+        loop = Loop(
+            "arm-velocity", VEHICLE, plant, mission, truth, {"mechanism": config.mechanism},
+            inputs=Inputs(names, *bounds.T),
+        )  # fmt: skip
         return loop.experiment(config, seed, controller, estimator)
 
     @staticmethod

@@ -5,10 +5,12 @@ The observer of Paper D tells the rates from attitudes alone, and intrinsic trac
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from controllers.intrinsic.attitude import AttitudeReference, AttitudeTrackingConfig
 from models.manifold.constant_curvature import sphere
 from models.manifold.mission import LagrangianMission
 from models.manifold.sensors import PositionQuality
@@ -20,6 +22,7 @@ from sim.scenarios.demands import Demand
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.lagrangian import LagrangianFields, Loop, checked_speed, velocity_errors
 from sim.scenarios.sphere_observer import rigid_body_plant
+from sim.scenarios.task import Look, StageCost
 from sim.signals import Array
 
 VEHICLE = "body"
@@ -73,14 +76,30 @@ class AttitudeTrackingScenario:
         plant = rigid_body_plant(VEHICLE, start, checked_sensors(estimator, mission), config.inertia, noise)
         demand = Demand("attitude_rms_rad", most=config.attitude_tolerance)
         loop = Loop(
-            "attitude-tracking", VEHICLE, plant, mission, mission, {"space": "body"}, tracking_figures, (demand,)
-        )
+            "attitude-tracking", VEHICLE, plant, mission, mission, {"space": "body"}, tracking_figures, (demand,),
+            cost=_angle_to_reference(controller, mission),
+        )  # fmt: skip
         return loop.experiment(config, seed, controller, estimator)
 
     @staticmethod
     def errors(config: AttitudeTrackingFields, x: Array, truth: Array) -> dict[str, Array]:
         """The errors of estimates (n, nx), named with their units."""
         return velocity_errors(_mission(config), x, truth)
+
+
+def _angle_to_reference(controller: Part, mission: LagrangianMission) -> StageCost | None:
+    """L = theta^2 at the end of a step, theta [rad] the angle to the reference; None where the controller has none."""
+    tracking, manifold = controller.config, mission.system.manifold
+    if not isinstance(tracking, AttitudeTrackingConfig):
+        return None
+    reference = AttitudeReference(tracking.rate, tracking.frequency, mission.period)
+
+    def cost(begin: Look, end: Look, commands: Mapping[str, Array]) -> float:
+        wanted = reference.state(round(end.t / mission.period))
+        angle = 2.0 * manifold.distance(end.truths[VEHICLE][: manifold.size], wanted[: manifold.size])
+        return float(angle * angle) * (end.t - begin.t)
+
+    return cost
 
 
 def _mission(config: AttitudeTrackingFields) -> LagrangianMission:

@@ -13,6 +13,7 @@ from sim.log import Recording, write_run
 from sim.loop import simulate
 from sim.network import Network
 from sim.protocols import Plant
+from sim.scenarios.task import Task
 from sim.signals import Array
 
 
@@ -45,6 +46,7 @@ class Experiment:
     summarise: Callable[[Recording, float], tuple[dict[str, Any], bool]]  # (recording, wall seconds)
     config: dict[str, Any]
     network: Network | None = None  # of a fleet
+    task: Task | None = None  # for whoever commands the actuators; None: nobody else than the controller can
 
     def run(self, progress: Callable[[float], None] | None = None) -> Outcome:
         """Simulate and judge; ``progress`` is told the simulated time [s]."""

@@ -29,6 +29,7 @@ class Vehicle:
     """One vehicle of the fleet, ready to fly."""
 
     mission: FlightMission
+    centre: Point  # [m] of the slots
     planner: Certified
     tracker: Any
     estimate: ArrivalEstimate
@@ -64,7 +65,7 @@ def started_fleet(
                 for k, (name, start, slot) in enumerate(zip(config.names, starts, slots, strict=True))
             }
             fleet = {
-                name: _vehicle(config, name, mission, controller, rngs)
+                name: _vehicle(config, name, mission, target, controller, rngs)
                 for (name, mission), rngs in zip(missions.items(), failing.spawn(len(missions)), strict=True)
             }
             _check_apart(config, fleet)
@@ -145,6 +146,7 @@ def _vehicle(
     config: SimultaneousArrivalConfig,
     name: str,
     mission: FlightMission,
+    centre: Point,
     controller: Part,
     rng: np.random.Generator,
 ) -> Vehicle:
@@ -164,4 +166,4 @@ def _vehicle(
             f"{stored.status.value} ({stored.message}); allowed: a start from which a first plan can be certified"
         )
     estimate = ArrivalEstimate(raw.length_to_go, np.array(mission.target), mission.speed_max - tracker.bound.speed)
-    return Vehicle(mission, planner, tracker, estimate, stored)
+    return Vehicle(mission, centre, planner, tracker, estimate, stored)

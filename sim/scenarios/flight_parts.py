@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
@@ -21,9 +21,11 @@ from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
 from sim.checks import check, check_rate
 from sim.faults import CorruptedPlan, Delayed, FailingSolver
+from sim.input_bounds import input_bound
 from sim.plugins import Part, checked_controller, checked_quality, checked_sensors
 from sim.protocols import Planner, Sensor
-from sim.signals import Estimate, Plan, PlanRequest
+from sim.scenarios.task import Inputs, Look, Task
+from sim.signals import Array, Estimate, Plan, PlanRequest
 
 LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, and numbers begin to overflow
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
@@ -189,3 +191,23 @@ def with_dropouts(sensors: Sequence[Sensor], faults: Faults, rng: np.random.Gene
     return tuple(
         Dropout(sensor, faults.dropout_rate, one) for sensor, one in zip(sensors, rng.spawn(len(sensors)), strict=True)
     )
+
+
+def flight_task(
+    names: Sequence[str], acceleration_max: float, controller: Part, mission: Mapping[str, Any]
+) -> Task | None:
+    """Point masses that are commanded: L = sum |a|^2 + beta [m^2/s^4] of all vehicles, the running cost of (A.2).
+
+    beta is the controller's; None for one without.
+    """
+    beta = getattr(controller.config, "beta", None)
+    if beta is None:
+        return None
+    inputs = Inputs.within(tuple(f"acceleration_{axis} [m/s^2]" for axis in "xyz"), acceleration_max)
+    bounded = input_bound("", acceleration_max, 3)
+
+    def cost(begin: Look, end: Look, commands: Mapping[str, Array]) -> float:
+        acting = [bounded(commands[name])[0] for name in names]
+        return sum(float(a @ a) + beta for a in acting) * (end.t - begin.t)
+
+    return Task(dict.fromkeys(names, inputs), cost, mission=mission)

@@ -25,6 +25,7 @@ from sim.plugins import Part, checked_controller, checked_estimator
 from sim.protocols import Plant
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
+from sim.scenarios.task import Inputs, StageCost, Task, squared_error
 from sim.signals import Array
 
 TICK = 1e-3
@@ -77,6 +78,8 @@ class Loop:
     told: Mapping[str, Any]  # beside the fields, for the drawings
     figures: Callable[[Recording, str, Manifold, float], dict[str, Any]] | None = None  # further ones of the summary
     demands: tuple[Demand, ...] = ()  # of them, beside that of the velocity error
+    inputs: Inputs | None = None  # with their bounds, where there are any
+    cost: StageCost | None = None  # for whoever commands the inputs; that of the velocity error if not given
 
     def experiment(self, fields: LagrangianFields, seed: int, controller: Part, estimator: Part) -> Experiment:
         """The closed loop of one seed."""
@@ -112,7 +115,14 @@ class Loop:
                 **self.told,
             },
         }
-        return Experiment(self.plant, {self.vehicle: agent}, fields.duration, finished, summarise, record)
+        inputs = self.inputs or Inputs.within(tuple(self.mission.system.inputs))
+        task = Task({self.vehicle: inputs}, self.cost or self._velocity_error())
+        return Experiment(self.plant, {self.vehicle: agent}, fields.duration, finished, summarise, record, task=task)
+
+    def _velocity_error(self) -> StageCost:
+        """L = |Delta v|^2, Delta v as in Theorem D.2, in the components that the summary's ``velocity_rms`` is of."""
+        manifold = self.truth.system.manifold
+        return squared_error(self.vehicle, lambda x, truth: errors_of(manifold, truth, x)[1])
 
 
 def given_start(start: NumberList, mission: LagrangianMission) -> Array:

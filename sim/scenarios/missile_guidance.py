@@ -27,13 +27,14 @@ from models.missile.target import TargetMotion
 from sim.cockpit import Agent
 from sim.faults import ConstantWrench, Delayed, Disturbance, Disturbed, FailingSolver, Gusts
 from sim.log import Recording
-from sim.metrics.missile import missile_summary
+from sim.metrics.missile import cost, missile_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
 from sim.protocols import Plant, Sensor
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.missile_fields import Mismatch, MissileGuidanceConfig, Point
+from sim.scenarios.task import Inputs, Look, Task
 from sim.signals import Array, Estimate, Message, Plan, PlanRequest
 
 VEHICLE = "missile"
@@ -93,7 +94,8 @@ class MissileGuidance:
             return judged({"hit": not near.missed(figures), **figures}, [near, turned])
 
         record = _record(config, seed, controller, estimator, mission, truth)
-        return Experiment(plant, {VEHICLE: agent}, duration, _Referee(mission, truth).ended, summarise, record)
+        ended = _Referee(mission, truth).ended
+        return Experiment(plant, {VEHICLE: agent}, duration, ended, summarise, record, task=_task(mission))
 
     @staticmethod
     def errors(config: MissileGuidanceConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -103,6 +105,20 @@ class MissileGuidance:
         off[:, coordinates.angles] = (off[:, coordinates.angles] + math.pi) % (2.0 * math.pi) - math.pi
         named = zip(coordinates.states, coordinates.units, strict=True)
         return {f"{state} [{unit}]": off[:, k] for k, (state, unit) in enumerate(named)}
+
+
+def _task(mission: MissileMission) -> Task:
+    """Thrusters that are commanded: L is the running cost of the mission's case (B.4), its integral by trapezia."""
+    coordinates, limits = mission.coordinates, np.array(mission.input_max)
+    units = {"F": "N", "M": "N m", "N": "N m"}
+    names = tuple(f"{name} [{units[name[0]]}]" for name in coordinates.inputs)
+
+    def stage_cost(begin: Look, end: Look, commands: Mapping[str, Array]) -> float:
+        x = coordinates.from_joints(np.array([begin.truths[VEHICLE], end.truths[VEHICLE]]))
+        u = np.tile(np.clip(commands[VEHICLE], -limits, limits), (2, 1))
+        return cost(np.array([begin.t, end.t]), x, u, mission, end.t)
+
+    return Task({VEHICLE: Inputs.within(names, limits)}, stage_cost)
 
 
 class _Referee:

@@ -33,9 +33,10 @@ import numpy as np
 
 from controllers.flight.certificate import TrackingBound
 from controllers.flight.certified import Certified
+from controllers.quadrotor.similarity import Similarity
 from models.aerial.dynamics import TICK
 from models.aerial.mission import EstimateQuality
-from models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS
+from models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VELOCITY
 from models.quadrotor.entity import REACH, RotorDrive, build_model
 from models.quadrotor.mission import QuadrotorMission
 from models.terrain.height_field import HeightField
@@ -59,6 +60,7 @@ from sim.scenarios.flight_parts import (
     with_dropouts,
 )
 from sim.scenarios.quadrotor_fields import Mismatch, QuadrotorCanyonConfig
+from sim.scenarios.task import Inputs, Look, Task
 from sim.signals import Array, Estimate, Plan, PlanRequest, Status
 
 VEHICLE = "vehicle"
@@ -137,7 +139,8 @@ class QuadrotorCanyon:
                 f"take {duration:.0f} s; allowed: {_LONGEST:.0f} s, so be sooner or faster"
             )
         record = _record(config, seed, controller, estimator, mission, terrain, tracker.bound)
-        return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record)
+        task = _task(mission, controller)
+        return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=task)
 
     @staticmethod
     def errors(config: QuadrotorCanyonConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -241,6 +244,27 @@ def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.G
     x, y = float(column) * terrain.spacing, float(row) * terrain.spacing
     above = config.clearance_min + float(rng.uniform(*config.drawn_heights))
     return x, y, float(_raised(terrain).height(x, y)) + above
+
+
+def _task(mission: QuadrotorMission, controller: Part) -> Task | None:
+    """Rotors that are commanded: L = |a|^2 + beta, the running cost of (A.2) for the point mass, at its own scale.
+
+    a is the mean acceleration of the vehicle over a step, gusts included. None for a controller without a beta.
+    """
+    beta = getattr(getattr(controller.config, "flight", None), "beta", None)
+    if beta is None:
+        return None
+    own = beta / Similarity.of(mission.flight).scales[1] ** 2  # [m^2/s^4]
+    rotors = tuple(f"thrust_{rotor} [N]" for rotor in ROTORS)
+    inputs = Inputs(rotors, np.zeros(ROTOR_COUNT), np.full(ROTOR_COUNT, mission.vehicle.thrust_max))
+
+    def cost(begin: Look, end: Look, commands: Mapping[str, Array]) -> float:
+        h = end.t - begin.t
+        a = (end.truths[VEHICLE][VELOCITY] - begin.truths[VEHICLE][VELOCITY]) / h
+        return (float(a @ a) + own) * h
+
+    ends = {"start": mission.flight.start, "target": mission.flight.target}
+    return Task({VEHICLE: inputs}, cost, ("attitude", "rate"), ends)
 
 
 def _record(

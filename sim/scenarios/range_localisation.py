@@ -30,6 +30,7 @@ from sim.protocols import Sensor
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
 from sim.scenarios.ranging_fields import RangeLocalisationConfig
+from sim.scenarios.task import Inputs, Task, squared_error
 from sim.signals import Array
 
 VEHICLE = "robot"
@@ -77,7 +78,7 @@ class RangeLocalisation:
             return judged(summary, [Demand("converged", least=True), Demand("touched_wall", most=False)])
 
         record = _record(dataclasses.replace(config, start=start), seed, controller, estimator, mission, pose)
-        return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record)
+        return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=_task(mission))
 
     @staticmethod
     def errors(config: RangeLocalisationConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -85,6 +86,16 @@ class RangeLocalisation:
         mission = _mission(config)
         off = np.array([mission.difference(pose, true[:3]) for pose, true in zip(x, truth, strict=True)])
         return {name: off[:, k] for k, name in enumerate(("x_1 [m]", "x_2 [m]", "phi [rad]"))}
+
+
+def _task(mission: RangingMission) -> Task:
+    """Wheels that are commanded: L is the squared error of the pose, modulo symmetry, a metre for a radian.
+
+    Its expectation is the trace that the way to excite ``active`` has least (C.5).
+    """
+    limits = np.array([mission.speed_max, mission.turn_rate_max])
+    error = squared_error(VEHICLE, lambda x, truth: mission.difference(x, truth[:3]))
+    return Task({VEHICLE: Inputs.within(("u_1 [m/s]", "u_2 [rad/s]"), limits)}, error)
 
 
 def _mission(config: RangeLocalisationConfig) -> RangingMission:

@@ -40,6 +40,7 @@ from sim.scenarios.flight_parts import (
     drawn_point,
     faulty,
     first_plan,
+    flight_task,
     mission_but_ends,
     mounted,
     wants_certificate,
@@ -137,7 +138,9 @@ class SafeFlight:
 
         record = _record(config, seed, controller, estimator, true, tracker.bound)
         record["mission"]["target_path"] = [(t, *place) for t, place in track.reported(config.report_period)]
-        return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record)
+        ends = {"start": mission.start, "target": mission.target}
+        task = flight_task((VEHICLE,), config.acceleration_max, controller, ends)
+        return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=task)
 
 
 @lru_cache(maxsize=2)

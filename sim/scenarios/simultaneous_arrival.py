@@ -34,7 +34,7 @@ from sim.scenarios.experiment import Experiment
 from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from sim.scenarios.fleet_start import Vehicle, started_fleet, zone_of
 from sim.scenarios.fleet_talk import companions, consensus_of
-from sim.scenarios.flight_parts import check_above_ground, mission_but_ends, mounted
+from sim.scenarios.flight_parts import check_above_ground, flight_task, mission_but_ends, mounted
 from sim.signals import Array
 
 _LONGEST = 7200.0  # [s]
@@ -124,7 +124,12 @@ class SimultaneousArrival:
 
         record = _record(config, seed, controller, estimator, fleet, terrain, deadline)
         network = config.radio.network(names, talking)
-        return Experiment(plant, agents, duration, finished, summarise, record, network)
+        ends = {
+            "starts": tuple(vehicle.mission.start for vehicle in fleet.values()),
+            "target": next(iter(fleet.values())).centre,
+        }
+        task = flight_task(names, config.acceleration_max, controller, ends)
+        return Experiment(plant, agents, duration, finished, summarise, record, network, task)
 
 
 @lru_cache(maxsize=2)

@@ -29,6 +29,7 @@ from sim.ode_plant import OdePlant, OdeVehicle
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
 from sim.scenarios.demands import Demand, judged
 from sim.scenarios.experiment import Experiment
+from sim.scenarios.task import Inputs, Task, squared_error
 from sim.signals import Array, Status
 
 VEHICLE = "system"
@@ -127,7 +128,10 @@ class TextbookObserver:
 
         agent = Agent(observer, planner, tracker, len(config.observed.inputs))
         record = _record(config, seed, controller, estimator)
-        return Experiment(plant, {VEHICLE: agent}, config.duration, finished, summarise, record)
+        # L = |x^ - x|^2, the error of Definition 2.2, of which the root mean square is what a run is judged by.
+        inputs = Inputs.within(config.observed.inputs)
+        task = Task({VEHICLE: inputs}, squared_error(VEHICLE, config.observed.difference))
+        return Experiment(plant, {VEHICLE: agent}, config.duration, finished, summarise, record, task=task)
 
     @staticmethod
     def errors(config: TextbookConfig, x: Array, truth: Array) -> dict[str, Array]:

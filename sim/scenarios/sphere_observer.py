@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal, get_args
 
+import mujoco
 import numpy as np
 
 from models.manifold.constant_curvature import hyperbolic_space, sphere
@@ -133,7 +135,11 @@ def rigid_body_plant(
     name: str, start: Array, sensors: tuple[Sensor, ...], inertia: float, rng: np.random.Generator
 ) -> MujocoPlant:
     """The rigid body in MuJoCo, with the inertia [kg m^2] about every axis."""
+    return MujocoPlant(_rigid_body(name, inertia), {name: Equipment(start, sensors)}, rng)
+
+
+@lru_cache(maxsize=4)
+def _rigid_body(name: str, inertia: float) -> mujoco.MjModel:
     spec = build_spec("rigid-body", name=name)
-    body = spec.body(f"{name}/body")
-    body.inertia = (inertia, inertia, inertia)
-    return MujocoPlant(spec.compile(), {name: Equipment(start, sensors)}, rng)
+    spec.body(f"{name}/body").inertia = (inertia, inertia, inertia)
+    return spec.compile()

@@ -1,0 +1,11 @@
+"""Scenarios as environments. Where Gymnasium is installed, importing this makes them known to it.
+
+Gymnasium looks for no plug-ins of its own accord: what is imported registers what it has.
+"""
+
+from importlib.util import find_spec
+
+if find_spec("gymnasium") is not None:
+    from sim.environments.registration import register
+
+    register()

@@ -1,0 +1,104 @@
+"""Every scenario as a ``dm_env.Environment``.
+
+    from sim.environments.dm import load
+    environment = load("safe-flight", seed=3, terrain="jacksboro")
+
+An action commands the actuators for one period of the scenario's tracker; it is bounded by what the scenario bounds its
+inputs by, and unbounded where it does not. The observation is the estimate (``sim.environments.commanded``). The reward
+is minus the scenario's stage cost over the step, int L dt with
+
+    safe-flight            |a|^2 + beta, the running cost of (A.2), beta = 100 m^2/s^4
+    simultaneous-arrival   the same, summed over the vehicles
+    quadrotor-canyon       the same of the acceleration that the vehicle makes, beta at its scale
+    missile-guidance       the running cost of its case (B.4)
+    range-localisation     the squared error of the estimated pose, modulo symmetry, [m^2] and [rad^2] added up (C.5)
+    attitude-tracking      the squared angle to the reference [rad^2]
+    arm-velocity           |Delta v|^2, the squared error of the estimated velocity (D.5, D.6), as of sphere-observer
+    textbook-observer      |x^ - x|^2, the squared error of the estimate (Definition 2.2)
+
+The discount is 0 where the mission itself ends: the vehicle arrives, touches something or leaves every bound. Where the
+time is up it is 1, which is a truncation. An end that should not have been, a crash, costs nothing beside the steps
+until then: what it is to cost is for a wrapper to say.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import dm_env
+import numpy as np
+from dm_env import specs
+
+from sim.environments.commanded import STATUSES, Commanded, drawn_seed
+from sim.log import Recording
+from sim.plugins import Part
+
+
+def load(scenario: str, *, seed: int = 0, estimator: Part | str | None = None, **fields: Any) -> Environment:
+    """The scenario with these fields as an environment, of the estimator given or of its own.
+
+    ``seed`` draws the mission, and the generator of it the seeds of the episodes. Nested fields are mappings,
+    ``noise={"position": 5.0}``. ValueError for what is unknown or wrong, and for a scenario with nothing to command.
+    """
+    return Environment(Commanded(scenario, seed, estimator, fields), np.random.default_rng(seed))
+
+
+class Environment(dm_env.Environment):
+    """A mission as a sequence of episodes, each with a seed drawn from ``seeds``."""
+
+    def __init__(self, commanded: Commanded, seeds: np.random.Generator) -> None:
+        self._commanded, self._seeds = commanded, seeds
+        self._fresh = True
+        self.episode_seed: int | None = None
+        """of the present episode: a run of the scenario with it has the same noise and the same gusts"""
+        self._observation_spec = {name: _spec(name, value) for name, value in commanded.example.items()}
+
+    @property
+    def mission(self) -> dict[str, Any]:
+        """Start, target and bounds, as a run's config.json has them."""
+        return self._commanded.mission
+
+    @property
+    def recording(self) -> Recording:
+        """The log of the present episode, the truth included."""
+        return self._commanded.recording
+
+    def reset(self) -> dm_env.TimeStep:
+        """Begin the next episode."""
+        self._fresh = False
+        self.episode_seed = drawn_seed(self._seeds)
+        return dm_env.restart(self._commanded.begin(self.episode_seed))
+
+    def step(self, action: Any) -> dm_env.TimeStep:
+        """Hold an action for a period; before the first episode and after the end of one, begin the next instead.
+
+        ValueError for an action of another shape or not finite.
+        """
+        if self._fresh:
+            return self.reset()
+        made = self._commanded.step(action)
+        self._fresh = made.last
+        if made.ended:
+            return dm_env.termination(made.reward, made.observation)
+        if made.timed_out:
+            return dm_env.truncation(made.reward, made.observation)
+        return dm_env.transition(made.reward, made.observation)
+
+    def action_spec(self) -> specs.Array:
+        """(nu,), of a fleet (n, nu); its name tells what is commanded, with units."""
+        inputs = self._commanded.inputs
+        low, high = (self._commanded.rows([bound] * len(self._commanded.names)) for bound in (inputs.low, inputs.high))
+        name = ", ".join(inputs.names)
+        if np.isinf(low).any() or np.isinf(high).any():
+            return specs.Array(low.shape, np.float64, name)
+        return specs.BoundedArray(low.shape, np.float64, low, high, name)
+
+    def observation_spec(self) -> dict[str, specs.Array]:
+        """Of ``t``, ``x``, ``status`` and what else the estimate tells."""
+        return self._observation_spec
+
+
+def _spec(name: str, value: Any) -> specs.Array:
+    if name != "status":
+        return specs.Array(np.shape(value), np.float64, name)
+    return specs.BoundedArray(np.shape(value), np.int64, 0, len(STATUSES) - 1, name)

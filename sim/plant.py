@@ -41,6 +41,19 @@ class Equipment:
 
 
 @dataclass(frozen=True)
+class Layout:
+    """Where a vehicle is in MuJoCo's arrays, and how its input gets there: for whoever steps the model otherwise."""
+
+    q: slice  # of qpos
+    v: slice  # of qvel
+    actuators: slice  # of ctrl
+    input_size: int  # nu
+    bounded: Callable[[Array], tuple[Array, str]]  # what an input (nu,) is brought back to
+    drive: Drive | None  # None: the input is that of the actuators
+    delay: int  # [ticks]
+
+
+@dataclass(frozen=True)
 class JointMotion:
     """A ``sim.protocols.Motion``: views that follow the simulation."""
 
@@ -78,7 +91,8 @@ class _Vehicle:
         q = _slice(joints, int(positions[0]), int(positions[-1]) + SIZES[kinds[-1]][0])
         v = _slice(joints, int(velocities[0]), int(velocities[-1]) + SIZES[kinds[-1]][1])
         self.motion = JointMotion(data.qpos[q], data.qvel[v], data.qacc[v], sensed)
-        self.actuators = data.ctrl[_slice(actuators, actuators[0], actuators[-1] + 1)] if actuators else data.ctrl[:0]
+        control = _slice(actuators, actuators[0], actuators[-1] + 1) if actuators else slice(0)
+        self.actuators = data.ctrl[control]
         self.drive = equipment.drive
         self.control = np.zeros(self.drive.input_size) if self.drive else self.actuators  # the input that acts
         self.wrench = data.xfrc_applied[int(model.jnt_bodyid[joints[0]])]  # force and torque, world frame
@@ -98,6 +112,7 @@ class _Vehicle:
         self.place(equipment.start, "start")
         self.bounded = input_bound(name, equipment.input_max, len(self.control))
         self.delay = whole_ticks(equipment.delay, float(model.opt.timestep), "delay") if equipment.delay != 0.0 else 0
+        self.layout = Layout(q, v, control, len(self.control), self.bounded, self.drive, self.delay)
         self.underway: deque[tuple[int, Array]] = deque()  # (tick from which it acts, input), where there is a delay
         self.sensors = mounted(name, equipment.sensors, float(model.opt.timestep), rng)
         self.readings: list[Measurement] = []  # since the last look
@@ -162,6 +177,10 @@ class MujocoPlant:
 
     def sensors(self, name: str) -> tuple[Sensor, ...]:
         return tuple(each.sensor for each in self._vehicle(name).sensors)
+
+    def layout(self, name: str) -> Layout:
+        """Where a vehicle is in the arrays of ``model`` and ``data``."""
+        return self._vehicle(name).layout
 
     def contacts(self, name: str) -> int:
         """How often the vehicle has begun to touch something."""

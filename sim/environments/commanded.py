@@ -87,6 +87,10 @@ class Commanded:
         self._looks = _looks_per_command(scenario, first)
         self.period = first.agents[self.names[0]].tracker.period
         """[s] for which a command is held"""
+        self.plant = first.plant
+        """with the model of the mission"""
+        self.start = self.rows([first.plant.state(name) for name in self.names])
+        """(nx,) or (n, nx) the truth at the start of the mission as it was drawn"""
         self._loop = Loop(first.plant, first.agents, first.duration)
         self._has_covariance = self._looked_for_covariance()
         self.example = self._observation()
@@ -150,7 +154,7 @@ class Commanded:
 
     def _begun(self) -> Experiment:
         if self._experiment is None:
-            raise ValueError("step() before reset(); allowed: after it")
+            raise ValueError("no episode has begun; allowed: after reset()")
         return self._experiment
 
     def _checked(self, command: Any) -> dict[str, Array]:
@@ -189,7 +193,7 @@ class Commanded:
         seen: Observation = {
             "t": self.rows([estimate.t for estimate in estimates]),
             "x": self.rows([estimate.x for estimate in estimates]),
-            "status": self.rows([_number(estimate.status) for estimate in estimates]),
+            "status": self.rows([_number(estimate.status) for estimate in estimates])[()],
         }
         if self._has_covariance:
             seen["covariance"] = self.rows([_covariance(estimate) for estimate in estimates])

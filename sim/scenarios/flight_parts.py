@@ -207,7 +207,7 @@ def flight_task(
     bounded = input_bound("", acceleration_max, 3)
 
     def cost(begin: Look, end: Look, commands: Mapping[str, Array]) -> float:
-        acting = [bounded(commands[name])[0] for name in names]
-        return sum(float(a @ a) + beta for a in acting) * (end.t - begin.t)
+        acting = np.array([bounded(commands[name])[0] for name in names])
+        return (float(np.square(acting).sum()) + len(names) * float(beta)) * (end.t - begin.t)
 
     return Task(dict.fromkeys(names, inputs), cost, mission=mission)

@@ -254,7 +254,7 @@ def _task(mission: QuadrotorMission, controller: Part) -> Task | None:
     beta = getattr(getattr(controller.config, "flight", None), "beta", None)
     if beta is None:
         return None
-    own = beta / Similarity.of(mission.flight).scales[1] ** 2  # [m^2/s^4]
+    own = float(beta) / Similarity.of(mission.flight).scales[1] ** 2  # [m^2/s^4]
     rotors = tuple(f"thrust_{rotor} [N]" for rotor in ROTORS)
     inputs = Inputs(rotors, np.zeros(ROTOR_COUNT), np.full(ROTOR_COUNT, mission.vehicle.thrust_max))
 

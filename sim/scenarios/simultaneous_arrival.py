@@ -125,7 +125,7 @@ class SimultaneousArrival:
         record = _record(config, seed, controller, estimator, fleet, terrain, deadline)
         network = config.radio.network(names, talking)
         ends = {
-            "starts": tuple(vehicle.mission.start for vehicle in fleet.values()),
+            "start": tuple(vehicle.mission.start for vehicle in fleet.values()),
             "target": next(iter(fleet.values())).centre,
         }
         task = flight_task(names, config.acceleration_max, controller, ends)

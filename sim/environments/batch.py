@@ -1,0 +1,112 @@
+"""Many runs of a scenario's plant at once, by ``mujoco.batch``.
+
+    from sim.environments.batch import load
+    rollouts = load("safe-flight", seed=3, terrain="jacksboro")
+    states = rollouts.states(starts, commands)
+
+The physics alone, in still air: no sensors, no estimator, no gusts, no faults. A command is held for the period of the
+scenario's tracker, and brought back to its bounds, as in a flight; then the states are those of the loop's plant, bit
+for bit, on any number of threads. Whoever commands a fleet has a row for each vehicle.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from mujoco.batch import Batch
+
+from sim.environments.commanded import Commanded
+from sim.faults import Disturbed
+from sim.loop import whole_ticks
+from sim.plant import Layout, MujocoPlant
+from sim.signals import Array
+
+
+def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Rollouts:
+    """The plant of a scenario with these fields, its mission drawn from ``seed``, on so many threads, 0 for all CPUs.
+
+    ValueError for what is unknown or wrong, and for a scenario whose plant is not MuJoCo's or has late actuators.
+    """
+    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 0:
+        raise ValueError(f"threads = {threads!r}; allowed: a whole number >= 0")
+    commanded = Commanded(scenario, seed, None, fields)
+    plant = commanded.plant.plant if isinstance(commanded.plant, Disturbed) else commanded.plant
+    if not isinstance(plant, MujocoPlant):
+        raise ValueError(f"scenario = {scenario!r} with these fields is an ODE; allowed: one that MuJoCo moves")
+    layouts = [plant.layout(name) for name in commanded.names]
+    if late := [layout.delay for layout in layouts if layout.delay]:
+        raise ValueError(f"actuators of {scenario!r} are {late[0]} ticks late; allowed: 0")
+    return Rollouts(plant, commanded, layouts, threads)
+
+
+class Rollouts:
+    """A plant that N runs start from at once."""
+
+    def __init__(self, plant: MujocoPlant, commanded: Commanded, layouts: list[Layout], threads: int) -> None:
+        self._plant, self._layouts, self._threads = plant, layouts, threads
+        self._ticks = whole_ticks(commanded.period, plant.dt, "the tracker's period")
+        self._names, self.period = commanded.names, commanded.period
+        self.start = commanded.start
+        """(nx,) the state that the mission starts from; of a fleet (n, nx)"""
+
+    def states(self, starts: Any, commands: Any) -> Array:
+        """(N, K + 1, nx) the states from N starts (N, nx), and after each of K commands (N, K, nu).
+
+        Of a fleet of n, (N, K + 1, n, nx) from (N, n, nx) and (N, K, n, nu). Actuators start at rest, as in a flight.
+        ValueError for other shapes, for what is not finite, and for a quaternion not of length 1.
+        """
+        x, u = np.array(starts, dtype=np.float64), np.array(commands, dtype=np.float64)
+        one, input_size = self.start.shape, self._layouts[0].input_size
+        if x.shape[1:] != one or not len(x):
+            raise ValueError(f"starts has shape {x.shape}; allowed: {('N', *one)}, N >= 1".replace("'", ""))
+        if u.ndim < 2 or u.shape != (len(x), u.shape[1], *one[:-1], input_size):
+            allowed = f"{(len(x), 'K', *one[:-1], input_size)}".replace("'", "")
+            raise ValueError(f"commands has shape {u.shape}; allowed: {allowed}, a sequence for each start")
+        if not np.isfinite(u).all():
+            where = tuple(map(int, np.argwhere(~np.isfinite(u))[0]))
+            raise ValueError(f"commands[{where}] = {u[where]}; allowed: finite numbers")
+        vehicles = len(self._names)
+        x = x.reshape(len(x), vehicles, one[-1])
+        u = u.reshape(len(x), u.shape[1], vehicles, input_size)
+        found = self._rolled_out(x, u)
+        return found.reshape(len(x), u.shape[1] + 1, *one)
+
+    def _rolled_out(self, x: Array, u: Array) -> Array:
+        """(N, K + 1, n, nx) from (N, n, nx) and (N, K, n, nu)."""
+        batch = Batch(self._plant.model, len(x), self._threads)
+        qpos, qvel, ctrl = (batch.bind(field) for field in ("qpos", "qvel", "ctrl"))  # views of what is stepped
+        for row, states in enumerate(x):
+            for name, state in zip(self._names, states, strict=True):
+                self._plant.place(name, state)
+            qpos[row], qvel[row] = self._plant.data.qpos, self._plant.data.qvel
+        batch.forward()
+        driven = any(layout.drive is not None for layout in self._layouts)
+        out = np.empty((len(x), u.shape[1] + 1, *x.shape[1:]))
+        self._read(qpos, qvel, out[:, 0])
+        for k in range(u.shape[1]):
+            held = [self._bounded(inputs) for inputs in u[:, k]]
+            for _ in range(self._ticks if driven else 1):  # a drive acts before every tick
+                self._act(held, qpos, qvel, ctrl)
+                batch.step(nstep=1 if driven else self._ticks)
+            self._read(qpos, qvel, out[:, k + 1])
+        return out
+
+    def _bounded(self, inputs: Array) -> list[Array]:
+        """The inputs (n, nu) of one run within their bounds."""
+        return [layout.bounded(u)[0] for layout, u in zip(self._layouts, inputs, strict=True)]
+
+    def _act(self, held: list[list[Array]], qpos: Array, qvel: Array, ctrl: Array) -> None:
+        """Bring the inputs, of each run and vehicle, to the actuators."""
+        for row, inputs in enumerate(held):
+            for layout, u in zip(self._layouts, inputs, strict=True):
+                control = ctrl[row, layout.actuators]
+                if layout.drive is None:
+                    control[:] = u
+                else:
+                    layout.drive.act(u, qpos[row, layout.q], qvel[row, layout.v], control, self._plant.dt)
+
+    def _read(self, qpos: Array, qvel: Array, out: Array) -> None:
+        """The states (N, n, nx)."""
+        for k, layout in enumerate(self._layouts):
+            out[:, k] = np.concatenate((qpos[:, layout.q], qvel[:, layout.v]), axis=1)

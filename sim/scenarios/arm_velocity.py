@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -92,9 +94,15 @@ def believed(config: ArmVelocityConfig) -> LagrangianMission:
 
 def _models(config: ArmVelocityConfig) -> tuple[mujoco.MjModel, mujoco.MjModel]:
     """As it is believed, and as it is."""
-    model = build_model(config.mechanism, name=VEHICLE)
+    own_file = Path(config.mechanism).is_file()  # which may be another one by now
+    return (_built.__wrapped__ if own_file else _built)(config.mechanism, config.load)
+
+
+@lru_cache(maxsize=4)
+def _built(mechanism: str, load: float) -> tuple[mujoco.MjModel, mujoco.MjModel]:
+    model = build_model(mechanism, name=VEHICLE)
     model.opt.timestep = TICK
-    return model, heavier(model, config.load)
+    return model, heavier(model, load)
 
 
 def _start(config: ArmVelocityConfig, mission: LagrangianMission) -> Array:

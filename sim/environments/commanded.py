@@ -19,6 +19,7 @@ the episode. So terrain, models and cost-to-go are built once, and an episode is
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -104,9 +105,9 @@ class Commanded:
 
     @property
     def recording(self) -> Recording:
-        """The log of the episode so far; ValueError before the first one."""
+        """The log of the episode so far, the truth included; ValueError before the first one."""
         self._begun()
-        return self._loop.recording
+        return dataclasses.replace(self._loop.recording).end()
 
     def rows(self, of_vehicles: list[Any]) -> Array:
         """One array for each vehicle as the rows of one, or as it is if there is one vehicle."""
@@ -126,7 +127,8 @@ class Commanded:
         """Hold a command (nu,), of a fleet (n, nu), for a period.
 
         ValueError for one of another shape or not finite, and where no episode has begun or it is over. What is beyond
-        the bounds of the inputs is brought back by the plant, as in any run.
+        the bounds of the inputs is brought back by the plant, as in any run. A look of which no finite
+        cost can be told, because the physics has lost the state, costs nothing.
         """
         experiment, loop, commands = self._begun(), self._loop, self._checked(command)
         if loop.over or self._finished:
@@ -138,10 +140,9 @@ class Commanded:
             loop.advance()
             loop.observe()
             before, self._look = self._look, self._seen()
-            cost += self._task.cost(before, self._look, commands)
+            cost += self._cost(before, commands)
             self._finished = bool(experiment.finished(loop.t, loop.truths))
             if self._finished or loop.over:
-                loop.recording.end()
                 break
         return Step(self._observation(), 0.0 - cost, self._finished, loop.over and not self._finished)
 
@@ -151,6 +152,14 @@ class Commanded:
             raise ValueError(f"seed = {seed!r}; allowed: a whole number >= 0")
         experiment: Experiment = self._plugin.build(self._config, int(seed), self._controller, self._estimator)
         return experiment
+
+    def _cost(self, before: Look, commands: Mapping[str, Array]) -> float:
+        """From the look before to the present one; 0 where it is not finite."""
+        if not all(np.isfinite(x).all() for x in self._look.truths.values()):
+            return 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            cost = self._task.cost(before, self._look, commands)
+        return cost if math.isfinite(cost) else 0.0
 
     def _begun(self) -> Experiment:
         if self._experiment is None:
@@ -164,8 +173,10 @@ class Commanded:
         shape = (len(self.names), size) if len(self.names) > 1 else (size,)
         if u.shape != shape:
             raise ValueError(f"action has shape {u.shape}; allowed: {shape}, of {', '.join(self.inputs.names)}")
-        if not np.isfinite(u).all():
-            raise ValueError(f"action = {u.tolist()}; allowed: finite numbers")
+        with np.errstate(over="ignore"):
+            finite = np.isfinite(np.square(u).sum())
+        if not finite:
+            raise ValueError(f"action = {u.tolist()}; allowed: finite numbers, whose squares are finite too")
         return dict(zip(self.names, u.reshape(len(self.names), size), strict=True))
 
     def _seen(self) -> Look:

@@ -52,7 +52,7 @@ def test_a_step_before_the_first_episode_and_a_wrong_field_are_refused() -> None
     env = ScenarioEnv("textbook-observer")
     with pytest.raises(ValueError, match="no episode has begun; allowed: after reset"):
         env.step(np.zeros(1))
-    with pytest.raises(ValueError, match="speed is not a field; .*allowed: system"):
+    with pytest.raises(ValueError, match=r"speed is not a field; .*allowed: system"):
         gymnasium.make("mathnavi/TextbookObserver-v0", speed=1.0)
 
 

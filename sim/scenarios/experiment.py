@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from sim.cockpit import Agent
 from sim.log import Recording, write_run
 from sim.loop import simulate
 from sim.network import Network
+from sim.plugins import Part
 from sim.protocols import Plant
 from sim.scenarios.task import Task
 from sim.signals import Array
@@ -54,3 +56,18 @@ class Experiment:
         recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network)
         summary, success = self.summarise(recording, time.perf_counter() - began)
         return Outcome(recording, summary, self.config, success)
+
+
+def recorded(
+    scenario: str, drawing: str, seed: int, config: Any, controller: Part, estimator: Part, **beside: Any
+) -> dict[str, Any]:
+    """What config.json holds beside the versions: enough to build the same experiment, and to draw its run."""
+    return {
+        "scenario": scenario,
+        "drawing": drawing,
+        "seed": seed,
+        "fields": dataclasses.asdict(config),
+        "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
+        "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
+        **beside,
+    }

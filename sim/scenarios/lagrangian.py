@@ -5,7 +5,6 @@ position -> estimator -> controller -> forces
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -24,7 +23,7 @@ from sim.ode_plant import OdePlant
 from sim.plugins import Part, checked_controller, checked_estimator
 from sim.protocols import Plant
 from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment
+from sim.scenarios.experiment import Experiment, recorded
 from sim.scenarios.task import Inputs, StageCost, Task, squared_error
 from sim.signals import Array
 
@@ -100,21 +99,16 @@ class Loop:
             return judged(figures, [whole, found, *self.demands])
 
         agent = Agent(observer, planner, tracker, len(self.mission.system.inputs))
-        record = {
-            "scenario": self.name,
-            "drawing": "renders.lagrangian.drawing",
-            "seed": seed,
-            "fields": dataclasses.asdict(fields),
-            "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
-            "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-            "mission": {
+        record = recorded(
+            self.name, "renders.lagrangian.drawing", seed, fields, controller, estimator,
+            mission={
                 "manifold": manifold.name,
                 "states": self.truth.system.states,
                 "inputs": self.truth.system.inputs,
                 "tolerance": fields.tolerance,
                 **self.told,
             },
-        }
+        )  # fmt: skip
         inputs = self.inputs or Inputs.within(tuple(self.mission.system.inputs))
         task = Task({self.vehicle: inputs}, self.cost or self._velocity_error())
         return Experiment(self.plant, {self.vehicle: agent}, fields.duration, finished, summarise, record, task=task)

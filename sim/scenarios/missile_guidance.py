@@ -32,7 +32,7 @@ from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
 from sim.protocols import Plant, Sensor
 from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment
+from sim.scenarios.experiment import Experiment, recorded
 from sim.scenarios.missile_fields import Mismatch, MissileGuidanceConfig, Point
 from sim.scenarios.task import Inputs, Look, Task
 from sim.signals import Array, Estimate, Message, Plan, PlanRequest
@@ -234,14 +234,9 @@ def _record(
     truth: TargetMotion,
 ) -> dict[str, Any]:
     """What config.json holds beside the versions; the mission is in the thesis' frame."""
-    return {
-        "scenario": "missile-guidance",
-        "drawing": "renders.missile.drawing",
-        "seed": seed,
-        "fields": dataclasses.asdict(config),
-        "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
-        "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-        "mission": {
+    return recorded(
+        "missile-guidance", "renders.missile.drawing", seed, config, controller, estimator,
+        mission={
             "dimension": mission.coordinates.name,
             "start": mission.start,
             "target": [dataclasses.asdict(leg) for leg in truth.legs],
@@ -251,4 +246,4 @@ def _record(
             "miss_allowed": config.miss_allowed,
             "aspect_allowed": config.aspect_allowed,
         },
-    }
+    )  # fmt: skip

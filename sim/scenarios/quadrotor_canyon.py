@@ -32,9 +32,7 @@ import mujoco
 import numpy as np
 
 from controllers.flight.certificate import TrackingBound
-from controllers.flight.certified import Certified
 from controllers.quadrotor.similarity import Similarity
-from models.aerial.dynamics import TICK
 from models.aerial.mission import EstimateQuality
 from models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VELOCITY
 from models.quadrotor.entity import REACH, RotorDrive, build_model
@@ -48,8 +46,8 @@ from sim.metrics.quadrotor import point, quadrotor_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, called, checked_controller, checked_estimator, checked_quality, checked_sensors, load
 from sim.protocols import Plant
-from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment
+from sim.scenarios.certified_ends import certified_ends
+from sim.scenarios.experiment import Experiment, recorded
 from sim.scenarios.flight_parts import (
     Point,
     bare_mission,
@@ -59,6 +57,7 @@ from sim.scenarios.flight_parts import (
     wants_certificate,
     with_dropouts,
 )
+from sim.scenarios.flight_verdict import due, longest_flight, verdict
 from sim.scenarios.quadrotor_fields import Mismatch, QuadrotorCanyonConfig
 from sim.scenarios.task import Inputs, Look, Task
 from sim.signals import Array, Estimate, Plan, PlanRequest, Status
@@ -95,7 +94,16 @@ class QuadrotorCanyon:
         estimator = estimator or Part.of(load("estimators", QuadrotorCanyon.estimator))
         draws, sensing, failing, corrupting, delaying, gusting, losing = np.random.default_rng(seed).spawn(7)
         terrain = load_terrain(config.terrain)
-        mission, first = _certified_mission(config, terrain, controller, estimator, draws)
+        bare = _bare_mission(config, terrain, estimator)
+        start, target, first = certified_ends(
+            config,
+            terrain,
+            lambda name, place: check_above_ground(name, place, bare.flight),
+            lambda: _drawn(config, terrain, draws),
+            lambda start, target: _first_plan(_between(bare, start, target), controller),
+            _DRAWS,
+        )
+        mission = _between(bare, start, target)
         flight, faults = mission.flight, config.faults
 
         raw, tracker = checked_controller(controller, mission, TrackingBound)
@@ -121,23 +129,12 @@ class QuadrotorCanyon:
             return away <= flight.arrival_radius or body.contacts(VEHICLE) > 0
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
-            # The deadline counts from the plan that was flown first, which started from the estimate.
-            flown = recording.agents[VEHICLE].plans[:1]
-            promised = [t + config.deadline_factor * (plan.t_end - t) for t, plan in flown]
-            due = min([*promised, 2.0 * deadline]) if isinstance(planner, Certified) else deadline
-            summary = quadrotor_summary(recording, VEHICLE, mission, tracker.bound, due, seed, wall_seconds)
-            in_time = [Demand("arrival_time_s", most=due)] if summary["arrived"] else []
-            safe = Demand("ground_contacts", most=0), Demand("min_clearance_m", least=config.clearance_min)
-            demands = [Demand("arrived", least=True), *in_time, *safe]
-            return judged(summary, demands, told=[Demand("speed_max_m_s", most=config.speed_max)])
+            by = due(recording, VEHICLE, planner, config.deadline_factor, deadline)
+            summary = quadrotor_summary(recording, VEHICLE, mission, tracker.bound, by, seed, wall_seconds)
+            return verdict(summary, by, config.clearance_min, config.speed_max)
 
         # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
-        duration = math.ceil(2.0 * deadline / TICK) * TICK
-        if duration > _LONGEST:
-            raise ValueError(
-                f"deadline_factor = {config.deadline_factor:g} at speed_max = {config.speed_max:g} m/s lets the flight "
-                f"take {duration:.0f} s; allowed: {_LONGEST:.0f} s, so be sooner or faster"
-            )
+        duration = longest_flight(2.0 * deadline, config.deadline_factor, config.speed_max, _LONGEST)
         record = _record(config, seed, controller, estimator, mission, terrain, tracker.bound)
         task = _task(mission, controller)
         return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=task)
@@ -178,54 +175,15 @@ def _raised(terrain: HeightField) -> HeightField:
     return terrain.inflated(REACH, REACH)
 
 
-def _certified_mission(
-    config: QuadrotorCanyonConfig, terrain: HeightField, controller: Part, estimator: Part, rng: np.random.Generator
-) -> tuple[QuadrotorMission, Plan]:
-    """The mission with its end points, and a first plan that proves it can be flown.
-
-    End points that are given must be right; those that are not are redrawn until a first plan is certified.
-    """
-    flight = bare_mission(config, _raised(terrain))
-    mission = QuadrotorMission(flight)
+def _bare_mission(config: QuadrotorCanyonConfig, terrain: HeightField, estimator: Part) -> QuadrotorMission:
+    """The mission but for its start and target."""
+    mission = QuadrotorMission(bare_mission(config, _raised(terrain)))
     quality = checked_quality(estimator, mission, EstimateQuality)
-    flight = dataclasses.replace(flight, quality=quality)
-    for name in ("start", "target"):
-        if getattr(config, name) is not None:
-            check_above_ground(name, getattr(config, name), flight)
-    if config.start is not None and config.target is not None:
-        if math.dist(config.start, config.target) <= config.arrival_radius:
-            raise ValueError(
-                f"target = {config.target!r} is where the mission starts; "
-                f"allowed: more than arrival_radius = {config.arrival_radius:g} m away from the start"
-            )
-        mission = _between(mission, flight, config.start, config.target)
-        plan = _first_plan(mission, controller)
-        if not plan.ok:
-            raise ValueError(
-                f"start = {config.start!r}, target = {config.target!r}: no initial certificate: {plan.status.value} "
-                f"({plan.message}); allowed: a start from which a first plan can be certified"
-            )
-        return mission, plan
-    side = max(terrain.width, terrain.depth)
-    nearest, farthest = config.drawn_separation
-    for _ in range(_DRAWS):
-        start, target = config.start or _drawn(config, terrain, rng), config.target or _drawn(config, terrain, rng)
-        apart = math.dist(start[:2], target[:2])
-        if not nearest * side <= apart <= farthest * side or math.dist(start, target) <= config.arrival_radius:
-            continue
-        mission = _between(mission, flight, start, target)
-        plan = _first_plan(mission, controller)
-        if plan.ok:
-            return mission, plan
-    raise ValueError(
-        f"drawn_separation = {config.drawn_separation!r}: none of {_DRAWS} missions drawn for start = {config.start!r} "
-        f"and target = {config.target!r} over the lowest {config.drawn_lowest:.3g} of the map's heights has its ends "
-        "so far apart and an initial certificate; allowed: other shares, or both --start and --target"
-    )
+    return dataclasses.replace(mission, flight=dataclasses.replace(mission.flight, quality=quality))
 
 
-def _between(mission: QuadrotorMission, flight: Any, start: Point, target: Point) -> QuadrotorMission:
-    return dataclasses.replace(mission, flight=dataclasses.replace(flight, start=start, target=target))
+def _between(mission: QuadrotorMission, start: Point, target: Point) -> QuadrotorMission:
+    return dataclasses.replace(mission, flight=dataclasses.replace(mission.flight, start=start, target=target))
 
 
 def _first_plan(mission: QuadrotorMission, controller: Part) -> Plan:
@@ -279,15 +237,10 @@ def _record(
     """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
     flight, place = mission.flight, place_of(config.terrain)
     resolved = dataclasses.replace(config, terrain=place, start=flight.start, target=flight.target)
-    return {
-        "scenario": "quadrotor-canyon",
-        "drawing": "renders.quadrotor.drawing",
-        "seed": seed,
-        "fields": dataclasses.asdict(resolved),
-        "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
-        "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-        "terrain": {"name": terrain.name, "path": place, "digest": terrain.digest},
-        "mission": {
+    return recorded(
+        "quadrotor-canyon", "renders.quadrotor.drawing", seed, resolved, controller, estimator,
+        terrain={"name": terrain.name, "path": place, "digest": terrain.digest},
+        mission={
             "start": flight.start,
             "target": flight.target,
             "clearance_min": flight.clearance_min,
@@ -299,4 +252,4 @@ def _record(
             "thrust_max": mission.vehicle.thrust_max,
             "tracking_bound": dataclasses.asdict(bound),
         },
-    }
+    )  # fmt: skip

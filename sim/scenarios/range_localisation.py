@@ -28,7 +28,7 @@ from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
 from sim.protocols import Sensor
 from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment
+from sim.scenarios.experiment import Experiment, recorded
 from sim.scenarios.ranging_fields import RangeLocalisationConfig
 from sim.scenarios.task import Inputs, Task, squared_error
 from sim.signals import Array
@@ -202,14 +202,9 @@ def _record(
     pose: Array,
 ) -> dict[str, Any]:
     """What config.json holds beside the versions; angles of the mission are in radians."""
-    return {
-        "scenario": "range-localisation",
-        "drawing": "renders.ranging.drawing",
-        "seed": seed,
-        "fields": dataclasses.asdict(config),
-        "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
-        "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-        "mission": {
+    return recorded(
+        "range-localisation", "renders.ranging.drawing", seed, config, controller, estimator,
+        mission={
             "field": mission.curve.name,
             "coefficients": mission.curve.coefficients,
             "angles": mission.angles,
@@ -225,4 +220,4 @@ def _record(
             "friction": config.friction,
             "outage": config.outage,
         },
-    }
+    )  # fmt: skip

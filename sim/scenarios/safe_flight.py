@@ -19,7 +19,6 @@ import numpy as np
 
 from controllers.flight.certificate import TrackingBound
 from controllers.flight.certified import Certified
-from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
 from models.aerial.mission import FlightMission
 from models.terrain.height_field import HeightField
@@ -31,8 +30,8 @@ from sim.metrics.flight import flight_summary
 from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_controller, checked_estimator, load
 from sim.protocols import Plant
-from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment
+from sim.scenarios.certified_ends import certified_ends
+from sim.scenarios.experiment import Experiment, recorded
 from sim.scenarios.flight_fields import SafeFlightConfig
 from sim.scenarios.flight_parts import (
     certified,
@@ -45,8 +44,9 @@ from sim.scenarios.flight_parts import (
     mounted,
     wants_certificate,
 )
+from sim.scenarios.flight_verdict import due, longest_flight, verdict
 from sim.scenarios.information import TargetTrack, check_track
-from sim.signals import Array, Plan
+from sim.signals import Array
 
 VEHICLE = "vehicle"
 _LONGEST = 36_000.0  # [s] of simulated time that is logged
@@ -82,7 +82,15 @@ class SafeFlight:
         terrain = config.ground(charted)
         radars = config.tracks(charted)
         mission = mission_but_ends(config, charted, estimator, config.radars_at(0.0, charted))
-        mission, first = _certified_mission(config, mission, controller, draws)
+        start, target, first = certified_ends(
+            config,
+            charted,
+            lambda name, point: check_above_ground(name, point, mission),
+            lambda: drawn_point(mission, config.drawn_heights, draws),
+            lambda start, target: first_plan(dataclasses.replace(mission, start=start, target=target), controller),
+            _DRAWS,
+        )
+        mission = dataclasses.replace(mission, start=start, target=target)
         track = TargetTrack(mission.target, terrain, config.target_path)
         true = dataclasses.replace(mission, terrain=terrain)
         check_above_ground("start", mission.start, true)
@@ -90,22 +98,17 @@ class SafeFlight:
         check_track(track, config.report_period, lambda name, point: check_above_ground(name, point, true))
         deadline = config.deadline_factor * first.t_end
         # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
-        duration = math.ceil((2.0 * deadline + track.ends) / TICK) * TICK
-        if duration > _LONGEST:
-            raise ValueError(
-                f"deadline_factor = {config.deadline_factor:g} at speed_max = {config.speed_max:g} m/s lets the flight "
-                f"take {duration:.0f} s; allowed: {_LONGEST:.0f} s, so be sooner or faster"
-            )
+        duration = longest_flight(2.0 * deadline + track.ends, config.deadline_factor, config.speed_max, _LONGEST)
 
         raw, tracker = checked_controller(controller, mission, TrackingBound)
         faults = config.faults
         flawed = faulty(raw, faults, (failing, corrupting, delaying))
         planner = certified(flawed, mission, tracker.bound) if wants_certificate(controller) else flawed
         sensors = mounted(estimator, mission, faults, losing)
-        start = np.array([*mission.start, 0.0, 0.0, 0.0])
+        at_rest = np.array([*mission.start, 0.0, 0.0, 0.0])
         body = MujocoPlant(
             _model(terrain, config.acceleration_max),
-            {VEHICLE: Equipment(start, sensors, config.acceleration_max)},
+            {VEHICLE: Equipment(at_rest, sensors, config.acceleration_max)},
             sensing,
         )
         disturbances: list[Disturbance] = []
@@ -123,18 +126,13 @@ class SafeFlight:
             return away <= mission.arrival_radius or body.contacts(VEHICLE) > 0
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
-            # The deadline counts from the plan that was flown first, which started from the estimate.
-            flown = recording.agents[VEHICLE].plans[:1]
-            promised = [t + config.deadline_factor * (plan.t_end - t) for t, plan in flown]
-            due = min([*promised, 2.0 * deadline]) if isinstance(planner, Certified) else deadline
             if config.target_path and isinstance(planner, Certified):
-                due = planner.promised  # a target that moves may have moved it
+                by = planner.promised  # a target that moves may have moved it
+            else:
+                by = due(recording, VEHICLE, planner, config.deadline_factor, deadline)
             flown_to = dataclasses.replace(true, target=track.at(float(recording.t[-1])))
-            summary = flight_summary(recording, VEHICLE, flown_to, radars, tracker.bound, due, seed, wall_seconds)
-            in_time = [Demand("arrival_time_s", most=due)] if summary["arrived"] else []
-            safe = Demand("ground_contacts", most=0), Demand("min_clearance_m", least=mission.clearance_min)
-            demands = [Demand("arrived", least=True), *in_time, *safe]
-            return judged(summary, demands, told=[Demand("speed_max_m_s", most=mission.speed_max)])
+            summary = flight_summary(recording, VEHICLE, flown_to, radars, tracker.bound, by, seed, wall_seconds)
+            return verdict(summary, by, mission.clearance_min, mission.speed_max)
 
         record = _record(config, seed, controller, estimator, true, tracker.bound)
         record["mission"]["target_path"] = [(t, *place) for t, place in track.reported(config.report_period)]
@@ -146,51 +144,6 @@ class SafeFlight:
 @lru_cache(maxsize=2)
 def _model(terrain: HeightField, acceleration_max: float) -> mujoco.MjModel:
     return build_model(terrain, (VEHICLE,), acceleration_max)
-
-
-def _certified_mission(
-    config: SafeFlightConfig, mission: FlightMission, controller: Part, rng: np.random.Generator
-) -> tuple[FlightMission, Plan]:
-    """The mission with its end points, and a first plan that proves it can be flown.
-
-    End points that are given must be right; those that are not are redrawn until a first plan is certified.
-    """
-    for name in ("start", "target"):
-        point = getattr(config, name)
-        if point is not None:
-            check_above_ground(name, point, mission)
-    if config.start is not None and config.target is not None:
-        if math.dist(config.start, config.target) <= mission.arrival_radius:
-            raise ValueError(
-                f"target = {config.target!r} is where the mission starts; "
-                f"allowed: more than arrival_radius = {mission.arrival_radius:g} m away from the start"
-            )
-        fixed = dataclasses.replace(mission, start=config.start, target=config.target)
-        plan = first_plan(fixed, controller)
-        if not plan.ok:
-            raise ValueError(
-                f"start = {config.start!r}, target = {config.target!r}: no initial certificate: {plan.status.value} "
-                f"({plan.message}); allowed: a start from which a first plan can be certified"
-            )
-        return fixed, plan
-    side = max(mission.terrain.width, mission.terrain.depth)
-    nearest, farthest = config.drawn_separation
-    for _ in range(_DRAWS):
-        start = config.start or drawn_point(mission, config.drawn_heights, rng)
-        target = config.target or drawn_point(mission, config.drawn_heights, rng)
-        if not nearest * side <= math.dist(start[:2], target[:2]) <= farthest * side:
-            continue
-        if math.dist(start, target) <= mission.arrival_radius:
-            continue
-        drawn = dataclasses.replace(mission, start=start, target=target)
-        plan = first_plan(drawn, controller)
-        if plan.ok:
-            return drawn, plan
-    raise ValueError(
-        f"drawn_separation = {config.drawn_separation!r}: none of {_DRAWS} missions drawn for start = {config.start!r} "
-        f"and target = {config.target!r} has its ends so far apart and an initial certificate; allowed: other shares "
-        f"of the side, or both --start and --target"
-    )
 
 
 def _record(
@@ -205,14 +158,10 @@ def _record(
     terrain = mission.terrain
     place = place_of(config.terrain)
     resolved = dataclasses.replace(config, terrain=place, start=mission.start, target=mission.target)
-    return {
-        "scenario": "safe-flight",
-        "seed": seed,
-        "fields": dataclasses.asdict(resolved),
-        "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
-        "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-        "terrain": {"name": terrain.name, "path": place, "digest": terrain.digest, "hills": config.uncharted},
-        "mission": {
+    return recorded(
+        "safe-flight", "renders.flight", seed, resolved, controller, estimator,
+        terrain={"name": terrain.name, "path": place, "digest": terrain.digest, "hills": config.uncharted},
+        mission={
             "start": mission.start,
             "target": mission.target,
             "clearance_min": mission.clearance_min,
@@ -223,4 +172,4 @@ def _record(
             "tracking_bound": dataclasses.asdict(bound),
             **config.recorded(terrain),
         },
-    }
+    )  # fmt: skip

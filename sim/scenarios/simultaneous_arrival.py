@@ -18,7 +18,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
 from models.terrain.height_field import HeightField
 from models.terrain.library import load_terrain, place_of
@@ -30,11 +29,12 @@ from sim.plant import Equipment, MujocoPlant
 from sim.plugins import Part, checked_estimator, load
 from sim.protocols import Plant
 from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment
+from sim.scenarios.experiment import Experiment, recorded
 from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from sim.scenarios.fleet_start import Vehicle, started_fleet, zone_of
 from sim.scenarios.fleet_talk import companions, consensus_of
 from sim.scenarios.flight_parts import check_above_ground, flight_task, mission_but_ends, mounted
+from sim.scenarios.flight_verdict import longest_flight
 from sim.signals import Array
 
 _LONGEST = 7200.0  # [s]
@@ -75,12 +75,7 @@ class SimultaneousArrival:
                 true = dataclasses.replace(vehicle.mission, terrain=terrain)
                 check_above_ground(f"{place} of {name}", getattr(vehicle.mission, place), true)
         deadline = config.deadline_factor * max(vehicle.stored.t_end for vehicle in fleet.values())
-        duration = math.ceil(1.5 * deadline / TICK) * TICK
-        if duration > _LONGEST:
-            raise ValueError(
-                f"deadline_factor = {config.deadline_factor:g} lets the flight take {duration:.0f} s; allowed: "
-                f"{_LONGEST:.0f} s, so be sooner or faster"
-            )
+        duration = longest_flight(1.5 * deadline, config.deadline_factor, config.speed_max, _LONGEST)
         news = config.messages(charted, duration)
         agents, equipment = {}, {}
         talkers = companions(config, fleet, consensus, zone, deadline, talking, ranking)
@@ -150,15 +145,10 @@ def _record(
     missions = [vehicle.mission for vehicle in fleet.values()]
     place = place_of(config.terrain)
     resolved = dataclasses.replace(config, terrain=place, start=tuple(mission.start for mission in missions))
-    return {
-        "scenario": "simultaneous-arrival",
-        "drawing": "renders.fleet.drawing",
-        "seed": seed,
-        "fields": dataclasses.asdict(resolved),
-        "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
-        "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-        "terrain": {"name": terrain.name, "path": place, "digest": terrain.digest, "hills": config.uncharted},
-        "mission": {
+    return recorded(
+        "simultaneous-arrival", "renders.fleet.drawing", seed, resolved, controller, estimator,
+        terrain={"name": terrain.name, "path": place, "digest": terrain.digest, "hills": config.uncharted},
+        mission={
             "vehicles": {name: {"start": v.mission.start, "target": v.mission.target} for name, v in fleet.items()},
             **config.recorded(terrain),
             "clearance_min": config.clearance_min,
@@ -169,4 +159,4 @@ def _record(
             "deadline": deadline,
             "tracking_bound": dataclasses.asdict(next(iter(fleet.values())).tracker.bound),
         },
-    }
+    )  # fmt: skip

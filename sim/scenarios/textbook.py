@@ -8,7 +8,6 @@ dynamics are linear in the right coordinates, and a pendulum for the observer of
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,7 +27,7 @@ from sim.number_lists import NumberList
 from sim.ode_plant import OdePlant, OdeVehicle
 from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
 from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment
+from sim.scenarios.experiment import Experiment, recorded
 from sim.scenarios.task import Inputs, Task, squared_error
 from sim.signals import Array, Status
 
@@ -182,14 +181,9 @@ def summary(
 def _record(config: TextbookConfig, seed: int, controller: Part, estimator: Part) -> dict[str, Any]:
     """What config.json holds beside the versions."""
     system = config.observed
-    return {
-        "scenario": "textbook-observer",
-        "drawing": "renders.textbook.drawing",
-        "seed": seed,
-        "fields": dataclasses.asdict(config),
-        "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
-        "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-        "mission": {
+    return recorded(
+        "textbook-observer", "renders.textbook.drawing", seed, config, controller, estimator,
+        mission={
             "title": system.title,
             "states": system.states,
             "inputs": system.inputs,
@@ -197,4 +191,4 @@ def _record(config: TextbookConfig, seed: int, controller: Part, estimator: Part
             "angles": system.angles,
             "tolerance": config.tolerance,
         },
-    }
+    )  # fmt: skip

@@ -1,8 +1,8 @@
 """From corners to a flight: straight legs at constant velocity, joined by arcs of constant acceleration.
 
-Leg k leads from corner c_k to c_(k+1) at the velocity v_k. Around corner k the velocity turns from v_(k-1) to v_k in the
-least time, T_k = |v_k - v_(k-1)| / a, half of it before and half after the corner would have been passed: a parabola
-that touches both legs and leaves the corner by |v_k - v_(k-1)| T_k / 8 to its inside. At the last corner the vehicle
+Leg k leads from corner c_k to c_(k+1) at the velocity v_k. Around corner k the velocity turns from v_(k-1) to v_k in
+the least time, T_k = |v_k - v_(k-1)| / a, half of it before and half after the corner would have been passed: a
+parabola that touches both legs and passes |v_k - v_(k-1)| T_k / 8 inside the corner. At the last corner the vehicle
 rests. Leg k has room for its two turns if
 
     |v_k| (T_k + T_(k+1)) / 2 <= |c_(k+1) - c_k|.
@@ -19,7 +19,7 @@ SLOWER = 0.85  # by which a leg without room is slowed down
 
 
 def fitting(corners: Array, speeds: Array, acceleration: float, fixed: bool) -> Array:
-    """Speeds (n,) [m/s], of the legs between corners (n + 1, 3) [m], slowed down until every leg has room for its turns.
+    """Speeds (n,) [m/s] of the legs between corners (n + 1, 3) [m], slowed down until each has room for its turns.
 
     With ``fixed`` the first leg is flown already: its speed stays, and there is no turn at its beginning.
     """

@@ -1,8 +1,8 @@
-"""The plug-in ``roadmap``: fly along the cheapest way over a lattice, its corners rounded, at the highest speed that is safe.
+"""The plug-in ``roadmap``: fly along the cheapest way over a lattice, its corners rounded, as fast as is safe.
 
-The first plan leads all the way to the target, and stays until something turns out otherwise: a radar, the target or the
-map. Then the way is planned anew from a point on the plan being flown. A plan is slowed down where it cuts a corner too
-near to the ground, until mathnavi's certificate accepts it; the scenario holds it to the same certificate once more.
+The first plan leads all the way to the target, and stays until something turns out otherwise: a radar, the target or
+the map. Then the way is planned anew from a point on the plan being flown. A plan that cuts a corner too near to the
+ground is slowed down until mathnavi's certificate accepts it; the scenario holds it to the same certificate once more.
 """
 
 from __future__ import annotations

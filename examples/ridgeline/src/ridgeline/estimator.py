@@ -1,18 +1,17 @@
-"""The plug-in ``alpha_beta_gamma``: position fixes to position, velocity and gust, by three gains that stay as they are.
+"""The plug-in ``alpha_beta_gamma``: position fixes to position, velocity and gust, by three constant gains.
 
 Each axis has the state x = (p, v, g), position, velocity and a gust that dies away with its time constant tau, and the
 known input u:
 
     p' = v,   v' = u + g,   g' = -g / tau,        from one fix to the next, exactly:  x+ = F x + B u.
 
-A fix y of the position moves the estimate x^ by L (y - p^), with the gains of a polynomial of second degree through all
-past fixes whose weights fade by theta^2 from one to the one before (E. Brookner, Tracking and Kalman Filtering Made Easy,
-1998):
+A fix y of the position moves the estimate x^ by L (y - p^), with the gains of a polynomial of second degree through
+all past fixes whose weights fade with their age (E. Brookner, Tracking and Kalman Filtering Made Easy, 1998):
 
     alpha = 1 - theta^3,   beta = 3/2 (1 - theta)^2 (1 + theta) / T,   gamma = (1 - theta)^3 / T^2,
 
-T the time between two fixes and theta = exp(-T / memory). Nothing has to be known of how much noise and gusts there are;
-how good the estimates are follows from it by one Lyapunov equation.
+T the time between two fixes and theta = exp(-T / memory). The gains do not depend on how much noise and gusts there
+are; how good the estimates are follows from that by one Lyapunov equation.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ class AlphaBetaGammaConfig:
     """Fields of ``--estimator``."""
 
     memory: float = 2.0
-    """in which the weight of a fix fades to e^-2 [s]"""
+    """in which the weight theta fades to 1/e [s]"""
     timeout: float = 1.0
     """without a fix after which the estimate is lost [s]"""
 
@@ -75,10 +74,10 @@ class AlphaBetaGamma:
     def quality(config: AlphaBetaGammaConfig, mission: FlightMission) -> EstimateQuality:
         """The stationary filter under the declared noise and gusts.
 
-        Just before a fix the error of an axis obeys e+ = A e - F L v + G w, A = F (1 - L H), with the noise v of the fix
-        and a white w of variance q for the gust, so that P = A P A' + F L R L' F' + q G G'. Each fix feeds L (H e + v)
-        into the estimate. Unlike a Kalman filter's these corrections depend on each other; what they drive is no more
-        than what white ones would that are as strong as these are at their strongest frequency:
+        Just before a fix the error of an axis obeys e+ = A e - F L v + G w, A = F (1 - L H), with the noise v of the
+        fix and a white w of variance q for the gust, so that P = A P A' + F L R L' F' + q G G'. Each fix feeds
+        L (H e + v) into the estimate. Unlike a Kalman filter's these corrections depend on each other; what they drive
+        is no more than what white ones would that are as strong as these are at their strongest frequency:
 
             S = max over f of  R |1 - H (z - A)^-1 F L|^2 + q |H (z - A)^-1 G|^2,   z = exp(i f).
         """

@@ -1,8 +1,9 @@
-"""The shortest way through the air over a terrain: a lattice of places, and the straight legs between them that are clear.
+"""The cheapest way through the air over a terrain: a lattice of places, and the clear legs between them.
 
 The lattice has columns ``spacing`` [m] apart and ``layers`` heights from the lowest ground to above the highest. A leg
-is clear if the terrain says so of every point of it, which is exact. Its price is its length, times 1 + w where radars
-of total weight w see it. Dijkstra's algorithm from the target finds the cheapest way from everywhere at once.
+is clear if the ground stays far enough below every point of it, which is exact. Its price is its length, times 1 + w
+where radars of total weight w see it. Dijkstra's algorithm from the target finds the cheapest way from everywhere at
+once.
 """
 
 from __future__ import annotations
@@ -114,7 +115,7 @@ class Routes:
         self._togo, self._next = dijkstra(graph, directed=False, indices=n, return_predecessors=True)
 
     def route(self, start: Array) -> Array | None:
-        """(k, 3) [m] corners of the cheapest way from ``start`` (3,) to the target, both included; None if there is none."""
+        """(k, 3) [m] corners of the cheapest way from ``start`` (3,) [m] to the target, both included; None without."""
         starts = self._column(start)
         near, above, joined = self._joints(starts)
         climb = self._air.clear_prices(np.repeat(start[np.newaxis], len(starts), axis=0), starts)

@@ -1,4 +1,4 @@
-"""The stranger's package in examples/ridgeline is installed as one would, found by name, flown, and keeps the contracts."""
+"""The stranger's package in examples/ridgeline is installed as one would, found by name, flown, and keeps contracts."""
 
 from __future__ import annotations
 

@@ -5,6 +5,8 @@ The blocks of a page are run in order, in one folder that is empty at first:
     ```python     in one module per page
     ```output     after a python block: what that block prints
     ```console    lines "$ COMMAND", each followed by what it prints
+    ```python     of any language, with a first line "# NAME.py" or "<!-- NAME.xml -->": not run, but written to that
+                  file, or added to it where an earlier block has begun it
 
 A command that ends in a backslash goes on in the next line. Every one ends with exit status 0; after a first line
 "# exit N" the last of its block ends with N. Of what is printed, a line "..." stands for any lines and "..." within a
@@ -35,7 +37,8 @@ from sim.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
-FENCE = re.compile(r"^```(python|output|console)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+FILE = re.compile(r"(?:# ([\w-]+\.\w+)|<!-- ([\w-]+\.\w+) -->)\n")
 
 
 @dataclass(frozen=True)
@@ -44,9 +47,16 @@ class Block:
     text: str
     line: int  # of the page, at which the text begins
 
+    @property
+    def file(self) -> str:
+        """The name of the file that the block shows; "" for what is run."""
+        named = FILE.match(self.text) if self.kind not in ("console", "output") else None
+        return (named[1] or named[2]) if named else ""
+
 
 def blocks_of(page: str) -> list[Block]:
-    return [Block(found[1], found[2], page.count("\n", 0, found.start(2)) + 1) for found in FENCE.finditer(page)]
+    blocks = [Block(found[1], found[2], page.count("\n", 0, found.start(2)) + 1) for found in FENCE.finditer(page)]
+    return [block for block in blocks if block.file or block.kind in ("python", "output", "console")]
 
 
 def shown(page: Path) -> list[Block]:
@@ -83,7 +93,11 @@ def run_page(blocks: list[Block], name: str, monkeypatch: pytest.MonkeyPatch) ->
     printed = ""
     for block in blocks:
         importlib.invalidate_caches()  # a block may have written a module
-        if block.kind == "python":
+        if block.file:
+            with Path(block.file).open("a", encoding="utf-8") as file:
+                file.write(block.text)
+            sys.modules.pop(Path(block.file).stem, None)  # read anew
+        elif block.kind == "python":
             with contextlib.redirect_stdout(io.StringIO()) as out:
                 exec(compile("\n" * (block.line - 1) + block.text, name, "exec"), module.__dict__)
             printed = out.getvalue()
@@ -168,6 +182,8 @@ def test_a_page_that_shows_something_else_is_told_of(folder: Path, monkeypatch: 
 
     told("```python\nx = 2\nprint(x)\n```\n\n```output\n2\n```\n```python\nopen('made', 'w').close()\nx += 1\n```\n")
     told("```console\n$ ls \\\n    -1\nmade\n$ mathnavi --version\nmathnavi ...\n```\n")
+    told("```python\n# shown.py\ny = 3\n```\n```python\n# shown.py\ny += 1\n```\n")
+    told("```python\nimport shown\nprint(shown.y)\n```\n```output\n4\n```\n```sh\nfalse\n```\n")
     told("```console\n# exit 2\n$ mathnavi terrain show nowhere\nmathnavi: ...nowhere...\n```\n")
     for page in (
         "```python\nprint(1)\n```\n```output\n2\n```\n",

@@ -10,8 +10,8 @@ The blocks of a page are run in order, in one folder that is empty at first:
 
 A command that ends in a backslash goes on in the next line. Every one ends with exit status 0; after a first line
 "# exit N" the last of its block ends with N. Of what is printed, a line "..." stands for any lines and "..." within a
-line for any characters; how many blanks there are between words does not count. A "mathnavi" without anything for a shell to do runs in this process, which has imported it
-already, all else in bash.
+line for any characters; how many blanks stand between words does not count. A "mathnavi" without anything for a shell
+to do runs in this process, which has imported it already, all else in bash.
 
 README.md's ```sh blocks are not run, and its Python is run in test_readme.py, which says what has to come of it.
 """

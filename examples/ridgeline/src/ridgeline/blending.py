@@ -52,7 +52,7 @@ def flight(t: float, x: Array, corners: Array, speeds: Array, acceleration: floa
     for k, v in enumerate(velocity):
         _turn(arcs, v, duration[k])
         straight = length[k] / speeds[k] - 0.5 * (duration[k] + duration[k + 1])
-        arcs.add(np.zeros(3), straight, Phase.CRUISE)
+        arcs.add(np.zeros(3), straight, Phase.OPTIMISED)
     _turn(arcs, np.zeros(3), duration[-1])
     arcs.rest()
     return arcs
@@ -60,7 +60,7 @@ def flight(t: float, x: Array, corners: Array, speeds: Array, acceleration: floa
 
 def _turn(arcs: ArcList, velocity: Array, duration: float) -> None:
     if duration > 0.0:
-        arcs.add((velocity - arcs.x[-1][3:]) / duration, duration, Phase.CRUISE)
+        arcs.add((velocity - arcs.x[-1][3:]) / duration, duration, Phase.OPTIMISED)
 
 
 def _velocities(corners: Array, speeds: Array) -> Array:

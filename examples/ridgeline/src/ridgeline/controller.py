@@ -1,0 +1,120 @@
+"""The plug-in ``roadmap``: fly along the cheapest way over a lattice, its corners rounded, as fast as is safe.
+
+The first plan leads all the way to the target, and stays until something turns out otherwise: a radar, the target or
+the map. Then the way is planned anew from a point on the plan being flown. A plan that cuts a corner too near to the
+ground is slowed down until mathnavi's certificate accepts it; the scenario holds it to the same certificate once more.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.flight.certificate import Certificate, remainder
+from controllers.flight.tracker import CriticallyDamped, tracking_bound
+from models.aerial.dynamics import state_at
+from models.aerial.knowledge import Knowledge
+from models.aerial.mission import FlightMission
+from ridgeline.blending import SLOWER, fitting, flight
+from ridgeline.roadmap import Air, Routes, lattice
+from sim.checks import check, check_positive
+from sim.protocols import Planner, Tracker
+from sim.signals import Array, Plan, PlanRequest, Status
+
+ATTEMPTS = 40  # at slowing down
+
+
+@dataclass(frozen=True)
+class RoadmapConfig:
+    """Fields of ``--planner``."""
+
+    columns: int = 41
+    """of the lattice, along the longer side of the map"""
+    layers: int = 12
+    """of the lattice"""
+    margin: float = 15.0
+    """what a leg keeps above h_min [m]"""
+    period: float = 2.5
+    """between two looks at what has turned out otherwise [s]"""
+    bandwidth: float = 0.8
+    """of the tracker [rad/s]"""
+
+    def __post_init__(self) -> None:
+        check_positive(self, "period", "bandwidth")
+        check(self.margin, "margin", 0.0)
+        for name, least, most in (("columns", 2, 201), ("layers", 2, 51)):
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(f"{name} = {getattr(self, name)}; allowed: {least} to {most}")
+
+
+class RoadmapPlanner:
+    """Answers with a flight along the roadmap, or with what is left of the plan being flown."""
+
+    def __init__(self, config: RoadmapConfig, certificate: Certificate, knowledge: Knowledge) -> None:
+        self.period = config.period
+        self._config, self._certificate, self._knowledge = config, certificate, knowledge
+        self._routes: Routes | None = None  # with what is known now
+        self._settled = False  # whether the plan being flown was made with it
+
+    def plan(self, request: PlanRequest) -> Plan:
+        known = self._knowledge.updated(request.messages)
+        if known is not self._knowledge:
+            self._certificate = self._certificate.told(request.messages)
+            self._knowledge, self._routes, self._settled = known, None, False
+        current = request.current
+        if current is not None and self._settled:
+            return remainder(current, request.t_start)
+        began = time.thread_time()
+        start = request.estimate.x if current is None else state_at(current, request.t_start)
+        plan = self._along_the_roadmap(request.t_start, start)
+        self._settled = plan.ok
+        return dataclasses.replace(plan, solve_ms=1e3 * (time.thread_time() - began))
+
+    def _along_the_roadmap(self, t: float, x: Array) -> Plan:
+        c = self._certificate
+        speed = float(np.linalg.norm(x[3:]))
+        moving = speed > 1e-3
+        ahead = x[:3] + ((speed + c.speed_max) / (2.0 * c.acceleration_max)) * x[3:]  # room for any turn
+        corners = self._found().route(ahead)
+        if corners is None:
+            return Plan.failure(Status.INFEASIBLE, f"no way leads from {np.round(ahead).tolist()} m to the target")
+        if moving:
+            corners = np.vstack([x[:3], corners])
+        speeds = np.full(len(corners) - 1, c.speed_max)
+        if moving:
+            speeds[0] = speed
+        for _ in range(ATTEMPTS):
+            speeds = fitting(corners, speeds, c.acceleration_max, moving)
+            plan = flight(t, x, corners, speeds, c.acceleration_max, moving).plan(cost=math.nan, solve_ms=math.nan)
+            refusal = c.refuse(plan)
+            if refusal is None:
+                return dataclasses.replace(plan, cost=plan.t_end - t)
+            if refusal.status is not Status.LOW_CLEARANCE:
+                break
+            speeds[int(moving) :] *= SLOWER
+        return Plan.failure(refusal.status, refusal.message)
+
+    def _found(self) -> Routes:
+        if self._routes is None:
+            c, config = self._certificate, self._config
+            still = Air(c.terrain, (), c.clearance_min, config.margin)
+            air = dataclasses.replace(still, radars=self._knowledge.radars)
+            grid = lattice(still, config.columns, config.layers)
+            self._routes = Routes(air, grid, np.array(self._knowledge.target))
+        return self._routes
+
+
+class Roadmap:
+    """Flies along the cheapest way over a lattice of clear legs, its corners rounded."""
+
+    Config = RoadmapConfig
+
+    @staticmethod
+    def build(config: RoadmapConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
+        bound = tracking_bound(config.bandwidth, mission)
+        planner = RoadmapPlanner(config, Certificate.of(mission, bound), mission.knowledge)
+        return planner, CriticallyDamped(mission.control_period, config.bandwidth, bound)

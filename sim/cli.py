@@ -11,7 +11,6 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 
 from sim.commands.errors import INTERRUPTED, PIPE_CLOSED, BadInputError
 
@@ -27,6 +26,7 @@ COMMANDS = {
     "estimate": ("sim.commands.estimate", "run an estimator over the measurements of a finished run"),
     "render": ("sim.commands.render", "a video or a still of a run"),
     "terrain": ("sim.commands.terrain", "import an elevation model, show a map"),
+    "completion": ("sim.commands.completion", "a script for bash, zsh or fish that completes what is typed"),
 }
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
 
@@ -37,10 +37,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in ("-h", "--help"):
-        usage = USAGE.format("\n".join(f"  {name:9}{purpose}" for name, (_, purpose) in COMMANDS.items()))
+        usage = USAGE.format("\n".join(f"  {name:12}{purpose}" for name, (_, purpose) in COMMANDS.items()))
         print(usage, file=sys.stdout if arguments else sys.stderr)
         return 0 if arguments else 2
     if arguments[0] == "--version":
+        from importlib.metadata import version  # takes as long to import as all else here
+
         print(f"mathnavi {version('mathnavi')}")
         return 0
     try:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
-from importlib.metadata import EntryPoint, EntryPoints, entry_points
+from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -23,10 +23,9 @@ GROUPS = {  # of entry points, by kind of plug-in
 }
 
 
-def installed(kind: str, among: EntryPoints | None = None) -> list[EntryPoint]:
-    """The entry points of a kind, in order of their names; ``among`` those that have been read, if they have."""
-    points = entry_points() if among is None else among
-    return sorted(points.select(group=GROUPS[kind]))
+def installed(kind: str) -> list[EntryPoint]:
+    """The entry points of a kind, in order of their names."""
+    return sorted(entry_points(group=GROUPS[kind]))
 
 
 class UnreadableError(LookupError):

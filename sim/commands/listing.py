@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from functools import cache
-from importlib.metadata import Distribution, EntryPoint, entry_points
+from importlib.metadata import Distribution, EntryPoint
 from typing import Any
 
 from rich.console import Console, Group
@@ -41,9 +41,9 @@ def main(argv: Sequence[str]) -> int:
         from sim.commands import opengl
 
         opengl.choose()
-    console, known = Console(), entry_points()
+    console = Console()
     for each in GROUPS if kind == ALL else (kind,):
-        points = installed(each, known)
+        points = installed(each)
         console.print(listing(each, points, full) if points else f"[bold]{each}[/bold]\n  none installed")
         console.print()
         if full and each == "estimators" and points:

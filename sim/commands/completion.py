@@ -69,6 +69,7 @@ OWN = {  # dataclasses of a command's own flags
     "study": ("sim.commands.study:Options",),
     "estimate": ("sim.commands.estimate:Options",),
     "render": ("sim.commands.render:Options",),
+    "view": ("sim.commands.view:Options",),
     "compare": ("sim.commands.compare:Options",),
     "store show": ("sim.commands.store:Show",),
     "store export": ("sim.commands.store:Export",),

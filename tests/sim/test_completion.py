@@ -71,7 +71,6 @@ def test_a_shell_completes(shell: str) -> None:
         pytest.skip(f"{shell} is not installed")
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     for line, expected in (
-        ("mathnavi stu", ["study"]),
         ("mathnavi run safe-flight --faults.gust-r", ["--faults.gust-rms"]),
         ("mathnavi run safe-flight --terrain ", ["canyon", "jacksboro", "tian_shan"]),
     ):

@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,13 +34,18 @@ ROOT = Path(__file__).parents[1]
 DROP = Path("/proc/sys/vm/drop_caches")
 CALL = "import sys; from sim.cli import main; sys.exit(main())"
 FLIGHT = "a flight of 4 km"
+# fmt: off
 COMMANDS: dict[str, tuple[str, ...]] = {
     "--help": ("--help",),
     "--version": ("--version",),
     "list": ("list",),
     "run safe-flight --help": ("run", "safe-flight", "--help"),
-    FLIGHT: tuple("run safe-flight --terrain jacksboro --start 3000 4000 1000 --target 6000 7000 1000".split()),
+    FLIGHT: (
+        "run", "safe-flight", "--terrain", "jacksboro",
+        "--start", "3000", "4000", "1000", "--target", "6000", "7000", "1000",
+    ),
 }
+# fmt: on
 WANTED = {"--help": 0.3, "list": 0.5}  # [s] at most, warm
 
 Tree = Literal["here", "before"]
@@ -79,15 +84,15 @@ class StartUp:
     """What was measured, in the order of the repetitions."""
 
     before: str  # the commit, "" for none
-    wall: Mapping[Case, list[float]] = field(default_factory=dict)  # [s]
-    cpu: Mapping[Case, list[float]] = field(default_factory=dict)  # [s] of all threads and children
+    wall: dict[Case, list[float]] = field(default_factory=dict)  # [s]
+    cpu: dict[Case, list[float]] = field(default_factory=dict)  # [s] of all threads and children
 
     @property
     def title(self) -> str:
         return "start of the command line"
 
     def comparisons(self) -> list[Comparison]:
-        """Each command beside that of the earlier commit, without one beside nothing."""
+        """Each command beside that of the earlier commit; none without one."""
         pairs = [(case, Case("before", case.command, case.state)) for case in self.wall if case.tree == "here"]
         return [
             Comparison(

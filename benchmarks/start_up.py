@@ -3,8 +3,7 @@
     python benchmarks/start_up.py [--before COMMIT] [--repetitions 5]
 
 *Cold* is the first time after an installation: no module has been compiled to byte code (``PYTHONPYCACHEPREFIX`` points
-to an empty folder, so those of the libraries count too), and where the system allows it the cache of files in memory is
-dropped. *Warm* is every later time. With ``--before`` the same commands of an earlier commit, checked out into a folder
+to an empty folder, so those of the libraries count too), and with ``--drop`` the cache of files in memory is emptied. *Warm* is every later time. With ``--before`` the same commands of an earlier commit, checked out into a folder
 of its own, run in turns with those of this tree, in the same environment; numba's compiled kernels are those of either
 tree, made before anything is measured.
 """
@@ -60,6 +59,8 @@ class Arguments:
     """an earlier commit that is measured beside this tree"""
     repetitions: int = 5
     """of each command in each state"""
+    drop: bool = False
+    """whether a cold start also finds no file in memory; it slows down whatever else runs on the machine, needs root"""
     flight: bool = True
     """whether a first flight is one of the commands"""
     out: Path = Path("renders/out/start_up.json")
@@ -138,7 +139,7 @@ def run(arguments: Arguments, console: Console) -> StartUp:
                     for state in ("cold", "warm"):
                         for kind, tree in trees.items():
                             tell(done, f"{name}, {state}")
-                            wall, cpu = start(tree, COMMANDS[name], Path(folder), cold=state == "cold")
+                            wall, cpu = start(tree, COMMANDS[name], Path(folder), state == "cold", arguments.drop)
                             case = Case(kind, name, state)
                             found.wall.setdefault(case, []).append(wall)
                             found.cpu.setdefault(case, []).append(cpu)
@@ -146,13 +147,15 @@ def run(arguments: Arguments, console: Console) -> StartUp:
     return found
 
 
-def start(tree: Path, words: tuple[str, ...], folder: Path, cold: bool = False) -> tuple[float, float]:
+def start(
+    tree: Path, words: tuple[str, ...], folder: Path, cold: bool = False, drop: bool = False
+) -> tuple[float, float]:
     """Wall clock and CPU time [s] of a command of a tree; RuntimeError if it fails."""
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         environment = {**os.environ, **({"PYTHONPYCACHEPREFIX": scratch} if cold else {})}
         if words[0] == "run" and "--help" not in words:
             words = (*words, "--out", f"{scratch}/run")
-        if cold:
+        if cold and drop:
             drop_files()
         before, began = os.times(), time.perf_counter()
         done = subprocess.run(

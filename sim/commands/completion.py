@@ -14,6 +14,7 @@ from typing import Any
 
 from sim.commands.errors import BadInputError
 from sim.commands.flag_names import flag_of, joined, negation
+from sim.commands.known import COMMANDS
 from sim.plugin_sources import (
     Definition,
     UnreadableError,
@@ -105,8 +106,6 @@ def candidates(words: Sequence[str]) -> list[str]:
 
 
 def _candidates(before: Sequence[str], current: str) -> Sequence[str]:
-    from sim.cli import COMMANDS  # the list of commands names this module
-
     if not before:
         return [*COMMANDS, *(("--help", "--version") if current else ())]
     command, *given = before

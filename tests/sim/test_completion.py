@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from sim.cli import COMMANDS, main
+from sim.cli import main
 from sim.commands.arguments import flags
 from sim.commands.completion import FLOWN, OWN, SCRIPTS, candidates, flags_of
+from sim.commands.known import COMMANDS
 from sim.plugin_sources import definition, installed
 from sim.plugins import load, names
 

@@ -3,9 +3,10 @@
     python benchmarks/start_up.py [--before COMMIT] [--repetitions 5]
 
 *Cold* is the first time after an installation: no module has been compiled to byte code (``PYTHONPYCACHEPREFIX`` points
-to an empty folder, so those of the libraries count too), and with ``--drop`` the cache of files in memory is emptied. *Warm* is every later time. With ``--before`` the same commands of an earlier commit, checked out into a folder
-of its own, run in turns with those of this tree, in the same environment; numba's compiled kernels are those of either
-tree, made before anything is measured.
+to an empty folder, so those of the libraries count too), and with ``--drop`` the cache of files in memory is emptied.
+*Warm* is every later time. With ``--before`` the same commands of an earlier commit, checked out into a folder of its
+own, run in turns with those of this tree, in the same environment; numba's compiled kernels are those of either tree,
+made before anything is measured.
 """
 
 from __future__ import annotations

@@ -178,7 +178,7 @@ def test_a_start_without_a_certificate_is_refused(refused: Refusal, hills: Path)
 @pytest.mark.parametrize(
     ("argv", "told"),
     [
-        ("fly", ["COMMAND", "fly", "list, run, sweep, store, study, estimate, render, terrain"]),
+        ("fly", ["COMMAND", "fly", "list, run, sweep, store, study, estimate, render, view, compare, terrain"]),
         ("run", ["SCENARIO", "safe-flight"]),
         ("run --seed 3", ["--seed", "safe-flight"]),
         ("run hover", ["SCENARIO", "hover", "safe-flight"]),

@@ -12,7 +12,7 @@ from pathlib import Path
 import tyro
 from rich.console import Console
 
-from benchmarks import flight_solvers, loop_overhead, ocp_peers, range_estimators, sweep_scaling
+from benchmarks import flight_solvers, loop_overhead, ocp_peers, range_estimators, start_up, sweep_scaling
 from benchmarks.comparison import WIDTH, Findings, Machine, table, write
 
 
@@ -33,12 +33,14 @@ def parts(quick: bool) -> dict[str, Callable[[Console], Findings]]:
     ocp = ocp_peers.Arguments(ocp_peers.SMALL[:1], repetitions=1) if quick else ocp_peers.Arguments()
     ranging = range_estimators.Arguments(seconds=5.0, repetitions=2) if quick else range_estimators.Arguments()
     sweep = sweep_scaling.Arguments(trials=12, repetitions=1) if quick else sweep_scaling.Arguments()
+    start = start_up.Arguments(repetitions=1) if quick else start_up.Arguments()
     return {
         "flight_solvers": lambda console: flight_solvers.run(solvers, console),
         "loop_overhead": lambda console: loop_overhead.run(loop, console),
         "ocp_peers": lambda console: ocp_peers.run(ocp, console),
         "range_estimators": lambda console: range_estimators.run(ranging, console),
         "sweep_scaling": lambda console: sweep_scaling.run(sweep, console),
+        "start_up": lambda console: start_up.run(start, console),
     }
 
 

@@ -11,23 +11,11 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 
+from sim.checks import allowed_for
 from sim.commands.errors import INTERRUPTED, PIPE_CLOSED, BadInputError
+from sim.commands.known import COMMANDS
 
-COMMANDS = {
-    "list": (
-        "sim.commands.listing",
-        "what is installed: controllers, estimators, consensus, scenarios, studies, terrains",
-    ),
-    "run": ("sim.commands.run", "fly a scenario and write its log, summary, video and report"),
-    "sweep": ("sim.commands.sweep", "fly a scenario over many seeds and variations, into a store that resumes"),
-    "store": ("sim.commands.store", "show or export what a sweep has stored"),
-    "study": ("sim.commands.study", "tables and figures of the thesis, and what holds of its claims"),
-    "estimate": ("sim.commands.estimate", "run an estimator over the measurements of a finished run"),
-    "render": ("sim.commands.render", "a video or a still of a run"),
-    "terrain": ("sim.commands.terrain", "import an elevation model, show a map"),
-}
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
 
 
@@ -37,10 +25,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     arguments = list(sys.argv[1:] if argv is None else argv)
     if not arguments or arguments[0] in ("-h", "--help"):
-        usage = USAGE.format("\n".join(f"  {name:9}{purpose}" for name, (_, purpose) in COMMANDS.items()))
+        usage = USAGE.format("\n".join(f"  {name:12}{purpose}" for name, (_, purpose) in COMMANDS.items()))
         print(usage, file=sys.stdout if arguments else sys.stderr)
         return 0 if arguments else 2
     if arguments[0] == "--version":
+        from importlib.metadata import version  # takes as long to import as all else here
+
         print(f"mathnavi {version('mathnavi')}")
         return 0
     try:
@@ -60,6 +50,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _command(name: str) -> Callable[[Sequence[str]], int]:
     if name not in COMMANDS:
-        raise BadInputError(f"COMMAND = {name!r} is not known; allowed: {', '.join(COMMANDS)}")
+        raise BadInputError(f"COMMAND = {name!r} is not known; {allowed_for(name, list(COMMANDS))}")
     command: Callable[[Sequence[str]], int] = importlib.import_module(COMMANDS[name][0]).main
     return command

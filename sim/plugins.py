@@ -17,13 +17,10 @@ from numbers import Real
 from typing import Any, TypeVar, get_type_hints
 
 from sim.checks import allowed_for
+from sim.plugin_sources import GROUPS, installed
 from sim.protocols import Consensus, Estimator, Planner, Sensor
 
 Quality = TypeVar("Quality")
-
-GROUPS = {
-    kind: f"mathnavi.{kind}" for kind in ("controllers", "estimators", "consensus", "scenarios", "studies", "terrains")
-}
 
 _PLACE = "or package.module:Class"
 
@@ -55,7 +52,7 @@ class Part:
 
 def names(kind: str) -> tuple[str, ...]:
     """Names of the installed plug-ins of a kind, in order."""
-    return tuple(sorted(point.name for point in entry_points(group=GROUPS[kind])))
+    return tuple(point.name for point in installed(kind))
 
 
 def called(kind: str, place: str) -> str:

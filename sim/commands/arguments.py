@@ -21,6 +21,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from sim.checks import close_names
 from sim.commands.errors import BadInputError
+from sim.commands.flag_names import flag_of, joined, negation
 
 _CONFIG = (tyro.conf.UseAppendAction, tyro.conf.DisallowNone)
 
@@ -76,12 +77,6 @@ def flags(of: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
             yield negation(flag), False
 
 
-def negation(flag: str) -> str:
-    """The flag that sets a truth value to false: --planner.no-warm for --planner.warm."""
-    above, dot, name = flag.removeprefix("--").rpartition(".")
-    return f"--{above}{dot}no-{name}"
-
-
 def fields_by_flag(of: type, prefix: str = "") -> dict[str, str]:
     """The dotted name of the field that each flag of a dataclass sets."""
     return {flag: name for flag, name, _ in _leaves(of, prefix, "")}
@@ -97,13 +92,13 @@ def _leaves(of: type, prefix: str, above: str) -> Iterator[tuple[str, str, Any]]
             hint, marks = get_args(hint)[0], get_args(hint)[1:]
         if tyro.conf.Positional in marks:
             continue
-        name, field_name = f"{prefix}.{entry.name.rstrip('_')}".strip("."), f"{above}.{entry.name}".strip(".")
+        name, field_name = joined(prefix, entry.name), f"{above}.{entry.name}".strip(".")
         if isinstance(hint, type) and dataclasses.is_dataclass(hint):
             yield from _leaves(hint, name, field_name)
         else:
             # All the words of a field with a constructor of its own are one value, which is given once.
             whole = any(isinstance(mark, PrimitiveConstructorSpec) for mark in marks)
-            yield f"--{name.replace('_', '-')}", field_name, Any if whole else hint
+            yield flag_of(name), field_name, Any if whole else hint
 
 
 def given(argv: Sequence[str]) -> list[str]:

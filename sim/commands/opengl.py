@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from importlib import import_module
 
 from renders import opengl
 from sim.commands.errors import BadInputError
@@ -17,3 +18,15 @@ def choose() -> None:
         os.environ["MUJOCO_GL"] = opengl.SWITCHED_OFF[0]
     elif backend not in BACKENDS:
         raise BadInputError(f"MUJOCO_GL = {backend}; allowed: {', '.join((*BACKENDS, *opengl.SWITCHED_OFF))}")
+
+
+def import_physics() -> None:
+    """Import MuJoCo without the OpenGL that was chosen: who flies draws nothing, and pictures are drawn by processes of
+    their own.
+    """
+    chosen = os.environ["MUJOCO_GL"]
+    os.environ["MUJOCO_GL"] = opengl.SWITCHED_OFF[0]
+    try:
+        import_module("dm_control.mujoco")  # looks at MUJOCO_GL as mujoco does, both of them once
+    finally:
+        os.environ["MUJOCO_GL"] = chosen

@@ -78,6 +78,7 @@ def usage(command: str, argv: Sequence[str]) -> bool:
 def prepare() -> None:
     """Choose how to draw, and find a user's own plug-in, "my_planner:Mine", where the command is given."""
     opengl.choose()
+    opengl.import_physics()
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
 

@@ -1,0 +1,202 @@
+"""How long the command line takes to begin: help, version, list, a scenario's help, and a first flight without video.
+
+    python benchmarks/start_up.py [--before COMMIT] [--repetitions 5]
+
+*Cold* is the first time after an installation: no module has been compiled to byte code (``PYTHONPYCACHEPREFIX`` points
+to an empty folder, so those of the libraries count too), and with ``--drop`` the cache of files in memory is emptied.
+*Warm* is every later time. With ``--before`` the same commands of an earlier commit, checked out into a folder of its
+own, run in turns with those of this tree, in the same environment; numba's compiled kernels are those of either tree,
+made before anything is measured.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.comparison import Comparison, alone
+from benchmarks.progress import progress
+
+ROOT = Path(__file__).parents[1]
+DROP = Path("/proc/sys/vm/drop_caches")
+CALL = "import sys; from sim.cli import main; sys.exit(main())"
+FLIGHT = "a flight of 4 km"
+# fmt: off
+COMMANDS: dict[str, tuple[str, ...]] = {
+    "--help": ("--help",),
+    "--version": ("--version",),
+    "list": ("list",),
+    "run safe-flight --help": ("run", "safe-flight", "--help"),
+    FLIGHT: (
+        "run", "safe-flight", "--terrain", "jacksboro",
+        "--start", "3000", "4000", "1000", "--target", "6000", "7000", "1000",
+    ),
+}
+# fmt: on
+WANTED = {"--help": 0.3, "list": 0.5}  # [s] at most, warm
+
+Tree = Literal["here", "before"]
+State = Literal["cold", "warm"]
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Measure how long commands take to begin."""
+
+    before: str = ""
+    """an earlier commit that is measured beside this tree"""
+    repetitions: int = 5
+    """of each command in each state"""
+    drop: bool = False
+    """whether a cold start also finds no file in memory; it slows down whatever else runs on the machine, needs root"""
+    flight: bool = True
+    """whether a first flight is one of the commands"""
+    out: Path = Path("renders/out/start_up.json")
+    """where the figures go"""
+
+    def __post_init__(self) -> None:
+        if self.repetitions < 1:
+            raise ValueError(f"repetitions = {self.repetitions}; allowed: >= 1")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command of one tree, in one state."""
+
+    tree: Tree
+    command: str  # a key of COMMANDS
+    state: State
+
+
+@dataclass(frozen=True, eq=False)
+class StartUp:
+    """What was measured, in the order of the repetitions."""
+
+    before: str  # the commit, "" for none
+    wall: dict[Case, list[float]] = field(default_factory=dict)  # [s]
+    cpu: dict[Case, list[float]] = field(default_factory=dict)  # [s] of all threads and children
+
+    @property
+    def title(self) -> str:
+        return "start of the command line"
+
+    def comparisons(self) -> list[Comparison]:
+        """Each command beside that of the earlier commit; none without one."""
+        pairs = [(case, Case("before", case.command, case.state)) for case in self.wall if case.tree == "here"]
+        return [
+            Comparison(
+                f"{here.command}, {here.state}", "s", np.array(self.wall[here]), np.array(self.wall[there]),
+                f"ours at {self.before}", "other / ours",
+            )
+            for here, there in pairs if there in self.wall
+        ]  # fmt: skip
+
+    def show(self, console: Console) -> None:
+        shown = Table(title="medians [s]")
+        for k, heading in enumerate(("command", "state", "tree", "wall", "CPU", "wanted")):
+            shown.add_column(heading, justify="right" if 3 <= k <= 4 else "left")
+        for case in self.wall:
+            wall, cpu = (float(np.median(some[case])) for some in (self.wall, self.cpu))
+            limit = WANTED.get(case.command) if (case.tree, case.state) == ("here", "warm") else None
+            wanted = "" if limit is None else f"< {limit:g} {'yes' if wall < limit else 'NO'}"
+            name = self.before if case.tree == "before" else "this"
+            shown.add_row(case.command, case.state, name, f"{wall:.2f}", f"{cpu:.2f}", wanted)
+        console.print(shown)
+
+    def plain(self) -> dict[str, Any]:
+        rows = [
+            {"tree": case.tree, "command": case.command, "state": case.state, "wall_s": wall, "cpu_s": self.cpu[case]}
+            for case, wall in self.wall.items()
+        ]
+        return {"before": self.before, "starts": rows}
+
+
+def run(arguments: Arguments, console: Console) -> StartUp:
+    """Start every command, cold and warm, of either tree by turns."""
+    commands = [name for name in COMMANDS if arguments.flight or name != FLIGHT]
+    found = StartUp(arguments.before, {}, {})
+    with tempfile.TemporaryDirectory() as folder, checked_out(arguments.before, Path(folder)) as trees:
+        for tree in trees.values():  # kernels are compiled, and files are in memory
+            for name in commands:
+                start(tree, COMMANDS[name], Path(folder))
+        total = arguments.repetitions * len(commands) * 2 * len(trees)
+        with progress(console, "starting", total) as tell:
+            done = 0
+            for _ in range(arguments.repetitions):
+                for name in commands:
+                    for state in ("cold", "warm"):
+                        for kind, tree in trees.items():
+                            tell(done, f"{name}, {state}")
+                            wall, cpu = start(tree, COMMANDS[name], Path(folder), state == "cold", arguments.drop)
+                            case = Case(kind, name, state)
+                            found.wall.setdefault(case, []).append(wall)
+                            found.cpu.setdefault(case, []).append(cpu)
+                            done += 1
+    return found
+
+
+def start(
+    tree: Path, words: tuple[str, ...], folder: Path, cold: bool = False, drop: bool = False
+) -> tuple[float, float]:
+    """Wall clock and CPU time [s] of a command of a tree; RuntimeError if it fails."""
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        environment = {**os.environ, **({"PYTHONPYCACHEPREFIX": scratch} if cold else {})}
+        if words[0] == "run" and "--help" not in words:
+            words = (*words, "--out", f"{scratch}/run")
+        if cold and drop:
+            drop_files()
+        before, began = os.times(), time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-c", CALL, *words],
+            cwd=tree, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False,
+        )  # fmt: skip
+        wall, after = time.perf_counter() - began, os.times()
+    if done.returncode:
+        raise RuntimeError(f"mathnavi {' '.join(words)} in {tree}: exit code {done.returncode}: {done.stderr}")
+    return wall, after.children_user - before.children_user + after.children_system - before.children_system
+
+
+def drop_files() -> None:
+    """Empty the system's cache of files, where that is allowed."""
+    with suppress(OSError):
+        os.sync()
+        DROP.write_text("1")
+
+
+@contextmanager
+def checked_out(commit: str, folder: Path) -> Iterator[dict[Tree, Path]]:
+    """This tree, and beside it that of a commit; ValueError if there is no such commit."""
+    if not commit:
+        yield {"here": ROOT}
+        return
+    git, tree = ["git", "-C", str(ROOT), "worktree"], folder / "before"
+    made = subprocess.run(
+        [*git, "add", "--detach", str(tree), commit], capture_output=True, text=True, check=False
+    )  # fmt: skip
+    if made.returncode:
+        raise ValueError(f"before = {commit!r}: {made.stderr.strip()}; allowed: a commit of this repository")
+    try:
+        yield {"before": tree, "here": ROOT}
+    finally:
+        subprocess.run([*git, "remove", "--force", str(tree)], capture_output=True, check=False)
+
+
+def main(arguments: Arguments) -> None:
+    alone("start_up", lambda console: run(arguments, console), arguments.out)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Arguments, description=Arguments.__doc__))

@@ -1,0 +1,62 @@
+"""Two results side by side: what a comparison is, whatever is compared, and how its cells are written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from renders.page import UNKNOWN, number
+from renders.study_report import Table
+from renders.sweep_data import format_value, is_number
+
+LEFT, RIGHT = "left", "right"
+SAME = "the same in both"
+LEAST = 1e-3  # of a difference; a smaller one has a power of ten
+MOST = 1e6  # times as large
+LONGEST = 60  # [characters] of a value in a cell
+
+Drawn = tuple[str, Figure, str]  # name, drawing, caption
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What there is to say of two results of a kind."""
+
+    title: str
+    verdict: str  # in a sentence
+    left: str  # where the one is
+    right: str  # and the other
+    tables: Sequence[Table]  # that with the fields that differ comes first
+    draw: Callable[[], Sequence[Drawn]]  # the figures, drawn where there is a page to show them
+
+
+def differing_fields(left: Mapping[str, Any], right: Mapping[str, Any]) -> Table:
+    """The fields that are not the same on both sides, in the order of the left one's."""
+    rows = [
+        (name, _value(left, name), _value(right, name))
+        for name in dict.fromkeys([*left, *right])
+        if name not in left or name not in right or left[name] != right[name]
+    ]
+    return Table("Fields that differ", ("field", LEFT, RIGHT), rows or [("every field", SAME, SAME)])
+
+
+def _value(fields: Mapping[str, Any], name: str) -> str:
+    if name not in fields:
+        return UNKNOWN
+    said = format_value(fields[name])
+    return said if len(said) <= LONGEST else f"{said[: LONGEST - 1]}…"
+
+
+def differences(left: object, right: object) -> tuple[str, str]:
+    """right - left and right / left, where they are finite numbers; a dash where not."""
+    if not (is_number(left) and is_number(right) and math.isfinite(left) and math.isfinite(right)):
+        return UNKNOWN, UNKNOWN
+    difference = right - left
+    size = abs(difference)
+    shown = f"{size:.2g}" if 0.0 < size < LEAST else f"{size:,}" if isinstance(size, int) else number(size)
+    comparable = abs(left) * MOST > abs(right)  # or the left one is round-off, if not nought
+    return f"{'+' if difference > 0 else '−' * bool(size)}{shown}", f"{right / left:.3g}" if comparable else UNKNOWN

@@ -1,0 +1,108 @@
+"""Two runs drawn over each other: their paths on the map they share, their states and errors over time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.figure import Figure
+
+from models.terrain.height_field import HeightField
+from models.terrain.library import load_terrain
+from renders.comparison.comparison import LEFT, RIGHT, Drawn
+from renders.comparison.runs import Run, Track
+from renders.figures import STYLE, canvas, draw_map, thinned
+from renders.statistics_figures import SERIES
+from sim.signals import Array
+
+COLOURS, STYLES = SERIES[:2], ("-", "--")  # of the left run and the right one
+WIDTHS = (1.8, 1.2)  # the right one is drawn over the left one
+ACROSS, HEIGHT, WIDTH = 3, 1.9, 9.4  # panels in a row; [inches] of a row and of a figure
+MOST_PANELS = 18
+
+Curve = Callable[[Track], tuple[Array, Array]]  # times (n,) [s] and values (n, nx)
+
+
+def run_figures(left: Run, right: Run) -> list[Drawn]:
+    """What can be drawn of both runs in one figure."""
+    drawn: list[Drawn] = []
+    ground = _ground(left, right)
+    if ground is not None:
+        drawn.append(("map", _map(ground, left, right), "The paths over the terrain."))
+    if left.states != right.states or not left.states:
+        return drawn
+    names = left.states[:MOST_PANELS]
+    more = len(left.states) - len(names)
+    rest = f" The first {len(names)} of {len(left.states)} are shown." if more else ""
+    states = _panels(left, right, names, lambda track: (track.t, track.x))
+    drawn.append(("states", states, f"The true state over time, component by component.{rest}"))
+    if any(
+        track.error.any() for run in (left, right) for track in run.tracks.values()
+    ):  # not of a reading of the truth
+        errors = _panels(left, right, names, lambda track: (track.t_estimate, _wrapped(track.error, left.states)))
+        drawn.append(("errors", errors, f"The error of the estimate, component by component.{rest}"))
+    return drawn
+
+
+def _ground(left: Run, right: Run) -> HeightField | None:
+    """The terrain that both runs are over, if they are over one and the same that is still there."""
+    one, other = (run.config.get("terrain", {}) for run in (left, right))
+    if not one or one.get("digest") != other.get("digest"):
+        return None
+    try:
+        ground = load_terrain(one["path"])
+    except (OSError, ValueError):
+        return None
+    return ground if ground.digest == one["digest"] else None
+
+
+def _map(ground: HeightField, left: Run, right: Run) -> Figure:
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(7.6, 7.2)
+        axes = figure.add_subplot()
+        draw_map(axes, ground)
+        outline = [patheffects.withStroke(linewidth=3.6, foreground="white", alpha=0.85)]
+        for run, side, colour in zip((left, right), (LEFT, RIGHT), COLOURS, strict=True):
+            for k, track in enumerate(run.tracks.values()):
+                i = thinned(len(track.t), 0)
+                x, y = track.x[i, :2].T / 1e3
+                axes.plot(x, y, color=colour, lw=2.0, label="" if k else side, path_effects=outline)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
+    return figure
+
+
+def _panels(left: Run, right: Run, names: Sequence[str], curve: Curve) -> Figure:
+    """A panel for each component of the state, in each of them the curves of both runs, of every vehicle."""
+    rows = math.ceil(len(names) / ACROSS)
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(WIDTH, 0.4 + HEIGHT * rows)
+        cells = figure.subplots(rows, min(len(names), ACROSS), sharex=True, squeeze=False)
+        for cell in cells.ravel()[len(names) :]:
+            cell.remove()
+        for run, side, colour, style, width in zip((left, right), (LEFT, RIGHT), COLOURS, STYLES, WIDTHS, strict=True):
+            for number, track in enumerate(run.tracks.values()):
+                t, values = curve(track)
+                i = thinned(len(t), 0) if len(t) else np.empty(0, dtype=np.int64)
+                for k, axes in enumerate(cells.ravel()[: len(names)]):
+                    axes.plot(t[i], values[i, k], style, color=colour, lw=width, label="" if number else side)
+        for k, (axes, name) in enumerate(zip(cells.ravel(), names, strict=False)):
+            axes.set_title(_readable(name), fontsize=9.0, weight="normal")
+            if k + ACROSS >= len(names):
+                axes.set_xlabel("time [s]")
+                axes.tick_params(labelbottom=True)
+        figure.legend(*cells[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    return figure
+
+
+def _wrapped(error: Array, states: Sequence[str]) -> Array:
+    """Errors with angles between -pi and pi."""
+    angles = [name.endswith("[rad]") for name in states]
+    wrapped: Array = np.where(angles, np.mod(error + math.pi, 2.0 * math.pi) - math.pi, error)
+    return wrapped
+
+
+def _readable(name: str) -> str:
+    return name.replace("_", " ")

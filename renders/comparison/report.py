@@ -1,0 +1,71 @@
+"""A comparison on one page: ``FILE.html``, which needs nothing beside itself and no network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from renders import page
+from renders.comparison.comparison import LEFT, RIGHT, Comparison
+from renders.comparison.runs import compare_runs
+from renders.comparison.studies import compare_studies, documents
+from renders.comparison.sweeps import compare_sweeps
+from renders.page import Markup
+from renders.study_report import Table
+from sim.log import write_text
+
+MARK = "Written by mathnavi compare."  # by which such a page is known again
+COMPARED = {"run": compare_runs, "sweep": compare_sweeps, "study": compare_studies}
+KINDS = {"run": "the run of a scenario", "sweep": "the store of a sweep", "study": "a study"}
+
+
+def kind_of(path: Path) -> str:
+    """What there is at a place: "run", "sweep" or "study"; ValueError if it is none of these."""
+    if not path.exists():
+        raise ValueError(f"{path} does not exist; allowed: the folder of a run or of studies, or the store of a sweep")
+    if path.is_dir() and (path / "config.json").is_file():
+        return "run"
+    if documents(path):
+        return "study"
+    if path.is_file():
+        return "sweep"  # whether it is a store comes to light when it is read
+    raise ValueError(f"{path} holds neither a run nor a study; allowed: the folder of a run or of studies, or a store")
+
+
+def compare(left: Path, right: Path) -> Comparison:
+    """Two results of one kind beside each other.
+
+    ValueError or FileNotFoundError where there is none or a broken one, and for two that cannot be compared.
+    """
+    kinds = [kind_of(path) for path in (left, right)]
+    if kinds[0] != kinds[1]:
+        raise ValueError(f"{left} is {KINDS[kinds[0]]} and {right} {KINDS[kinds[1]]}; allowed: two of one kind")
+    return COMPARED[kinds[0]](left, right)
+
+
+def write_comparison(path: Path, comparison: Comparison) -> None:
+    """Write the page, whole or not at all."""
+    write_text(path, report(comparison))
+
+
+def is_comparison(path: Path) -> bool:
+    """Whether a file is such a page."""
+    return path.is_file() and MARK.encode() in path.read_bytes()
+
+
+def report(comparison: Comparison) -> Markup:
+    """The page's HTML."""
+    places = page.table((), [(LEFT, comparison.left), (RIGHT, comparison.right)])
+    figures = [page.figure_block(drawing, name, caption) for name, drawing, caption in comparison.draw()]
+    first, *others = comparison.tables
+    return page.document(
+        comparison.title,
+        page.heading(comparison.title, comparison.verdict, None),
+        page.section("What is compared", page.card(places), _card(first)),
+        *([page.section("Figures", *figures)] if figures else []),
+        page.section("Numbers", *map(_card, others)),
+        page.footer(MARK),
+    )  # fmt: skip
+
+
+def _card(table: Table) -> Markup:
+    return page.card(page.table(table.columns, table.rows, table.title))

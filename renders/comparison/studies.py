@@ -1,0 +1,132 @@
+"""Two sets of studies beside each other: which claims have another verdict, and which another figure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from renders.claims import Claim
+from renders.comparison.comparison import LEFT, RIGHT, Comparison, differing_fields
+from renders.page import UNKNOWN
+from renders.run_log import read_json
+from renders.study_report import Table
+
+KEYS = ("study", "claims")  # that tell a study's document from other JSON
+
+HEADS = ("study", "claim", LEFT, RIGHT)
+MOST_NAMED = 3  # studies in a title
+
+Name = tuple[str, str]  # of a study and of its terrain, "" for none
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a study has written of itself."""
+
+    fields: Mapping[str, Any]  # what it was done on and with
+    claims: Mapping[str, Claim]  # by id
+
+
+def is_study(path: Path) -> bool:
+    """Whether a file is a study's document."""
+    try:
+        document = read_json(path)
+    except (OSError, ValueError):
+        return False
+    return all(key in document for key in KEYS)
+
+
+def documents(path: Path) -> list[Path]:
+    """The documents of the studies in a folder and in those of its terrains; of a file itself."""
+    found = [path] if path.is_file() else sorted([*path.glob("*.json"), *path.glob("*/*.json")])
+    return [file for file in found if is_study(file)]
+
+
+def read_studies(path: Path) -> dict[Name, Study]:
+    """The studies at a place; ValueError for a broken document."""
+    return dict(map(_read, documents(path)))
+
+
+def compare_studies(left: Path, right: Path) -> Comparison:
+    """Two sets of studies; errors as of ``read_studies``, and ValueError where they have no study in common."""
+    one, other = read_studies(left), read_studies(right)
+    shared = [name for name in one if name in other]
+    if not shared:
+        held, other_held = (", ".join(map(_called, some)) for some in (one, other))
+        raise ValueError(f"{left} holds {held} and {right} {other_held}; allowed: a study in common")
+    pairs = [pair for name in shared for pair in _pairs(name, one[name], other[name])]
+    both = [pair for pair in pairs if pair.left and pair.right]
+    verdicts = [pair for pair in both if pair.changed]
+    counts = Counter(f"{pair.left.verdict} → {pair.right.verdict}" for pair in verdicts if pair.left and pair.right)
+    changes = f": {', '.join(f'{count} {change}' for change, count in counts.items())}" if counts else ""
+    listed = {
+        "Claims with another verdict": verdicts,
+        "Claims of one side only": [pair for pair in pairs if pair not in both],
+        "Claims with the same verdict and another figure": [
+            pair for pair in both if not pair.changed and pair.row[2] != pair.row[3]
+        ],
+    }
+    return Comparison(
+        f"studies: {', '.join(map(_called, shared)) if len(shared) <= MOST_NAMED else f'{len(shared)} in common'}",
+        f"{len(verdicts)} of {len(both)} claims changed their verdict{changes}.",
+        str(left),
+        str(right),
+        [
+            differing_fields(_fields(one, shared, other), _fields(other, shared, one)),
+            *(Table(title, HEADS, [pair.row for pair in some]) for title, some in listed.items() if some),
+        ],
+        lambda: (),
+    )
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One claim on both sides; None where it is not."""
+
+    study: str
+    id: str
+    left: Claim | None
+    right: Claim | None
+
+    @property
+    def changed(self) -> bool:
+        """Whether the verdict did."""
+        return self.left is None or self.right is None or self.left.holds is not self.right.holds
+
+    @property
+    def row(self) -> tuple[str, str, str, str]:
+        """As it is told."""
+        statement = next(claim.statement for claim in (self.left, self.right) if claim)
+        left, right = (f"{claim.verdict}: {claim.measured}" if claim else UNKNOWN for claim in (self.left, self.right))
+        return self.study, f"{self.id}: {statement}", left, right
+
+
+def _read(path: Path) -> tuple[Name, Study]:
+    document = read_json(path)
+    try:
+        claims = {claim["id"]: Claim(**claim) for claim in document["claims"]}
+        terrain = document.get("terrain") or {}
+        fields = {key: document.get(key) for key in ("first_look", "command")}
+        fields |= {"terrain's digest": terrain.get("digest")}
+        return (str(document["study"]), str(terrain.get("name", ""))), Study(fields, claims)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{str(path)!r} is not a study's document: {error!r}") from None
+
+
+def _called(name: Name) -> str:
+    return f"{name[0]} over {name[1]}" if name[1] else name[0]
+
+
+def _fields(some: Mapping[Name, Study], shared: Sequence[Name], others: Mapping[Name, Study]) -> dict[str, Any]:
+    """What each study was done on and with, and which are here and not there."""
+    fields = {f"{_called(name)}: {key}": value for name in shared for key, value in some[name].fields.items()}
+    alone = [_called(name) for name in some if name not in others]
+    return {"studies of this side only": ", ".join(alone) or "none", **fields}
+
+
+def _pairs(name: Name, left: Study, right: Study) -> list[Pair]:
+    ids = dict.fromkeys([*left.claims, *right.claims])
+    return [Pair(_called(name), key, left.claims.get(key), right.claims.get(key)) for key in ids]

@@ -1,0 +1,72 @@
+"""``mathnavi compare``: two runs, two sweeps or two studies side by side, on the terminal and on one page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.table import Table as Printed
+from rich.text import Text
+
+from sim.commands.arguments import Group, parse
+from sim.commands.errors import BadInputError, bad_input
+from sim.commands.output import output_folder
+
+OUT = Path("renders/out/comparison.html")
+DESCRIPTION = "Two runs, two sweeps or two studies beside each other: what was asked of them, and what came out."
+
+Place = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to compare."""
+
+    left: Place
+    """folder of a run or of studies, a study's .json, or the store of a sweep (.db)"""
+    right: Place
+    """another one of the same kind"""
+    out: Path = OUT
+    """the page to write, .html"""
+
+    def __post_init__(self) -> None:
+        if self.out.suffix != ".html":
+            raise ValueError(f"out = {self.out}; allowed: a name that ends in .html")
+
+
+def main(argv: Sequence[str]) -> int:
+    try:
+        (options,) = parse(argv, "mathnavi compare", DESCRIPTION, Group(Options))
+    except SystemExit:  # the help is printed
+        return 0
+    from renders.comparison.report import compare, is_comparison, write_comparison  # what draws takes long to import
+
+    out = options.out
+    if out.exists() and not is_comparison(out):
+        raise BadInputError(
+            f"--out = {out} is there and is no comparison; allowed: a new file, or an earlier comparison"
+        )
+    with bad_input():
+        comparison = compare(options.left, options.right)
+    console = Console()
+    console.print(f"{comparison.title}. {comparison.verdict}", style="bold", highlight=False)
+    for side in ("left", "right"):
+        console.print(f"{side:7} {getattr(comparison, side)}", soft_wrap=True, highlight=False)
+    for table in comparison.tables:
+        printed = Printed(title=table.title, title_justify="left", title_style="bold", box=None, padding=(0, 2, 0, 0))
+        for column in table.columns:
+            printed.add_column(
+                column, overflow="fold", justify="right" if column in ("difference", "ratio") else "left"
+            )
+        for row in table.rows:
+            printed.add_row(*(Text(str(cell)) for cell in row))
+        console.print()
+        console.print(printed)
+    with output_folder(out.parent), bad_input():
+        write_comparison(out, comparison)
+    console.print(f"\nreport  {out}", soft_wrap=True, highlight=False)
+    return 0

@@ -1,0 +1,19 @@
+"""What the fields of dataclasses are called on the command line."""
+
+from __future__ import annotations
+
+
+def joined(prefix: str, field: str) -> str:
+    """The dotted name of a field below a prefix: "noise.rate"; a word that Python keeps for itself ends in "_"."""
+    return f"{prefix}.{field.rstrip('_')}".strip(".")
+
+
+def flag_of(name: str) -> str:
+    """--planner.grid-nodes of planner.grid_nodes."""
+    return f"--{name.replace('_', '-')}"
+
+
+def negation(flag: str) -> str:
+    """The flag that sets a truth value to false: --planner.no-warm for --planner.warm."""
+    above, dot, name = flag.removeprefix("--").rpartition(".")
+    return f"--{above}{dot}no-{name}"

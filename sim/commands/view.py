@@ -1,0 +1,152 @@
+"""``mathnavi view``: MuJoCo's own viewer on a finished run, in real time and again and again until it is closed."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from operator import attrgetter
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from renders.run_log import RunLog, read_fleet, read_json, read_log
+from sim.checks import check
+from sim.commands.arguments import Group, parse
+from sim.commands.errors import BadInputError, bad_input
+from sim.commands.order import prepare, read_order
+from sim.commands.run import build
+from sim.commands.saved import Saved
+from sim.replay import Replay
+
+DESCRIPTION = "Replay a run in MuJoCo's viewer, with the path in orange, until its window is closed."
+FRAME = 1.0 / 60.0  # [s]
+REST = 1.0  # [s] at the end, before it begins again
+MOST_POINTS = 300  # of a path
+PATH = (0.93, 0.45, 0.05, 1.0)  # colour
+AWAY = 12.0  # times the size of a vehicle: how far the camera is
+NO_DISPLAY = "allowed: a desktop, or `ssh -X`; `mathnavi render DIR` makes a video without a display"
+
+
+@dataclass(frozen=True)
+class Options:
+    """What to show."""
+
+    folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
+    """folder of a run"""
+    speed: float = 1.0
+    """times as fast as it was"""
+
+    def __post_init__(self) -> None:
+        check(self.speed, "speed", 0.0, open_low=True)
+
+
+@dataclass(frozen=True)
+class _Unchanged:
+    """No flags: a run is shown as it was."""
+
+
+def main(argv: Sequence[str]) -> int:
+    try:
+        (options,) = parse(argv, "mathnavi view", DESCRIPTION, Group(Options))
+    except SystemExit:  # the help is printed
+        return 0
+    prepare()
+    replay = read_replay(options.folder)
+    check_display()
+    import mujoco.viewer  # needs GLFW
+
+    try:
+        window = mujoco.viewer.launch_passive(
+            replay.plant.model, replay.plant.data, show_left_ui=False, show_right_ui=False
+        )
+    except RuntimeError as error:  # on macOS, unless it is run by mjpython
+        raise BadInputError(f"view: {error}") from error
+    with window as viewer:
+        play(replay, viewer, options.speed)
+    return 0
+
+
+def read_replay(folder: Path) -> Replay:
+    """The run in a folder; BadInputError if there is none that can be shown."""
+    if not (folder / "config.json").is_file():
+        raise BadInputError(f"DIR = {folder}: there is no {folder / 'config.json'}; allowed: the folder of a run")
+    saved = Saved.read(folder)
+    with bad_input():
+        logs = _logs(folder)
+    order = read_order("view", [saved.scenario], _Unchanged, saved)
+    experiment = build(order, saved)
+    try:
+        states, inputs = (
+            {name: part(log) for name, log in logs.items()} for part in (attrgetter("x"), attrgetter("u"))
+        )
+        return Replay(experiment.plant, next(iter(logs.values())).t, states, inputs)
+    except ValueError as error:
+        raise BadInputError(f"{folder} cannot be shown: {error}") from error
+
+
+def check_display() -> None:
+    """BadInputError where no window can be opened; MuJoCo's viewer would wait for it without end."""
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise BadInputError(f"view: there is no display, DISPLAY is not set; {NO_DISPLAY}")
+    import glfw
+
+    glfw.ERROR_REPORTING = "ignore"
+    where = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform
+    if not glfw.init():
+        raise BadInputError(f"view: the display {where!r} cannot be opened; {NO_DISPLAY}")
+    glfw.window_hint(glfw.VISIBLE, glfw.FALSE)
+    window = glfw.create_window(64, 64, "", None, None)
+    glfw.terminate()
+    if not window:
+        raise BadInputError(f"view: the display {where!r} has no OpenGL; {NO_DISPLAY}")
+
+
+def play(replay: Replay, viewer: Any, speed: float, clock: Callable[[], float] = time.perf_counter) -> None:
+    """Show the run in a viewer of ``mujoco.viewer`` until it is closed."""
+    with viewer.lock():
+        _draw_paths(replay, viewer)
+    began = clock()
+    while viewer.is_running():
+        t = (clock() - began) * speed % (replay.duration + REST * speed)
+        with viewer.lock():
+            replay.show(min(t, replay.duration))
+        viewer.sync()
+        time.sleep(FRAME)
+
+
+def _draw_paths(replay: Replay, viewer: Any) -> None:
+    """The path of every vehicle as a line, and the camera behind the first one."""
+    import mujoco
+
+    scene, model = viewer.user_scn, replay.plant.model
+    paths = {name: replay.path(name, MOST_POINTS) for name in replay.plant.names}
+    for points in paths.values():
+        for begin, end in pairwise(points):
+            if scene.ngeom >= scene.maxgeom:
+                break
+            geom = scene.geoms[scene.ngeom]
+            mujoco.mjv_initGeom(
+                geom, mujoco.mjtGeom.mjGEOM_LINE, np.zeros(3), np.zeros(3), np.zeros(9), np.array(PATH, np.float32)
+            )
+            mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_LINE, 3.0, begin, end)
+            scene.ngeom += 1
+    name, points = next(iter(paths.items()))
+    body = replay.body(name)
+    viewer.cam.type, viewer.cam.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, body
+    own = model.geom_rbound[model.body_rootid[model.geom_bodyid] == model.body_rootid[body]]
+    viewer.cam.distance = AWAY * float(own.max())
+    viewer.cam.elevation = -20.0
+
+
+def _logs(folder: Path) -> dict[str, RunLog]:
+    """The log of every vehicle."""
+    names = list(read_json(folder / "log.json").get("states", {}))
+    if len(names) > 1:
+        return dict(read_fleet(folder).vehicles)
+    return {name: read_log(folder, may_diverge=True) for name in names}

@@ -1,0 +1,32 @@
+"""What is measured is a command that ended well, and each is compared with itself of the earlier commit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.start_up import ROOT, Arguments, Case, StartUp, checked_out, start
+
+
+def test_a_command_takes_time_and_a_failure_is_no_measurement(tmp_path: Path) -> None:
+    wall, cpu = start(ROOT, ("--version",), tmp_path)
+    assert 0.0 < cpu < 60.0
+    assert wall > 0.0
+    with pytest.raises(RuntimeError, match="nonsense"):
+        start(ROOT, ("nonsense",), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_commit_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="before = 'nowhere'"), checked_out("nowhere", tmp_path):
+        pass
+    with pytest.raises(ValueError, match="repetitions = 0; allowed: >= 1"):
+        Arguments(repetitions=0)
+
+
+def test_every_command_is_compared_with_that_of_the_commit() -> None:
+    times = {Case("before", "list", "warm"): [4.0, 6.0, 5.0], Case("here", "list", "warm"): [0.5, 0.5, 0.5]}
+    (row,) = StartUp("abc1234", times, times).comparisons()
+    assert (row.what, row.software, row.ratio) == ("list, warm", "ours at abc1234", 10.0)
+    assert StartUp("", {Case("here", "list", "warm"): [0.5]}).comparisons() == []

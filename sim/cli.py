@@ -25,7 +25,7 @@ COMMANDS = {
     "store": ("sim.commands.store", "show or export what a sweep has stored"),
     "study": ("sim.commands.study", "tables and figures of the thesis, and what holds of its claims"),
     "estimate": ("sim.commands.estimate", "run an estimator over the measurements of a finished run"),
-    "render": ("sim.commands.render", "a video or a still of a run"),
+    "render": ("sim.commands.render", "a video, a still or a clip of a run"),
     "terrain": ("sim.commands.terrain", "import an elevation model, show a map"),
 }
 USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."

@@ -26,6 +26,7 @@ from sim.signals import Array
 
 OPTICS = Optics(28.0, 0.02, 40.0)
 FREE = Box(0.12, 0.96, 0.15, 0.67)  # of a picture, in which all may move
+WIDE, FREE_IN_WIDE = 1.5, Box(0.32, 0.92, 0.12, 0.88)  # width over height, from which on words are beside that
 GROUPS = (0, 1, 2)  # of geoms that MuJoCo shows
 SAMPLES = 60  # of the run, for what moves to be in the picture
 MERGED, FAINT, SHOWN = 0.25, 0.08, 0.42  # drawn error at which a ghost is clear; opacity merged and clear
@@ -62,7 +63,9 @@ class Scene(Staged):
         self._tip = np.array(NOSE) if self._is_ball else self._farthest()
         places = [self._reached(float(t)) for t in np.linspace(0.0, run.duration, SAMPLES)]
         points = np.vstack(places)
-        self._view = framing(points, FREE, OPTICS, width / height, (azimuth(run), ELEVATION))
+        self._view = framing(
+            points, FREE_IN_WIDE if width > WIDE * height else FREE, OPTICS, width / height, (azimuth(run), ELEVATION)
+        )
         self._size = float(np.ptp(points, axis=0).max())
         speeds = [
             np.linalg.norm(self._velocity_of(run.log.x[run.look(t)])) for t in np.linspace(0.0, run.duration, 400)

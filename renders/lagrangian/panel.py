@@ -38,9 +38,8 @@ class Panel:
         self._window = WINDOW if found is None else min(max(AFTERWARDS * found, LEAST_WINDOW), WINDOW)
         dpi = height / INCHES_HIGH
         with matplotlib.rc_context({**STYLE, "figure.facecolor": GROUND, "font.size": 8.6}):
-            self._figure = Figure(
-                figsize=(width / dpi, INCHES_HIGH), dpi=dpi, layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.05, rect=TOP_FREE)
-            )
+            layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.05, rect=TOP_FREE)
+            self._figure = Figure(figsize=(width / dpi, INCHES_HIGH), dpi=dpi, layout=layout)
             self._path = None
             names, has_path = run.velocity_names, run.space == "body"
             rows = len(names)

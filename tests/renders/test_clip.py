@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -51,7 +52,7 @@ def test_a_clip_plays_over_and_over_and_holds_its_last_picture(
             shown.append(np.asarray(moving.convert("RGB")).astype(int))
             assert moving.info["duration"] == (250 if k < 4 else 1000 * LAST_LOOK)
     assert min(picture.std() for picture in shown) > 10.0
-    assert all((np.abs(b - a).max(axis=-1) > 40).any() for a, b in zip(shown, shown[1:], strict=False))
+    assert all((np.abs(b - a).max(axis=-1) > 40).any() for a, b in pairwise(shown))
 
 
 def test_what_would_be_too_large_is_refused(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -76,9 +77,7 @@ def test_what_would_be_too_large_is_refused(folder: Path, tmp_path: Path, monkey
         ("--clip --time 1", "--time = 1.0; allowed: only together with --still"),
     ],
 )
-def test_bad_input_is_told_in_one_line(
-    flags: str, told: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_input_is_told_in_one_line(flags: str, told: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", str(folder), *flags.split()]) == 2
     assert capsys.readouterr().err == f"mathnavi: {told}\n"
     assert not list(folder.glob("*.webp"))

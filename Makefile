@@ -2,6 +2,7 @@
 #   make fly     one safe flight over real mountains, with its video and report
 #   make test    the tests           make test ARGS="-k terrain"
 #   make lint    style, types and the floors of the house
+#   make gallery the committed pictures once more          make gallery ARGS=safe_flight
 #   make bench   one table: our software beside other people's    make bench ARGS=--quick
 #   make clean   remove caches and outputs
 # PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend.
@@ -18,7 +19,7 @@ PACKAGES := models sim controllers estimators renders
 BENCHMARKS := $(wildcard benchmarks)
 INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: fly test lint bench clean opengl .venv
+.PHONY: fly test lint bench gallery clean opengl .venv
 .NOTPARALLEL:
 
 fly: .venv/.installed opengl
@@ -38,6 +39,9 @@ lint: .venv/.developed
 
 bench: .venv/.benchmarked
 	.venv/bin/python -m benchmarks $(ARGS)
+
+gallery: .venv/.installed opengl
+	.venv/bin/python -m renders.gallery $(ARGS)
 
 clean:
 	rm -rf renders/out dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

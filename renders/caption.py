@@ -21,6 +21,7 @@ DOTS, DASHES, ARROWS, RINGS, CIRCLES = (
     (Part.TARGET,),
     (Part.SPREAD, Part.IMAGE),
 )  # how a part is drawn; else a line
+ENLARGED = 2.0  # times as large are the letters of a brief caption
 RING_COLOURS = ((242, 242, 237), (212, 33, 26), (242, 242, 237))  # of a target, from its edge to its middle
 
 
@@ -48,7 +49,7 @@ class Words:
     """What a picture says."""
 
     title: Sequence[str]  # lines, the first one larger
-    numbers: Sequence[tuple[str, str, str]]  # (name, value, note)
+    numbers: Sequence[tuple[str, str, str]]  # (name, value, note); the first two are those of a brief caption
     state: str  # what is being done
     legend: Sequence[Part | Key]
     notice: str  # what just happened
@@ -67,26 +68,36 @@ def pace(frame: Frame, duration: float) -> str:
 
 
 class Caption:
-    """Writes on pictures of one size; sizes are given for pictures 720 pixels high."""
+    """Writes on pictures of one size; sizes are given for pictures 720 pixels high.
 
-    def __init__(self, width: int, height: int) -> None:
+    A ``brief`` one has two numbers and a strip of a legend in letters that can still be read in a thumbnail.
+    """
+
+    def __init__(self, width: int, height: int, *, brief: bool = False) -> None:
         self.width, self.height = width, height
-        self._unit = height / 720.0
+        self._brief = brief
+        self._unit = height / 720.0 * (ENLARGED if brief else 1.0)
         folder = Path(matplotlib.get_data_path()) / "fonts" / "ttf"
         self._plain = {n: ImageFont.truetype(str(folder / "DejaVuSans.ttf"), self._px(n)) for n in (13, 15, 17)}
         self._bold = {n: ImageFont.truetype(str(folder / "DejaVuSans-Bold.ttf"), self._px(n)) for n in (16, 26)}
         self._title_corner = (0.0, 0.0)  # right and lower edge of the title of the picture being written on
+        self._taken: list[tuple[float, float, float, float]] = []  # left, top, right, bottom of notice and labels on it
 
     def write(self, picture: Picture, words: Words) -> Picture:
         """The picture with words on it."""
         canvas = Image.fromarray(picture).convert("RGBA")
         layer = Image.new("RGBA", canvas.size, (0, 0, 0, 0))
         draw = ImageDraw.Draw(layer)
-        self._title(draw, words.title)
-        self._numbers(draw, words)
-        self._legend(draw, words.legend)
+        if self._brief:
+            self._two_numbers(draw, words.numbers[:2])
+            self._strip(draw, words.legend)
+        else:
+            self._title(draw, words.title)
+            self._numbers(draw, words)
+            self._legend(draw, words.legend)
+            self._progress(draw, words)
+        self._taken.clear()
         self._notice(draw, words.notice)
-        self._progress(draw, words)
         for label in words.labels:  # last, so that nothing covers them
             self._label(draw, label)
         return np.asarray(Image.alpha_composite(canvas, layer).convert("RGB"))
@@ -98,16 +109,21 @@ class Caption:
         draw.rounded_rectangle(box, radius=self._px(9), fill=PANEL)
 
     def _label(self, draw: ImageDraw.ImageDraw, label: Label) -> None:
-        """A name above its place or beside it, inside the picture and clear of the title."""
+        """A name above its place or beside it, inside the picture and clear of the title.
+
+        In a brief caption, the letters of which are large, it is left out where it would cover another one.
+        """
         font = self._plain[13] if label.small else self._bold[16]
         half, gap = font.getlength(label.text) / 2 + self._px(6), self._px(0 if label.small or label.beside else 20)
         middle = min(max(label.column + half * label.beside, half), self.width - half)
         right, bottom = self._title_corner
         least = bottom + gap if middle - half < right else gap
-        draw.text(
-            (middle, max(label.row - gap, least)), label.text, WHITE, font, "mm",
-            stroke_width=self._px(2), stroke_fill=(16, 24, 36, 210),
-        )  # fmt: skip
+        row, tall = max(label.row - gap, least), self._px(10)
+        box = (middle - half, row - tall, middle + half, row + tall)
+        if self._brief and any(_overlap(box, other) for other in self._taken):
+            return
+        self._taken.append(box)
+        draw.text((middle, row), label.text, WHITE, font, "mm", stroke_width=self._px(2), stroke_fill=(16, 24, 36, 210))
 
     def _title(self, draw: ImageDraw.ImageDraw, title: Sequence[str]) -> None:
         pad, edge, row = self._px(11), self._px(18), self._px(24)
@@ -130,9 +146,41 @@ class Caption:
             draw.text((right - pad, y + self._px(26)), note, SOFT, self._plain[13], "rm")
         draw.text((left + pad, self.height - self._px(48)), words.state, WHITE, self._plain[15], "lm")
 
+    def _two_numbers(self, draw: ImageDraw.ImageDraw, numbers: Sequence[tuple[str, str, str]]) -> None:
+        """In the corner of the title."""
+        edge, pad, gap = self._px(8), self._px(9), self._px(16)
+        widths = [max(self._plain[13].getlength(name), self._bold[26].getlength(value)) for name, value, _ in numbers]
+        self._title_corner = edge + sum(widths) + gap * (len(numbers) - 1) + 2 * pad, edge + self._px(52)
+        self._panel(draw, (edge, edge, *self._title_corner))
+        left = float(edge + pad)
+        for wide, (name, value, _) in zip(widths, numbers, strict=True):
+            draw.text((left, edge + self._px(13)), name, SOFT, self._plain[13], "lm")
+            draw.text((left, edge + self._px(35)), value, WHITE, self._bold[26], "lm")
+            left += wide + gap
+
+    def _strip(self, draw: ImageDraw.ImageDraw, parts: Sequence[Part | Key]) -> None:
+        """A legend along the lower edge, in as many rows as it takes."""
+        font, high, swatch, gap, edge = self._plain[13], self._px(20), self._px(35), self._px(11), self._px(8)
+        rows: list[list[tuple[Part | Key, float]]] = [[]]
+        left = float(edge)
+        for part in parts:
+            wide = swatch + font.getlength(_name(part)) + gap
+            if left + wide > self.width - edge + gap and rows[-1]:
+                rows.append([])
+                left = float(edge)
+            rows[-1].append((part, left))
+            left += wide
+        top = self.height - high * len(rows) - self._px(4)
+        draw.rectangle((0, top, self.width, self.height), PANEL)
+        for k, row in enumerate(rows):
+            y = top + self._px(2) + high * (k + 0.5)
+            for part, x in row:
+                self._swatch(draw, part, x, y)
+                draw.text((x + swatch, y), _name(part), WHITE, font, "lm")
+
     def _legend(self, draw: ImageDraw.ImageDraw, parts: Sequence[Part | Key]) -> None:
         font, pad, row = self._plain[15], self._px(13), self._px(22)
-        names = [part.text if isinstance(part, Key) else part.value for part in parts]
+        names = [_name(part) for part in parts]
         wide = max(font.getlength(name) for name in names) + self._px(42) + 2 * pad
         right, bottom = self.width - self._px(18), self.height - self._px(30)
         top = bottom - row * len(parts) - pad
@@ -171,9 +219,13 @@ class Caption:
             font, middle, top = self._bold[16], self.width / 2, float(self._px(66))
             half = font.getlength(text) / 2 + self._px(16)
             right, bottom = self._title_corner
+            if self._brief:  # beside the title, where there is room
+                middle, top = self.width - self._px(8) - half, float(self._px(14))
             if middle - half < right:
                 top = max(top, bottom + self._px(8))
-            self._panel(draw, (middle - half, top, middle + half, top + self._px(40)))
+            box = (middle - half, top, middle + half, top + self._px(40))
+            self._taken.append(box)
+            self._panel(draw, box)
             draw.text((middle, top + self._px(20)), text, (255, 214, 102, 255), font, "mm")
 
     def _progress(self, draw: ImageDraw.ImageDraw, words: Words) -> None:
@@ -184,3 +236,12 @@ class Caption:
         for share in words.moments:
             x = left + share * (right - left)
             draw.line((x, y - self._px(4), x, y + self._px(4)), WHITE, self._px(2))
+
+
+def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+    """Whether two boxes (left, top, right, bottom) have a point in common."""
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
+
+
+def _name(part: Part | Key) -> str:
+    return part.text if isinstance(part, Key) else part.value

@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes
 
 FLIGHT = "renders.flight"
 TOUR = "tour"  # the direction that cuts between the cameras
-PARTS = ("cameras", "still_camera", "load_run", "storyboard", "highlight", "painter", "report")
+PARTS = ("cameras", "still_camera", "load_run", "storyboard", "highlight", "notices", "painter", "report")
 
 
 class Painter(Protocol):
@@ -47,6 +47,10 @@ class Drawing(Protocol):
 
     def highlight(self, run: Any) -> tuple[float, float]:
         """Between which times [s] there is most to see."""
+        ...
+
+    def notices(self, run: Any) -> list[tuple[float, str]]:
+        """(time [s], text) of what a viewer should be told, in order of time."""
         ...
 
     def painter(self, run: Any, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:

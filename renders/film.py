@@ -32,6 +32,7 @@ class Frame:
     turn: float  # [degrees] by which a camera that turns has turned, zero in the middle of the video
     rate: float  # seconds of flight for each second of video; 0 where time stands still
     notice: str = ""  # what just happened
+    brief: bool = False  # whether it has to be read at the size of a thumbnail: few words, in large letters
 
 
 def frames_of(shots: Sequence[Shot], notices: Sequence[tuple[float, str]], fps: int, turn: float) -> list[Frame]:

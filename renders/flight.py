@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from renders.flight_caption import words
 from renders.painter import Painter, painting
 from renders.run_data import RunData, load_run
-from renders.storyboard import CAMERAS, highlight, storyboard
+from renders.storyboard import CAMERAS, highlight, notices, storyboard
 
 if TYPE_CHECKING:
     from renders.page import Markup
 
-__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
 
 cameras, still_camera = CAMERAS, "overview"
 

@@ -49,12 +49,12 @@ def words(run: RunData, frame: Frame, labels: list[tuple[str, float, float]]) ->
         title=title,
         numbers=(
             ("TIME", f"{frame.t:.1f} s", pace(frame, run.duration)),
-            ("SPEED", f"{speed:.0f} m/s", f"bound {run.mission.speed_max:.0f} m/s"),
             (
                 "ABOVE GROUND",
                 f"{ground:.0f} m" if np.isfinite(ground) else "off the map",
                 f"at least {run.mission.clearance_min:.0f} m",
             ),
+            ("SPEED", f"{speed:.0f} m/s", f"bound {run.mission.speed_max:.0f} m/s"),
         ),
         state=phase_name(run, frame.t),
         legend=[part for part in LEGEND if part is not Part.RADAR or run.mission.radars],

@@ -19,12 +19,14 @@ class Painter:
     run: Any
     scene: Any  # its draw() paints a frame, its labels() name what is in sight
     caption: Caption
+    brief: Caption  # of frames that have to be brief
     words: Callable[[Any, Frame, Any], Any]  # what the caption says
 
     def paint(self, frame: Frame) -> Picture:
         picture = self.scene.draw(frame.t, frame.camera, frame.turn)
         labels = self.scene.labels(frame.t, frame.camera)
-        return self.caption.write(picture, self.words(self.run, frame, labels))
+        caption = self.brief if frame.brief else self.caption
+        return caption.write(picture, self.words(self.run, frame, labels))
 
 
 @contextmanager
@@ -33,4 +35,4 @@ def painting(
 ) -> Iterator[Painter]:
     """A painter, for as long as its scene is open."""
     with scene(run, width, height, samples) as opened:
-        yield Painter(run, opened, Caption(width, height), words)
+        yield Painter(run, opened, Caption(width, height), Caption(width, height, brief=True), words)

@@ -20,6 +20,9 @@ from sim.signals import Array
 
 MAX_GEOMS = 4000
 DASH = 11.0  # [pixels] at a picture 720 pixels high: length of a dash and of the gap after it
+# For a pixel of a picture 720 pixels high there are so many in a small one, or so many times its share of the height if
+# that is less: else lines would be too thin to be seen.
+LEAST_UNIT, MOST_ENLARGED = 0.75, 1.5
 DISC_HEIGHT = 5e-4  # [m]
 COPY_SIZE = 1.02  # of a copy: where it lies on the original it covers it
 MOST_PIXELS = 300.0  # that a piece of a line counts for: behind the camera it would count for any number
@@ -79,7 +82,8 @@ class Stage:
     @property
     def unit(self) -> float:
         """What a pixel of a picture 720 pixels high is here."""
-        return self.height / 720.0
+        share = self.height / 720.0
+        return max(share, min(LEAST_UNIT, MOST_ENLARGED * share))
 
     def look(self, view: View, optics: Optics, groups: Sequence[int]) -> None:
         """Put the camera in its place and show these groups of geoms; ``place`` what moves before the scene begins."""

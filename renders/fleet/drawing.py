@@ -7,10 +7,10 @@ from contextlib import AbstractContextManager
 from renders.fleet.caption import words
 from renders.fleet.report import report
 from renders.fleet.run_data import FleetRun, load_run
-from renders.fleet.storyboard import CAMERAS, highlight, storyboard
+from renders.fleet.storyboard import CAMERAS, highlight, notices, storyboard
 from renders.painter import Painter, painting
 
-__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
 
 cameras, still_camera = CAMERAS, "overview"
 

@@ -45,8 +45,8 @@ def words(run: LagrangianRun, frame: Frame, labels: Sequence[Label]) -> Words:
         title=[f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']}", subject(run)],
         numbers=(
             ("TIME", f"{frame.t:.2f} s", pace(frame, run.duration)),
-            (f"SPEED [{run.unit}]", f"{speed:.2f}", found),
             (f"VELOCITY OFF BY [{run.unit}]", off, ""),
+            (f"SPEED [{run.unit}]", f"{speed:.2f}", found),
             ("POSITION OFF BY", place, note),
         ),
         state=_state(run, frame.t, k),

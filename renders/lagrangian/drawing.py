@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from renders.lagrangian.painter import ScenePainter, scene_painting
 from renders.lagrangian.run_data import LagrangianRun, load_run
-from renders.lagrangian.storyboard import CAMERAS, highlight, storyboard
+from renders.lagrangian.storyboard import CAMERAS, highlight, notices, storyboard
 
 if TYPE_CHECKING:
     from renders.page import Markup
 
-__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
 
 cameras, still_camera = CAMERAS, CAMERAS[0]
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, MaxNLocator, MultipleLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from renders.blitted import Blitted
 from renders.figures import BOUND, GRID, INK, STYLE
@@ -20,11 +20,12 @@ from renders.lagrangian.views import INCHES_HIGH, chart_of
 from renders.palette import Picture
 from renders.run_log import last_at
 
-WINDOW = 2.0  # [s] of velocity that are in sight
+WINDOW, LEAST_WINDOW, AFTERWARDS = 2.0, 0.5, 1.5  # [s] of velocity in sight; times as long as until it is found
 MOST_POINTS = 700  # of a curve
 SMALLEST = 1e-9  # that is drawn
 MARGIN = 0.12
 GROUND = "#f6f8fa"
+TOP_FREE = (0.0, 0.0, 1.0, 0.985)  # of the figure: what its parts may take
 
 
 class Panel:
@@ -33,11 +34,12 @@ class Panel:
     def __init__(self, run: LagrangianRun, width: int, height: int) -> None:
         """``width`` and ``height`` in pixels."""
         self._run = run
+        found = run.found_from if run.has_begun_wrong else None
+        self._window = WINDOW if found is None else min(max(AFTERWARDS * found, LEAST_WINDOW), WINDOW)
         dpi = height / INCHES_HIGH
         with matplotlib.rc_context({**STYLE, "figure.facecolor": GROUND, "font.size": 8.6}):
-            self._figure = Figure(
-                figsize=(width / dpi, INCHES_HIGH), dpi=dpi, layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.05)
-            )
+            layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.05, rect=TOP_FREE)
+            self._figure = Figure(figsize=(width / dpi, INCHES_HIGH), dpi=dpi, layout=layout)
             self._path = None
             names, has_path = run.velocity_names, run.space == "body"
             rows = len(names)
@@ -70,7 +72,7 @@ class Panel:
         if self._path is not None:
             self._path.show(t)
         last = max(last_at(run.t_estimate, t), 0)
-        first = max(last_at(run.t_estimate, t - WINDOW), 0)
+        first = max(last_at(run.t_estimate, t - self._window), 0)
         i = np.unique(np.linspace(first, last, min(last - first + 1, MOST_POINTS)).astype(int))
         true, found = run.velocity
         known = np.where(run.errors.found[i, None] > 0.0, found[i], np.nan)
@@ -88,10 +90,10 @@ class Panel:
         axes.axhline(0.0, color=GRID, lw=0.8)
         (truth,) = axes.plot([], [], color=TRUTH, lw=2.8, label="true")
         (estimate,) = axes.plot([], [], color=ESTIMATE, lw=1.3, label="estimated")
-        axes.set(xlim=(-WINDOW, 0.0), ylim=(low - margin, high + margin))
+        axes.set(xlim=(-self._window, 0.0), ylim=(low - margin, high + margin))
         axes.set_ylabel(with_unit(self._run.velocity_names[k]).replace(" [", "\n["), size=7.8)
         axes.yaxis.set_major_locator(MaxNLocator(3))
-        axes.xaxis.set_major_locator(MultipleLocator(0.5))
+        axes.xaxis.set_major_locator(MaxNLocator(4))
         axes.tick_params(labelbottom=False, labelsize=7.4)
         return truth, estimate
 

@@ -26,6 +26,7 @@ from sim.signals import Array
 
 OPTICS = Optics(28.0, 0.02, 40.0)
 FREE = Box(0.12, 0.96, 0.15, 0.67)  # of a picture, in which all may move
+WIDE, FREE_IN_WIDE = 1.5, Box(0.32, 0.92, 0.12, 0.88)  # width over height, from which on words are beside that
 GROUPS = (0, 1, 2)  # of geoms that MuJoCo shows
 SAMPLES = 60  # of the run, for what moves to be in the picture
 MERGED, FAINT, SHOWN = 0.25, 0.08, 0.42  # drawn error at which a ghost is clear; opacity merged and clear
@@ -44,7 +45,7 @@ class Scene(Staged):
     """A context manager, see ``Staged``."""
 
     def __init__(self, run: LagrangianRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
-        self.run = run
+        self.run, self._fine = run, samples > 0
         assert run.mechanism is not None
         spec = build_spec(run.mechanism)
         spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
@@ -62,7 +63,9 @@ class Scene(Staged):
         self._tip = np.array(NOSE) if self._is_ball else self._farthest()
         places = [self._reached(float(t)) for t in np.linspace(0.0, run.duration, SAMPLES)]
         points = np.vstack(places)
-        self._view = framing(points, FREE, OPTICS, width / height, (azimuth(run), ELEVATION))
+        self._view = framing(
+            points, FREE_IN_WIDE if width > WIDE * height else FREE, OPTICS, width / height, (azimuth(run), ELEVATION)
+        )
         self._size = float(np.ptp(points, axis=0).max())
         speeds = [
             np.linalg.norm(self._velocity_of(run.log.x[run.look(t)])) for t in np.linspace(0.0, run.duration, 400)
@@ -70,16 +73,41 @@ class Scene(Staged):
         self._scale = (TURNING if self._is_ball else ARROW) * self._size / max(float(np.max(speeds)), 1e-9)
 
     def draw(self, t: float, camera: str, turn: float = 0.0) -> Picture:
-        """The picture at time ``t`` [s]."""
-        run, stage = self.run, self.stage
+        """The picture at time ``t`` [s].
+
+        Ghosts should cast no shadow: nearly where what they are ghosts of is, theirs would spot it. MuJoCo has all cast
+        theirs or none, so what they change in a picture without shadows is added to one without ghosts; in a video, the
+        pictures of which are many, that is not worth its time.
+        """
+        stage = self.stage
         stage.look(self._view, OPTICS, GROUPS)
-        stage.data.qpos[:] = run.position(t)
-        stage.begin(fog=False, shadows=True)
+        stage.data.qpos[:] = self.run.position(t)
+        if not self._fine:
+            return self._picture(t, shadows=True, ghosts=True)
+        shaded, with_ghosts, bare = (
+            self._picture(t, shadows=shadows, ghosts=ghosts).astype(np.int16)
+            for shadows, ghosts in ((True, False), (False, True), (False, False))
+        )
+        return np.clip(shaded + with_ghosts - bare, 0, 255).astype(np.uint8)
+
+    def labels(self, t: float, camera: str) -> list[Label]:
+        """Nothing is named: the legend says what there is."""
+        return []
+
+    def _picture(self, t: float, *, shadows: bool, ghosts: bool) -> Picture:
+        self.stage.begin(fog=False, shadows=shadows)
         self._add_path(t)
+        self._add_arrow(self.run.log.x[self.run.look(t)], Part.TRUE_VELOCITY, THIN, 1.0)
+        if ghosts:
+            self._add_ghosts(t)
+        return self.stage.end(sky=False)
+
+    def _add_ghosts(self, t: float) -> None:
+        """Of the reference and of the estimate, with the velocity that it has found."""
+        run = self.run
         if (reference := run.reference(t)) is not None:
             apart = float(run.manifold.distance(run.position(t), reference))
             self._add_ghost(reference, Part.REFERENCE, REFERENCE_SHOWN * min(apart / MERGED, 1.0))
-        self._add_arrow(run.log.x[run.look(t)], Part.TRUE_VELOCITY, THIN, 1.0)
         k = run.belief(t)
         if k >= 0:
             off = run.apart(k)
@@ -88,11 +116,6 @@ class Scene(Staged):
             found = np.concatenate([run.truth[k, : run.manifold.size], run.velocity[1][k]])
             if np.isfinite(found).all():
                 self._add_arrow(found, Part.FOUND_VELOCITY, THICK, 0.45)
-        return stage.end(sky=False)
-
-    def labels(self, t: float, camera: str) -> list[Label]:
-        """Nothing is named: the legend says what there is."""
-        return []
 
     def _light(self, spec: Any) -> None:
         """From where it comes to the camera that looks at a mechanism: what is near the ends of shadows flickers."""

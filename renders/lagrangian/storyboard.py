@@ -49,6 +49,8 @@ def is_good(run: LagrangianRun) -> bool:
 
 def amount(value: float) -> str:
     """To be read."""
+    if value == 0.0:
+        return "0"
     return f"{value:#.2g}" if 1e-4 <= value < 10.0 else f"{value:.1f}" if 10.0 <= value < 1e4 else f"{value:.1e}"
 
 

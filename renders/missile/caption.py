@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from renders.caption import Label, Words, pace
 from renders.film import Frame
 from renders.missile.run_data import MissileRun
-from renders.missile.storyboard import CLOSE, notices, verdict
+from renders.missile.storyboard import TO_SCALE, notices, verdict
 from renders.palette import Part
 
 LEGEND = (Part.FLOWN, Part.PLAN, Part.TARGET, Part.FORCE)
@@ -20,17 +20,15 @@ def words(run: MissileRun, frame: Frame, labels: Sequence[Label]) -> Words:
     x = run.coordinates.in_space(run.x[i])
     case, config = run.log.config["mission"]["case"]["name"], run.log.config
     title = [f"mathnavi · {config['scenario']} · {case} · seed {config['seed']}"]
-    if frame.camera == "side":
+    if frame.camera == "side" or (frame.camera == "target" and run.away(frame.t) > TO_SCALE):
         title.append("missile and target not to scale")
-    elif frame.camera == "target" and run.away(frame.t) > CLOSE:
-        title.append("missile not to scale")
     moves = any(any(leg.velocity) for leg in run.target.legs)
     return Words(
         title=title,
         numbers=(
             ("TIME", f"{frame.t:.2f} s", pace(frame, run.duration)),
-            ("SPEED", f"{run.speed[i]:.0f} m/s", f"nose {round(math.degrees(x[5])):+d}°"),
             ("HEIGHT", f"{max(run.path[i, 2], 0.0):.1f} m", f"attack {math.degrees(run.attack[i]):.1f}°"),
+            ("SPEED", f"{run.speed[i]:.0f} m/s", f"nose {round(math.degrees(x[5])):+d}°"),
         ),
         state=_state(run, frame.t),
         legend=[*LEGEND, *((Part.TARGET_PATH, Part.VELOCITY) if moves else ())],

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from renders.missile.caption import words
 from renders.missile.run_data import MissileRun, load_run
-from renders.missile.storyboard import CAMERAS, highlight, storyboard
+from renders.missile.storyboard import CAMERAS, highlight, notices, storyboard
 from renders.painter import Painter, painting
 
 if TYPE_CHECKING:
     from renders.page import Markup
 
-__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
 
 cameras, still_camera = CAMERAS, "side"
 

@@ -19,7 +19,7 @@ from renders.caption import Label
 from renders.missile.cameras import OPTICS, chase_view, side_view, target_view
 from renders.missile.ground import PIXELS, TILE, ground_picture
 from renders.missile.run_data import TO_WORLD, MissileRun
-from renders.missile.storyboard import CLOSE
+from renders.missile.storyboard import TO_SCALE
 from renders.palette import COLOURS, Part, Picture
 from renders.stage import HORIZON, NADIR, Stage, Staged
 from sim.signals import Array
@@ -29,6 +29,7 @@ EXTENT = 500.0  # [m]
 SPAN = 3.81  # [m] of the missile
 SIDE_SPAN = 0.11  # of the picture's height: the missile as it is drawn from the side
 SIDE_RINGS = 1.6  # how much larger than it is the target is drawn there
+TARGET_RINGS = 0.4  # likewise beside the target from afar, of how much larger the missile is
 TARGET_RADIUS = 6.0  # [m]
 ARROW = {"chase": 4.2, "side": 9.0, "target": 6.0}  # [m] where the missile is to scale: the largest force
 PLUME = 0.8  # [m] at a thrust of m g; it grows with the square root
@@ -65,7 +66,7 @@ class Scene(Staged):
         missile, rings = self._scaled
         scale = self._scale(camera, t)
         missile.to(scale)
-        rings.to(SIDE_RINGS if camera == "side" else 1.0)
+        rings.to(SIDE_RINGS if camera == "side" else max(1.0, TARGET_RINGS * scale))
         half = len(run.coordinates.joints)
         stage.data.qpos[:] = run.joints(t)[:half]
         stage.data.mocap_pos[0] = run.target_at(t)
@@ -112,7 +113,7 @@ class Scene(Staged):
         """How much larger than it is the missile is drawn."""
         if camera == "side":
             return SIDE_SPAN * 2.0 * self._side.distance * self.stage.tangent() / SPAN
-        return 1.0 if camera == "chase" else max(1.0, self.run.away(t) / CLOSE)
+        return 1.0 if camera == "chase" else max(1.0, self.run.away(t) / TO_SCALE)
 
     # ---- what is added
 

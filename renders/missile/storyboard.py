@@ -15,6 +15,7 @@ from renders.missile.run_data import TO_WORLD, MissileRun
 CAMERAS = ("chase", "side", "target")
 TURN = 0.5  # [degrees/s] at which the chase camera turns
 CLOSE = 70.0  # [m] from the target where the last shot begins
+TO_SCALE = 24.0  # [m] likewise, within which the camera beside it shows the missile as large as it is
 LAST_LOOK = 2.0  # [s] of video for which the last moment stays
 # Shares of the time before the last shot, cameras and lengths [s of video].
 TOUR_SHOTS = ((0.26, "side", 2.8), (0.36, "chase", 4.0), (0.18, "side", 1.8), (0.20, "chase", 2.6))

@@ -26,12 +26,12 @@ def words(run: QuadrotorRun, frame: Frame, labels: list[tuple[str, float, float]
         title=title,
         numbers=(
             ("TIME", f"{frame.t:.1f} s", pace(frame, run.duration)),
-            ("SPEED", f"{speed:.1f} m/s", f"bound {mission.speed_max:g} m/s"),
             (
                 "CLEARANCE",
                 f"{clearance:.1f} m" if np.isfinite(clearance) else "off the map",
                 f"at least {mission.clearance_min:g} m",
             ),
+            ("SPEED", f"{speed:.1f} m/s", f"bound {mission.speed_max:g} m/s"),
             ("TILT", f"{tilt:.0f}°", f"thrust {run.thrusts[i].mean() / run.thrust_max:.0%} of all"),
         ),
         state=phase_name(flight, frame.t),

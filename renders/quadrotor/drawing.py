@@ -8,9 +8,9 @@ from renders.painter import Painter, painting
 from renders.quadrotor.caption import words
 from renders.quadrotor.report import report
 from renders.quadrotor.run_data import QuadrotorRun, load_run
-from renders.quadrotor.storyboard import CAMERAS, highlight, storyboard
+from renders.quadrotor.storyboard import CAMERAS, highlight, notices, storyboard
 
-__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
 
 cameras, still_camera = CAMERAS, "chase"
 

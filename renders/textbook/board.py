@@ -33,16 +33,17 @@ _HEADING = 0.5  # [m] long
 class Board:
     """A figure, and the parts of it that grow with time."""
 
-    def __init__(self, run: TextbookRun, width: float, height: float) -> None:
-        """``width`` and ``height`` in inches."""
+    def __init__(self, run: TextbookRun, width: float, height: float, *, brief: bool = False) -> None:
+        """``width`` and ``height`` in inches; a ``brief`` one leaves out the states over time, and its title."""
         self.run = run
         self.figure: Figure = canvas(width, height)
-        n = len(run.states)
-        grid = self.figure.add_gridspec(n + 1, 2, width_ratios=(1.0, 1.15))
+        n = 0 if brief else len(run.states)
+        grid = self.figure.add_gridspec(n + 1, 2, width_ratios=(1.0, 0.9 if brief else 1.15))
         self._plane = self.figure.add_subplot(grid[:, 0])
-        first = self.figure.add_subplot(grid[0, 1])
-        self._states = [first, *(self.figure.add_subplot(grid[k, 1], sharex=first) for k in range(1, n))]
-        self._error = self.figure.add_subplot(grid[n, 1], sharex=first)
+        self._error = self.figure.add_subplot(grid[n, 1])
+        self._states = [self.figure.add_subplot(grid[k, 1], sharex=self._error) for k in range(n)]
+        if not brief:
+            self._plane.set_title(run.title)
         self._lines = {"plane": self._draw_plane(), "error": self._draw_error()}
         self._lines |= {f"state {k}": self._draw_state(axes, k) for k, axes in enumerate(self._states)}
         for axes in self._states:
@@ -50,7 +51,7 @@ class Board:
         if run.escape_time is not None:
             for axes in (*self._states, self._error):
                 axes.axvline(run.escape_time, color=BOUND, ls=":", lw=1.3)
-            self._states[0].annotate(
+            (self._states or [self._error])[0].annotate(
                 f"escapes at {run.escape_time:.3f} s", (run.escape_time, 0.0), (-4, 4), textcoords="offset points",
                 xycoords=("data", "axes fraction"), ha="right", va="bottom", color=BOUND,
             )  # fmt: skip
@@ -71,7 +72,7 @@ class Board:
             plane[f"{name} now"].set_data(path[-1:, 0], path[-1:, 1])
             if run.has_flags:
                 self._show_robot(name, path[-1])
-        for state in range(len(run.states)):
+        for state in range(len(self._states)):
             lines = self._lines[f"state {state}"]
             lines["truth"].set_data(run.log.t[:i], x[:, state])
             lines["estimate"].set_data(run.t_estimate[:k], estimate[:, state])
@@ -88,7 +89,7 @@ class Board:
 
     def _draw_plane(self) -> dict[str, Line2D]:
         run, axes = self.run, self._plane
-        axes.set(xlabel=shown(run.states[0]), ylabel=shown(run.states[1]), title=run.title)
+        axes.set(xlabel=shown(run.states[0]), ylabel=shown(run.states[1]))
         _limit(axes, "x", *self._span(0))
         _limit(axes, "y", *self._span(1))
         if run.has_flags:
@@ -108,8 +109,8 @@ class Board:
             if run.has_flags:
                 (lines[f"{name} sight"],) = axes.plot([], [], color=colour, lw=0.7, alpha=0.6)
                 (lines[f"{name} nose"],) = axes.plot([], [], color=colour, lw=2.6)
-        axes.legend(
-            handles=[lines["truth"], lines["estimate"]], loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2,
+        (self._states or [self._error])[0].legend(
+            handles=[lines["truth"], lines["estimate"]], loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2,
             borderaxespad=0.1,
         )  # fmt: skip
         return lines
@@ -125,7 +126,8 @@ class Board:
         error = np.maximum(np.linalg.norm(self.run.error, axis=1), _SMALLEST)
         self._error.set(xlabel="time [s]", ylabel="|x̂ − x|", yscale="log", xlim=(0.0, self.run.duration))
         self._error.yaxis.set_minor_formatter(NullFormatter())
-        self._error.set_ylim(0.5 * float(error.min()), 2.0 * float(error.max()))
+        # Whole decades, so that there are always two numbers to read it by.
+        self._error.set_ylim(10.0 ** math.floor(math.log10(error.min())), 10.0 ** math.ceil(math.log10(error.max())))
         (line,) = self._error.plot([], [], color=ESTIMATE, lw=1.4)
         return {"error": line}
 

@@ -7,9 +7,9 @@ from contextlib import AbstractContextManager
 from renders.textbook.painter import BoardPainter, painting
 from renders.textbook.report import report
 from renders.textbook.run_data import TextbookRun, load_run
-from renders.textbook.storyboard import CAMERAS, highlight, storyboard
+from renders.textbook.storyboard import CAMERAS, highlight, notices, storyboard
 
-__all__ = ["cameras", "highlight", "load_run", "painter", "report", "still_camera", "storyboard"]
+__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
 
 cameras, still_camera = CAMERAS, CAMERAS[0]
 

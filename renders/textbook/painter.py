@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 
 import matplotlib
 from matplotlib.text import Text
@@ -18,37 +19,64 @@ from renders.textbook.board import Board
 from renders.textbook.run_data import TextbookRun
 from sim.plugins import called
 
-INCHES_HIGH = 6.4  # of a picture, whatever its pixels
+INCHES_HIGH, BRIEF_INCHES = 6.4, 3.3  # of a picture, whatever its pixels, and of one whose letters are large
 
 
 @dataclass(frozen=True, eq=False)
-class BoardPainter:
-    """What stands still is drawn once; over it comes what a frame shows."""
+class Sheet:
+    """A board with what is written over it: what stands still is drawn once, over it comes what a frame shows."""
 
     board: Board
     blitted: Blitted
     heading: Text
     notice: Text
 
+    def picture(self, t: float, heading: str, notice: str) -> Picture:
+        """(height, width, 3)."""
+        self.board.show(t)
+        self.heading.set_text(heading)
+        self.notice.set_text(notice)
+        return self.blitted.picture()
+
+
+@dataclass(frozen=True, eq=False)
+class BoardPainter:
+    """Lays out what its frames need when the first one is drawn."""
+
+    run: TextbookRun
+    width: int
+    height: int
+
     def paint(self, frame: Frame) -> Picture:
         """(height, width, 3)."""
-        run = self.board.run
-        self.board.show(frame.t)
-        estimator = called("estimators", str(run.log.config["estimator"]["name"])).rpartition(":")[2]
-        scenario, seed = run.log.config["scenario"], run.log.config["seed"]
-        told = f"{frame.t:.2f} s, {pace(frame, run.duration)}"
-        self.heading.set_text(f"mathnavi · {scenario} · {estimator} · seed {seed} · {told}")
-        self.notice.set_text(frame.notice)
-        return self.blitted.picture()
+        config = self.run.log.config
+        if frame.brief:
+            return self._brief.picture(frame.t, f"{frame.t:.1f} s", frame.notice)
+        estimator = called("estimators", str(config["estimator"]["name"])).rpartition(":")[2]
+        told = f"{frame.t:.2f} s, {pace(frame, self.run.duration)}"
+        heading = f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']} · {told}"
+        return self._whole.picture(frame.t, heading, frame.notice)
+
+    @cached_property
+    def _whole(self) -> Sheet:
+        return self._sheet(brief=False)
+
+    @cached_property
+    def _brief(self) -> Sheet:
+        return self._sheet(brief=True)
+
+    def _sheet(self, *, brief: bool) -> Sheet:
+        inches = BRIEF_INCHES if brief else INCHES_HIGH
+        dpi = self.height / inches
+        board = Board(self.run, self.width / dpi, inches, brief=brief)
+        board.figure.set_layout_engine("constrained", rect=(0.01, 0.01, 0.98, 0.93 if brief else 0.92))
+        heading = board.figure.text(0.02, 0.975, "", va="top", size=14.0 if brief else 10.5)
+        notice = board.figure.text(0.98, 0.975, "", va="top", ha="right", size=11.5, weight="bold", color="#c2183b")
+        return Sheet(board, Blitted(board.figure, (*board.moving, heading, notice), dpi), heading, notice)
 
 
 @contextmanager
 def painting(run: TextbookRun, width: int, height: int, samples: int) -> Iterator[BoardPainter]:
     """A painter of pictures of a size in pixels; curves are drawn smoothly whatever ``samples`` says."""
     with matplotlib.rc_context({**STYLE, "figure.facecolor": "white"}):
-        dpi = height / INCHES_HIGH
-        board = Board(run, width / dpi, INCHES_HIGH)
-        board.figure.set_layout_engine("constrained", rect=(0.01, 0.01, 0.98, 0.92))
-        heading = board.figure.text(0.02, 0.975, "", va="top", size=10.5)
-        notice = board.figure.text(0.98, 0.975, "", va="top", ha="right", size=11.5, weight="bold", color="#c2183b")
-        yield BoardPainter(board, Blitted(board.figure, (*board.moving, heading, notice), dpi), heading, notice)
+        yield BoardPainter(run, width, height)

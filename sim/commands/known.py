@@ -12,7 +12,7 @@ COMMANDS = {
     "store": ("sim.commands.store", "show or export what a sweep has stored"),
     "study": ("sim.commands.study", "tables and figures of the thesis, and what holds of its claims"),
     "estimate": ("sim.commands.estimate", "run an estimator over the measurements of a finished run"),
-    "render": ("sim.commands.render", "a video or a still of a run"),
+    "render": ("sim.commands.render", "a video, a still or a clip of a run"),
     "view": ("sim.commands.view", "a run in MuJoCo's own viewer"),
     "compare": ("sim.commands.compare", "two runs, sweeps or studies side by side"),
     "terrain": ("sim.commands.terrain", "import an elevation model, show a map"),

@@ -1,4 +1,4 @@
-"""``mathnavi render``: a video or a still of a run."""
+"""``mathnavi render``: a video, a still or a clip of a run."""
 
 from __future__ import annotations
 
@@ -28,19 +28,35 @@ class Options:
     """a picture instead of a video"""
     time: float | None = None
     """the moment of the still [s]; by default the one with most to see"""
+    clip: bool = False
+    """five small seconds that play by themselves, an animated WebP, instead of a video"""
+    begin: float | None = None
+    """where the clip begins [s]; by default where there is most to see"""
+    end: float | None = None
+    """and where it ends [s]"""
 
     def __post_init__(self) -> None:
-        if self.time is not None and not self.still:
-            raise ValueError(f"--time = {self.time!r}; allowed: only together with --still")
+        if self.still and self.clip:
+            raise ValueError("--clip = True; allowed: not together with --still")
+        for name, value, needed in (
+            ("time", self.time, "still"),
+            ("begin", self.begin, "clip"),
+            ("end", self.end, "clip"),
+        ):
+            if value is not None and not getattr(self, needed):
+                raise ValueError(f"--{name} = {value!r}; allowed: only together with --{needed}")
 
 
 def main(argv: Sequence[str]) -> int:
     try:
-        (options,) = parse(argv, "mathnavi render", "Draw a run: video.mp4, CAMERA.mp4 or CAMERA.png.", Group(Options))
+        (options,) = parse(
+            argv, "mathnavi render", "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp.", Group(Options)
+        )
     except SystemExit:  # the help is printed
         return 0
     opengl.choose()
-    from renders.drawing import TOUR  # what draws takes a while to import
+    from renders.clip import write_clip  # what draws takes a while to import
+    from renders.drawing import TOUR
     from renders.opengl import NoOpenGLError
     from renders.video import write_still, write_video
 
@@ -49,10 +65,12 @@ def main(argv: Sequence[str]) -> int:
         with bad_input():
             if options.still:
                 path = write_still(options.folder, options.camera, t=options.time)
+            elif options.clip:
+                path = write_clip(options.folder, options.camera, begin=options.begin, end=options.end)
             else:
                 path = write_video(options.folder, options.camera or TOUR, path=film, progress=sys.stderr.isatty())
     except BadInputError as error:
-        raise BadInputError(with_flag(str(error), ("--camera", "--time"))) from error
+        raise BadInputError(with_flag(str(error), ("--camera", "--time", "--begin", "--end"))) from error
     except (NoOpenGLError, RuntimeError) as error:
         print(f"mathnavi: nothing drawn: {error}", file=sys.stderr)
         return 1

@@ -128,7 +128,7 @@ def _drawn(folder: Path) -> set[Path]:
         cameras = drawing_of(folder).cameras
     except (OSError, ValueError):
         cameras = ()
-    pictures = (f"{camera}.{kind}" for camera in cameras for kind in ("mp4", "png"))
+    pictures = (f"{camera}.{kind}" for camera in cameras for kind in ("mp4", "png", "webp"))
     return {folder / name for name in ("video.mp4", "report.html", *pictures)}
 
 

@@ -165,7 +165,8 @@ def _figure(records: Sequence[Record], paths: Mapping[int, Sequence[np.ndarray]]
         page = Figure(figsize=(12.6, 6.4), layout="constrained")
         maps, rest = np.asarray(page.subfigures(1, 2, width_ratios=(1.25, 1.0)))
         side = int(np.ceil(np.sqrt(len(paths))))
-        panels = np.atleast_1d(maps.subplots(-(-len(paths) // side), side)).ravel()
+        rows = -(-len(paths) // side)
+        panels = np.atleast_1d(maps.subplots(rows, side, sharex=True, sharey=True)).ravel()
         for axes in panels[len(paths) :]:
             axes.axis("off")
         for axes, (canyon, flown) in zip(panels, paths.items(), strict=False):
@@ -173,11 +174,17 @@ def _figure(records: Sequence[Record], paths: Mapping[int, Sequence[np.ndarray]]
             axes.imshow(relief(terrain, MAP_PIXELS), extent=(0.0, terrain.width, 0.0, terrain.depth))
             for path in flown:
                 axes.plot(*path.T, color="white", lw=2.6, alpha=0.8)
-                axes.plot(*path.T, color=BLUE, lw=1.3)
-                axes.plot(*path[0], "o", ms=4.5, mfc="white", mec="#101824")
-                axes.plot(*path[-1], "o", ms=4.5, mfc="#ffd90d", mec="#101824")
+                (line,) = axes.plot(*path.T, color=BLUE, lw=1.3)
+                (start,) = axes.plot(*path[0], "o", ms=4.5, mfc="white", mec="#101824")
+                (target,) = axes.plot(*path[-1], "o", ms=4.5, mfc="#ffd90d", mec="#101824")
             axes.grid(False)
             axes.set(title=f"canyon {canyon}", xticks=(0, 200, 400, 600), yticks=(0, 200, 400, 600))
+        for k, axes in enumerate(panels[: len(paths)]):
+            axes.tick_params(labelbottom=k + side >= len(paths))
+            axes.set(xlabel="east [m]" if k + side >= len(paths) else "", ylabel="" if k % side else "north [m]")
+        maps.legend(
+            (line, start, target), ("path flown", "start", "target"), loc="outside lower center", ncols=3, frameon=False
+        )
         upper, lower = rest.subplots(2, 1)
         clearance = figures(records, "min_clearance_m")
         top = max(1.15 * float(clearance.max()), H_MIN + 1.0)

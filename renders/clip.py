@@ -1,0 +1,80 @@
+"""A few seconds of a run as an animated WebP, which a README or a page shows by itself: in small, and over and over.
+
+One camera, one stretch of the run, no cuts; what is written on it is brief (``film.Frame.brief``). The last picture
+stays a little before it begins again.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+from PIL import Image
+
+from renders.drawing import checked_camera, drawing_of
+from renders.film import Shot, frames_of
+from renders.video import STILL_SAMPLES, draw
+
+WIDTH, HEIGHT, FPS = 640, 360, 12
+LENGTH, LAST_LOOK = 5.0, 1.0  # [s] of the clip: while time passes, and for which its last picture stays
+MOST_BYTES = 1_200_000
+QUALITIES = (80, 70, 60, 50, 40, 30)  # of WebP, in [0, 100]: the first that keeps to that
+
+
+def write_clip(
+    run_dir: str | Path,
+    camera: str | None = None,
+    *,
+    begin: float | None = None,
+    end: float | None = None,
+    path: str | Path | None = None,
+    width: int = WIDTH,
+    height: int = HEIGHT,
+    fps: int = FPS,
+    length: float = LENGTH,
+) -> Path:
+    """Write a clip of a run, ``CAMERA.webp`` in its folder unless ``path`` says else, whole or not at all.
+
+    It shows the run from ``begin`` to ``end`` [s], by default those of its highlight, within ``length`` [s]. Raises
+    what ``video.write_video`` does, ValueError for moments outside of the run or out of order, and RuntimeError if
+    even the lowest quality takes more than ``MOST_BYTES``.
+    """
+    directory, drawing = Path(run_dir), drawing_of(run_dir)
+    run = drawing.load_run(directory)
+    shown = drawing.still_camera if camera is None else checked_camera(camera, drawing.cameras)
+    first, last = drawing.highlight(run)
+    first, last = first if begin is None else begin, last if end is None else end
+    if not 0.0 <= first < run.duration:
+        raise ValueError(f"begin = {first:g} s; allowed: 0 to less than {run.duration:g} s, the length of the run")
+    if not first < last <= run.duration:
+        raise ValueError(f"end = {last:g} s; allowed: more than {first:g}, where it begins, to {run.duration:g} s")
+    told = [notice for notice in drawing.notices(run) if first <= notice[0] <= last]
+    shots = (Shot(shown, first, last, length), Shot(shown, last, last, 1.0 / fps))
+    frames = [replace(frame, brief=True) for frame in frames_of(shots, told, fps, 0.0)]
+    with closing(draw(directory, frames, width, height, STILL_SAMPLES)) as drawn:
+        pictures = [Image.fromarray(picture) for picture in drawn]
+    target = Path(path) if path is not None else directory / f"{shown}.webp"
+    partial = target.with_name(f".{target.name}.partial")
+    try:
+        partial.write_bytes(_encoded(pictures, fps))
+        os.replace(partial, target)
+    finally:
+        partial.unlink(missing_ok=True)
+    return target
+
+
+def _encoded(pictures: list[Image.Image], fps: int) -> bytes:
+    """An animated WebP that is shown over and over, of the best quality that is small enough."""
+    lengths = [round(1000.0 / fps)] * (len(pictures) - 1) + [round(1000.0 * LAST_LOOK)]  # [ms]
+    for quality in QUALITIES:
+        file = io.BytesIO()
+        pictures[0].save(
+            file, format="WEBP", save_all=True, append_images=pictures[1:], duration=lengths, loop=0,
+            quality=quality, method=4, minimize_size=False,
+        )  # fmt: skip
+        if file.tell() <= MOST_BYTES:
+            return file.getvalue()
+    raise RuntimeError(f"the clip takes {file.tell()} bytes at the lowest quality; allowed: at most {MOST_BYTES}")

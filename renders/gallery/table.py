@@ -1,0 +1,69 @@
+"""The table of README.md beside this file: which committed picture is made by which commands.
+
+A row is ``| [NAME](NAME) | what it shows | `command`, then `command` |``. The commands are run from the repository's
+root, and the last one makes the picture:
+
+- ``mathnavi render`` prints the path of it;
+- ``mathnavi study NAME`` leaves NAME.png in its folder;
+- ``chromium --screenshot=PATH`` says it.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from pathlib import Path
+
+HERE = Path(__file__).parent
+README = HERE / "README.md"
+STUDIES = Path("renders/out/study")  # what `mathnavi study` writes to, unless it is told otherwise
+MATHNAVI = ".venv/bin/mathnavi"
+_ROW = re.compile(r"^\| \[([\w.]+)\]\(\1\) \| (.+) \| (.+) \|$")
+
+Command = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A picture, and how it is made."""
+
+    name: str
+    commands: tuple[Command, ...]
+
+    def made(self, printed: str) -> Path:
+        """Where the last command, which printed this, has left the picture; ValueError for one that makes none."""
+        last = self.commands[-1]
+        if last[:2] == (MATHNAVI, "render"):
+            return Path(printed.strip().rpartition("\n")[2])
+        if last[:2] == (MATHNAVI, "study"):
+            return STUDIES / f"{last[2]}.png"
+        for word in last:
+            if word.startswith("--screenshot="):
+                return Path(word.partition("=")[2])
+        raise ValueError(f"{self.name}: {shlex.join(last)!r} makes no picture; allowed: render, study, --screenshot")
+
+
+def entries(text: str) -> Mapping[str, Entry]:
+    """The rows of a README.md by the names of their pictures; ValueError for a row without a command."""
+    found = {}
+    for line in text.splitlines():
+        if row := _ROW.match(line):
+            name, commands = row[1], tuple(tuple(shlex.split(words)) for words in re.findall(r"`([^`]+)`", row[3]))
+            if not commands:
+                raise ValueError(f"{name}: {row[3]!r} holds no command; allowed: commands between backquotes")
+            found[name] = Entry(name, commands)
+    return found
+
+
+def chosen(wanted: Sequence[str], known: Mapping[str, Entry]) -> list[Entry]:
+    """The entries asked for by name, with or without its ending, or by pattern; ValueError for what is none of them."""
+    found: dict[str, Entry] = {}
+    for pattern in wanted or ["*"]:
+        matching = [entry for name, entry in known.items() if pattern == Path(name).stem or fnmatch(name, pattern)]
+        if not matching:
+            raise ValueError(f"NAME = {pattern!r} is no picture of the gallery; allowed: {', '.join(known)}")
+        found |= {entry.name: entry for entry in matching}
+    return list(found.values())

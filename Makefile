@@ -3,6 +3,7 @@
 #   make test    the tests           make test ARGS="-k terrain"
 #   make lint    style, types and the floors of the house
 #   make bench   one table: our software beside other people's    make bench ARGS=--quick
+#   make docs    the documentation, docs/_build/html/index.html, every link of it followed
 #   make clean   remove caches and outputs
 # PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend.
 
@@ -16,9 +17,10 @@ ARGS ?=
 
 PACKAGES := models sim controllers estimators renders
 BENCHMARKS := $(wildcard benchmarks)
+DOCS := docs/_build/html
 INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: fly test lint bench clean opengl .venv
+.PHONY: fly test lint bench docs clean opengl .venv
 .NOTPARALLEL:
 
 fly: .venv/.installed opengl
@@ -39,8 +41,13 @@ lint: .venv/.developed
 bench: .venv/.benchmarked
 	.venv/bin/python -m benchmarks $(ARGS)
 
+docs: .venv/.documented
+	.venv/bin/sphinx-build --quiet --fail-on-warning --keep-going docs $(DOCS)
+	.venv/bin/python docs/check_links.py $(DOCS)
+	@echo "$(CURDIR)/$(DOCS)/index.html"
+
 clean:
-	rm -rf renders/out dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf renders/out docs/_build docs/reference/api dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find $(PACKAGES) $(BENCHMARKS) $(wildcard tests) -name __pycache__ -type d -prune -exec rm -rf {} +
 
 opengl: | .venv/bin/pip
@@ -62,6 +69,11 @@ opengl: | .venv/bin/pip
 .venv/.benchmarked: pyproject.toml | .venv/bin/pip
 	@echo "Installing mathnavi and the benchmarks' peers into .venv (a few minutes the first time)"
 	$(INSTALL) --editable '.[bench]'
+	@touch .venv/.installed $@
+
+.venv/.documented: pyproject.toml | .venv/bin/pip
+	@echo "Installing mathnavi and what its documentation is built with into .venv (a few minutes the first time)"
+	$(INSTALL) --editable '.[docs]'
 	@touch .venv/.installed $@
 
 # pip comes last into a new environment: where it is, the environment is whole.

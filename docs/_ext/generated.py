@@ -12,6 +12,7 @@ import dataclasses
 import importlib
 import inspect
 import io
+import logging
 import os
 import re
 import textwrap
@@ -27,6 +28,7 @@ from api import beside, comments
 from sphinx.application import Sphinx
 
 from sim import cli
+from sim.commands import opengl
 from sim.commands.order import CommonOptions
 from sim.plugins import GROUPS, load, names
 
@@ -113,7 +115,9 @@ def _leaves(of: type, prefix: str, default: Any) -> Iterator[tuple[str, str, str
 
 def _default(entry: dataclasses.Field[Any]) -> Any:
     factory: Any = entry.default_factory
-    if inspect.isfunction(factory) and factory.__doc__:  # it asks the machine: what it asks for is said, and not what this one answers
+    if (
+        inspect.isfunction(factory) and factory.__doc__
+    ):  # it asks the machine: what it asks for is said, and not what this one answers
         return inspect.cleandoc(factory.__doc__).partition("\n")[0].rstrip(".")
     return entry.default if factory is dataclasses.MISSING else factory()
 
@@ -250,5 +254,7 @@ def fill(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
+    opengl.choose()  # before a scenario imports mujoco
+    logging.getLogger("absl").setLevel(logging.WARNING)  # dm_control tells of its choices, which are no warnings
     app.connect("source-read", fill)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

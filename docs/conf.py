@@ -23,7 +23,6 @@ python_use_unqualified_type_names = True  # `Array` is read, sim.signals.Array i
 python_maximum_signature_line_length = 90
 add_module_names = False
 toc_object_entries = False  # a page holds a folder: its contents are the modules
-viewcode_follow_imported_members = False
 
 html_theme = "furo"
 html_title = "mathnavi"

@@ -10,7 +10,6 @@ import ast
 import io
 import tokenize
 from collections.abc import Iterable, Iterator, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -34,12 +33,15 @@ class Module:
         self.meaning = dict(self._meaning())
 
     def _meaning(self) -> Iterator[tuple[str, str]]:
+        """Every name that is imported or made here, with its module: a short one might be taken for another's."""
         for node in ast.walk(self.tree):
-            if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] in PACKAGES:
+            if isinstance(node, ast.ImportFrom) and node.module:
                 yield from ((name.asname or name.name, f"{node.module}.{name.name}") for name in node.names)
         for node in self.tree.body:
             if isinstance(node, (ast.ClassDef, Function)):
                 yield node.name, f"{self.name}.{node.name}"
+            elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+                yield node.targets[0].id, f"{self.name}.{node.targets[0].id}"
 
     def type_text(self, annotation: ast.expr | None) -> str:
         """An annotation, each name of ours with its module, so that it leads to the right place."""
@@ -79,13 +81,22 @@ def _comments(source: str) -> Iterator[tuple[int, tuple[int, str]]]:
 def page(folder: Path, modules: Sequence[Module]) -> str:
     """What one folder holds: a table of its modules, then each with its classes and functions."""
     title = ".".join(folder.relative_to(ROOT).parts)
-    lines = [*_heading(title, "index"), ".. list-table::", "   :widths: 22 78", "   :class: modules", ""]
+    lines = [
+        ".. highlight:: text",
+        "",
+        *_heading(title, "index"),
+        ".. list-table::",
+        "   :widths: 22 78",
+        "   :class: modules",
+        "",
+    ]
     for module in modules:
         first = (ast.get_docstring(module.tree) or "").partition("\n\n")[0]
         lines += [f"   * - :py:mod:`~{module.name}`", f"     - {inline(first)}"]
     lines.append("")
     for module in modules:
         lines += [*_heading(module.path.stem, "module"), f".. py:module:: {module.name}", ""]
+        lines += [f"``{module.path.relative_to(ROOT)}``", ""]
         lines += prose(ast.get_docstring(module.tree))
         lines += _members(module, module.tree.body, None)
     return "\n".join(lines) + "\n"
@@ -152,7 +163,7 @@ def _data(
         return []
     value = ast.unparse(node.value) if node.value is not None else ""
     options = [(":type:", module.type_text(node.annotation) if isinstance(node, ast.AnnAssign) else "")]
-    if len(value) <= 60 and not value.startswith("field("):
+    if len(value) <= 100 and not value.startswith("field("):
         options.append((":value:", value))
     kind = "data" if of is None else "attribute"
     return _directive(kind, target.id, [pair for pair in options if pair[1]], prose(said))
@@ -196,36 +207,6 @@ def write_pages(app: Sphinx) -> None:
             (folder / name).write_text(text, encoding="utf-8")
 
 
-def source_of(app: Sphinx, modname: str) -> tuple[str, dict[str, tuple[str, int, int]]] | None:
-    """Text and objects of a module, for the links to its source; it is not imported for that."""
-    return _source(modname)
-
-
-@cache
-def _source(modname: str) -> tuple[str, dict[str, tuple[str, int, int]]] | None:
-    path = ROOT.joinpath(*modname.split(".")).with_suffix(".py")
-    if not path.is_file():
-        return None
-    text = path.read_text(encoding="utf-8")
-    return text, {name: ("def", first, last) for name, first, last in _places(ast.parse(text).body, "")}
-
-
-def _places(body: Iterable[ast.stmt], above: str) -> Iterator[tuple[str, int, int]]:
-    """Dotted name, first and last line of every class, function, field and constant."""
-    for node in body:
-        if isinstance(node, (ast.AnnAssign, ast.Assign)):
-            target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
-            if isinstance(target, ast.Name):
-                yield f"{above}{target.id}", node.lineno, node.end_lineno or node.lineno
-        elif isinstance(node, (ast.ClassDef, Function)):
-            first = min([node.lineno, *(mark.lineno for mark in node.decorator_list)])
-            yield f"{above}{node.name}", first, node.end_lineno or node.lineno
-            if isinstance(node, ast.ClassDef):
-                yield from _places(node.body, f"{above}{node.name}.")
-
-
 def setup(app: Sphinx) -> dict[str, bool]:
-    app.setup_extension("sphinx.ext.viewcode")
     app.connect("builder-inited", write_pages)
-    app.connect("viewcode-find-source", source_of)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -26,6 +26,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import tyro
 from api import beside, comments
 from sphinx.application import Sphinx
+from sphinx.builders.html import StandaloneHTMLBuilder
 
 from sim import cli
 from sim.commands import opengl
@@ -235,6 +236,7 @@ def outside(path: str, page: Path) -> str:
         return f"{found[1]}{os.path.relpath(there, page.parent)}{found[3]}"
 
     text = file.read_text(encoding="utf-8")
+    text = re.sub(r"\[([\w-]+\.(?:png|webp))\]\(\1\)", r"[![\1](\1)](\1)", text)  # of a table of pictures: the picture
     text = re.sub(r"(\]\()([^)\s]+)(\))", moved, text)
     return re.sub(r'((?:src|href)=")([^"]+)(")', moved, text)
 
@@ -255,6 +257,8 @@ def fill(app: Sphinx, docname: str, source: list[str]) -> None:
 
 def setup(app: Sphinx) -> dict[str, bool]:
     opengl.choose()  # before a scenario imports mujoco
-    logging.getLogger("absl").setLevel(logging.WARNING)  # dm_control tells of its choices, which are no warnings
+    for name in ("absl", "OpenGL"):  # they tell of what they have chosen, which is no warning
+        logging.getLogger(name).setLevel(logging.WARNING)
+    StandaloneHTMLBuilder.supported_image_types = [*StandaloneHTMLBuilder.supported_image_types, "image/webp"]
     app.connect("source-read", fill)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

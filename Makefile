@@ -41,8 +41,9 @@ lint: .venv/.developed
 bench: .venv/.benchmarked
 	.venv/bin/python -m benchmarks $(ARGS)
 
+# Everything is built anew: pages of a build that was cut short would pass for whole ones.
 docs: .venv/.documented
-	.venv/bin/sphinx-build --quiet --fail-on-warning --keep-going docs $(DOCS)
+	.venv/bin/sphinx-build --quiet --fresh-env --write-all --fail-on-warning --keep-going docs $(DOCS)
 	.venv/bin/python docs/check_links.py $(DOCS)
 	@echo "$(CURDIR)/$(DOCS)/index.html"
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import io
+import re
 import tokenize
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -47,7 +48,8 @@ class Module:
         """An annotation, each name of ours with its module, so that it leads to the right place."""
         if annotation is None:
             return ""
-        return ast.unparse(_Qualified(self.meaning).visit(ast.parse(ast.unparse(annotation), mode="eval")).body)
+        text = ast.unparse(_Qualified(self.meaning).visit(ast.parse(ast.unparse(annotation), mode="eval")).body)
+        return re.sub(r"\((~[\w.]+)\)", r"\1", text)
 
 
 class _Qualified(ast.NodeTransformer):
@@ -55,7 +57,9 @@ class _Qualified(ast.NodeTransformer):
         self.meaning = meaning
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        return ast.parse(self.meaning.get(node.id, node.id), mode="eval").body
+        # A tilde: the last part of the name is shown.
+        meant = self.meaning.get(node.id)
+        return ast.parse(f"~{meant}" if meant else node.id, mode="eval").body
 
 
 def comments(source: str) -> dict[int, tuple[int, str]]:

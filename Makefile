@@ -2,6 +2,7 @@
 #   make fly     one safe flight over real mountains, with its video and report
 #   make test    the tests           make test ARGS="-k terrain"
 #   make lint    style, types and the floors of the house
+#   make docs    the documentation, docs/_build/html/index.html, every link of it followed
 #   make gallery the committed pictures once more          make gallery ARGS=safe_flight
 #   make bench   one table: our software beside other people's    make bench ARGS=--quick
 #   make clean   remove caches and outputs
@@ -17,9 +18,10 @@ ARGS ?=
 
 PACKAGES := models sim controllers estimators renders
 BENCHMARKS := $(wildcard benchmarks)
+DOCS := docs/_build/html
 INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: fly test lint bench gallery clean opengl .venv
+.PHONY: fly test lint bench gallery docs clean opengl .venv
 .NOTPARALLEL:
 
 fly: .venv/.installed opengl
@@ -43,8 +45,14 @@ bench: .venv/.benchmarked
 gallery: .venv/.installed opengl
 	.venv/bin/python -m renders.gallery $(ARGS)
 
+# Everything is built anew: pages of a build that was cut short would pass for whole ones.
+docs: .venv/.documented
+	.venv/bin/sphinx-build --quiet --fresh-env --write-all --fail-on-warning --keep-going docs $(DOCS)
+	.venv/bin/python docs/check_links.py $(DOCS)
+	@echo "$(CURDIR)/$(DOCS)/index.html"
+
 clean:
-	rm -rf renders/out dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf renders/out docs/_build docs/reference/api dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find $(PACKAGES) $(BENCHMARKS) $(wildcard tests) -name __pycache__ -type d -prune -exec rm -rf {} +
 
 opengl: | .venv/bin/pip
@@ -66,6 +74,11 @@ opengl: | .venv/bin/pip
 .venv/.benchmarked: pyproject.toml | .venv/bin/pip
 	@echo "Installing mathnavi and the benchmarks' peers into .venv (a few minutes the first time)"
 	$(INSTALL) --editable '.[bench]'
+	@touch .venv/.installed $@
+
+.venv/.documented: pyproject.toml | .venv/bin/pip
+	@echo "Installing mathnavi and what its documentation is built with into .venv (a few minutes the first time)"
+	$(INSTALL) --editable '.[docs]'
 	@touch .venv/.installed $@
 
 # pip comes last into a new environment: where it is, the environment is whole.

@@ -11,14 +11,23 @@ sys.path[:0] = [str(HERE / "_ext"), str(HERE.parent)]
 
 project = "mathnavi"
 version = release = installed("mathnavi")
-extensions = ["myst_parser", "sphinx_design", "mathml"]
+extensions = ["myst_parser", "sphinx_design", "mathml", "api", "generated"]
 exclude_patterns = ["_build", "_ext"]
 
-myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath", "fieldlist"]
+myst_enable_extensions = ["amsmath", "attrs_block", "colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
+
+smartquotes = False  # --planner is a flag, not a dash
+
+python_use_unqualified_type_names = True  # `Array` is read, sim.signals.Array is where it leads
+python_maximum_signature_line_length = 90
+add_module_names = False
+toc_object_entries = False  # a page holds a folder: its contents are the modules
 
 html_theme = "furo"
 html_title = "mathnavi"
 html_static_path = ["_static"]
 html_css_files = ["mathnavi.css"]
 html_show_copyright = False
+html_show_sourcelink = False
+html_copy_source = False

@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from docutils import nodes
 from latex2mathml.converter import convert
 from sphinx.application import Sphinx
+from sphinx.util import logging
+from sphinx.util.math import get_node_equation_number
+
+logger = logging.getLogger(__name__)
+
+
+def mathml(latex: str, display: str, node: nodes.Node) -> str:
+    """The MathML of LaTeX; a warning where a command is not known, which would be drawn by its name."""
+    known = re.sub(r"\\(begin|end)\{(?:aligned|align|gathered)\}", r"\\\1{align*}", latex)
+    try:
+        made = convert(known, display=display)
+    except Exception as error:  # whatever latex2mathml makes of what it cannot read
+        logger.warning("mathematics that cannot be read: %s (%r)", latex, error, location=node)
+        return ""
+    if unknown := re.findall(r"<m[ion]>(\\[A-Za-z]+|&)</m", made):
+        logger.warning("mathematics with %s, which is not known: %s", ", ".join(unknown), latex, location=node)
+    return made
 
 
 def _inline(writer: Any, node: nodes.math) -> None:
-    writer.body.append(convert(node.astext()))
+    writer.body.append(mathml(node.astext(), "inline", node))
     raise nodes.SkipNode
 
 
 def _block(writer: Any, node: nodes.math_block) -> None:
-    writer.body.append(f'<div class="equation">{convert(node.astext(), display="block")}</div>\n')
+    number = get_node_equation_number(writer, node) if node.get("number") else ""
+    writer.body.append(writer.starttag(node, "div", CLASS="equation"))
+    writer.body.append(f'<span class="number">({number})</span>' if number else "")
+    writer.body.append(f"{mathml(node.astext(), 'block', node)}</div>\n")
     raise nodes.SkipNode
 
 

@@ -1,0 +1,264 @@
+"""What is said here about the software is read from it when the pages are built, so that it cannot go stale.
+
+A line ``<!-- generated: NAME -->`` of a page gives way to what ``PARTS[NAME]`` writes in Markdown, and a line
+``<!-- outside: PATH -->`` to a file of the repository, its links made to lead there from the page.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import dataclasses
+import importlib
+import inspect
+import io
+import logging
+import os
+import re
+import textwrap
+from collections.abc import Callable, Iterator
+from enum import Enum
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import tyro
+from api import beside, comments
+from sphinx.application import Sphinx
+from sphinx.builders.html import StandaloneHTMLBuilder
+
+from sim import cli
+from sim.commands import opengl
+from sim.commands.order import CommonOptions
+from sim.plugins import GROUPS, load, names
+
+ROOT = Path(__file__).resolve().parents[2]
+COLUMNS = "88"  # of the terminal that helps are printed for
+KINDS = {float: "number", int: "whole number", bool: "yes or no", str: "text", Path: "path"}
+
+
+def commands() -> str:
+    """Every command: what it is for, its help as printed, and its flags where the help leaves them to a scenario."""
+    parts = []
+    for name, (module, purpose) in cli.COMMANDS.items():
+        usage = _printed(name, "--help")
+        parts.append(f"## mathnavi {name}\n\n{purpose[0].upper()}{purpose[1:]}.\n\n{_fence(usage)}")
+        for action in dict.fromkeys(re.findall(rf"mathnavi {name} ([a-z]\w*) ", usage)):
+            parts.append(f"### mathnavi {name} {action}\n\n{_fence(_printed(name, action, '--help'))}")
+        options = getattr(importlib.import_module(module), "Options", None)
+        if options is not None and "--help " not in usage.partition("options")[2]:  # else the help has told them
+            parts.append(table(options))
+    return "\n\n".join(parts)
+
+
+def common() -> str:
+    """The flags of every scenario."""
+    return table(CommonOptions)
+
+
+def scenarios() -> str:
+    """Every scenario: what it is, what flies it unless something else is asked for, and its fields."""
+    parts = []
+    for name in names("scenarios"):
+        scenario = load("scenarios", name)
+        parts.append(
+            f"## {name}\n\n{_said(scenario)}\n\n"
+            f"```sh\nmathnavi run {name}\n```\n\n"
+            f"Controller `{scenario.controller}`, estimator `{scenario.estimator}`, unless others are asked for.\n\n"
+            f"{table(scenario.Config)}"
+        )
+    return "\n\n".join(parts)
+
+
+def plug_ins() -> str:
+    """Every plug-in of every kind, and the fields of those that have some."""
+    parts = []
+    for kind, group in GROUPS.items():
+        points = sorted(entry_points(group=group))
+        rows = [(_code(point.name), _first(point.load()), _code(point.value)) for point in points]
+        parts.append(f"## {kind.capitalize()}\n\nGroup `{group}`.\n\n{_rows(('name', 'what it is', 'class'), rows)}")
+        prefix = {"controllers": "planner", "estimators": "estimator"}.get(kind)
+        for point in points if prefix else ():
+            plugin = point.load()
+            mission = get_type_hints(plugin.build).get("mission")
+            fits = f" It is built for a `{mission.__name__}`." if isinstance(mission, type) else ""
+            parts.append(f"### {point.name}\n\n{_said(plugin)}{fits}\n\n{table(plugin.Config, prefix or '')}")
+    return "\n\n".join(parts)
+
+
+PARTS: dict[str, Callable[[], str]] = {
+    "commands": commands, "common": common, "scenarios": scenarios, "plug-ins": plug_ins,
+}  # fmt: skip
+
+
+def table(of: type, prefix: str = "") -> str:
+    """The flags of a frozen dataclass: what is given with each, its default, what it means."""
+    rows = list(_leaves(of, prefix, None))
+    return _rows(("flag", "value", "default", "meaning"), rows) if rows else "It has no fields."
+
+
+def _leaves(of: type, prefix: str, default: Any) -> Iterator[tuple[str, str, str, str]]:
+    hints, said = get_type_hints(of, include_extras=True), _told(of)
+    for entry in dataclasses.fields(of):
+        value = getattr(default, entry.name) if default is not None else _default(entry)
+        hint: Any = hints[entry.name]
+        marks: tuple[Any, ...] = ()
+        while get_origin(hint) is Annotated:
+            hint, marks = get_args(hint)[0], (*marks, *get_args(hint)[1:])
+        name = ".".join(filter(None, (prefix, entry.name.rstrip("_"))))
+        if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+            yield from _leaves(hint, name, value)
+        elif tyro.conf.Positional not in marks:
+            flag = f"--{name.replace('_', '-')}"
+            yield _code(flag), _kind(hint), _shown(value), _escaped(said.get(entry.name, ""))
+
+
+def _default(entry: dataclasses.Field[Any]) -> Any:
+    factory: Any = entry.default_factory
+    if (
+        inspect.isfunction(factory) and factory.__doc__
+    ):  # it asks the machine: what it asks for is said, and not what this one answers
+        return inspect.cleandoc(factory.__doc__).partition("\n")[0].rstrip(".")
+    return entry.default if factory is dataclasses.MISSING else factory()
+
+
+def _told(of: type) -> dict[str, str]:
+    """What stands below or beside each field, in a dataclass and in those that it is made of."""
+    said: dict[str, str] = {}
+    for each in reversed([base for base in of.__mro__ if dataclasses.is_dataclass(base)]):
+        source = textwrap.dedent(inspect.getsource(each))
+        statements = ast.parse(source).body[0].body  # type: ignore[attr-defined]
+        for field, below in zip(statements, [*statements[1:], None], strict=True):
+            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
+                docstring = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
+                said[field.target.id] = (
+                    inspect.cleandoc(str(below.value.value)) if docstring else beside(field, comments(source))
+                )
+    return said
+
+
+def _kind(hint: Any) -> str:
+    """What is given with a flag."""
+    while get_origin(hint) is Annotated:
+        hint = get_args(hint)[0]
+    members = get_args(hint)
+    if get_origin(hint) is Literal:
+        return ", ".join(_code(str(member)) for member in members)
+    if get_origin(hint) in (Union, UnionType):
+        return " or ".join(dict.fromkeys(_kind(member) for member in members if member is not NoneType))
+    if get_origin(hint) in (tuple, list) and members:
+        if members[-1] is Ellipsis or get_origin(hint) is list:
+            return f"{_kind(members[0])}, repeatable"
+        if len(set(members)) == 1:
+            return f"{len(members)} {_kind(members[0])}s" if members[0] in KINDS else _kind(members[0])
+        return ", ".join(_kind(member) for member in members)
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return ", ".join(_code(member.name) for member in hint)
+    return KINDS.get(hint, getattr(hint, "__name__", "value"))
+
+
+def _shown(value: Any) -> str:
+    if value is dataclasses.MISSING:
+        return "required"
+    if value is None or value in ("", ()):
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, Enum):
+        return _code(value.name)
+    if isinstance(value, (tuple, list)):
+        return " ".join(_shown(item) for item in value)
+    return _code(f"{value:.6g}" if isinstance(value, float) else str(value))
+
+
+def _said(of: Any) -> str:
+    return "\n\n".join(_escaped(paragraph) for paragraph in inspect.cleandoc(of.__doc__ or "").split("\n\n"))
+
+
+def _first(of: Any) -> str:
+    return _escaped(inspect.cleandoc(of.__doc__ or "").partition("\n\n")[0])
+
+
+def _printed(*words: str) -> str:
+    """What a command prints for its help, in a terminal of ``COLUMNS``."""
+    before = os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = COLUMNS
+    try:
+        with contextlib.redirect_stdout(io.StringIO()) as out:
+            code = cli.main(words)
+    finally:
+        os.environ.pop("COLUMNS")
+        if before is not None:
+            os.environ["COLUMNS"] = before
+    if code:
+        raise RuntimeError(f"mathnavi {' '.join(words)} ends with {code}")
+    lines = [line.rstrip() for line in re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue()).strip().splitlines()]
+    return "\n".join(part for line in lines for part in _broken(line))
+
+
+def _broken(line: str) -> list[str]:
+    if len(line) <= int(COLUMNS):
+        return [line]
+    return textwrap.wrap(line, int(COLUMNS), subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+
+
+def _fence(text: str) -> str:
+    return f"```text\n{text}\n```"
+
+
+def _code(text: str) -> str:
+    return f"`{text}`".replace("|", "\\|") if text else ""
+
+
+def _escaped(text: str) -> str:
+    """Words as they are in Markdown, in one line; double backquotes are a literal, as in the source."""
+    parts = re.split(r"``(.+?)``", " ".join(text.split()))
+    for k, part in enumerate(parts):
+        parts[k] = _code(part) if k % 2 else re.sub(r"([\\*_`|<>\[\]$#{}])", r"\\\1", part)
+    return "".join(parts)
+
+
+def _rows(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "\n".join(["{.data}", *(f"| {' | '.join(cells)} |" for cells in lines)])
+
+
+def outside(path: str, page: Path) -> str:
+    """A file of the repository, its links and pictures made to lead there from a page."""
+    file = ROOT / path
+
+    def moved(found: re.Match[str]) -> str:
+        target = found[2]
+        if re.match(r"[a-z]+:|#", target):
+            return found[0]
+        there = (file.parent / target.partition("#")[0]).resolve()
+        return f"{found[1]}{os.path.relpath(there, page.parent)}{found[3]}"
+
+    text = file.read_text(encoding="utf-8")
+    text = re.sub(r"\[([\w-]+\.(?:png|webp))\]\(\1\)", r"[![\1](\1)](\1)", text)  # of a table of pictures: the picture
+    text = re.sub(r"(\]\()([^)\s]+)(\))", moved, text)
+    return re.sub(r'((?:src|href)=")([^"]+)(")', moved, text)
+
+
+def fill(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Put what is generated and what stands outside into a page that asks for it."""
+    page = Path(app.env.doc2path(docname))
+
+    def part(found: re.Match[str]) -> str:
+        kind, argument = found[1], found[2]
+        if kind == "generated":
+            return PARTS[argument]()
+        app.env.note_dependency(str(ROOT / argument))
+        return outside(argument, page)
+
+    source[0] = re.sub(r"^<!-- (generated|outside): (\S+) -->$", part, source[0], flags=re.MULTILINE)
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    opengl.choose()  # before a scenario imports mujoco
+    for name in ("absl", "OpenGL"):  # they tell of what they have chosen, which is no warning
+        logging.getLogger(name).setLevel(logging.WARNING)
+    StandaloneHTMLBuilder.supported_image_types = [*StandaloneHTMLBuilder.supported_image_types, "image/webp"]
+    app.connect("source-read", fill)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

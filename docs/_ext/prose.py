@@ -1,0 +1,67 @@
+"""Docstrings as they are written here, plain prose with ``literals``, turned into reStructuredText that says the same.
+
+A paragraph that is indented is a formula or a sketch and is shown as it stands; one whose lines start with ``*`` or
+``-`` is a list; whatever else is prose, in which no sign but the double backquote means anything.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+_BULLET = re.compile(r"[*-] +")
+_NUMBER = re.compile(r"\d+[.)] +")
+
+
+def prose(text: str | None) -> list[str]:
+    """Lines of reStructuredText, with an empty one after each paragraph."""
+    lines: list[str] = []
+    for paragraph in re.split(r"\n\s*\n", inspect.cleandoc(text or "")):
+        if paragraph.strip():
+            lines += [*_paragraph(paragraph.splitlines()), ""]
+    return lines
+
+
+def inline(text: str) -> str:
+    """One paragraph's words on one line; only ``literals`` are more than words."""
+    parts = re.split(r"(``.+?``)", " ".join(text.split()))
+    for k, part in enumerate(parts):
+        if k % 2 == 0:
+            parts[k] = re.sub(r"([\\*`|_]|(?<!http)(?<!https):(?=\S))", r"\\\1", part)
+        else:  # a literal begins and ends beside a space or a sign; where a letter stands, reST is told that it does
+            before, after = parts[k - 1][-1:], parts[k + 1][:1]
+            parts[k] = "\\ " * before.isalnum() + part + "\\ " * after.isalnum()
+    return "".join(parts)
+
+
+def _paragraph(lines: list[str]) -> list[str]:
+    first = lines[0]
+    if first.startswith(" ") and not _BULLET.match(first.strip()):
+        return ["::", "", *(f"   {line}" for line in lines)]
+    for marker, sign in ((_BULLET, "* "), (_NUMBER, "#. ")):
+        if marker.match(first.strip()):
+            return [f"{sign}{inline(item)}" for item in _items(lines, marker)]
+    head = [k for k, line in enumerate(lines) if _BULLET.match(line.strip())]
+    if head and lines[head[0] - 1].rstrip().endswith(":"):  # a list right below the sentence that announces it
+        return [*_paragraph(lines[: head[0]]), "", *_paragraph(lines[head[0] :])]
+    sketch = next((k for k, line in enumerate(lines) if line.startswith("  ")), None)
+    if sketch is not None and all(line.startswith("  ") for line in lines[sketch:]):
+        return [_sentence(lines[:sketch]), "", "::", "", *(f"   {line}" for line in lines[sketch:])]
+    return [_sentence(lines)]
+
+
+def _sentence(lines: list[str]) -> str:
+    text = inline(" ".join(lines))
+    return rf"\{text}" if re.match(r"[-+*.:=~^\"'#>(]|\w+[.)] |>>>", text) and not text.startswith("``") else text
+
+
+def _items(lines: list[str], marker: re.Pattern[str]) -> list[str]:
+    """The text of each item; lines without a marker go on with the item above."""
+    depth = len(lines[0]) - len(lines[0].lstrip())
+    items: list[str] = []
+    for line in lines:
+        if marker.match(line.strip()) and len(line) - len(line.lstrip()) <= depth:
+            items.append(marker.sub("", line.strip(), count=1))
+        else:
+            items[-1] += f" {line.strip()}"
+    return items

@@ -1,0 +1,48 @@
+"""The program that follows the links of the built pages."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROGRAM = Path(__file__).resolve().parents[2] / "docs" / "check_links.py"
+GOOD = '<a href="b.html#there">b</a> <a href="https://example.org/x">x</a> <img src="data:image/png;base64,A=">'
+
+
+def run(folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, PROGRAM, folder], capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize(
+    ("link", "told"),
+    [
+        ('<a href="c.html">c</a>', "no such file"),
+        ('<a href="b.html#nowhere">b</a>', "nothing is called nowhere"),
+        ('<a href="../outside.html">c</a>', "leads out of the site"),
+        ('<a href="https://nowhere">c</a>', "not the address of anything"),
+        ('<script src="https://example.org/x.js"></script>', "lies elsewhere"),
+        ('<img src="missing.png">', "no such file"),
+    ],
+)
+def test_a_link_that_leads_nowhere_is_told_of(tmp_path: Path, link: str, told: str) -> None:
+    (tmp_path / "a.html").write_text(f"{GOOD}\n{link}\n")
+    (tmp_path / "b.html").write_text('<p id="there">here</p>')
+    done = run(tmp_path)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("a.html:2: ")
+    assert told in line
+
+
+def test_a_site_that_is_whole_passes(tmp_path: Path) -> None:
+    (tmp_path / "a.html").write_text(GOOD)
+    (tmp_path / "b.html").write_text('<p id="there">here</p><a href="#there">up</a>')
+    done = run(tmp_path)
+    assert (done.returncode, done.stdout) == (0, "2 pages, 4 links, 0 of them lead nowhere\n")
+
+
+def test_a_folder_that_is_not_there_is_bad_input(tmp_path: Path) -> None:
+    assert run(tmp_path / "none").returncode == 2

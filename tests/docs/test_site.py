@@ -1,0 +1,71 @@
+"""What can be said of the documentation without building it; `make docs` says the rest."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+import runpy
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+BUILT = ("_build", "reference/api")  # not there in a fresh clone
+PAGES = [
+    page
+    for page in sorted(DOCS.rglob("*.md"))
+    if not page.relative_to(DOCS).as_posix().startswith(tuple(f"{folder}/" for folder in BUILT))
+]
+OTHERS = ("README.md", "ARCHITECTURE.md", "CHANGELOG.md", "benchmarks/README.md", "renders/gallery/README.md")
+CODE = re.compile(r"^(`{3,}|~{3,}).*?^\1|``.+?``|`[^`\n]+`", re.DOTALL | re.MULTILINE)
+LINK = re.compile(r"\]\(([^)\s]+)\)|(?:src|href)=\"([^\"]+)\"")
+
+
+def listed(page: Path) -> Iterator[str]:
+    """What the toctrees of a page list, from the folder of all pages."""
+    for tree in re.findall(
+        r"^`{3,}\{toctree\}\n(.*?)^`{3,}", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    ):
+        for line in tree.splitlines():
+            if line and not line.startswith(":"):
+                yield (page.parent.relative_to(DOCS) / line).as_posix()
+
+
+def links(text: str) -> Iterator[str]:
+    """Targets of links and pictures that lie in the repository."""
+    for inline, html in LINK.findall(CODE.sub("", text)):
+        target = (inline or html).partition("#")[0]
+        if target and not re.match(r"[a-z]+:", target):
+            yield target
+
+
+def test_the_configuration_is_read_without_what_the_pages_are_built_with() -> None:
+    settings = runpy.run_path(str(DOCS / "conf.py"))
+    assert settings["project"] == "mathnavi"
+    extensions = {path.stem for path in (DOCS / "_ext").glob("*.py")}
+    assert extensions & set(settings["extensions"]), "the project's own extensions are asked for"
+    assert all((DOCS / folder).is_dir() for folder in settings["html_static_path"])
+
+
+def test_every_page_is_in_the_contents() -> None:
+    patterns = {entry for page in PAGES for entry in listed(page)}
+    names = {page.relative_to(DOCS).with_suffix("").as_posix() for page in PAGES}
+    lost = {name for name in names if not any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)}
+    assert lost == {"index"}
+    missing = {entry for entry in patterns if "*" not in entry and entry not in names}
+    assert not missing
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, *(ROOT / name for name in OTHERS)], ids=lambda p: p.relative_to(ROOT).as_posix()
+)
+def test_every_link_of_a_page_leads_to_a_file(page: Path) -> None:
+    wanted = set(links(page.read_text(encoding="utf-8")))
+    assert not {target for target in wanted if not (page.parent / target).exists()}
+
+
+def test_a_link_in_code_is_none_and_one_to_elsewhere_is_not_followed() -> None:
+    page = '[a](b.md#c) `[d](e)` [f](https://g.org) ![h](i.png)\n```\n[j](k)\n```\n<img src="l.png"> [m](#n)\n'
+    assert list(links(page)) == ["b.md", "i.png", "l.png"]

@@ -252,7 +252,7 @@ def test_inflated_ground_lies_above_the_highest_ground_of_the_disc(
 
 @pytest.mark.parametrize("horizontal", [-1.0, math.inf, math.nan])
 def test_inflation_refuses_a_disc_without_a_radius(horizontal: float) -> None:
-    with pytest.raises(ValueError, match=r"horizontal is .* allowed is a finite number"):
+    with pytest.raises(ValueError, match=r"horizontal is .* allowed: a finite number"):
         rough().inflated(horizontal, 0.0)
 
 

@@ -1,7 +1,7 @@
 """The state as a sensor reads it: the estimator of a simulation that is not about estimating.
 
 The newest reading of the sensor "full_state" is the estimate. Between readings the vehicle's declared motion under the
-held input carries it on (thesis A.2, B.4); what the gusts do meanwhile stays unknown and widens the covariance. What
+held input carries it on ((A.2), B.4); what the gusts do meanwhile stays unknown and widens the covariance. What
 kind of vehicle it is, its mission knows.
 """
 

@@ -19,7 +19,7 @@ from sim.signals import Array
 class FullStateSensor:
     """Position and velocity, (6,) [m, m/s]: the position off by a noise uniform in a cube, the velocity exact.
 
-    Thesis (A.7) draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
+    Section A.7 of the thesis draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
     """
 
     position_noise: float = 0.0  # [m] standard deviation on each axis

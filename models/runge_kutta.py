@@ -18,6 +18,7 @@ from collections.abc import Callable
 import casadi
 import numpy as np
 
+from models.buffered_function import BufferedFunction
 from sim.signals import Array
 
 TOLERANCE = 1e-10
@@ -59,15 +60,10 @@ class Flow:
         x, u, h = casadi.SX.sym("x", nx), casadi.SX.sym("u", nu), casadi.SX.sym("h")
         after, off = dormand_prince(f, x, u, h)
         scale = 1.0 + casadi.fmax(casadi.fabs(x), casadi.fabs(after))
-        self._step = casadi.Function("step", [x, u, h], [after, casadi.mmax(casadi.fabs(off) / scale) / tolerance])
-        # Called by the ten thousand: through buffers a call costs microseconds, with CasADi's matrices a hundred.
-        self._buffer, self._call = self._step.buffer()
+        step = casadi.Function("step", [x, u, h], [after, casadi.mmax(casadi.fabs(off) / scale) / tolerance])
         self._given = np.zeros(nx), np.zeros(nu), np.zeros(1)
         self._found = np.zeros(nx), np.zeros(1)
-        for k, array in enumerate(self._given):
-            self._buffer.set_arg(k, array.data)  # type: ignore[call-arg]
-        for k, array in enumerate(self._found):
-            self._buffer.set_res(k, array.data)  # type: ignore[call-arg]
+        self._step = BufferedFunction(step, self._given, self._found)
 
     def __call__(self, x: Array, u: Array, dt: float) -> Array:
         """The state (nx,) after dt [s]; the last finite one where it escapes before."""
@@ -80,7 +76,7 @@ class Flow:
         at[:], held[:], t, h = x, u, 0.0, dt
         while t < dt:
             length[0] = h = min(h, dt - t)
-            self._call()
+            self._step()
             error = float(off[0]) if np.isfinite(after).all() else math.inf  # CasADi passes over a NaN
             if error <= 1.0:
                 at[:], t = after, dt if h == dt - t else t + h

@@ -21,9 +21,11 @@ import casadi
 import numpy as np
 
 from estimators.carried_filter import carried_filter
+from models.angles import wrapped
 from models.missile.coordinates import STEP, Coordinates
 from models.missile.dynamics import Body, rotation
 from models.missile.mission import MissileMission
+from models.runge_kutta import classical_step
 from sim.checks import check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
@@ -144,7 +146,7 @@ class MissileKalman:
     def _difference(self, reading: Array, expected: Array) -> Array:
         off: Array = reading - expected
         angles = self._coordinates.angles
-        off[angles] = (off[angles] + math.pi) % (2.0 * math.pi) - math.pi
+        off[angles] = wrapped(off[angles])
         return off
 
     def _status(self, t: float) -> Status:
@@ -176,9 +178,5 @@ def _transition(coordinates: Coordinates, body: Body, time_constant: float) -> c
     def rate(at: casadi.SX) -> casadi.SX:
         return casadi.vertcat(f(at[:nx], u + disturbing(at)), -at[nx:] / time_constant)
 
-    k1 = rate(z)
-    k2 = rate(z + h / 2.0 * k1)
-    k3 = rate(z + h / 2.0 * k2)
-    k4 = rate(z + h * k3)
-    after = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    after = classical_step(rate, z, h)
     return casadi.Function("transition", [z, u, h], [after, casadi.jacobian(after, z)])

@@ -18,7 +18,8 @@ import casadi as ca
 import numpy as np
 from numba import njit
 
-from controllers.missile.autopilot import checked_state, disturbance, feed_forward, wrapped
+from controllers.missile.autopilot import checked_state, disturbance, feed_forward
+from models.angles import wrapped
 from models.buffered_function import BufferedFunction
 from models.missile.coordinates import Coordinates
 from models.missile.dynamics import Body

@@ -27,6 +27,7 @@ from functools import cached_property, lru_cache
 import casadi
 import numpy as np
 
+from models.runge_kutta import classical_step
 from sim.checks import check, check_positive
 from sim.signals import Array
 
@@ -155,11 +156,7 @@ def flow(vehicle: Quadrotor, x: Array, thrusts: Array, dt: float) -> Array:
         return np.asarray(f(state, thrusts), dtype=np.float64)[:, 0]
 
     for _ in range(steps):
-        k_1 = rate(x)
-        k_2 = rate(x + 0.5 * h * k_1)
-        k_3 = rate(x + 0.5 * h * k_2)
-        k_4 = rate(x + h * k_3)
-        x = x + h / 6.0 * (k_1 + 2.0 * k_2 + 2.0 * k_3 + k_4)
+        x = classical_step(rate, x, h)
         x[ATTITUDE] /= np.linalg.norm(x[ATTITUDE])
     return x
 

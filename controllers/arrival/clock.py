@@ -28,8 +28,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from controllers.arrival.inbox import SIMULTANEOUS, Inbox, edge_weight, finite
+from controllers.arrival.inbox import Inbox, edge_weight, finite
 from models.fleet.graph import Node
+from models.instants import SIMULTANEOUS
 from sim.checks import check, check_positive
 from sim.protocols import Consensus
 from sim.signals import Message

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from models.fleet.graph import Node
+from models.instants import SIMULTANEOUS
 from sim.signals import Message
-
-SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True)

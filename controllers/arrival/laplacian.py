@@ -34,9 +34,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from controllers.arrival.inbox import SIMULTANEOUS, Inbox, Told, edge_weight
+from controllers.arrival.inbox import Inbox, Told, edge_weight
 from controllers.arrival.outlier import DELTA, is_outlier
 from models.fleet.graph import Node
+from models.instants import SIMULTANEOUS
 from sim.checks import check, check_positive
 from sim.protocols import Consensus
 from sim.signals import Message

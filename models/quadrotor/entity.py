@@ -112,15 +112,6 @@ class RotorDrive:
         control[:ROTOR_COUNT] = np.clip(u, 0.0, self.vehicle.thrust_max) - self.vehicle.hover_thrust
 
 
-def rotor_thrusts(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> Array:
-    """(4,) [N] with which the rotors of a vehicle push now."""
-    pushes = []
-    for rotor in ROTORS:
-        actuator = model.actuator(f"{name}/{rotor}")
-        pushes.append(float(data.act[actuator.actadr[0]]) + float(actuator.biasprm[0]))
-    return np.array(pushes)
-
-
 def tilt(quaternion: Array) -> float:
     """[rad] between the thrust and the vertical at an attitude (4,)."""
     _, x, y, _ = quaternion

@@ -16,10 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from models.terrain import kernels
-from models.terrain.kernels import Booleans, arc_clearance, height_at
+from models.terrain.kernels import Booleans, arc_clearance
 from sim.signals import Array
-
-__all__ = ["HeightField", "arc_clearance", "height_at"]
 
 
 @dataclass(frozen=True, eq=False)

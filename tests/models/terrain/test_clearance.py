@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.terrain.height_field import HeightField, arc_clearance, height_at
+from models.terrain.height_field import HeightField
+from models.terrain.kernels import arc_clearance, height_at
 from sim.signals import Array
 
 SPACING = 100.0

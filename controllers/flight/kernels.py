@@ -153,7 +153,7 @@ def objective(
 
 
 @njit(cache=True, nogil=True)
-def misplaced(
+def end_violation(
     unknowns: Array, start: Array, base: Array, weights: Array, climbs: Array, packed: Array, hold: Array
 ) -> float:
     """How far the ends are from where they must be [m]: the last node and the manoeuvre's end on the map, and the last
@@ -226,7 +226,7 @@ def search(
     while True:
         project(unknowns + length * step, start, lengths, packed, out)
         cost = objective(out, start, lengths, base, weights, climbs, terrain, ground, ratio, scales, packed)
-        away = misplaced(out, start, base, weights, climbs, packed, hold)
+        away = end_violation(out, start, base, weights, climbs, packed, hold)
         if cost + penalty * away <= merit - _SUFFICIENT * length * max(decrease, 0.0):
             return cost, away, True
         length *= 0.5
@@ -368,7 +368,7 @@ def linearise(
             for j in range(i + 1):
                 for axis in range(3):
                     rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
-            _add_turn(turns[i], v, length, multipliers[i])
+            _add_norm_hessian(turns[i], v, length, multipliers[i])
         row += 1
     for i in range(n):
         a0, a1, a2 = unknowns[3 * i], unknowns[3 * i + 1], unknowns[3 * i + 2]
@@ -378,7 +378,7 @@ def linearise(
             upper[size + row] = a_max - length
             rows[row, 3 * i], rows[row, 3 * i + 1], rows[row, 3 * i + 2] = a0 / length, a1 / length, a2 / length
             block = hessian[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
-            _add_turn(block, unknowns[3 * i : 3 * i + 3], length, multipliers[n + i])
+            _add_norm_hessian(block, unknowns[3 * i : 3 * i + 3], length, multipliers[n + i])
         row += 1
     # The manoeuvre's acceleration ((0, 0, w) - v_n) / duration.
     v[2] -= climb
@@ -391,7 +391,7 @@ def linearise(
                 rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
         rows[row, 3 * n] = -v[2] / length
         turn = np.zeros((3, 3))
-        _add_turn(turn, v, length, multipliers[2 * n])
+        _add_norm_hessian(turn, v, length, multipliers[2 * n])
         for a in range(3):
             for b in range(3):
                 turns[n - 1, a, b] += turn[a, b]
@@ -432,7 +432,7 @@ def linearise(
 
 
 @njit(cache=True, nogil=True)
-def _add_turn(block: Array, v: Array, length: float, multiplier: float) -> None:
+def _add_norm_hessian(block: Array, v: Array, length: float, multiplier: float) -> None:
     """Add the Hessian of multiplier * |v| to a 3 x 3 block."""
     if multiplier > 0.0:
         for a in range(3):

@@ -63,8 +63,8 @@ class Aim:
         """[m] of a miss, a radian counted as 10 m and 1 m/s as 1 m."""
         return math.hypot(*self.place, 10.0 * self.theta, 10.0 * self.psi, self.v, self.w)
 
-    def less(self, miss: Aim) -> Aim:
-        """Aimed off against a miss."""
+    def corrected_for(self, miss: Aim) -> Aim:
+        """The aim that is as far off on the other side, so that a flight which misses so comes to the target."""
         return dataclasses.replace(
             self,
             place=self.place - miss.place,

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from estimators.covariance import square_root
 from estimators.freshness import Freshness
 from estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
@@ -23,8 +24,6 @@ from sim.checks import check_positive, check_probability
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement
-
-_LEAST = 1e-12  # variance that a covariance keeps in every direction
 
 
 @dataclass(frozen=True)
@@ -153,18 +152,6 @@ class RangeUkf:
         after: Array = sigma.copy()
         move(after, u, *self._model.wall, dt)
         return after
-
-
-def square_root(P: Array) -> Array:
-    """U (n, n) with U' U = P, upper triangular; of the nearest positive definite matrix where P is none."""
-    P = 0.5 * (P + P.T)
-    try:
-        lower: Array = np.asarray(np.linalg.cholesky(P), np.float64)
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(P)
-        upper: Array = np.linalg.qr(np.sqrt(np.maximum(values, _LEAST))[:, None] * vectors.T)[1]
-        lower = np.asarray(upper.T, np.float64)
-    return lower.T
 
 
 def _difference(x: Array, y: Array) -> Array:

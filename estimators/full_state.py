@@ -1,7 +1,7 @@
 """The state as a sensor reads it: the estimator of a simulation that is not about estimating.
 
 The newest reading of the sensor "full_state" is the estimate. Between readings the vehicle's declared motion under the
-held input carries it on (thesis A.2, B.4); what the gusts do meanwhile stays unknown and widens the covariance. What
+held input carries it on ((A.2), B.4); what the gusts do meanwhile stays unknown and widens the covariance. What
 kind of vehicle it is, its mission knows.
 """
 
@@ -12,12 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
+from estimators.freshness import Freshness
 from sim.checks import check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement, Status
-
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 @runtime_checkable
@@ -69,12 +68,11 @@ class FullState:
 
     def __init__(self, config: FullStateConfig, mission: Mission) -> None:
         self.period = mission.control_period
-        self._timeout = config.timeout
+        self._freshness = Freshness(config.timeout)
         self._mission = mission
         self._fresh = mission.full_state_covariance(0.0)  # of a reading that is not old
         self._x = mission.start_state
         self._t = -math.inf  # [s] of _x
-        self._t_read = -math.inf  # [s] of the last reading
 
     @staticmethod
     def build(config: FullStateConfig, mission: Mission) -> FullState:
@@ -100,15 +98,15 @@ class FullState:
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         for reading in measurements:
-            if reading.name == "full_state" and reading.t > self._t_read:
-                self._x, self._t, self._t_read = reading.value, reading.t, reading.t
+            if reading.name == "full_state" and reading.t > self._freshness.t:
+                self._x, self._t = reading.value, reading.t
+                self._freshness.note(reading.t)
         if self._t == -math.inf:
             self._t = t  # the start, as the mission states it, is all that is known
         if t > self._t:
             self._x, self._t = self._mission.flow(self._x, command, t - self._t), t
-        if self._t_read == -math.inf:
-            return Estimate(t, self._x.copy(), status=Status.INITIALISING)
-        age = t - self._t_read
-        status = Status.OK if age <= self._timeout + _SIMULTANEOUS else Status.LOST
+        status, age = self._freshness.status(t), t - self._freshness.t
+        if status is Status.INITIALISING:
+            return Estimate(t, self._x.copy(), status=status)
         covariance = self._mission.full_state_covariance(age) if age > 0.0 else self._fresh
         return Estimate(t, self._x.copy(), covariance, status)

@@ -22,13 +22,14 @@ import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 from scipy.special import gammainc
 
+from estimators.freshness import Freshness, time_ahead
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from models.aerial.sensors import PositionSensor
+from models.instants import SIMULTANEOUS
 from sim.checks import check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.signals import Array, Estimate, Measurement, Status
+from sim.signals import Array, Estimate, Measurement
 
-_SIMULTANEOUS = 1e-9  # [s]
 _H = np.array([[1.0, 0.0, 0.0]])  # a fix reads the position
 _EYE = np.eye(3)
 
@@ -82,7 +83,7 @@ class Kalman:
         from filterpy.kalman import KalmanFilter  # takes .7 s to import
 
         self.period = mission.control_period
-        self._timeout = config.timeout
+        self._freshness = Freshness(config.timeout)  # of the fixes
         self._model = AxisModel.of(config, mission)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._filter = KalmanFilter(dim_x=3, dim_z=1, dim_u=1)
@@ -91,7 +92,6 @@ class Kalman:
         self._filter.R = np.array([[self._model.fix_std**2]])
         self._filter.H = _H
         self._t: float | None = None  # [s] of the filter's state; None before the first call
-        self._t_fix = -math.inf  # [s] of the last fix
 
     @staticmethod
     def build(config: KalmanConfig, mission: FlightMission) -> Kalman:
@@ -133,16 +133,16 @@ class Kalman:
         self._predict(t, command)
         x, P = self._filter.x, self._filter.P
         covariance = (P[:2, None, :2, None] * _EYE[None, :, None, :]).reshape(6, 6)
-        return Estimate(t, x[:2].flatten(), 0.5 * (covariance + covariance.T), self._status(t), {"gust": x[2].copy()})
+        return Estimate(
+            t, x[:2].flatten(), 0.5 * (covariance + covariance.T), self._freshness.status(t), {"gust": x[2].copy()}
+        )
 
     def _predict(self, t: float, command: Array) -> None:
         """From the filter's time to t [s] with the input held."""
         if self._t is None:
             self._t = t
-        h = t - self._t
-        if h < -_SIMULTANEOUS:
-            raise ValueError(f"a fix at {t:.6f} s reached a Kalman filter that is at {self._t:.6f} s already")
-        if h > _SIMULTANEOUS:
+        h = time_ahead(t, self._t, "a fix")
+        if h > SIMULTANEOUS:
             key = round(h, 10)  # so that the last bit of a time does not cost a matrix exponential
             if key not in self._discrete:
                 self._discrete[key] = self._model.discretised(h)
@@ -153,12 +153,7 @@ class Kalman:
     def _condition(self, fix: Measurement) -> None:
         # With H given, filterpy leaves the row z (1, 3) as it is; a flat z would be made a column and spoil the state.
         self._filter.update(fix.value[np.newaxis, :], H=_H)
-        self._t_fix = fix.t
-
-    def _status(self, t: float) -> Status:
-        if self._t_fix == -math.inf:
-            return Status.INITIALISING
-        return Status.OK if t - self._t_fix <= self._timeout + _SIMULTANEOUS else Status.LOST
+        self._freshness.note(fix.t)
 
 
 def clipped_rms(gust: GustModel) -> float:

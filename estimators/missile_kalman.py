@@ -21,15 +21,17 @@ import casadi
 import numpy as np
 
 from estimators.carried_filter import carried_filter
+from estimators.freshness import Freshness, time_ahead
+from models.angles import wrapped
+from models.instants import SIMULTANEOUS
 from models.missile.coordinates import STEP, Coordinates
 from models.missile.dynamics import Body, rotation
 from models.missile.mission import MissileMission
+from models.runge_kutta import classical_step
 from sim.checks import check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
-from sim.signals import Array, Estimate, Measurement, Status
-
-_SIMULTANEOUS = 1e-9  # [s]
+from sim.signals import Array, Estimate, Measurement
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class MissileKalman:
     def __init__(self, config: MissileKalmanConfig, mission: MissileMission) -> None:
         coordinates = self._coordinates = mission.coordinates
         self.period = mission.control_period
-        self._timeout, self._input_max = config.timeout, np.array(mission.input_max)
+        self._freshness, self._input_max = Freshness(config.timeout), np.array(mission.input_max)
         self._size = coordinates.state_size
         self._step = _transition(coordinates, mission.body, config.time_constant)
         self._input_of = _disturbing_input(coordinates)
@@ -80,7 +82,6 @@ class MissileKalman:
         self._filter.R = np.diag(np.maximum(mission.noise.deviations(coordinates), config.noise_floor) ** 2)
         self._H = np.eye(self._size, len(self._filter.x))
         self._t: float | None = None  # [s] of the filter's state; None before the first call
-        self._t_read = -math.inf  # [s] of the last reading
 
     @staticmethod
     def build(config: MissileKalmanConfig, mission: MissileMission) -> MissileKalman:
@@ -114,16 +115,15 @@ class MissileKalman:
         self._predict(t, held)
         x, P = self._filter.x, self._filter.P[: self._size, : self._size]
         disturbance = np.array(self._input_of(x)).ravel()
-        return Estimate(t, x[: self._size].copy(), 0.5 * (P + P.T), self._status(t), {"disturbance": disturbance})
+        status = self._freshness.status(t)
+        return Estimate(t, x[: self._size].copy(), 0.5 * (P + P.T), status, {"disturbance": disturbance})
 
     def _predict(self, t: float, u: Array) -> None:
         """From the filter's time to t [s] with the input held."""
         if self._t is None:
             self._t = t
-        h = t - self._t
-        if h < -_SIMULTANEOUS:
-            raise ValueError(f"a reading at {t:.6f} s reached a Kalman filter that is at {self._t:.6f} s already")
-        while h > _SIMULTANEOUS:
+        h = time_ahead(t, self._t, "a reading")
+        while h > SIMULTANEOUS:
             step = min(h, STEP)
             after, F = self._step(self._filter.x, u, step)
             self._filter.F = np.array(F)
@@ -139,18 +139,13 @@ class MissileKalman:
         if reading.value.shape != (self._size,):
             raise ValueError(f"a reading of the state has shape {reading.value.shape}; allowed: ({self._size},)")
         self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
-        self._t_read = reading.t
+        self._freshness.note(reading.t)
 
     def _difference(self, reading: Array, expected: Array) -> Array:
         off: Array = reading - expected
         angles = self._coordinates.angles
-        off[angles] = (off[angles] + math.pi) % (2.0 * math.pi) - math.pi
+        off[angles] = wrapped(off[angles])
         return off
-
-    def _status(self, t: float) -> Status:
-        if self._t_read == -math.inf:
-            return Status.INITIALISING
-        return Status.OK if t - self._t_read <= self._timeout + _SIMULTANEOUS else Status.LOST
 
 
 @lru_cache(maxsize=8)
@@ -176,9 +171,5 @@ def _transition(coordinates: Coordinates, body: Body, time_constant: float) -> c
     def rate(at: casadi.SX) -> casadi.SX:
         return casadi.vertcat(f(at[:nx], u + disturbing(at)), -at[nx:] / time_constant)
 
-    k1 = rate(z)
-    k2 = rate(z + h / 2.0 * k1)
-    k3 = rate(z + h / 2.0 * k2)
-    k4 = rate(z + h * k3)
-    after = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    after = classical_step(rate, z, h)
     return casadi.Function("transition", [z, u, h], [after, casadi.jacobian(after, z)])

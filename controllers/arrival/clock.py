@@ -28,8 +28,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from controllers.arrival.inbox import SIMULTANEOUS, Inbox, edge_weight, finite
+from controllers.arrival.inbox import Inbox, edge_weight, finite
 from models.fleet.graph import Node
+from models.instants import SIMULTANEOUS
 from sim.checks import check, check_positive
 from sim.protocols import Consensus
 from sim.signals import Message
@@ -71,7 +72,7 @@ class Clock:
 
 
 @dataclass(frozen=True)
-class ClockTold:
+class ClockPayload:
     """What a vehicle tells all its neighbours."""
 
     correction: float  # [s] x_m
@@ -82,7 +83,7 @@ class ClockTold:
     @staticmethod
     def sound(payload: Any) -> bool:
         """Whether a payload is one of these, with finite numbers."""
-        if not (isinstance(payload, ClockTold) and isinstance(payload.taken, Mapping)):
+        if not (isinstance(payload, ClockPayload) and isinstance(payload.taken, Mapping)):
             return False
         numbers = [payload.correction, payload.rate, payload.valency]
         for stamps in payload.taken.values():
@@ -98,7 +99,7 @@ class _Link:
 
     taken: float  # [s] own clock
     theta: float  # [s] how far its clock is ahead
-    told: ClockTold
+    told: ClockPayload
     since: float  # [s] own clock, the baseline's begin
     theta_then: float  # [s]
     rate: float | None = None  # of theta
@@ -110,7 +111,7 @@ class ClockConsensus:
     def __init__(self, config: ClockConfig, node: Node) -> None:
         self.period = config.period
         self._config, self._node = config, node
-        self._inbox = Inbox(node, ClockTold.sound, config.apart)
+        self._inbox = Inbox(node, ClockPayload.sound, config.apart)
         self._unusable: Counter[str] = Counter()
         self._correction = self._rate = 0.0
         self._stamps: dict[str, tuple[float, float]] = {}  # of each neighbour's last message: sent, taken
@@ -147,7 +148,7 @@ class ClockConsensus:
         if math.isfinite(value):
             self._correction = float(value)
 
-    def talk(self, t: float, received: Sequence[Message]) -> ClockTold:
+    def talk(self, t: float, received: Sequence[Message]) -> ClockPayload:
         """One round when its own clock shows t [s]."""
         for message in self._inbox.take(t, received):
             self._compare(t, message)
@@ -155,11 +156,11 @@ class ClockConsensus:
             self._correction += self._rate * min(max(t - self._last, 0.0), self._config.memory)
             self._integrate(t)
         self._last = t
-        return ClockTold(self._correction, self._rate, self._node.valency, dict(self._stamps))
+        return ClockPayload(self._correction, self._rate, self._node.valency, dict(self._stamps))
 
     def _compare(self, t: float, message: Message) -> None:
         """How far a neighbour's clock is ahead, if it has answered a message of ours."""
-        told: ClockTold = message.payload
+        told: ClockPayload = message.payload
         name = message.sender
         if message.t < t - self._config.apart - self._config.memory:
             self._unusable["late"] += 1

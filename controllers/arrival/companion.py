@@ -15,13 +15,13 @@ from collections.abc import Callable, Sequence
 
 from controllers.arrival.separation import TOPIC, Separation
 from controllers.flight.planner import ARRIVAL
+from models.instants import SIMULTANEOUS
 from sim.protocols import Consensus
 from sim.signals import Message, Plan, Spoken
 
 AGREEMENT = "arrival consensus"  # the topic of what consensus tells
 
 _ROUNDING = 1e-3  # of the time grid: what is that little above a grid point is on it
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 class FleetCompanion:
@@ -52,7 +52,7 @@ class FleetCompanion:
         self._outlier = False
 
     def talk(self, t: float, received: Sequence[Message]) -> Spoken:
-        if self._flown is not None and t >= self._next_step - _SIMULTANEOUS:
+        if self._flown is not None and t >= self._next_step - SIMULTANEOUS:
             self._consensus.start(self._estimate(self._flown, t), t)
             self._next_step = t + self._planning_period
         messages = self._separation.talk(t, [message for message in received if message.topic == TOPIC])

@@ -8,6 +8,8 @@ L being the length to go that the terminal cost tells ("Psi" of the print) and v
     mean       the mean of the speeds at the nodes of the plan, the print's first alternative;
     largest    the largest of them, its second.
 
+The nodes are those at which an optimised arc begins, p_1 ... p_(N-1); the print counts p_N, too.
+
 Told as a time of arrival, t + eta, it does not fall by h from one planning instant to the next, and vehicles that plan
 at different instants can compare theirs. A plan that meets its target is as good as it says; one whose optimised part
 is over is taken from where the vehicle is.

@@ -13,13 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from models.fleet.graph import Node
+from models.instants import SIMULTANEOUS
 from sim.signals import Message
-
-SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True)
-class Told:
+class ConsensusPayload:
     """What a vehicle tells all its neighbours."""
 
     value: float | None  # None: an outlier that has heard of no other value yet
@@ -30,7 +29,7 @@ class Told:
     def sound(payload: Any) -> bool:
         """Whether a payload is one of these, with finite numbers."""
         return (
-            isinstance(payload, Told)
+            isinstance(payload, ConsensusPayload)
             and (payload.value is None or finite(payload.value))
             and finite(payload.valency)
             and payload.valency >= 0.0

@@ -34,9 +34,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from controllers.arrival.inbox import SIMULTANEOUS, Inbox, Told, edge_weight
+from controllers.arrival.inbox import ConsensusPayload, Inbox, edge_weight
 from controllers.arrival.outlier import DELTA, is_outlier
 from models.fleet.graph import Node
+from models.instants import SIMULTANEOUS
 from sim.checks import check, check_positive
 from sim.protocols import Consensus
 from sim.signals import Message
@@ -83,7 +84,7 @@ class LaplacianConsensus:
     def __init__(self, config: LaplacianConfig, node: Node) -> None:
         self.period = config.period
         self._config, self._node = config, node
-        self._inbox = Inbox(node, Told.sound, 2.0 * node.clock_error)
+        self._inbox = Inbox(node, ConsensusPayload.sound, 2.0 * node.clock_error)
         self._value = self._own = math.nan
         self._begun = 0.0  # [s] the planning period
         self._outlier = True  # until it has a number of its own
@@ -122,7 +123,7 @@ class LaplacianConsensus:
             self._value = value
         self._started = True
 
-    def talk(self, t: float, received: Sequence[Message]) -> Told:
+    def talk(self, t: float, received: Sequence[Message]) -> ConsensusPayload:
         """One round. The first after a start only tells it: what was said of the period before counts no longer."""
         if self._started:
             self._started = False
@@ -135,7 +136,7 @@ class LaplacianConsensus:
             self._value = value if math.isfinite(value) else self._value
         self._remember(t)
         silent = self._outlier and not heard  # what it holds comes from before the start
-        return Told(None if silent else self._value, self._node.valency, self._outlier)
+        return ConsensusPayload(None if silent else self._value, self._node.valency, self._outlier)
 
     def _last_heard(self, t: float) -> list[tuple[float, float, float, float]]:
         """Of each neighbour that told a value within memory: a_lm, eta_l, d_l, and when it was sent [s]."""

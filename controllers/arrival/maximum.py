@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from controllers.arrival.inbox import Inbox, Told
+from controllers.arrival.inbox import ConsensusPayload, Inbox
 from models.fleet.graph import Node
 from sim.checks import check_positive
 from sim.protocols import Consensus
@@ -52,7 +52,7 @@ class MaximumConsensus:
     def __init__(self, config: MaximumConfig, node: Node) -> None:
         self.period = config.period
         self._node = node
-        self._inbox = Inbox(node, Told.sound, 2.0 * node.clock_error)
+        self._inbox = Inbox(node, ConsensusPayload.sound, 2.0 * node.clock_error)
         self._beyond = 0  # numbers heard above D
         self._largest: float | None = None
         self._own = math.nan
@@ -79,14 +79,14 @@ class MaximumConsensus:
         if not self.outlier:
             self._rise(self._own)
 
-    def talk(self, t: float, received: Sequence[Message]) -> Told:
+    def talk(self, t: float, received: Sequence[Message]) -> ConsensusPayload:
         for message in self._inbox.take(t, received):
-            told: Told = message.payload
+            told: ConsensusPayload = message.payload
             if told.value is not None and told.value > self._node.deadline:
                 self._beyond += 1
             elif told.value is not None:
                 self._rise(told.value)
-        return Told(self._largest, self._node.valency, self.outlier)
+        return ConsensusPayload(self._largest, self._node.valency, self.outlier)
 
     def _rise(self, value: float) -> None:
         self._largest = value if self._largest is None else max(self._largest, value)

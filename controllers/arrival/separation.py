@@ -45,7 +45,7 @@ import numpy as np
 
 from controllers.arrival.distance import Trajectory
 from controllers.arrival.zone import Zone
-from models.aerial.kernels import SIMULTANEOUS
+from models.instants import SIMULTANEOUS
 from sim.checks import check_names
 from sim.signals import Event, Message, Plan
 

@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 from controllers.exciting.belief import Belief
-from controllers.exciting.believing import Believing
+from controllers.exciting.belief_from_estimates import BeliefFromEstimates
 from controllers.exciting.excitation import Excitation
 from controllers.exciting.motion import planned, predicted
 from sim.signals import Plan, PlanRequest, Status
@@ -22,14 +22,14 @@ from sim.signals import Plan, PlanRequest, Status
 class ExcitingPlanner:
     """Asks an excitation for inputs every ``period`` [s]."""
 
-    def __init__(self, excitation: Excitation, period: float, believing: Believing) -> None:
+    def __init__(self, excitation: Excitation, period: float, beliefs: BeliefFromEstimates) -> None:
         self.period = period
-        self.believing = believing
+        self.beliefs = beliefs
         self._excitation = excitation
         self._noted = ""
 
     def plan(self, request: PlanRequest) -> Plan:
-        return self.excite(request, self.believing.at(request))
+        return self.excite(request, self.beliefs.at(request))
 
     def excite(self, request: PlanRequest, belief: Belief) -> Plan:
         """The plan, given what is believed at the time of the request."""

@@ -9,16 +9,16 @@ from typing import Literal, get_args
 import numpy as np
 
 from controllers.exciting.active import Active
-from controllers.exciting.believing import Believing
+from controllers.exciting.belief_from_estimates import BeliefFromEstimates
+from controllers.exciting.candidate_search import CandidateSearch, Criterion
 from controllers.exciting.circle import Circle
+from controllers.exciting.containment import Containment
 from controllers.exciting.excitation import Excitation
 from controllers.exciting.figure_eight import FigureEight
-from controllers.exciting.inside import Inside
 from controllers.exciting.open_loop import OpenLoop, Pattern, path
 from controllers.exciting.planner import ExcitingPlanner
 from controllers.exciting.random_inputs import RandomInputs
 from controllers.exciting.reference import Reference
-from controllers.exciting.seeking import Criterion, Seeking
 from controllers.exciting.singular_value import SingularValue
 from controllers.exciting.still import Still
 from controllers.exciting.straight import Straight
@@ -119,8 +119,8 @@ class Exciting:
         if config.bandwidth > fastest:
             raise ValueError(f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s")
         tracker = PathTracker(mission, config.bandwidth, config.speed)
-        believing = Believing(config.deviation, config.horizon)
-        planner = ExcitingPlanner(_excitation(config, mission), _period(config, mission), believing)
+        beliefs = BeliefFromEstimates(config.deviation, config.horizon)
+        planner = ExcitingPlanner(_excitation(config, mission), _period(config, mission), beliefs)
         if config.then == "none":
             return planner, tracker
         reference = Reference(PATTERNS[config.then](config), mission)
@@ -147,5 +147,5 @@ def _period(config: ExcitingConfig, mission: RangingMission) -> float:
 def _excitation(config: ExcitingConfig, mission: RangingMission) -> Excitation:
     if config.mode in PATTERNS:
         return OpenLoop(PATTERNS[config.mode](config), mission, config.horizon)
-    inside = Inside(mission, config.horizon, config.nodes, config.deviations)
-    return Seeking(CRITERIA[config.mode](config, mission), inside, mission, config.horizon / config.nodes)
+    containment = Containment(mission, config.horizon, config.nodes, config.deviations)
+    return CandidateSearch(CRITERIA[config.mode](config, mission), containment, mission, config.horizon / config.nodes)

@@ -51,7 +51,7 @@ class ThenTrack:
         self._noted = ""
 
     def plan(self, request: PlanRequest) -> Plan:
-        belief = self._planner.believing.at(request)
+        belief = self._planner.beliefs.at(request)
         if not self._is_sure(belief):
             degraded = self._joined is not None
             return self._excite(request, belief, "exciting" if degraded else "", "the estimate is not sure any more")

@@ -17,13 +17,13 @@ import numpy as np
 from models.aerial.dynamics import state_at
 from models.aerial.knowledge import Knowledge
 from models.aerial.mission import FlightMission
+from models.instants import SIMULTANEOUS
 from models.terrain.height_field import HeightField
 from sim.signals import Array, Message, Phase, Plan, Status
 
 JOIN = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
 _PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
-SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True)

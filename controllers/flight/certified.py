@@ -17,9 +17,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from controllers.flight.certificate import JOIN, SIMULTANEOUS, Certificate, Refusal, TrackingBound, pass_time, remainder
+from controllers.flight.certificate import JOIN, Certificate, Refusal, TrackingBound, pass_time, remainder
 from models.aerial.dynamics import state_at
 from models.aerial.knowledge import Knowledge
+from models.instants import SIMULTANEOUS
 from sim.protocols import Planner
 from sim.signals import Estimate, Message, Phase, Plan, PlanRequest, Status
 

@@ -4,8 +4,7 @@ Dijkstra's algorithm on a grid whose layers follow the terrain gives the distanc
 lengths inside a threat counted (1 + weight) fold. Two interpolants turn the node values into Psi(p):
 
 * ``FactoredCost``: Psi(p) = (beta / v_c) (sqrt(|p - p_f|^2 + l^2) tau(p) - l). The ratio tau of D to the length that
-the
-  same grid would measure over flat, empty ground is interpolated by a tricubic spline in the stretched coordinates
+  the same grid would measure over flat, empty ground is interpolated by a tricubic spline in the stretched coordinates
   (layer, row, column); the root carries the distance itself. Psi decreases towards the target from everywhere, its
   gradient is continuous, and the grid's preference for its own directions cancels in the ratio.
 * ``TrilinearCost``: (beta / v_c) D interpolated linearly in each cell, as in the print. It has stationary points.

@@ -29,6 +29,7 @@ PACKED_SIZE = 15
 BORDER = 1.0  # [m] that the plan's end keeps from the edge of the map
 _SUFFICIENT, _SHORTEST = 1e-4, 1e-3  # of the line search: share of the promised decrease, length of a step
 _SMALLEST_PIVOT = 1e-6  # far below CLIMB_WEIGHT, the smallest entry of the Hessian's diagonal
+_INFINITY = 1e30  # of a bound that is none
 _SLOW = 1e-3  # below this length [m/s, m/s^2] a ball constraint is far from active and has no direction
 
 
@@ -153,7 +154,7 @@ def objective(
 
 
 @njit(cache=True, nogil=True)
-def misplaced(
+def end_violation(
     unknowns: Array, start: Array, base: Array, weights: Array, climbs: Array, packed: Array, hold: Array
 ) -> float:
     """How far the ends are from where they must be [m]: the last node and the manoeuvre's end on the map, and the last
@@ -226,7 +227,7 @@ def search(
     while True:
         project(unknowns + length * step, start, lengths, packed, out)
         cost = objective(out, start, lengths, base, weights, climbs, terrain, ground, ratio, scales, packed)
-        away = misplaced(out, start, base, weights, climbs, packed, hold)
+        away = end_violation(out, start, base, weights, climbs, packed, hold)
         if cost + penalty * away <= merit - _SUFFICIENT * length * max(decrease, 0.0):
             return cost, away, True
         length *= 0.5
@@ -290,15 +291,40 @@ def linearise(
     whether all of it stayed.
     """
     n = weights.shape[1]
-    size = 3 * n + 1
-    looked = weights.shape[0] - 2
-    v_max, a_max = packed[SPEED], packed[ACCELERATION]
-    infinity = 1e30
-    p, slope, bend = np.empty(3), np.empty(3), np.empty((3, 3))
-    lost = np.zeros((size, size))
-    clipped = False
+    lost = np.zeros((3 * n + 1, 3 * n + 1))
+    turns = np.zeros((n, 3, 3))  # the Lagrangian's curvature in v_2 ... v_N
     hessian[:] = 0.0
     rows[:] = 0.0
+    _own_terms(unknowns, lengths, packed, hessian, gradient, upper, lower)
+    _clearance_rows(unknowns, start, base, weights, climbs, terrain, packed, rows, upper, lower)
+    clipped = _terminal_terms(
+        unknowns, start, lengths, base, weights, ground, ratio, scales, packed, hessian, lost, gradient, rows, upper,
+        lower,
+    )  # fmt: skip
+    row = weights.shape[0] - 1
+    row = _ball_rows(unknowns, start, lengths, packed, multipliers, row, hessian, turns, rows, upper, lower)
+    # v_i = v_1 + h_1 a_1 + ... + h_(i-1) a_(i-1): a_j and a_m meet in every velocity after both.
+    for i in range(n - 2, -1, -1):
+        for a in range(3):
+            for b in range(3):
+                turns[i, a, b] += turns[i + 1, a, b]
+    for j in range(n):
+        for m in range(n):
+            for a in range(3):
+                for b in range(3):
+                    hessian[3 * j + a, 3 * m + b] += lengths[j] * lengths[m] * turns[max(j, m), a, b]
+    whole = not clipped or _restore(hessian, lost)
+    _end_rows(unknowns, start, base, weights, climbs, packed, hold, row, rows, upper, lower)
+    return whole
+
+
+@njit(cache=True, nogil=True)
+def _own_terms(
+    unknowns: Array, lengths: Array, packed: Array, hessian: Array, gradient: Array, upper: Array, lower: Array
+) -> None:
+    """Of every unknown by itself: its quadratic cost, and its bounds."""
+    n = lengths.shape[0]
+    v_max, a_max = packed[SPEED], packed[ACCELERATION]
     for j in range(3 * n):
         h = lengths[j // 3]
         hessian[j, j] = 2.0 * h
@@ -307,8 +333,24 @@ def linearise(
     climb = unknowns[3 * n]
     hessian[3 * n, 3 * n], gradient[3 * n] = packed[CLIMB_WEIGHT], packed[CLIMB_WEIGHT] * climb
     upper[3 * n], lower[3 * n] = v_max - climb, -climb
-    row = 0
-    # Clearance, soft: z - H(x, y) >= floor.
+
+
+@njit(cache=True, nogil=True)
+def _clearance_rows(
+    unknowns: Array,
+    start: Array,
+    base: Array,
+    weights: Array,
+    climbs: Array,
+    terrain: Array,
+    packed: Array,
+    rows: Array,
+    upper: Array,
+    lower: Array,
+) -> None:
+    """Clearance, soft: z - H(x, y) >= floor at the points that are looked at, the first rows."""
+    n, looked = weights.shape[1], weights.shape[0] - 2
+    size, p = 3 * n + 1, np.empty(3)
     scale = math.sqrt(packed[TERRAIN_WEIGHT])
     for q in range(looked):
         _position(p, start, unknowns, base[q], weights[q], climbs[q])
@@ -316,14 +358,39 @@ def linearise(
         hx, hy = height_u / packed[SPACING], height_v / packed[SPACING]
         for j in range(n):
             c = scale * weights[q, j]
-            rows[row, 3 * j], rows[row, 3 * j + 1], rows[row, 3 * j + 2] = -c * hx, -c * hy, c
-        rows[row, 3 * n] = scale * climbs[q]
-        lower[size + row] = scale * (height + packed[FLOOR] - p[2])
-        upper[size + row] = infinity
-        row += 1
-    # The length to go that is wanted; terminal cost and the target approaching controls of Definition A.1, soft.
+            rows[q, 3 * j], rows[q, 3 * j + 1], rows[q, 3 * j + 2] = -c * hx, -c * hy, c
+        rows[q, 3 * n] = scale * climbs[q]
+        lower[size + q] = scale * (height + packed[FLOOR] - p[2])
+        upper[size + q] = _INFINITY
+
+
+@njit(cache=True, nogil=True)
+def _terminal_terms(
+    unknowns: Array,
+    start: Array,
+    lengths: Array,
+    base: Array,
+    weights: Array,
+    ground: Array,
+    ratio: Array,
+    scales: Array,
+    packed: Array,
+    hessian: Array,
+    lost: Array,
+    gradient: Array,
+    rows: Array,
+    upper: Array,
+    lower: Array,
+) -> bool:
+    """The length to go that is wanted; terminal cost and the target approaching controls of Definition A.1, soft.
+
+    Returns whether curvature that is not convex went to ``lost``.
+    """
+    n, looked = weights.shape[1], weights.shape[0] - 2
+    size, row = 3 * n + 1, looked
+    p, slope, bend = np.empty(3), np.empty(3), np.empty((3, 3))
     clipped = False
-    upper[size + row], lower[size + row] = infinity, -infinity
+    upper[size + row], lower[size + row] = _INFINITY, -_INFINITY
     if packed[WANTED_WEIGHT] > 0.0:
         weight, end = packed[WANTED_WEIGHT], weights[looked]
         _position(p, start, unknowns, base[looked], weights[looked], 0.0)
@@ -354,36 +421,57 @@ def linearise(
         clipped = _add_curvature(hessian, lost, end, psi - pressed, bend) or clipped
         if pressed > 0.0:
             clipped = _add_curvature(hessian, lost, weights[looked + 1], pressed, bend_beyond) or clipped
-    row += 1
-    # Balls |v_i| <= v_max and |a_i| <= a_max by their tangent planes at the iterate.
+    return clipped
+
+
+@njit(cache=True, nogil=True)
+def _ball_rows(
+    unknowns: Array,
+    start: Array,
+    lengths: Array,
+    packed: Array,
+    multipliers: Array,
+    row: int,
+    hessian: Array,
+    turns: Array,
+    rows: Array,
+    upper: Array,
+    lower: Array,
+) -> int:
+    """Balls |v_i| <= v_max, |a_i| <= a_max and the manoeuvre's by their tangent planes at the iterate, from ``row``.
+
+    Their curvature goes to ``turns`` (n, 3, 3) of the velocities v_2 ... v_N, and to the Hessian. Returns the next row.
+    """
+    n = lengths.shape[0]
+    size = 3 * n + 1
+    v_max, a_max = packed[SPEED], packed[ACCELERATION]
     v = start[3:6].copy()
-    turns = np.zeros((n, 3, 3))  # the Lagrangian's curvature in v_2 ... v_N
     for i in range(n):
         for axis in range(3):
             v[axis] += lengths[i] * unknowns[3 * i + axis]
         length = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-        upper[size + row], lower[size + row] = infinity, -infinity
+        upper[size + row], lower[size + row] = _INFINITY, -_INFINITY
         if length > _SLOW:
             upper[size + row] = v_max - length
             for j in range(i + 1):
                 for axis in range(3):
                     rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
-            _add_turn(turns[i], v, length, multipliers[i])
+            _add_norm_hessian(turns[i], v, length, multipliers[i])
         row += 1
     for i in range(n):
         a0, a1, a2 = unknowns[3 * i], unknowns[3 * i + 1], unknowns[3 * i + 2]
         length = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
-        upper[size + row], lower[size + row] = infinity, -infinity
+        upper[size + row], lower[size + row] = _INFINITY, -_INFINITY
         if length > _SLOW:
             upper[size + row] = a_max - length
             rows[row, 3 * i], rows[row, 3 * i + 1], rows[row, 3 * i + 2] = a0 / length, a1 / length, a2 / length
             block = hessian[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
-            _add_turn(block, unknowns[3 * i : 3 * i + 3], length, multipliers[n + i])
+            _add_norm_hessian(block, unknowns[3 * i : 3 * i + 3], length, multipliers[n + i])
         row += 1
     # The manoeuvre's acceleration ((0, 0, w) - v_n) / duration.
-    v[2] -= climb
+    v[2] -= unknowns[3 * n]
     length = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
-    upper[size + row], lower[size + row] = infinity, -infinity
+    upper[size + row], lower[size + row] = _INFINITY, -_INFINITY
     if length > _SLOW:
         upper[size + row] = a_max * packed[MANOEUVRE] - length
         for j in range(n):
@@ -391,7 +479,7 @@ def linearise(
                 rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
         rows[row, 3 * n] = -v[2] / length
         turn = np.zeros((3, 3))
-        _add_turn(turn, v, length, multipliers[2 * n])
+        _add_norm_hessian(turn, v, length, multipliers[2 * n])
         for a in range(3):
             for b in range(3):
                 turns[n - 1, a, b] += turn[a, b]
@@ -400,19 +488,26 @@ def linearise(
                 hessian[3 * j + axis, 3 * n] -= lengths[j] * turn[axis, 2]
                 hessian[3 * n, 3 * j + axis] -= lengths[j] * turn[axis, 2]
         hessian[3 * n, 3 * n] += turn[2, 2]
-    row += 1
-    # v_i = v_1 + h_1 a_1 + ... + h_(i-1) a_(i-1): a_j and a_m meet in every velocity after both.
-    for i in range(n - 2, -1, -1):
-        for a in range(3):
-            for b in range(3):
-                turns[i, a, b] += turns[i + 1, a, b]
-    for j in range(n):
-        for m in range(n):
-            for a in range(3):
-                for b in range(3):
-                    hessian[3 * j + a, 3 * m + b] += lengths[j] * lengths[m] * turns[max(j, m), a, b]
-    whole = not clipped or _restore(hessian, lost)
-    # On the map: the last node and the end of the manoeuvre.
+    return row + 1
+
+
+@njit(cache=True, nogil=True)
+def _end_rows(
+    unknowns: Array,
+    start: Array,
+    base: Array,
+    weights: Array,
+    climbs: Array,
+    packed: Array,
+    hold: Array,
+    row: int,
+    rows: Array,
+    upper: Array,
+    lower: Array,
+) -> None:
+    """On the map: the last node and the end of the manoeuvre, from ``row`` on; at ``hold`` the last node."""
+    n, looked = weights.shape[1], weights.shape[0] - 2
+    size, p = 3 * n + 1, np.empty(3)
     for q in (looked, looked - 1):
         _position(p, start, unknowns, base[q], weights[q], climbs[q])
         for axis in range(2):
@@ -428,11 +523,10 @@ def linearise(
                 rows[row, 3 * j + axis] = weights[looked, j]
             upper[size + row] = lower[size + row] = hold[axis] - p[axis]
             row += 1
-    return whole
 
 
 @njit(cache=True, nogil=True)
-def _add_turn(block: Array, v: Array, length: float, multiplier: float) -> None:
+def _add_norm_hessian(block: Array, v: Array, length: float, multiplier: float) -> None:
     """Add the Hessian of multiplier * |v| to a 3 x 3 block."""
     if multiplier > 0.0:
         for a in range(3):

@@ -21,11 +21,11 @@ from controllers.flight.cost_to_go import FactoredCost
 from controllers.flight.problem import Landscape, Parameters, Problem, Solution, Wanted, proportional
 from models.aerial.dynamics import state_at
 from models.aerial.knowledge import Knowledge
+from models.instants import SIMULTANEOUS
 from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
 
 _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
 _COMMIT_TRIES = 3
-_SAME_TIME = 1e-9  # [s]
 _ON_TIME = 0.1  # [s] that a plan may be off (A.13)
 ARRIVAL = "arrival time"  # the topic of messages that ask for one
 
@@ -83,13 +83,13 @@ class RecedingHorizon:
         start = request.estimate.x if current is None else state_at(current, request.t_start)
         arrival = math.inf if current is None else pass_time(current, self._certificate.target, request.t)
         if current is not None and arrival - request.t_start < 1.5 * self._parameters.h:
-            if current.t_end <= request.t_start + _SAME_TIME:
+            if current.t_end <= request.t_start + SIMULTANEOUS:
                 return Plan.failure(Status.INFEASIBLE, "the plan being flown has come to its end")
             return remainder(current, request.t_start)  # too close for another choice
         committed, spent, reason = self._committed(request, start, arrival)
         if committed is not None:
             return committed
-        asked = self._arrival is None or abs(arrival - self._arrival) <= _SAME_TIME
+        asked = self._arrival is None or abs(arrival - self._arrival) <= SIMULTANEOUS
         if self._within_reach(arrival - request.t_start) and asked:  # committed before: the plan being flown stays
             return Plan.failure(Status.INFEASIBLE, reason, solve_ms=spent)
         problem = Problem(self._parameters, self._landscape, start, wanted=self._wanted(start, request.t_start))
@@ -159,7 +159,7 @@ class RecedingHorizon:
 
     def _within_reach(self, duration: float) -> bool:
         """Whether an arrival in ``duration`` [s] fits the horizon, lengthened by its first arc at most."""
-        return duration <= self._parameters.horizon + self._parameters.h + _SAME_TIME
+        return duration <= self._parameters.horizon + self._parameters.h + SIMULTANEOUS
 
     def _over(self, lengths: tuple[float, ...]) -> Parameters:
         """The parameters over a grid other than the horizon's."""

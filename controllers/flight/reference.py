@@ -25,6 +25,7 @@ from controllers.compilation import compiled as compiled_functions
 from controllers.flight import kernels
 from controllers.flight.cost_to_go import TARGET_LENGTH
 from controllers.flight.problem import POINTS_ON_MANOEUVRE, Problem, Solution
+from models.buffered_function import BufferedFunction
 from sim.signals import Array
 
 Backend = Literal["ipopt", "fatrop"]
@@ -336,10 +337,12 @@ class _Solver:
             function = ca.nlpsol("flight", backend, str(compiled_functions(function)), options)
         self._in = {name: np.zeros(function.nnz_in(name)) for name in function.name_in()}
         self._out = {name: np.zeros(function.nnz_out(name)) for name in ("x", "f", "lam_x", "lam_g")}
-        self._buffer, self._evaluate = _wired(function, self._in, self._out)
+        self._evaluate = BufferedFunction(
+            function, list(self._in.values()), [self._out.get(name) for name in function.name_out()]
+        )
         relax = ca.Function("relax", [functions["x"], functions["p"]], [programme.relaxed], ["x0", "p"], ["x"])
         self._relaxed = np.zeros(function.nnz_in("x0"))
-        self._relax_buffer, self._relax = _wired(relax, self._in, {"x": self._relaxed})
+        self._relax = BufferedFunction(relax, (self._in["x0"], self._in["p"]), [self._relaxed])
         self._in["lbg"][:], self._in["ubg"][:] = programme.lower, programme.upper
         self._in["lbx"][:], self._in["ubx"][:] = -np.inf, np.inf
         self._climb = -shape.last_input
@@ -356,7 +359,7 @@ class _Solver:
         except RuntimeError as error:  # FATROP's way to give up
             self._forget()
             return str(error).strip().splitlines()[-1]
-        statistics = self._buffer.stats()
+        statistics = self._evaluate.stats()
         x = self._out["x"]
         if not (statistics["success"] and np.isfinite(x).all()):
             self._forget()
@@ -370,17 +373,6 @@ class _Solver:
     def _forget(self) -> None:
         """Drop the multipliers of a solve that failed."""
         self._in["lam_x0"][:], self._in["lam_g0"][:] = 0.0, 0.0
-
-
-def _wired(function: ca.Function, arguments: dict[str, Array], results: dict[str, Array]) -> tuple[Any, Any]:
-    """A function's buffer, which owns its memory, and the call that reads and writes the arrays in place."""
-    buffer: Any  # its stubs know only one of the overloads
-    buffer, evaluate = function.buffer()
-    for i, name in enumerate(function.name_in()):
-        buffer.set_arg(i, arguments[name].data)
-    for name, array in results.items():
-        buffer.set_res(function.index_out(name), array.data)
-    return buffer, evaluate
 
 
 def _lifted(problem: Problem, unknowns: Array) -> Array:

@@ -58,7 +58,7 @@ class GaussNewton:
         unknowns, trial = np.empty_like(guess), np.empty_like(guess)
         kernels.project(guess, problem.start, s.lengths, packed, unknowns)
         value = kernels.objective(unknowns, *data)
-        away = kernels.misplaced(unknowns, problem.start, s.base, s.weights, s.climbs, packed, hold)
+        away = kernels.end_violation(unknowns, problem.start, s.base, s.weights, s.climbs, packed, hold)
         converged, improved, iteration = False, True, 0
         while improved and not converged and iteration < self._iteration_limit:
             iteration += 1

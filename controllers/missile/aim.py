@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.missile.problem import END
+from models.angles import wrapped
 from models.missile.coordinates import Coordinates
 from models.missile.mission import Target
 from sim.signals import Array
@@ -54,7 +55,7 @@ class Aim:
     def missed_by(self, end: Array, T: float, coordinates: Coordinates) -> Aim:
         """How far off the state ``end`` (nx,) after T [s] is, component by component."""
         x = coordinates.in_space(end)
-        theta = (x[5] - self.theta + math.pi) % (2.0 * math.pi) - math.pi
+        theta = wrapped(x[5] - self.theta)
         return Aim(x[7:] - self.after(T), np.zeros(3), theta, x[6] - self.psi, x[1] - self.v, x[2] - self.w)
 
     @property
@@ -62,8 +63,8 @@ class Aim:
         """[m] of a miss, a radian counted as 10 m and 1 m/s as 1 m."""
         return math.hypot(*self.place, 10.0 * self.theta, 10.0 * self.psi, self.v, self.w)
 
-    def less(self, miss: Aim) -> Aim:
-        """Aimed off against a miss."""
+    def corrected_for(self, miss: Aim) -> Aim:
+        """The aim that is as far off on the other side, so that a flight which misses so comes to the target."""
         return dataclasses.replace(
             self,
             place=self.place - miss.place,

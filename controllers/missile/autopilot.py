@@ -41,11 +41,6 @@ def disturbance(estimate: Estimate, size: int) -> Array:
     return estimate.extra.get("disturbance", np.zeros(size))
 
 
-def wrapped(angle: Array) -> Array:
-    """[rad] brought into [-pi, pi)."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
-
-
 def checked_state(estimate: Estimate, mission: MissileMission) -> Array:
     """The estimate's state (nx,); ValueError for any other shape, which compiled code would read beyond."""
     if estimate.x.shape != (mission.coordinates.state_size,):

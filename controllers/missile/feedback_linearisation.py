@@ -16,7 +16,8 @@ import math
 
 import numpy as np
 
-from controllers.missile.autopilot import checked_state, disturbance, feed_forward, wrapped
+from controllers.missile.autopilot import checked_state, disturbance, feed_forward
+from models.angles import wrapped
 from models.missile.mission import MissileMission
 from sim.signals import Array, Estimate, Plan
 

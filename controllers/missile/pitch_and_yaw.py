@@ -28,7 +28,7 @@ import numpy as np
 
 from controllers.missile.aim import Aim
 from controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
-from controllers.missile.plane_problems import Limits, kept, pitch_problem, yaw_problem
+from controllers.missile.plane_problems import Limits, lateral_baseline, pitch_problem, yaw_problem
 from controllers.missile.planes import inputs_between, split
 from controllers.missile.problem import out_of_bounds, weights
 from controllers.missile.profile import fitted
@@ -113,7 +113,7 @@ class PitchAndYaw:
             off = miss.size
             if off < EXACT and not (first and found.cost < best * (1.0 - SETTLED)):
                 break
-            aimed, best = aimed.less(miss), found.cost
+            aimed, best = aimed.corrected_for(miss), found.cost
         if not off < ACCEPTED or isinstance(found, Failed):
             return Failed(f"pitch and yaw together miss by {off:.3g} m", infeasible=False)
         share = np.abs(found.u).max(axis=0) / self._most
@@ -159,7 +159,7 @@ def _held(yaw: Solved, V_0: float, v_y: float, body: Body) -> Array:
     """The series psi, B and B' of a yaw motion."""
     T, nodes = yaw.duration, yaw.nodes
     middle = 0.5 * (nodes[:-1] + nodes[1:])
-    A, _ = kept(nodes, V_0, v_y)
-    _, A_rate = kept(middle, V_0, v_y)
+    A, _ = lateral_baseline(nodes, V_0, v_y)
+    _, A_rate = lateral_baseline(middle, V_0, v_y)
     B, B_rate = T * (yaw.x[:, 0] - A), T**2 * yaw.u[:, 0] / body.mass - T * A_rate
     return np.concatenate([fitted(nodes, [yaw.x[:, 2], B]), fitted(middle, [B_rate])])

@@ -53,7 +53,7 @@ def pitch_problem(body: Body, limits: Limits) -> OptimalControlProblem:
     ocp.duration(1.0)
 
     psi, B, B_rate = (series(c, ocp.t) for c in held)
-    A, A_rate = kept(ocp.t, V_0, v_y)
+    A, A_rate = lateral_baseline(ocp.t, V_0, v_y)
     V, F_2 = A + B / T, m * (A_rate / T + B_rate / T**2)
     c, s = ca.cos(psi), ca.sin(psi)
     U = x["u"]
@@ -114,7 +114,7 @@ def yaw_problem(body: Body, limits: Limits) -> OptimalControlProblem:
     return ocp.problem()
 
 
-def kept(tau: Any, V_0: Any, v_y: Any) -> tuple[Any, Any]:
-    """A and A', of numbers or symbols."""
+def lateral_baseline(tau: Any, V_0: Any, v_y: Any) -> tuple[Any, Any]:
+    """A and A' of V = A + B / T (see ``pitch_and_yaw``) at fractions tau of the flight, of numbers or symbols."""
     A = V_0 * (1 - 4 * tau + 3 * tau**2) + v_y * (6 * tau - 6 * tau**2)
     return A, V_0 * (6 * tau - 4) + v_y * (6 - 12 * tau)

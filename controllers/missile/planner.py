@@ -22,10 +22,9 @@ from controllers.missile.aim import Aim
 from controllers.missile.autopilot import Autopilot, checked_state
 from controllers.missile.shooting import Failed
 from controllers.missile.trajectory import Optimiser
+from models.instants import SIMULTANEOUS
 from models.missile.mission import MissileMission, Target
 from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
-
-_SAME_TIME = 1e-9  # [s]
 
 
 class MissilePlanner:
@@ -83,7 +82,7 @@ class MissilePlanner:
     def _rest(self, plan: Plan, t: float) -> Plan:
         """What is left of a plan at t [s]; past its end its last input is held on."""
         coordinates, body = self._mission.coordinates, self._mission.body
-        left = plan.t > t + _SAME_TIME
+        left = plan.t > t + SIMULTANEOUS
         start = coordinates.state_at(plan, t, body)
         u = plan.u[left[1:]] if left.any() else plan.u[-1:]
         times: Array = np.concatenate([[t], plan.t[left] if left.any() else [t + self.period]])

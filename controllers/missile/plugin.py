@@ -10,6 +10,7 @@ from controllers.missile.autopilot import Autopilot
 from controllers.missile.feedback_linearisation import FeedbackLinearisation
 from controllers.missile.open_loop import OpenLoop
 from controllers.missile.pitch_and_yaw import PitchAndYaw
+from controllers.missile.plane_problems import Limits
 from controllers.missile.planner import MissilePlanner
 from controllers.missile.trajectory import Optimiser
 from controllers.missile.tvlqr import TimeVaryingLQR
@@ -126,9 +127,12 @@ def _optimiser(config: MissileConfig, mission: MissileMission, backend: Backend)
     limits = tuple(share * limit for limit in mission.input_max)
     distribution: NodeDistribution = Fixed() if config.grid == "uniform" else Equidistributed()
     if mission.coordinates is not PLANAR and config.spatial == "pitch-and-yaw":
-        axial, lateral, normal, pitching, yawing = limits
-        kept = axial, lateral, normal, pitching, yawing
-        axial, lateral, normal, pitching, yawing = mission.input_max
-        most = axial, lateral, normal, pitching, yawing
-        return PitchAndYaw(mission.case, mission.body, kept, most, config.nodes, backend, distribution)
+        planned, most = _in_space(limits), _in_space(mission.input_max)
+        return PitchAndYaw(mission.case, mission.body, planned, most, config.nodes, backend, distribution)
     return WholeFlight(mission.case, mission.body, mission.coordinates, limits, config.nodes, backend, distribution)
+
+
+def _in_space(limits: tuple[float, ...]) -> Limits:
+    """The limits of the five inputs that a missile has in space."""
+    axial, lateral, normal, pitching, yawing = limits
+    return axial, lateral, normal, pitching, yawing

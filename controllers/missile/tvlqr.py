@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
 from numba import njit
 
-from controllers.missile.autopilot import checked_state, disturbance, feed_forward, wrapped
+from controllers.missile.autopilot import checked_state, disturbance, feed_forward
+from models.angles import wrapped
+from models.buffered_function import BufferedFunction
 from models.missile.coordinates import Coordinates
 from models.missile.dynamics import Body
 from models.missile.mission import MissileMission
@@ -112,12 +113,8 @@ def _along(jacobians: ca.Function, x: Array, u: Array) -> tuple[Array, Array]:
     """A (S, nx, nx) and B (S, nx, nu) at states (S, nx) and inputs (S, nu)."""
     nx, nu = x.shape[1], u.shape[1]
     A, B = np.empty((len(x), nx, nx)), np.empty((len(x), nx, nu))
-    buffer: Any
-    buffer, evaluate = jacobians.buffer()
     here = np.empty(nx), np.empty(nu), np.empty((nx, nx)), np.empty((nx, nu))
-    for i in (0, 1):
-        buffer.set_arg(i, here[i].data)
-        buffer.set_res(i, here[2 + i].data)
+    evaluate = BufferedFunction(jacobians, here[:2], here[2:])
     for k in range(len(x)):
         here[0][:], here[1][:] = x[k], u[k]
         evaluate()

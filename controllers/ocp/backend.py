@@ -16,6 +16,7 @@ import numpy as np
 from controllers.compilation import compiled
 from controllers.ocp.nlp import Programme
 from controllers.ocp.solution import Outcome
+from models.buffered_function import BufferedFunction
 from sim.signals import Array
 
 Backend = Literal["ipopt", "fatrop", "fatrop-compiled", "ipopt-compiled"]
@@ -87,12 +88,9 @@ class NumericalSolver:
         self._name = options.backend
         self._in = {name: np.zeros(function.nnz_in(name)) for name in function.name_in()}
         self._out = {name: np.zeros(function.nnz_out(name)) for name in _RESULTS}
-        self._buffer: Any
-        self._buffer, self._evaluate = function.buffer()  # it owns the memory of the call
-        for i, name in enumerate(function.name_in()):
-            self._buffer.set_arg(i, self._in[name].data)
-        for name, array in self._out.items():
-            self._buffer.set_res(function.index_out(name), array.data)
+        self._evaluate = BufferedFunction(
+            function, list(self._in.values()), [self._out.get(name) for name in function.name_out()]
+        )
         for name, limits in (("lbx", nlp.x_lower), ("ubx", nlp.x_upper), ("lbg", nlp.lower), ("ubg", nlp.upper)):
             self._in[name][:] = limits
 
@@ -107,7 +105,7 @@ class NumericalSolver:
             self._evaluate()
         except RuntimeError as error:  # FATROP's way to give up
             return self._failed(Outcome.FAILED, f"{self._name} raised an exception: {_last_words(error)}", x_0, began)
-        statistics = self._buffer.stats()
+        statistics = self._evaluate.stats()
         message, out = str(statistics["return_status"]), {name: array.copy() for name, array in self._out.items()}
         if not all(np.isfinite(out[name]).all() for name in ("x", "f", "g")):  # FATROP calls even that a success
             return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)

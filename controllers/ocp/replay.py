@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,6 +19,7 @@ from scipy.integrate import solve_ivp
 from controllers.ocp.solution import Replay, Solution
 from controllers.ocp.statement import OptimalControlProblem
 from controllers.ocp.transcriptions.scheme import weights
+from models.buffered_function import BufferedFunction
 from sim.signals import Array
 
 ILL_POSED = 1e4
@@ -92,13 +91,7 @@ class _Rates:
         function = _rates_function(problem, points)
         self._c, self._y, self._out = np.zeros(1), np.zeros(problem.nx + 1), np.zeros(problem.nx + 1)
         self._known = np.concatenate([u.ravel(), [t, d], p])
-        buffer: Any  # its stubs know only one of the overloads
-        evaluate: Callable[[], None]
-        buffer, evaluate = function.buffer()
-        for k, array in enumerate((self._c, self._y, self._known)):
-            buffer.set_arg(k, array.data)
-        buffer.set_res(0, self._out.data)
-        self._buffer, self._evaluate = buffer, evaluate  # the buffer owns the memory
+        self._evaluate = BufferedFunction(function, (self._c, self._y, self._known), [self._out])
 
     def __call__(self, c: float, y: Array) -> Array:
         self._c[0], self._y[:] = c, y

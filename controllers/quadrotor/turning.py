@@ -71,11 +71,11 @@ def turning_peak(omega: float, preview: float, bandwidth: float, damping: float,
     acceleration, the whole is linear and undriven from a ``preview`` [s] before the jump on.
     """
     w, rest = np.eye(7)[:4], np.eye(7)[4:]
-    phi, phi_dot, tau = rest
+    theta, theta_dot, tau = rest
     snap = -(omega**4) * w[0] - 4.0 * omega**3 * w[1] - 6.0 * omega**2 * w[2] - 4.0 * omega * w[3]
     k_R, k_Omega = bandwidth**2, 2.0 * damping * bandwidth
-    tau_dot = (-k_R * (phi - w[2]) - k_Omega * (phi_dot - w[3]) - tau) / lag
-    A = np.array([w[1], w[2], w[3], snap, phi_dot, tau, tau_dot])
+    tau_dot = (-k_R * (theta - w[2]) - k_Omega * (theta_dot - w[3]) - tau) / lag
+    A = np.array([w[1], w[2], w[3], snap, theta_dot, tau, tau_dot])
     x = np.array([-0.5 * preview**2, preview, -1.0, 0.0, -1.0, 0.0, 0.0])
     step, greatest = expm(_STEP * A), 0.0
     for _ in range(round((_DURATION + preview) / _STEP)):

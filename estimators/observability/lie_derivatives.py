@@ -4,7 +4,7 @@ For a control-affine system
 
     x' = f(x) + sum_j g_j(x) u_j,   y = h(x, w),   0 = G(x, w),
 
-whose outputs may hang on x through variables w that G defines (where on the wall a ray ends), the derivative of a
+whose outputs may depend on x through variables w that G defines (where on the wall a ray ends), the derivative of a
 function F(x, w) along solutions of G = 0 is D F = F_x - F_w G_w^{-1} G_x, and L_X F = (D F) X is its Lie derivative.
 The codistribution of order k is spanned by D L_{X_1} ... L_{X_j} h, j = 0, ..., k, the X_i taken from given fields:
 
@@ -46,12 +46,12 @@ class ControlAffineSystem:
 
     @staticmethod
     def of(f: Map, h: Map, states: int, inputs: int) -> ControlAffineSystem:
-        """x' = f(x, u), y = h(x, u), where f is affine in u and h does not hang on it; ValueError otherwise."""
+        """x' = f(x, u), y = h(x, u), where f is affine in u and h does not depend on it; ValueError otherwise."""
         x, u = casadi.SX.sym("x", states), casadi.SX.sym("u", inputs)
         rate, output = f(x, u), h(x, u)
         g = casadi.jacobian(rate, u)
         if casadi.depends_on(g, u) or casadi.depends_on(output, u):
-            raise ValueError("f is not affine in u, or h hangs on it; allowed: f(x) + g(x) u and h(x)")
+            raise ValueError("f is not affine in u, or h depends on it; allowed: f(x) + g(x) u and h(x)")
         return ControlAffineSystem(x, casadi.substitute(rate, u, 0.0), g, output)
 
     def held(self, u: Sequence[float]) -> casadi.SX:

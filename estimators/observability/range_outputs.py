@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.observability.kernels import fit_pose, outputs_along
+from models.angles import wrapped
 from models.field.curve import Curve
-from models.unicycle.kernels import moved, wrapped
+from models.unicycle.kernels import moved
 from sim.signals import Array
 
 Input = Callable[[float], tuple[float, float]]
@@ -98,7 +99,7 @@ def motion_under(input_at: Input, duration: float, instants: int = 20) -> Array:
 def pose_difference(a: Array, b: Array) -> Array:
     """a - b (..., 3), the headings the short way round."""
     difference: Array = np.asarray(a, np.float64) - b
-    difference[..., 2] = (difference[..., 2] + math.pi) % (2.0 * math.pi) - math.pi
+    difference[..., 2] = wrapped(difference[..., 2])
     return difference
 
 

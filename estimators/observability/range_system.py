@@ -3,7 +3,7 @@
     x_1' = u_1 cos phi,   x_2' = u_1 sin phi,   phi' = u_2,   y_i = e_i . (theta(s_i) - p),
     0 = e_i^perp . (theta(s_i) - p),   e_i = (cos, sin)(phi + alpha_i),
 
-with the s_i, where the rays end, as the variables that the outputs hang on.
+with the s_i, where the rays end, as the variables that the outputs depend on.
 """
 
 from __future__ import annotations

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimators.carried_filter import carried_filter
+from estimators.freshness import Freshness
 from estimators.ranging.kalman_kernels import expected_ranges, move, step_within
-from estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel, Watch
+from estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from models.unicycle.kernels import moved_slopes, wrapped
 from models.unicycle.mission import RangeQuality, RangingMission
 from sim.checks import check_positive, check_probability
@@ -43,7 +44,7 @@ class RangeEkf:
 
     def __init__(self, config: RangeEkfConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._watch = RangeModel(mission), Watch(config.timeout)
+        self._model, self._freshness = RangeModel(mission), Freshness(config.timeout)
         self._gate = Gate(config.gate, mission.sensors)
         self._filter = carried_filter(STATES, mission.sensors)
         self._filter.x, self._filter.P = self._model.start()
@@ -78,13 +79,13 @@ class RangeEkf:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """The estimate; ``extra["nis"]`` (2,) is NIS and how many rays it is of, NaN where there was no update."""
         rho = self._model.ranges(measurements)
-        self._watch.look(t, rho)
+        self._freshness.note(t, not np.isnan(rho).all())
         if self._t is not None and t > self._t:
             self._predict(self._model.input(measurements, command), t - self._t)
         self._t = t
         nis = self._condition(rho)
         P = self._filter.P[:3, :3]
-        return Estimate(t, self._filter.x[:3].copy(), 0.5 * (P + P.T), self._watch.status(t), {"nis": nis})
+        return Estimate(t, self._filter.x[:3].copy(), 0.5 * (P + P.T), self._freshness.status(t), {"nis": nis})
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x.copy()

@@ -19,9 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
+from estimators.freshness import Freshness
 from estimators.ranging.bank_kernels import condition_each, drop, predict_each
 from estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
-from estimators.ranging.model import STATES, RangeModel, Watch, chi_square_gate
+from estimators.ranging.model import STATES, RangeModel, chi_square_gate
 from models.unicycle.mission import RangeQuality, RangingMission
 from sim.checks import check_counts, check_positive, check_probability
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -85,7 +86,7 @@ class FeasibleSetBank:
 
     def __init__(self, config: FeasibleSetBankConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._config, self._model, self._watch = config, RangeModel(mission), Watch(config.timeout)
+        self._config, self._model, self._freshness = config, RangeModel(mission), Freshness(config.timeout)
         self._limit = chi_square_gate(config.gate)
         self._misfit_limit = config.misfit + mission.ranging.outliers * self._limit  # an outlier counts as the gate
         self._memory = max(0.0, 1.0 - mission.period / _REMEMBERED)
@@ -138,7 +139,7 @@ class FeasibleSetBank:
         that of the best and how many rays it is of, NaN where there was no update.
         """
         rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
-        self._watch.look(t, rho)
+        self._freshness.note(t, not np.isnan(rho).all())
         self._remember(rho, u)
         nis, started = np.full(2, np.nan), False
         if self._is_alive:
@@ -210,6 +211,6 @@ class FeasibleSetBank:
         extra = {"hypotheses": hypotheses, "scores": self._score.copy(), "nis": nis}
         if not self._is_alive:
             return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra)
-        status = Status.INITIALISING if started else self._watch.status(t)
+        status = Status.INITIALISING if started else self._freshness.status(t)
         P = self._P[self._best, :3, :3]
         return Estimate(t, self._x[self._best, :3].copy(), 0.5 * (P + P.T), status, extra)

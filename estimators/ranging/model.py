@@ -17,7 +17,7 @@ from scipy.special import chdtri
 from estimators.ranging.kalman_kernels import step_within, within
 from estimators.ranging.readings import measured_input, usable_ranges
 from models.unicycle.mission import LEAST_NOISE, RangingMission
-from sim.signals import Array, Measurement, Status
+from sim.signals import Array, Measurement
 
 STATES = 4
 FROM_WHERE = "from most starts with two rays or more where the robot drives; standing still not with one or two rays"
@@ -26,7 +26,6 @@ FROM_WHERE = "from most starts with two rays or more where the robot drives; sta
 _LEAST_VARIANCE = 1e-12  # [m^2/s^2, rad^2/s^2] of an input
 _DRAWN = 500  # poses that stand for "anywhere"
 _LASTING = 10  # readings in a row beyond the gate
-_SIMULTANEOUS = 1e-9  # [s]
 
 Flags = NDArray[np.bool_]
 
@@ -94,24 +93,6 @@ class RangeModel:
         P = self.covariance((0.0, 0.0, math.pi / math.sqrt(3.0)))
         P[:2, :2] = (p - middle).T @ (p - middle) / _DRAWN
         return np.array([*middle, 0.0, 0.0]), P
-
-
-class Watch:
-    """When the last usable range was, and what status that makes."""
-
-    def __init__(self, timeout: float) -> None:
-        self._timeout, self._seen = timeout, -math.inf  # [s]
-
-    def look(self, t: float, ranges: Array) -> None:
-        """Note the ranges (l,) of t [s], NaN where lost."""
-        if not np.isnan(ranges).all():
-            self._seen = t
-
-    def status(self, t: float) -> Status:
-        """At t [s]."""
-        if self._seen == -math.inf:
-            return Status.INITIALISING
-        return Status.OK if t - self._seen <= self._timeout + _SIMULTANEOUS else Status.LOST
 
 
 def chi_square_gate(probability: float) -> float:

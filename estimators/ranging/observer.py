@@ -19,8 +19,9 @@ from typing import Literal
 
 import numpy as np
 
+from estimators.freshness import Freshness
 from estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
-from estimators.ranging.model import FROM_WHERE, Watch
+from estimators.ranging.model import FROM_WHERE
 from estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
 from estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
 from estimators.ranging.range_rate_kernels import innovated, measured
@@ -101,7 +102,7 @@ class RangeObserver:
         if config.z_0 and len(config.z_0) != l + 1:
             raise ValueError(f"z_0 = {config.z_0!r}; allowed with {l} sensors: {l + 1} numbers")
         self.period = mission.period
-        self._watch, self._gains = Watch(config.timeout), (config.k_v, config.k_q)
+        self._freshness, self._gains = Freshness(config.timeout), (config.k_v, config.k_q)
         self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation
         # What is expected before there is a range rate must do without one.
         self._foresee = forward_s if config.feedforward == "rho_dot" else self._advance
@@ -154,8 +155,8 @@ class RangeObserver:
         window = self._window
         rho = usable_ranges(measurements, len(self._alpha), self._longest)
         window.push(rho, measured_input(measurements, command, self._limits))
-        self._watch.look(t, rho)
-        status = self._watch.status(t) if window.has_centre else Status.INITIALISING
+        self._freshness.note(t, not np.isnan(rho).all())
+        status = self._freshness.status(t) if window.has_centre else Status.INITIALISING
         if window.has_centre:
             self._observe()
         z, x = pushed_forward(*self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)

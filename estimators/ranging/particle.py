@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.ranging.model import RangeModel, Watch, chi_square_gate
+from estimators.freshness import Freshness
+from estimators.ranging.model import RangeModel, chi_square_gate
 from estimators.ranging.particle_kernels import mode, propagate, roughen, weigh
 from models.unicycle.mission import RangeQuality, RangingMission
 from sim.checks import check_counts, check_positive, check_probability
@@ -55,7 +56,8 @@ class RangeParticle:
 
     def __init__(self, config: RangeParticleConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._watch, self._gate = RangeModel(mission), Watch(config.timeout), chi_square_gate(config.gate)
+        self._model, self._freshness = RangeModel(mission), Freshness(config.timeout)
+        self._gate = chi_square_gate(config.gate)
         self._rng, self._roughening = np.random.default_rng(config.seed), config.roughening
         self._x = self._model.particles(config.particles, self._rng)
         self._w = np.full(config.particles, 1.0 / config.particles)
@@ -92,7 +94,7 @@ class RangeParticle:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """The estimate; ``extra["effective"]`` (1,) is N_eff."""
         model, rho = self._model, self._model.ranges(measurements)
-        self._watch.look(t, rho)
+        self._freshness.note(t, not np.isnan(rho).all())
         if self._t is not None and t > self._t:
             u = model.input(measurements, command)
             propagate(self._x, u, np.sqrt(model.W), *model.wall, t - self._t, self._rng)
@@ -101,7 +103,7 @@ class RangeParticle:
             self._condition(rho)
         self._mean, P = mode(self._x, self._w, self._mean, _RADIUS, _STARTS, *model.wall)
         effective = np.array([1.0 / np.square(self._w).sum()])
-        return Estimate(t, self._mean[:3].copy(), 0.5 * (P + P.T), self._watch.status(t), {"effective": effective})
+        return Estimate(t, self._mean[:3].copy(), 0.5 * (P + P.T), self._freshness.status(t), {"effective": effective})
 
     def _condition(self, rho: Array) -> None:
         model = self._model

@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from estimators.covariance import square_root
+from estimators.freshness import Freshness
 from estimators.ranging.kalman_kernels import expected_ranges, move, step_within
-from estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel, Watch
+from estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from models.unicycle.kernels import moved_slopes, wrapped
 from models.unicycle.mission import RangeQuality, RangingMission
 from sim.checks import check_positive, check_probability
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement
-
-_LEAST = 1e-12  # variance that a covariance keeps in every direction
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class RangeUkf:
 
     def __init__(self, config: RangeUkfConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._watch = RangeModel(mission), Watch(config.timeout)
+        self._model, self._freshness = RangeModel(mission), Freshness(config.timeout)
         self._gate = Gate(config.gate, mission.sensors)
         self._filter = self._made(config)
         self._filter.x, self._filter.P = self._model.start()
@@ -93,13 +93,13 @@ class RangeUkf:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """The estimate; ``extra["nis"]`` (2,) is NIS and how many rays it is of, NaN where there was no update."""
         rho = self._model.ranges(measurements)
-        self._watch.look(t, rho)
+        self._freshness.note(t, not np.isnan(rho).all())
         dt = 0.0 if self._t is None else t - self._t
         self._predict(self._model.input(measurements, command), dt)
         self._t = t
         nis = self._condition(rho)
         U = square_root(self._filter.P)[:, :3]
-        return Estimate(t, self._filter.x[:3].copy(), U.T @ U, self._watch.status(t), {"nis": nis})
+        return Estimate(t, self._filter.x[:3].copy(), U.T @ U, self._freshness.status(t), {"nis": nis})
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x
@@ -152,18 +152,6 @@ class RangeUkf:
         after: Array = sigma.copy()
         move(after, u, *self._model.wall, dt)
         return after
-
-
-def square_root(P: Array) -> Array:
-    """U (n, n) with U' U = P, upper triangular; of the nearest positive definite matrix where P is none."""
-    P = 0.5 * (P + P.T)
-    try:
-        lower: Array = np.asarray(np.linalg.cholesky(P), np.float64)
-    except np.linalg.LinAlgError:
-        values, vectors = np.linalg.eigh(P)
-        upper: Array = np.linalg.qr(np.sqrt(np.maximum(values, _LEAST))[:, None] * vectors.T)[1]
-        lower = np.asarray(upper.T, np.float64)
-    return lower.T
 
 
 def _difference(x: Array, y: Array) -> Array:

@@ -91,9 +91,10 @@ class RiemannianObserver:
 
 
 class _Intrinsic:
-    """A ``VelocityLaw``. Readings that the system cannot have come to, or that are beyond the share of the injectivity
+    """A ``VelocityLaw``.
 
-    radius, are refused until they last.
+    Readings that the system cannot have come to, or that are beyond the share of the injectivity radius, are refused
+    until they last.
     """
 
     def __init__(self, config: RiemannianObserverConfig, mission: LagrangianMission) -> None:

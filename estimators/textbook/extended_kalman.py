@@ -10,7 +10,6 @@ is lost until one can be.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,6 +18,8 @@ import casadi
 import numpy as np
 
 from estimators.carried_filter import carried_filter
+from estimators.freshness import Freshness, time_ahead
+from models.instants import SIMULTANEOUS
 from models.runge_kutta import dormand_prince
 from models.textbook.mission import TextbookMission
 from models.textbook.system import System
@@ -27,7 +28,6 @@ from sim.observer_properties import Domain, InputDependence, ObserverProperties,
 from sim.protocols import Sensor
 from sim.signals import Array, Estimate, Measurement, Status
 
-_SIMULTANEOUS = 1e-9  # [s]
 _SETTLED = 1e-10  # change of the estimate below which a linearisation is kept
 
 
@@ -66,7 +66,7 @@ class TextbookEkf:
         self._filter.P = np.diag(np.square(mission.deviation))
         self._variance = max(mission.noise, config.noise_floor) ** 2
         self._t: float | None = None  # [s] of the filter's state; None before the first call
-        self._t_read = -math.inf  # [s] of the last reading
+        self._freshness = Freshness(config.timeout)
         self._followed = True  # the last step was taken
 
     @staticmethod
@@ -102,10 +102,8 @@ class TextbookEkf:
         """From the filter's time to t [s] with u (p,) held."""
         if self._t is None:
             self._t = t
-        h = t - self._t
-        if h < -_SIMULTANEOUS:
-            raise ValueError(f"a reading at {t:.6f} s reached a Kalman filter that is at {self._t:.6f} s already")
-        if h > _SIMULTANEOUS:
+        h = time_ahead(t, self._t, "a reading")
+        if h > SIMULTANEOUS:
             self._filter.F = np.array(self._transition(self._filter.x, u, h))
             noise = h * self._config.process**2
             self._filter.Q = noise * np.eye(len(self._filter.x))
@@ -134,7 +132,7 @@ class TextbookEkf:
             at, before = self._filter.x, at
             if float(np.abs(at - before).max()) < _SETTLED:
                 break
-        self._t_read = reading.t
+        self._freshness.note(reading.t)
 
     def _outputs(self, x: Array, u: Array) -> tuple[Array, Array]:
         """h(x, u) (m,) and its Jacobian (m, n)."""
@@ -142,10 +140,8 @@ class TextbookEkf:
         return np.array(y).ravel(), np.array(slope)
 
     def _status(self, t: float) -> Status:
-        if self._t_read == -math.inf:
-            return Status.INITIALISING
-        fresh = t - self._t_read <= self._config.timeout + _SIMULTANEOUS
-        return Status.OK if fresh and self._followed else Status.LOST
+        status = self._freshness.status(t)
+        return status if self._followed or status is Status.INITIALISING else Status.LOST
 
 
 @lru_cache(maxsize=16)

@@ -16,12 +16,13 @@ from collections.abc import Sequence
 import casadi
 import numpy as np
 
+from estimators.freshness import Freshness
 from estimators.textbook.law import ObserverLaw
+from models.instants import SIMULTANEOUS
 from models.runge_kutta import Flow
 from models.textbook.mission import TextbookMission
 from sim.signals import Array, Estimate, Measurement, Status
 
-_SIMULTANEOUS = 1e-9  # [s]
 _POINTS = 4  # that the polynomial goes through
 
 
@@ -31,7 +32,7 @@ class SampledObserver:
     def __init__(self, law: ObserverLaw, mission: TextbookMission, timeout: float) -> None:
         """``timeout`` [s] without a reading after which the estimate is lost."""
         self.period = mission.period
-        self._law, self._system, self._timeout = law, mission.system, timeout
+        self._law, self._system, self._freshness = law, mission.system, Freshness(timeout)
         self._flow = _flow(law, mission)
         self._x = mission.start_state
         self._z = law.Psi(self._x)
@@ -44,6 +45,7 @@ class SampledObserver:
         for reading in measurements:
             if reading.name == "output" and np.isfinite(reading.value).all():
                 self._readings.append((reading.t, np.array(reading.value)))
+                self._freshness.note(reading.t)
         if self._t is not None and t > self._t:
             self._advance(self._t, t - self._t, command)
         self._t = t
@@ -51,7 +53,7 @@ class SampledObserver:
 
     def _advance(self, begin: float, h: float, u: Array) -> None:
         """From a time [s] on for h [s] with u (p,) held."""
-        if self._readings and self._readings[-1][0] > begin + _SIMULTANEOUS:
+        if self._freshness.t > begin + SIMULTANEOUS:
             self._followed = self._observe(begin, h, u)
             return
         copied, reached = self._system.reach(self._x, u, h)
@@ -80,10 +82,8 @@ class SampledObserver:
         return coefficients
 
     def _status(self, t: float) -> Status:
-        if not self._readings:
-            return Status.INITIALISING
-        fresh = t - self._readings[-1][0] <= self._timeout + _SIMULTANEOUS
-        return Status.OK if fresh and self._followed else Status.LOST
+        status = self._freshness.status(t)
+        return status if self._followed or status is Status.INITIALISING else Status.LOST
 
 
 def _flow(law: ObserverLaw, mission: TextbookMission) -> Flow:

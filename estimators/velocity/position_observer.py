@@ -13,12 +13,12 @@ from typing import Protocol
 
 import numpy as np
 
+from estimators.freshness import Freshness
 from estimators.velocity.readings import usable
+from models.instants import SIMULTANEOUS
 from models.manifold.manifold import CutLocusError
 from models.manifold.mission import LagrangianMission
 from sim.signals import Array, Estimate, Measurement, Status
-
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 class VelocityLaw(Protocol):
@@ -56,10 +56,10 @@ class PositionObserver:
     def __init__(self, law: VelocityLaw, mission: LagrangianMission, timeout: float) -> None:
         """``timeout`` [s] without a reading that could be used, after which the estimate is lost."""
         self.period = mission.period
-        self._law, self._manifold, self._timeout = law, mission.system.manifold, timeout
+        self._law, self._manifold = law, mission.system.manifold
+        self._freshness = Freshness(timeout)  # of the readings that were used
         self._x = np.concatenate([self._manifold.origin, np.zeros(self._manifold.vector_size)])
         self._t: float | None = None  # [s] of the law's state; None before it is started
-        self._t_used = -math.inf  # [s] of the last reading that was used
         self._refused, self._restarts = 0, 0
         self._extra = dict(law.extra)
 
@@ -70,7 +70,7 @@ class PositionObserver:
         """
         for reading in measurements:
             y = usable(reading, self._manifold)
-            if y is not None and reading.t > self._t_used + _SIMULTANEOUS:
+            if y is not None and reading.t > self._freshness.t + SIMULTANEOUS:
                 self._read(reading.t, y, command)
         self._move(t, command)
         counts = {"refused": np.array([float(self._refused)]), "restarts": np.array([float(self._restarts)])}
@@ -80,21 +80,21 @@ class PositionObserver:
     def _read(self, t: float, y: Array, u: Array) -> None:
         self._move(t, u, y)
         if self._t is None:
-            self._restarts += self._t_used > -math.inf
-            self._t = self._t_used = t
+            self._restarts += self._freshness.t > -math.inf
+            self._t = t
+            self._freshness.note(t)
             self._try(lambda: self._law.start(y))
             return
-        if t < self._t - _SIMULTANEOUS:  # it comes late: what it could tell has been told by a newer one
+        if t < self._t - SIMULTANEOUS:  # it comes late: what it could tell has been told by a newer one
             return
         used: list[bool] = []
-        self._try(lambda: used.append(self._law.correct(y, t - self._t_used)))
-        if used == [True]:
-            self._t_used = t
+        self._try(lambda: used.append(self._law.correct(y, t - self._freshness.t)))
+        self._freshness.note(t, used == [True])
         self._refused += used == [False]
 
     def _move(self, t: float, u: Array, y: Array | None = None) -> None:
         """From the law's time to t [s] with u (nu,) held, at which there is a reading y or none."""
-        if self._t is not None and t > self._t + _SIMULTANEOUS:
+        if self._t is not None and t > self._t + SIMULTANEOUS:
             h, self._t = t - self._t, t
             self._try(lambda: self._law.predict(h, u, y))
 
@@ -112,7 +112,5 @@ class PositionObserver:
             self._t = None
 
     def _status(self, t: float) -> Status:
-        if self._t_used == -math.inf:
-            return Status.INITIALISING
-        fresh = t - self._t_used <= self._timeout + _SIMULTANEOUS
-        return Status.OK if fresh and self._t is not None else Status.LOST
+        status = self._freshness.status(t)
+        return status if self._t is not None or status is Status.INITIALISING else Status.LOST

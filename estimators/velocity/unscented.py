@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.ranging.unscented import square_root
+from estimators.covariance import square_root
 from estimators.velocity.error_state import ErrorStateFilter, FilterModel, filter_properties
 from estimators.velocity.position_observer import PositionObserver
 from models.manifold.mission import LagrangianMission

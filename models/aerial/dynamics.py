@@ -16,7 +16,8 @@ from functools import lru_cache
 import casadi
 import numpy as np
 
-from models.aerial.kernels import SIMULTANEOUS, arc_at, state_on
+from models.aerial.kernels import arc_at, state_on
+from models.instants import SIMULTANEOUS
 from sim.signals import Array, Plan
 
 TICK = 1.0 / 300.0  # [s] of the flight physics

@@ -7,7 +7,6 @@ is one arena with as many vehicles attached as it has names; ``build_model`` com
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,12 +15,10 @@ import mujoco
 import numpy as np
 
 from models.aerial.dynamics import TICK
+from models.composer_and_mjcf import composer, mjcf
 from models.terrain.height_field import HeightField
+from models.vehicle_names import check_vehicle_name, check_vehicle_names
 from sim.signals import Array
-
-with warnings.catch_warnings():  # dm_control's renderer, which is not used here, warns where there is no display
-    warnings.simplefilter("ignore")
-    from dm_control import composer, mjcf
 
 GRAVITY = 9.81  # [m/s^2] the weight that the rotors carry; only the drawn tilt depends on it
 BASE = 200.0  # [m] of rock below the lowest node: a fast vehicle must not pass through the ground between two ticks
@@ -33,11 +30,10 @@ class AerialVehicle(composer.Entity):
     """A unit point mass with a force of at most ``acceleration_max`` [m/s^2] on each axis, and its drawn airframe."""
 
     def _build(self, name: str, acceleration_max: float) -> None:
-        if not name or "/" in name:
-            raise ValueError(f"vehicle name {name!r} is empty or contains '/'; MuJoCo names need it as a separator")
+        check_vehicle_name(name)
         if not (math.isfinite(acceleration_max) and acceleration_max > 0.0):
             raise ValueError(f"acceleration_max = {acceleration_max!r} m/s^2; allowed: a finite value > 0")
-        self._model = mjcf.from_path(str(_HERE / "quadrotor.xml"))
+        self._model = mjcf.from_path(str(_HERE / "point_mass.xml"))
         self._model.model = name
         for motor in self._model.actuator.motor:
             motor.ctrlrange = (-acceleration_max, acceleration_max)
@@ -91,8 +87,7 @@ def build_model(height_field: HeightField, names: Sequence[str], acceleration_ma
     Vehicle NAME has the body ``NAME/body``, the joints and motors ``NAME/x``, ``NAME/y``, ``NAME/z`` and the mocap body
     ``NAME/airframe``; the ground is the geom ``terrain``.
     """
-    if not names or len(set(names)) != len(names):
-        raise ValueError(f"vehicle names {list(names)} must be at least one and differ from each other")
+    check_vehicle_names(names)
     arena = TerrainArena(height_field)
     for name in names:
         arena.add_vehicle(AerialVehicle(name, acceleration_max))

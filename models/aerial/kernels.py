@@ -8,10 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from models.instants import SIMULTANEOUS
 from sim.signals import Array
-
-SIMULTANEOUS = 1e-9
-"""[s] two times closer than this are the same"""
 
 
 @njit(cache=True, nogil=True)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.checks import check
 from sim.protocols import Motion, Sensor
 from sim.signals import Array
 
@@ -19,7 +20,7 @@ from sim.signals import Array
 class FullStateSensor:
     """Position and velocity, (6,) [m, m/s]: the position off by a noise uniform in a cube, the velocity exact.
 
-    Thesis (A.7) draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
+    Section A.7 of the thesis draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
     """
 
     position_noise: float = 0.0  # [m] standard deviation on each axis
@@ -28,7 +29,7 @@ class FullStateSensor:
     size: int = 6
 
     def __post_init__(self) -> None:
-        _not_negative(self.name, "position_noise", self.position_noise)
+        check(self.position_noise, f"{self.name} sensor: position_noise", 0.0)
 
     def read(self, motion: Motion, rng: np.random.Generator) -> Array:
         if self.position_noise == 0.0:
@@ -48,7 +49,7 @@ class PositionSensor:
     size: int = 3
 
     def __post_init__(self) -> None:
-        _not_negative(self.name, "noise", self.noise)
+        check(self.noise, f"{self.name} sensor: noise", 0.0)
 
     def read(self, motion: Motion, rng: np.random.Generator) -> Array:
         position = motion.x[:3]
@@ -65,7 +66,7 @@ class AccelerationSensor:
     size: int = 3
 
     def __post_init__(self) -> None:
-        _not_negative(self.name, "noise", self.noise)
+        check(self.noise, f"{self.name} sensor: noise", 0.0)
 
     def read(self, motion: Motion, rng: np.random.Generator) -> Array:
         acceleration = motion.acceleration
@@ -88,8 +89,3 @@ class Dropout:
     def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
         reading = self._sensor.read(motion, rng)
         return None if self._rng.random() < self._loss else reading
-
-
-def _not_negative(sensor: str, field: str, value: float) -> None:
-    if not (math.isfinite(value) and value >= 0.0):
-        raise ValueError(f"{sensor} sensor: {field} = {value!r}; allowed: a finite value >= 0")

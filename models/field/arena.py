@@ -15,16 +15,12 @@ The wall that is drawn and bumped into is a ring of boxes just outside of it, so
 from __future__ import annotations
 
 import math
-import warnings
 
 import numpy as np
 
+from models.composer_and_mjcf import composer, mjcf
 from models.field.curve import Curve
 from sim.signals import Array
-
-with warnings.catch_warnings():  # dm_control's renderer, which is not used here, warns where there is no display
-    warnings.simplefilter("ignore")
-    from dm_control import composer, mjcf
 
 SENSOR_HEIGHT = 0.163
 """[m] above the floor of the plane in which ranges are measured"""

@@ -18,6 +18,7 @@ from functools import cached_property
 import casadi
 import numpy as np
 
+from models.buffered_function import BufferedFunction
 from models.manifold.attitude import Attitude
 from models.manifold.constant_curvature import ConstantCurvature
 from models.manifold.system import moved
@@ -169,14 +170,11 @@ class RigidBody:
 
 
 class _Buffered:
-    """A function of two vectors (size,), called through buffers: in microseconds."""
+    """A function of two vectors (size,) to one, called in place."""
 
     def __init__(self, function: casadi.Function, size: int) -> None:
-        self._buffer, self._call = function.buffer()  # the call lives as long as the buffer
         self._given, self._found = (np.zeros(size), np.zeros(size)), np.zeros(size)
-        for k, array in enumerate(self._given):
-            self._buffer.set_arg(k, array.data)  # type: ignore[call-arg]
-        self._buffer.set_res(0, self._found.data)  # type: ignore[call-arg]
+        self._call = BufferedFunction(function, self._given, [self._found])
 
     def __call__(self, a: Array, b: Array) -> Array:
         self._given[0][:], self._given[1][:] = a, b

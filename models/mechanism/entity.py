@@ -22,6 +22,7 @@ import numpy as np
 
 from models.mechanism.geometry import checked
 from models.mechanism.names import MechanismName
+from models.vehicle_names import check_vehicle_name
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"
@@ -50,8 +51,7 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
     Raises ValueError for what ``file_of`` and ``geometry.checked`` refuse, for a file that MuJoCo cannot read, and for
     a name that is empty or contains "/".
     """
-    if not name or "/" in name:
-        raise ValueError(f"vehicle name {name!r} is empty or contains '/'; MuJoCo names need it as a separator")
+    check_vehicle_name(name)
     path = file_of(mechanism)
     try:
         with warnings.catch_warnings():

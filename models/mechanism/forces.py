@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from models.mechanism.kernels import com_pos, com_vel, factor_m, kinematics, make_m, rne, solve_m
-from models.mechanism.library import ADDRESS, function
+from models.mechanism.mujoco_functions import ADDRESS, function
 from sim.signals import Array
 
 tendon = function("mj_tendon", ADDRESS, ADDRESS)

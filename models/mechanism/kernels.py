@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.mechanism.library import ADDRESS, INTEGER, NUMBER, function
+from models.mechanism.mujoco_functions import ADDRESS, INTEGER, NUMBER, function
 from sim.signals import Array
 
 kinematics = function("mj_kinematics", ADDRESS, ADDRESS)

@@ -16,6 +16,7 @@ from functools import cached_property, partial
 import casadi
 import numpy as np
 
+from models.instants import SIMULTANEOUS
 from models.missile import kernels
 from models.missile.dynamics import (
     NOMINAL,
@@ -145,7 +146,7 @@ class Coordinates:
 
     def input_at(self, plan: Plan, t: float) -> Array:
         """The input (nu,) of a plan from time t [s] on: that of its first arc before, of its last one after."""
-        arc = int(plan.t.searchsorted(t + kernels.SIMULTANEOUS, side="right")) - 1
+        arc = int(plan.t.searchsorted(t + SIMULTANEOUS, side="right")) - 1
         held: Array = plan.u[min(max(arc, 0), len(plan.u) - 1)].copy()
         return held
 

@@ -7,19 +7,16 @@ turn about X_e. The ground lies at z = 0 and is drawn only: where a flight ends 
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import mujoco
 
+from models.composer_and_mjcf import composer, mjcf
 from models.missile.coordinates import Coordinates
 from models.missile.dynamics import NOMINAL, TICK, Body
-
-with warnings.catch_warnings():  # dm_control's renderer, which is not used here, warns where there is no display
-    warnings.simplefilter("ignore")
-    from dm_control import composer, mjcf
+from models.vehicle_names import check_vehicle_name
 
 GROUND = 4000.0  # [m] half the side of the ground that is drawn
 SQUARE = 50.0  # [m] of the pattern on the ground
@@ -39,8 +36,7 @@ class Missile(composer.Entity):
         force_factor: float,
         moment_factor: float,
     ) -> None:
-        if not name or "/" in name:
-            raise ValueError(f"vehicle name {name!r} is empty or contains '/'; MuJoCo names need it as a separator")
+        check_vehicle_name(name)
         for factor, what in ((force_factor, "force_factor"), (moment_factor, "moment_factor")):
             if not (math.isfinite(factor) and factor > 0.0):
                 raise ValueError(f"{what} = {factor!r}; allowed: a finite value > 0")

@@ -13,12 +13,10 @@ import math
 import numpy as np
 from numba import njit
 
+from models.instants import SIMULTANEOUS
 from sim.signals import Array
 
 Numbers = tuple[float, float, float, float]
-
-SIMULTANEOUS = 1e-9
-"""[s] two times closer than this are the same"""
 
 
 @njit(cache=True, nogil=True)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from models.missile.coordinates import Coordinates
+from sim.checks import check
 from sim.protocols import Motion
 from sim.signals import Array
 
@@ -23,9 +23,7 @@ class StateNoise:
 
     def __post_init__(self) -> None:
         for name in ("position", "velocity", "angle", "rate"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"full_state sensor: {name} = {value!r}; allowed: a finite value >= 0")
+            check(getattr(self, name), f"full_state sensor: {name}", 0.0)
 
     def deviations(self, coordinates: Coordinates) -> Array:
         """(nx,) of the components of the state, in their units."""

@@ -11,9 +11,9 @@ the map frame, and omega (3,) [rad/s] in the body frame: that is MuJoCo's free j
 and thrust, D the diagonal drag of the rotors' discs and of the hull, linear in the velocity (M. Faessler, A. Franchi,
 D. Scaramuzza, IEEE Robot. Autom. Lett. 3, 2018). Input u (4,) [N] is the thrust asked of each rotor.
 
-The thrust of a rotor is T_i = c_T w_i^2 at the speed w_i [rad/s]. What is modelled is the lag of the thrust; a lag of
-the speed with the same time constant differs from it only to second order in a change. Left out are the moment of a
-rotor that is accelerated, its gyroscopic moment, and the ground effect.
+The thrust of a rotor goes with the square of its speed. What is modelled is the lag of the thrust; a lag of the speed
+with the same time constant differs from it only to second order in a change. Left out are the moment of a rotor that is
+accelerated, its gyroscopic moment, and the ground effect.
 
 ``rigid_dynamics`` and ``dynamics`` are CasADi functions, ``flow`` is numpy; the tests hold them against MuJoCo.
 """
@@ -27,6 +27,7 @@ from functools import cached_property, lru_cache
 import casadi
 import numpy as np
 
+from models.runge_kutta import classical_step
 from sim.checks import check, check_positive
 from sim.signals import Array
 
@@ -48,14 +49,13 @@ class Quadrotor:
     inertia: tuple[float, float, float] = (0.0115, 0.0115, 0.0205)  # [kg m^2] the diagonal of J
     arm: float = 0.2  # [m] from the centre to a hub
     moment_ratio: float = 0.016  # [m] kappa
-    thrust_coefficient: float = 1.2e-5  # [N s^2] c_T
     thrust_max: float = 9.0  # [N] of each rotor; a rotor cannot pull down
     motor_lag: float = 0.03  # [s] tau_m
     drag: tuple[float, float, float] = (0.25, 0.25, 0.1)  # [N s/m] the diagonal of D
     gravity: float = 9.81  # [m/s^2] g
 
     def __post_init__(self) -> None:
-        check_positive(self, "mass", "arm", "moment_ratio", "thrust_coefficient", "thrust_max", "motor_lag", "gravity")
+        check_positive(self, "mass", "arm", "moment_ratio", "thrust_max", "motor_lag", "gravity")
         for name, least, is_open in (("inertia", 0.0, True), ("drag", 0.0, False)):
             values = getattr(self, name)
             if len(values) != 3:
@@ -92,11 +92,6 @@ class Quadrotor:
         """(4,) [m] s_i kappa."""
         moments: Array = self.moment_ratio * _SENSES
         return moments
-
-    def rotor_speeds(self, thrusts: Array) -> Array:
-        """(4,) [rad/s] at thrusts (4,) [N]."""
-        speeds: Array = np.sqrt(np.maximum(thrusts, 0.0) / self.thrust_coefficient)
-        return speeds
 
 
 NOMINAL = Quadrotor()
@@ -155,11 +150,7 @@ def flow(vehicle: Quadrotor, x: Array, thrusts: Array, dt: float) -> Array:
         return np.asarray(f(state, thrusts), dtype=np.float64)[:, 0]
 
     for _ in range(steps):
-        k_1 = rate(x)
-        k_2 = rate(x + 0.5 * h * k_1)
-        k_3 = rate(x + 0.5 * h * k_2)
-        k_4 = rate(x + h * k_3)
-        x = x + h / 6.0 * (k_1 + 2.0 * k_2 + 2.0 * k_3 + k_4)
+        x = classical_step(rate, x, h)
         x[ATTITUDE] /= np.linalg.norm(x[ATTITUDE])
     return x
 

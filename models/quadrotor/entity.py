@@ -19,6 +19,7 @@ import numpy as np
 from models.aerial.entity import TerrainArena
 from models.quadrotor.dynamics import NOMINAL, ROTOR_COUNT, ROTORS, Quadrotor
 from models.terrain.height_field import HeightField
+from models.vehicle_names import check_vehicle_names
 from sim.signals import Array
 
 _XML = Path(__file__).parent / "quadrotor.xml"
@@ -38,8 +39,7 @@ def build_spec(
 
     ValueError for names that cannot be, or for vehicles that differ in gravity.
     """
-    if not names or len(set(names)) != len(names) or any(not name or "/" in name for name in names):
-        raise ValueError(f"vehicle names {list(names)} must be at least one, differ from each other, and have no '/'")
+    check_vehicle_names(names)
     each = {name: vehicles if isinstance(vehicles, Quadrotor) else vehicles[name] for name in names}
     gravities = {vehicle.gravity for vehicle in each.values()}
     if len(gravities) > 1:
@@ -110,15 +110,6 @@ class RotorDrive:
 
     def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
         control[:ROTOR_COUNT] = np.clip(u, 0.0, self.vehicle.thrust_max) - self.vehicle.hover_thrust
-
-
-def rotor_thrusts(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> Array:
-    """(4,) [N] with which the rotors of a vehicle push now."""
-    pushes = []
-    for rotor in ROTORS:
-        actuator = model.actuator(f"{name}/{rotor}")
-        pushes.append(float(data.act[actuator.actadr[0]]) + float(actuator.biasprm[0]))
-    return np.array(pushes)
 
 
 def tilt(quaternion: Array) -> float:

@@ -24,7 +24,7 @@ _STIFF = 1e-2  # [rad, rad/s] by which attitude and rate of a reading carried on
 class QuadrotorStateSensor:
     """The state (13,) of ``models.quadrotor.dynamics``: the position off by a noise uniform in a cube, the rest exact.
 
-    Thesis (A.7) draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
+    Section A.7 of the thesis draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
     """
 
     position_noise: float = 0.0  # [m] standard deviation on each axis

@@ -93,7 +93,7 @@ def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
     )
     if min(rows, columns) < 2:
         raise ValueError(
-            f"{raster.name}: spacing is {spacing} m, which leaves {rows} x {columns} nodes; allowed is 2 x 2"
+            f"{raster.name}: spacing is {spacing} m, which leaves {rows} x {columns} nodes; allowed: at least 2 x 2"
         )
     row = np.minimum(np.arange(rows) * (spacing / step_north), raster.z.shape[0] - 1)
     column = np.minimum(np.arange(columns) * (spacing / step_east), raster.z.shape[1] - 1)
@@ -126,7 +126,7 @@ def read_npz(path: str | Path) -> HeightField:
             raise ValueError(f"{path}: {name} is missing; a map has z (rows, cols) [m] and meta (JSON with spacing_m)")
     z = entries["z"]
     if z.dtype.kind not in "fiu":
-        raise ValueError(f"{path}: z has the type {z.dtype}; allowed are real numbers, float32 as a rule")
+        raise ValueError(f"{path}: z has the type {z.dtype}; allowed: real numbers, float32 as a rule")
     try:
         meta = json.loads(str(entries["meta"]))
     except json.JSONDecodeError as error:
@@ -135,11 +135,11 @@ def read_npz(path: str | Path) -> HeightField:
         raise ValueError(f"{path}: meta has no spacing_m, the distance between neighbouring nodes in metres")
     spacing = meta["spacing_m"]
     if isinstance(spacing, bool) or not isinstance(spacing, int | float):
-        raise ValueError(f"{path}: spacing_m is {spacing!r}; allowed is a number above 0")
+        raise ValueError(f"{path}: spacing_m is {spacing!r}; allowed: a number above 0")
     texts = {key: meta.get(key, default) for key, default in (("name", path.stem), ("source", ""), ("licence", ""))}
     for key, text in texts.items():
         if not isinstance(text, str):
-            raise ValueError(f"{path}: {key} is {text!r}; allowed is a text")
+            raise ValueError(f"{path}: {key} is {text!r}; allowed: a text")
     try:
         return HeightField(z, spacing, **texts)
     except ValueError as error:
@@ -174,7 +174,7 @@ def read_png(path: str | Path, spacing: float, scale: float) -> Raster:
     spacing, scale = _positive("spacing", spacing, "m"), _positive("scale", scale, "m per unit")
     image, values = _decode(path)
     if image.mode not in ("I;16", "I;16B", "I;16L"):
-        raise ValueError(f"{path}: the picture has the mode {image.mode}; allowed is 16-bit grey (I;16)")
+        raise ValueError(f"{path}: the picture has the mode {image.mode}; allowed: 16-bit grey (I;16)")
     return Raster(path.stem, scale * values[::-1], spacing, spacing)
 
 
@@ -188,7 +188,7 @@ def read_hgt(path: str | Path) -> Raster:
     nodes = next((count for count in HGT_NODES if 2 * count**2 == size), None)
     if nodes is None:
         allowed = " or ".join(f"{2 * count**2} ({count} x {count})" for count in HGT_NODES)
-        raise ValueError(f"{path}: {size} bytes are not a whole square tile; allowed are {allowed}")
+        raise ValueError(f"{path}: {size} bytes are not a whole square tile; allowed: {allowed}")
     values = np.fromfile(path, dtype=">i2").reshape(nodes, nodes)
     z = np.where(values == HGT_VOID, np.nan, values.astype(np.float64))[::-1]
     latitude = int(corner[2]) * (1 if corner[1].upper() == "N" else -1) + 0.5
@@ -239,7 +239,7 @@ def import_dem(
             terrain.name, terrain.z, terrain.spacing, terrain.spacing, source=terrain.source, licence=terrain.licence
         )
     else:
-        raise ValueError(f"{path}: the ending {suffix!r} is not known; allowed are .png, .hgt, .tif, .tiff, .npz")
+        raise ValueError(f"{path}: the ending {suffix!r} is not known; allowed: .png, .hgt, .tif, .tiff, .npz")
     raster = square_grid(raster, spacing)
     if crop is not None:
         raster = replace(raster, z=_cropped(raster, crop))
@@ -269,13 +269,13 @@ def _read_with_rasterio(path: Path) -> Raster:
     except rasterio.errors.RasterioError as error:
         raise ValueError(f"{path}: not a readable GeoTIFF ({error})") from None
     if bands != 1:
-        raise ValueError(f"{path}: {bands} bands; allowed is one, the heights")
+        raise ValueError(f"{path}: {bands} bands; allowed: one, the heights")
     if crs is None:
-        raise ValueError(f"{path}: no coordinate system; allowed are degrees (geographic) and metres (projected)")
+        raise ValueError(f"{path}: no coordinate system; allowed: degrees (geographic) and metres (projected)")
     if transform.b or transform.d or transform.e >= 0.0:
         raise ValueError(f"{path}: the picture is rotated or its row 0 is not north; bring it north-up with gdalwarp")
     if not crs.is_geographic and crs.linear_units_factor[1] != 1.0:
-        raise ValueError(f"{path}: projected in {crs.linear_units}; allowed are metres: re-project it with gdalwarp")
+        raise ValueError(f"{path}: projected in {crs.linear_units}; allowed: metres, re-projected with gdalwarp")
     z = np.ma.filled(values.astype(np.float64), np.nan)[::-1]
     latitude = transform.f + 0.5 * z.shape[0] * transform.e if crs.is_geographic else None
     return Raster(path.stem, z, -transform.e, transform.a, latitude)
@@ -288,10 +288,10 @@ def _read_with_pillow(path: Path) -> Raster:
     except ValueError as error:
         raise ValueError(f"{error}; rasterio may: {advice}") from None
     if not image.mode.startswith(("I", "F")):
-        raise ValueError(f"{path}: the picture has the mode {image.mode}; allowed is one band of heights")
+        raise ValueError(f"{path}: the picture has the mode {image.mode}; allowed: one band of heights")
     tags: dict[int, Any] = dict(image.getexif())
     if tags.get(TIFF_SAMPLES_PER_PIXEL, 1) != 1:
-        raise ValueError(f"{path}: {tags[TIFF_SAMPLES_PER_PIXEL]} bands; allowed is one, the heights")
+        raise ValueError(f"{path}: {tags[TIFF_SAMPLES_PER_PIXEL]} bands; allowed: one, the heights")
     if TIFF_PIXEL_SCALE not in tags or TIFF_TIE_POINT not in tags or TIFF_GEO_KEYS not in tags:
         raise ValueError(f"{path}: no pixel scale, tie point and coordinate system that pillow could read; {advice}")
     # A header of 4 numbers, then 4 for each key: (key, where it is stored, count, value).
@@ -299,16 +299,16 @@ def _read_with_pillow(path: Path) -> Raster:
     keys = {int(key): int(value) for key, _, _, value in directory}
     model = keys.get(KEY_MODEL_TYPE)
     if model not in (MODEL_PROJECTED, MODEL_GEOGRAPHIC):
-        raise ValueError(f"{path}: model type {model}; allowed are 1 (projected) and 2 (geographic)")
+        raise ValueError(f"{path}: model type {model}; allowed: 1 (projected) and 2 (geographic)")
     unit = keys.get(KEY_LINEAR_UNIT)
     if model == MODEL_PROJECTED and unit != UNIT_METRE:
-        raise ValueError(f"{path}: projected in the unit {unit}; allowed is {UNIT_METRE}, metres; {advice}")
+        raise ValueError(f"{path}: projected in the unit {unit}; allowed: {UNIT_METRE}, metres; {advice}")
     if TIFF_NODATA in tags:
         text = str(tags[TIFF_NODATA]).strip("\0 ")
         try:
             nodata = float(text)
         except ValueError:
-            raise ValueError(f"{path}: the no-data value is {text!r}; allowed is a number") from None
+            raise ValueError(f"{path}: the no-data value is {text!r}; allowed: a number") from None
         values = np.where(values == nodata, np.nan, values)
     step_east, step_north = (float(step) for step in tags[TIFF_PIXEL_SCALE][:2])
     tie_row, tie_north = float(tags[TIFF_TIE_POINT][1]), float(tags[TIFF_TIE_POINT][4])
@@ -342,5 +342,5 @@ def _existing(path: str | Path) -> Path:
 
 def _positive(name: str, value: float, unit: str) -> float:
     if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} is {value} {unit}; allowed is a finite number above 0")
+        raise ValueError(f"{name} is {value} {unit}; allowed: a finite number above 0")
     return float(value)

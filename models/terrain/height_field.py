@@ -16,10 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from models.terrain import kernels
-from models.terrain.kernels import Booleans, arc_clearance, height_at
+from models.terrain.kernels import Booleans, arc_clearance
 from sim.signals import Array
-
-__all__ = ["HeightField", "arc_clearance", "height_at"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +36,7 @@ class HeightField:
         except (TypeError, ValueError) as error:
             raise ValueError(f"terrain {self.name!r}: z is not a rectangle of numbers ({error})") from None
         if z.ndim != 2 or min(z.shape) < 2:
-            raise ValueError(f"terrain {self.name!r}: z has shape {z.shape}; allowed is (rows, cols), each at least 2")
+            raise ValueError(f"terrain {self.name!r}: z has shape {z.shape}; allowed: (rows, cols), each at least 2")
         if not np.isfinite(z).all():
             row, column = np.argwhere(~np.isfinite(z))[0]
             raise ValueError(
@@ -47,7 +45,7 @@ class HeightField:
             )
         spacing = float(self.spacing)
         if not (math.isfinite(spacing) and spacing > 0.0):
-            raise ValueError(f"terrain {self.name!r}: spacing is {spacing} m; allowed is a finite number above 0")
+            raise ValueError(f"terrain {self.name!r}: spacing is {spacing} m; allowed: a finite number above 0")
         z.setflags(write=False)
         object.__setattr__(self, "z", z)
         object.__setattr__(self, "spacing", spacing)
@@ -137,9 +135,9 @@ class HeightField:
         (2n + 1) x (2n + 1) cells around its cell, which contain every point within n spacings.
         """
         if not (math.isfinite(horizontal) and horizontal >= 0.0):
-            raise ValueError(f"horizontal is {horizontal} m; allowed is a finite number of at least 0")
+            raise ValueError(f"horizontal is {horizontal} m; allowed: a finite number of at least 0")
         if not (math.isfinite(vertical) and vertical >= 0.0):
-            raise ValueError(f"vertical is {vertical} m; allowed is a finite number of at least 0")
+            raise ValueError(f"vertical is {vertical} m; allowed: a finite number of at least 0")
         east, north = np.diff(self.z, axis=1), np.diff(self.z, axis=0)
         below_diagonal = np.hypot(east[:-1], north[:, 1:])
         above_diagonal = np.hypot(east[1:], north[:, :-1])
@@ -164,12 +162,12 @@ class HeightField:
 def _vector(name: str, value: ArrayLike) -> tuple[float, float, float]:
     vector = np.asarray(value, dtype=np.float64)
     if vector.shape != (3,):
-        raise ValueError(f"{name} has shape {vector.shape}; allowed is (3,)")
+        raise ValueError(f"{name} has shape {vector.shape}; allowed: (3,)")
     return float(vector[0]), float(vector[1]), float(vector[2])
 
 
 def _rows(name: str, value: ArrayLike) -> Array:
     rows = np.array(value, dtype=np.float64, order="C")
     if rows.ndim != 2 or rows.shape[1] != 3:
-        raise ValueError(f"{name} has shape {rows.shape}; allowed is (n, 3)")
+        raise ValueError(f"{name} has shape {rows.shape}; allowed: (n, 3)")
     return rows

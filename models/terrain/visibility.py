@@ -1,4 +1,4 @@
-"""Radars: what is within their range and in their line of sight is exposed (thesis, A.6: Figure A.6)."""
+"""Radars: what is within their range and in their line of sight is exposed (thesis, A.7, Figure A.6)."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ class Radar:
         for name in ("x", "y", "radius", "weight", "mast"):
             value = getattr(self, name)
             if not math.isfinite(value):
-                raise ValueError(f"radar: {name} is {value}; allowed is a finite number")
+                raise ValueError(f"radar: {name} is {value}; allowed: a finite number")
         if self.radius <= 0.0:
-            raise ValueError(f"radar: radius is {self.radius} m; allowed is a number above 0")
+            raise ValueError(f"radar: radius is {self.radius} m; allowed: a number above 0")
         for name in ("weight", "mast"):
             if not 0.0 <= getattr(self, name) <= 1e6:
-                raise ValueError(f"radar: {name} is {getattr(self, name)}; allowed is a number from 0 to 1e6")
+                raise ValueError(f"radar: {name} is {getattr(self, name)}; allowed: a number from 0 to 1e6")
 
     def position(self, terrain: HeightField) -> Array:
         """(3,) [m] where the antenna stands on ``terrain``."""
         if not terrain.contains(self.x, self.y):
             raise ValueError(
                 f"radar: ({self.x}, {self.y}) m is not on the terrain {terrain.name!r}; "
-                f"allowed are 0 to {terrain.width} m east and 0 to {terrain.depth} m north"
+                f"allowed: 0 to {terrain.width} m east and 0 to {terrain.depth} m north"
             )
         return np.array([self.x, self.y, float(terrain.height(self.x, self.y)) + self.mast])
 
@@ -48,7 +48,7 @@ class Radar:
         antenna = self.position(terrain)
         positions = np.asarray(points, dtype=np.float64)
         if positions.ndim != 2 or positions.shape[1] != 3:
-            raise ValueError(f"points has shape {positions.shape}; allowed is (n, 3)")
+            raise ValueError(f"points has shape {positions.shape}; allowed: (n, 3)")
         exposed: Booleans = np.linalg.norm(positions - antenna, axis=1) <= self.radius
         exposed[exposed] = terrain.visible(antenna, positions[exposed])  # sight lines only where the range allows
         return exposed
@@ -65,9 +65,9 @@ class RadarTrack:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.time) and self.until > self.time):
-            raise ValueError(f"radar: on from {self.time} to {self.until} s; allowed is a finite time, and a later one")
+            raise ValueError(f"radar: on from {self.time} to {self.until} s; allowed: a finite time, and a later one")
         if not all(map(math.isfinite, self.velocity)):
-            raise ValueError(f"radar: velocity is {self.velocity}; allowed are two finite numbers")
+            raise ValueError(f"radar: velocity is {self.velocity}; allowed: two finite numbers")
 
     def at(self, t: float, terrain: HeightField) -> Radar | None:
         """The radar at ``t`` [s]; None while it is off. Where it reaches the edge of the map it stays."""

@@ -12,6 +12,7 @@ from functools import cached_property
 import casadi
 import numpy as np
 
+from models.angles import wrapped
 from models.runge_kutta import Flow
 from models.textbook.observer_form import ObserverForm
 from sim.signals import Array
@@ -64,5 +65,5 @@ class System:
         """a - b (..., n), angles within half a turn."""
         off = np.array(a - b, dtype=np.float64)
         for k in self.angles:
-            off[..., k] = (off[..., k] + np.pi) % (2.0 * np.pi) - np.pi
+            off[..., k] = wrapped(off[..., k])
         return off

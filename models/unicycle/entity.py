@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import mujoco
 
+from models.composer_and_mjcf import composer, mjcf
 from models.field.arena import SENSOR_HEIGHT, FieldArena
 from models.field.curve import Curve
 from models.unicycle.mission import TICK
-
-with warnings.catch_warnings():  # dm_control's renderer, which is not used here, warns where there is no display
-    warnings.simplefilter("ignore")
-    from dm_control import composer, mjcf
+from models.vehicle_names import check_vehicle_name
 
 DriveName = Literal["ideal", "differential"]
 
@@ -36,8 +33,7 @@ class Unicycle(composer.Entity):
     """
 
     def _build(self, name: str, angles: Sequence[float], drive: DriveName, friction: float) -> None:
-        if not name or "/" in name:
-            raise ValueError(f"vehicle name {name!r} is empty or contains '/'; MuJoCo names need it as a separator")
+        check_vehicle_name(name)
         if not (math.isfinite(friction) and friction > 0.0):
             raise ValueError(f"friction = {friction!r}; allowed: a finite value > 0")
         self._model = mjcf.from_path(str(_HERE / "unicycle.xml"))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from models.angles import wrapped
 from models.field.curve import Curve
 from models.unicycle.kernels import moved
 from models.unicycle.sensors import RangeSensor, WheelOdometry
@@ -123,7 +124,7 @@ class RangingMission:
             offset = np.array([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]])
             truth = np.array([*(centre + offset), truth[2] + turn])
         away = x - self.curve.images(truth)
-        away[:, 2] = (away[:, 2] + math.pi) % (2.0 * math.pi) - math.pi
+        away[:, 2] = wrapped(away[:, 2])
         nearest: Array = away[int(np.argmin(np.square(away).sum(axis=1)))]
         return nearest
 

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from models.instants import SIMULTANEOUS
 from models.unicycle.drives import inputs_of
 from sim.protocols import Motion, Sensor
 from sim.signals import Array
 
 if TYPE_CHECKING:  # a mission makes its own sensors
     from models.unicycle.mission import OdometryQuality, RangeQuality
-
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True)
@@ -86,4 +85,4 @@ class Outage:
         reading = self._sensor.read(motion, rng)
         t = self._count * self._period
         self._count += 1
-        return None if any(begin <= t + _SIMULTANEOUS < end for begin, end in self._spans) else reading
+        return None if any(begin <= t + SIMULTANEOUS < end for begin, end in self._spans) else reading

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.arrival.clock import ClockConfig, ClockConsensus, ClockTold
+from controllers.arrival.clock import ClockConfig, ClockConsensus, ClockPayload
 from models.fleet.graph import Graph
 from sim.network import Air, DelayedLinks, Network
 from sim.signals import Array, Message
@@ -67,19 +67,19 @@ def test_a_round_trip_that_took_too_long_or_came_before_it_was_sent_is_not_used(
     part.talk(10.0, [])
     for k, (sent, taken) in enumerate([(9.0, 10.04), (10.0, 9.9)]):
         t = 10.05 + 0.01 * k
-        part.talk(t, [Message(t - 0.01, "b", "", ClockTold(5.0, 0.0, 1.0, {"a": (sent, taken)}))])
+        part.talk(t, [Message(t - 0.01, "b", "", ClockPayload(5.0, 0.0, 1.0, {"a": (sent, taken)}))])
     assert part.refused == {"round trip": 2}
     assert part.value == 0.0
-    part.talk(10.1, [Message(10.09, "b", "", ClockTold(5.0, 0.0, 1.0, {"a": (10.05, 10.07)}))])
+    part.talk(10.1, [Message(10.09, "b", "", ClockPayload(5.0, 0.0, 1.0, {"a": (10.05, 10.07)}))])
     assert part.value > 0.0
 
 
 def test_a_clock_that_is_further_off_than_clocks_are_is_not_followed() -> None:
     part = ClockConsensus(ClockConfig(apart=60.0), Graph.line(("a", "b")).node("a"))
     part.talk(1000.0, [])
-    told = ClockTold(0.0, 0.0, 1.0, {"a": (1000.0, 1000.0)})
+    told = ClockPayload(0.0, 0.0, 1.0, {"a": (1000.0, 1000.0)})
     part.talk(1000.1, [Message(1061.0, "b", "", told)])
     part.talk(1000.2, [Message(900.0, "b", "", told)])
-    part.talk(1000.2, [Message(1000.1, "b", "", ClockTold(math.nan, 0.0, 1.0, {}))])
+    part.talk(1000.2, [Message(1000.1, "b", "", ClockPayload(math.nan, 0.0, 1.0, {}))])
     assert part.refused == {"from the future": 1, "late": 1, "garbage": 1}
     assert part.value == 0.0

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.arrival.inbox import Told
+from controllers.arrival.inbox import ConsensusPayload
 from controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
 from controllers.arrival.outlier import DELTA, is_outlier
 from models.fleet.graph import Graph
@@ -85,7 +85,7 @@ def test_a_neighbour_that_falls_silent_is_forgotten() -> None:
     part.talk(0.0, [])
     moved = []
     for k in range(1, 20):
-        part.talk(k * H, [Message(0.0, "b", "", Told(10.0, 1.0))])
+        part.talk(k * H, [Message(0.0, "b", "", ConsensusPayload(10.0, 1.0))])
         moved.append(part.value)
     assert moved[4] < moved[5] == moved[-1] < 10.0  # 6 rounds are .1 s
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.arrival.inbox import Told
+from controllers.arrival.inbox import ConsensusPayload
 from controllers.arrival.maximum import Maximum, MaximumConfig, MaximumConsensus
 from models.fleet.graph import Graph
 from sim.network import Air, DelayedLinks, LossyLinks
@@ -57,9 +57,9 @@ def test_a_vehicle_above_the_deadline_is_an_outlier_that_moves_nobody_and_comes_
 def test_it_says_that_it_is_an_outlier() -> None:
     part = MaximumConsensus(MaximumConfig(), Graph.line(("a", "b")).node("a", deadline=100.0))
     part.start(101.0)
-    assert part.talk(0.0, []) == Told(None, 1.0, outlier=True)
+    assert part.talk(0.0, []) == ConsensusPayload(None, 1.0, outlier=True)
     part.start(99.0)
-    assert part.talk(0.1, []) == Told(99.0, 1.0, outlier=False)
+    assert part.talk(0.1, []) == ConsensusPayload(99.0, 1.0, outlier=False)
     part.start(70.0)
     assert part.value == 99.0  # it only rises
 
@@ -67,7 +67,7 @@ def test_it_says_that_it_is_an_outlier() -> None:
 def test_what_is_told_above_the_deadline_is_refused_and_counted() -> None:
     part = MaximumConsensus(MaximumConfig(), Graph.line(("a", "b")).node("a", deadline=100.0))
     part.start(80.0)
-    part.talk(1.0, [Message(0.5, "b", "", Told(100.5, 1.0))])
+    part.talk(1.0, [Message(0.5, "b", "", ConsensusPayload(100.5, 1.0))])
     assert part.value == 80.0
     assert part.refused == {"beyond the deadline": 1}
 

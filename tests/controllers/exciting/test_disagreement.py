@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from controllers.exciting.believing import Believing
+from controllers.exciting.belief_from_estimates import BeliefFromEstimates
 from controllers.exciting.disagreement import Disagreement
 from controllers.exciting.motion import pose_on
 from sim.signals import Array, Estimate, Plan, PlanRequest
@@ -61,7 +61,7 @@ def test_before_the_first_plan_nothing_is_known_of_what_was_driven() -> None:
 
 @pytest.mark.parametrize("covariance", [None, 1e-4 * np.eye(3)], ids=["none", "too small"])
 def test_who_contradicts_himself_is_believed_less(covariance: Array | None) -> None:
-    believing = Believing(0.1, 1.0)
+    believing = BeliefFromEstimates(0.1, 1.0)
     first, second = (
         believing.at(PlanRequest(t, t + 0.2, Estimate(t, at(t) + off, covariance), path()))
         for t, off in ((0.0, np.zeros(3)), (0.2, OFFSET))

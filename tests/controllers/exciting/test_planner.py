@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controllers.exciting.belief import Belief
-from controllers.exciting.believing import Believing
+from controllers.exciting.belief_from_estimates import BeliefFromEstimates
 from controllers.exciting.motion import mean_input, predicted
 from sim.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests.controllers.exciting.robots import START, assert_well_formed, built, mission, winding_path
@@ -21,7 +21,7 @@ def asked(covariance: Array | None, x: Array = START, status: Status = Status.OK
 
 def believed(covariance: Array | None, deviation: float) -> Belief:
     """Of a first estimate."""
-    return Believing(deviation, 1.0).at(PlanRequest(0.0, 0.0, Estimate(0.0, START, covariance), None))
+    return BeliefFromEstimates(deviation, 1.0).at(PlanRequest(0.0, 0.0, Estimate(0.0, START, covariance), None))
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What the filters take from a mission, when they refuse a ray, and what they say of themselves."""
+"""What the filters take from a mission, and when they refuse a ray."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from scipy.special import erfc
 from estimators.ranging.model import (
     Gate,
     RangeModel,
-    Watch,
     chi_square_gate,
 )
 from models.field.curve import Curve
 from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
-from sim.signals import Array, Measurement, Status
+from sim.signals import Measurement
 from tests.estimators.ranging.walls import FIELD, WALLS
 
 LIMIT = chi_square_gate(1e-4)
@@ -151,21 +150,3 @@ def test_a_lost_ray_does_not_pass_and_neither_counts_nor_shuts_the_gate() -> Non
 def test_what_is_infinite_never_passes() -> None:
     gate = Gate(1e-4, 1)
     assert not any(passed(gate, math.inf)[0] for _ in range(30))
-
-
-# ---- the status
-
-
-def test_it_initialises_until_a_range_is_seen_and_is_lost_after_the_timeout() -> None:
-    watch, seen, lost = Watch(0.5), np.array([math.nan, 1.0]), np.full(2, np.nan)
-
-    def status(t: float, rho: Array) -> Status:
-        watch.look(t, rho)
-        return watch.status(t)
-
-    assert status(0.0, lost) is Status.INITIALISING
-    assert status(9.0, lost) is Status.INITIALISING
-    assert status(10.0, seen) is Status.OK
-    assert status(10.5, lost) is Status.OK
-    assert status(10.51, lost) is Status.LOST
-    assert status(10.52, seen) is Status.OK

@@ -6,12 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 
-from estimators.ranging.unscented import RangeUkf, RangeUkfConfig, square_root
+from estimators.ranging.unscented import RangeUkf, RangeUkfConfig
 from sim.metrics.consistency import consistency
 from tests.estimators.ranging.runs import START, misplaced, mission, nees, reference, steps_of, told
-from tests.estimators.ranging.walls import seeds
 
 
 def test_where_a_range_is_linear_every_step_is_that_of_the_extended_filter() -> None:
@@ -41,25 +39,6 @@ def test_it_knows_how_good_it_is() -> None:
     assert result.holds, result.text()
     assert rays > 2900
     assert total / rays == pytest.approx(1.0, abs=4.0 * math.sqrt(2.0 / rays))
-
-
-@settings(max_examples=30, deadline=None)
-@given(seeds)
-def test_the_root_of_a_covariance_is_upper_triangular_and_squares_to_it(seed: int) -> None:
-    root = np.random.default_rng(seed).standard_normal((4, 4))
-    P = root @ root.T + 1e-9 * np.eye(4)
-    U = square_root(P)
-    np.testing.assert_allclose(U.T @ U, P, atol=1e-9)
-    np.testing.assert_array_equal(U, np.triu(U))
-
-
-@settings(max_examples=30, deadline=None)
-@given(seeds)
-def test_the_root_of_a_matrix_that_is_indefinite_is_that_of_the_nearest_which_is_not(seed: int) -> None:
-    Q = np.linalg.qr(np.random.default_rng(seed).standard_normal((4, 4)))[0]
-    U = square_root(Q * [2.0, 1.0, 0.5, -1e-3] @ Q.T)
-    np.testing.assert_allclose(U.T @ U, Q * [2.0, 1.0, 0.5, 0.0] @ Q.T, atol=1e-9)
-    np.testing.assert_allclose(U, np.triu(U), atol=1e-12)
 
 
 @pytest.mark.parametrize(("field", "value"), [("alpha", 0.0), ("beta", -1.0), ("kappa", -4.0), ("kappa", math.nan)])

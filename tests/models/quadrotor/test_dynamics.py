@@ -20,8 +20,8 @@ from models.quadrotor.dynamics import (
     flow,
     rigid_dynamics,
 )  # fmt: skip
-from models.quadrotor.entity import rotor_thrusts
 from sim.signals import Array
+from tests.models.quadrotor.rotors import rotor_thrusts
 from tests.quadrotor import HIGH, built, plain
 
 ODD = Quadrotor(
@@ -114,11 +114,6 @@ def test_tumbling_without_thrust_and_drag_keeps_energy_and_momentum() -> None:
 def test_drag_takes_energy() -> None:
     x = drawn(np.random.default_rng(4))
     assert energy(NOMINAL, flow(NOMINAL, x, np.zeros(4), 0.5)) < energy(NOMINAL, x) - 1.0
-
-
-def test_thrust_is_the_square_of_a_rotors_speed() -> None:
-    thrusts = np.array([0.0, 1.0, 4.0, 9.0])
-    np.testing.assert_allclose(NOMINAL.thrust_coefficient * NOMINAL.rotor_speeds(thrusts) ** 2, thrusts)
 
 
 @pytest.mark.parametrize(

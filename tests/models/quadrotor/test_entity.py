@@ -10,9 +10,10 @@ import pytest
 
 from models.aerial.dynamics import TICK
 from models.quadrotor.dynamics import NOMINAL, ROTORS, at_rest
-from models.quadrotor.entity import REACH, RotorDrive, build_model, build_spec, rotor_thrusts, tilt
+from models.quadrotor.entity import REACH, RotorDrive, build_model, build_spec, tilt
 from models.terrain.height_field import HeightField
 from sim.plant import Equipment, MujocoPlant
+from tests.models.quadrotor.rotors import rotor_thrusts
 from tests.quadrotor import HIGH, built, hills, plain
 
 

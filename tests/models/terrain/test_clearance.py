@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.terrain.height_field import HeightField, arc_clearance, height_at
+from models.terrain.height_field import HeightField
+from models.terrain.kernels import arc_clearance, height_at
 from sim.signals import Array
 
 SPACING = 100.0
@@ -252,7 +253,7 @@ def test_inflated_ground_lies_above_the_highest_ground_of_the_disc(
 
 @pytest.mark.parametrize("horizontal", [-1.0, math.inf, math.nan])
 def test_inflation_refuses_a_disc_without_a_radius(horizontal: float) -> None:
-    with pytest.raises(ValueError, match=r"horizontal is .* allowed is a finite number"):
+    with pytest.raises(ValueError, match=r"horizontal is .* allowed: a finite number"):
         rough().inflated(horizontal, 0.0)
 
 

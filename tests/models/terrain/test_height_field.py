@@ -79,5 +79,5 @@ def test_a_vector_of_the_wrong_shape_is_named(call: str) -> None:
         "line_of_sight": ([0.0, 0.0], [0.0] * 3),
         "visible": ([0.0, 0.0], [[0.0] * 3]),
     }[call]
-    with pytest.raises(ValueError, match=r"p has shape \(2,\); allowed is \(3,\)"):
+    with pytest.raises(ValueError, match=r"p has shape \(2,\); allowed: \(3,\)"):
         getattr(terrain, call)(*arguments)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from controllers.exciting.active import Active
 from controllers.exciting.belief import Belief
-from controllers.exciting.inside import Inside
-from controllers.exciting.seeking import candidates
+from controllers.exciting.candidate_search import candidates
+from controllers.exciting.containment import Containment
 from models.field.curve import BEAN, EGG, Curve
 from sim.signals import Array, Estimate, Phase, Status
 from tests.controllers.exciting.robots import FIELD, START, assert_well_formed, built, fly, knowing, mission
@@ -122,7 +122,7 @@ def test_without_an_estimate_the_robot_turns_on_the_spot(status: Status) -> None
 
 def test_the_less_sure_the_estimate_the_shorter_inputs_are_held() -> None:
     task = mission()
-    inside, inputs = Inside(task, 1.0, 10, 3.0), candidates(task)
+    inside, inputs = Containment(task, 1.0, 10, 3.0), candidates(task)
     held = [inside.nodes(Belief(START, size**2 * np.eye(3)), inputs) for size in (0.0, 0.1, 0.2, 1.0)]
     for surer, other in itertools.pairwise(held):
         assert (other <= surer).all()

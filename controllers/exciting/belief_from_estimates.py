@@ -13,7 +13,7 @@ from sim.signals import Array, PlanRequest, Status
 _LEAST, _MOST = 1e-12, 1e6  # variances [m^2, rad^2]: nothing is known exactly, nor not at all
 
 
-class Believing:
+class BeliefFromEstimates:
     """An estimate, as sure as it says, but where it contradicts those of the ``span`` [s] before it.
 
     By as much as it does it may be off beside what it says. An estimate without a usable covariance may be off by

@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from controllers.exciting.belief import Belief
+from controllers.exciting.containment import Containment
 from controllers.exciting.excitation import Drive
-from controllers.exciting.inside import Inside
 from models.unicycle.mission import RangingMission
 from sim.signals import Array, Integers
 
@@ -28,19 +28,19 @@ class Criterion(Protocol):
         ...
 
 
-class Seeking:
+class CandidateSearch:
     """Holds the preferred input for up to ``nodes`` nodes of ``node`` [s] each."""
 
-    def __init__(self, criterion: Criterion, inside: Inside, mission: RangingMission, node: float) -> None:
-        self._criterion, self._inside, self._node = criterion, inside, node
+    def __init__(self, criterion: Criterion, containment: Containment, mission: RangingMission, node: float) -> None:
+        self._criterion, self._containment, self._node = criterion, containment, node
         self._inputs = candidates(mission)
 
     def drive(self, t: float, belief: Belief) -> Drive:
         if not belief.is_found:
-            return self._inside.turn()
-        if not self._inside.keeps(belief):
-            return self._inside.back(belief) if self._inside.knows(belief) else self._inside.turn()
-        held = self._inside.nodes(belief, self._inputs)
+            return self._containment.turn()
+        if not self._containment.keeps(belief):
+            return self._containment.back(belief) if self._containment.knows(belief) else self._containment.turn()
+        held = self._containment.nodes(belief, self._inputs)
         inputs, held = self._inputs[held > 0], held[held > 0]
         k, score = self._criterion.best(belief, inputs, held)
         return Drive(np.array([self._node * held[k]]), inputs[k : k + 1], cost=score)

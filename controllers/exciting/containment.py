@@ -29,7 +29,7 @@ _TOO_NEAR = 0.5  # of the margin
 _STEP = 0.01  # [m] between points whose clearances are compared
 
 
-class Inside:
+class Containment:
     """For how many of the ``nodes`` of a horizon [s] inputs keep inside, k being ``deviations``; and the way back."""
 
     def __init__(self, mission: RangingMission, horizon: float, nodes: int, deviations: float) -> None:

@@ -1,0 +1,16 @@
+"""Angles that mean the same a turn later."""
+
+from __future__ import annotations
+
+import math
+from typing import TypeVar
+
+from sim.signals import Array
+
+Angle = TypeVar("Angle", float, Array)
+
+
+def wrapped(angle: Angle) -> Angle:
+    """[rad] an angle, or each of several, in [-pi, pi); ``models.unicycle.kernels.wrapped`` is for compiled code."""
+    within: Angle = (angle + math.pi) % (2.0 * math.pi) - math.pi
+    return within

@@ -1,0 +1,18 @@
+"""What the rotors of a quadrotor in MuJoCo push with."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from models.quadrotor.dynamics import ROTORS
+from sim.signals import Array
+
+
+def rotor_thrusts(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> Array:
+    """(4,) [N] with which the rotors of a vehicle push now."""
+    pushes = []
+    for rotor in ROTORS:
+        actuator = model.actuator(f"{name}/{rotor}")
+        pushes.append(float(data.act[actuator.actadr[0]]) + float(actuator.biasprm[0]))
+    return np.array(pushes)

@@ -44,7 +44,7 @@ def commands() -> str:
     for name, (module, purpose) in cli.COMMANDS.items():
         usage = _printed(name, "--help")
         parts.append(f"## mathnavi {name}\n\n{purpose[0].upper()}{purpose[1:]}.\n\n{_fence(usage)}")
-        for action in dict.fromkeys(re.findall(rf"mathnavi {name} ([a-z]\w*) ", usage)):
+        for action in dict.fromkeys(re.findall(rf"^(?:usage:)? *mathnavi {name} ([a-z]\w*) ", usage, re.MULTILINE)):
             parts.append(f"### mathnavi {name} {action}\n\n{_fence(_printed(name, action, '--help'))}")
         options = getattr(importlib.import_module(module), "Options", None)
         if options is not None and "--help " not in usage.partition("options")[2]:  # else the help has told them

@@ -88,7 +88,8 @@ class Scene(Staged):
             self._picture(t, shadows=shadows, ghosts=ghosts).astype(np.int16)
             for shadows, ghosts in ((True, False), (False, True), (False, False))
         )
-        return np.clip(shaded + with_ghosts - bare, 0, 255).astype(np.uint8)
+        blended: Picture = np.clip(shaded + with_ghosts - bare, 0, 255).astype(np.uint8)
+        return blended
 
     def labels(self, t: float, camera: str) -> list[Label]:
         """Nothing is named: the legend says what there is."""

@@ -81,11 +81,11 @@ Flags = dict[str, tuple[str, ...]]  # what may follow each, as far as it is know
 
 
 def main(argv: Sequence[str]) -> int:
-    if {"-h", "--help"} & set(argv[:1]):
-        print(USAGE)
-        return 0
     if argv and argv[0] == WORDS:
         print("\n".join(candidates(argv[1:])))
+        return 0
+    if {"-h", "--help"} & set(argv):
+        print(USAGE)
         return 0
     if len(argv) != 1 or argv[0] not in SCRIPTS:
         raise BadInputError(f"SHELL = {' '.join(argv)!r}; allowed: {', '.join(SCRIPTS)}")

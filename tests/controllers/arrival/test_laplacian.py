@@ -113,7 +113,7 @@ def test_who_is_an_outlier_does_not_depend_on_where_the_clock_begins(own: float,
         part.start(zero + own, zero)
         part.talk(zero, [])
         for k in range(1, 40):
-            part.talk(zero + k * H, [Message(zero + k * H, "b", "", Told(zero + ratio * own, 1.0))])
+            part.talk(zero + k * H, [Message(zero + k * H, "b", "", ConsensusPayload(zero + ratio * own, 1.0))])
         part.start(zero + own, zero + 1.0)
         found.append(part.outlier)
     if abs(abs((ratio * own - 1.0) / own - 1.0) - DELTA) > 1e-6:

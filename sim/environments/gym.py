@@ -17,7 +17,7 @@ try:
     import gymnasium
     from gymnasium import spaces
 except ImportError as error:
-    raise ImportError("Gymnasium is not installed; allowed: after pip install 'mathnavi[rl]'") from error
+    raise ImportError("Gymnasium is not installed; allowed: after pip install 'gymnasium>=1.4,<1.5'") from error
 
 from sim.environments.commanded import STATUSES, Commanded, Observation, drawn_seed
 from sim.plugins import Part

@@ -65,5 +65,5 @@ def test_without_gymnasium_one_error_says_how_to_install_it_and_dm_env_works() -
         "import sim.environments.gym"
     )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False).stderr
-    assert told.strip().splitlines()[-1].endswith("pip install 'mathnavi[rl]'")
-    assert told.count("mathnavi[rl]") == 2  # where it is raised, and what it says
+    assert told.strip().splitlines()[-1].endswith("pip install 'gymnasium>=1.4,<1.5'")
+    assert told.count("gymnasium>=1.4") == 2  # where it is raised, and what it says

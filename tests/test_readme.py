@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from sim.cli import main

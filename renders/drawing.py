@@ -18,7 +18,7 @@ from renders.run_log import existing_folder, read_json
 if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes that draw make none
     from renders.page import Markup
 
-FLIGHT = "renders.flight"
+FLIGHT = "renders.flight.drawing"
 TOUR = "tour"  # the direction that cuts between the cameras
 PARTS = ("cameras", "still_camera", "load_run", "storyboard", "highlight", "notices", "painter", "report")
 

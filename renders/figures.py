@@ -1,4 +1,4 @@
-"""Figures of a run and of a terrain, in one style.
+"""The style of all figures, and what many of them draw: maps, costs, times and events.
 
 Every function returns a matplotlib figure with a transparent ground, text in the one colour ``INK`` and lines of
 reference in ``GRID``: a report puts the reader's light or dark theme in their place.
@@ -14,13 +14,11 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from models.terrain.height_field import HeightField
 from renders.palette import COLOURS, Part, hexadecimal
 from renders.relief import relief
-from renders.run_data import RunData
 from renders.run_log import described
 from sim.signals import Array, Event, Integers, Plan
 
@@ -59,7 +57,8 @@ def canvas(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def _colour(part: Part) -> str:
+def colour_of(part: Part) -> str:
+    """As matplotlib takes it."""
     return hexadecimal(COLOURS[part])
 
 
@@ -67,61 +66,6 @@ def thinned(n: int, keep: int) -> Integers:
     """At most about ``MOST_POINTS`` of n indices, evenly spread, the last one and ``keep`` among them."""
     chosen: Integers = np.unique(np.append(np.linspace(0, n - 1, min(n, MOST_POINTS)).astype(np.int64), keep))
     return chosen
-
-
-def map_figure(run: RunData) -> Figure:
-    """The hill-shaded map with the path flown, the first plan, radars, start and target."""
-    with matplotlib.rc_context(STYLE):
-        figure = canvas(7.6, 7.2)
-        axes = figure.add_subplot()
-        draw_map(axes, run.terrain)
-        outline = [patheffects.withStroke(linewidth=3.4, foreground="white", alpha=0.85)]
-        draw_changes(axes, run)
-        if run.plans:
-            first = run.plans[0]
-            axes.plot(
-                first.x[:, 0] / 1e3, first.x[:, 1] / 1e3, "--", color=_colour(Part.COMPLETION),
-                label="first plan, to rest",
-                path_effects=[patheffects.withStroke(linewidth=2.6, foreground="white", alpha=0.6)],
-            )  # fmt: skip
-        i = thinned(len(run.t), 0)
-        axes.plot(
-            run.x[i, 0] / 1e3, run.x[i, 1] / 1e3, color=_colour(Part.FLOWN), lw=2.0, label="flown", path_effects=outline
-        )
-        for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target)):
-            axes.plot(*place[:2] / 1e3, "o", ms=8, mfc=_colour(part), mec="#101824", mew=1.4)
-            left = place[0] > 0.8 * run.terrain.width
-            if part is Part.TARGET and len(run.mission.target_path):
-                way = np.vstack([place, run.mission.target_path[:, 1:]])[:, :2] / 1e3
-                axes.plot(way[:, 0], way[:, 1], "--", color=_colour(part), lw=1.6, path_effects=outline)
-                axes.plot(*run.mission.target_at(run.duration)[:2] / 1e3, "s", ms=7, mfc=_colour(part), mec="#101824")
-            name_place(
-                axes, part.value, (place[0] / 1e3, place[1] / 1e3), (-9 if left else 9, 0), "right" if left else "left"
-            )
-        axes.set_title(f"Path over {run.terrain.name}")
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
-    return figure
-
-
-def draw_changes(axes: Axes, run: RunData) -> None:
-    """Radars, where they are and where they drive to, and hills that the map did not show, on a map [km]."""
-    for number, track in enumerate(run.mission.radars, start=1):
-        radar, last = track.radar, track.at(min(track.until, run.duration) - 1e-6, run.terrain)
-        centre = (radar.x / 1e3, radar.y / 1e3)
-        colour = _colour(Part.RADAR)
-        axes.add_patch(Circle(centre, radar.radius / 1e3, facecolor=colour, alpha=0.25, edgecolor="none"))
-        axes.add_patch(Circle(centre, radar.radius / 1e3, fill=False, edgecolor=colour, linewidth=1.2))
-        when = "from the start" if track.time <= 0.0 else f"from {track.time:.0f} s"
-        until = f" to {track.until:.0f} s" if track.until < run.duration else ""
-        name_place(axes, f"radar {number}, {when}{until}", centre, (0, 0), "center")
-        if last is not None and (last.x, last.y) != (radar.x, radar.y):
-            end = (last.x / 1e3, last.y / 1e3)
-            axes.annotate("", end, centre, arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.6})
-            axes.add_patch(Circle(end, radar.radius / 1e3, fill=False, edgecolor=colour, lw=1.2, ls="--"))
-    for hill in run.mission.hills:
-        top = (hill.x / 1e3, hill.y / 1e3)
-        axes.add_patch(Circle(top, hill.radius / 1e3, fill=False, edgecolor="white", lw=1.4, ls=":"))
-        name_place(axes, f"not on the map until {run.mission.charted_at:.0f} s", top, (0, 0), "center")
 
 
 def name_place(axes: Axes, text: str, place: tuple[float, float], offset: tuple[float, float], side: str) -> None:
@@ -151,38 +95,6 @@ def _round_length(length: float) -> float:
     return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= length))
 
 
-def profile_figure(run: RunData) -> Figure:
-    """Heights of the path and of the ground below it over the distance flown, and the least clearance."""
-    with matplotlib.rc_context(STYLE):
-        figure = canvas(9.4, 5.2)
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.8))
-        known = np.isfinite(run.above_ground)
-        lowest = int(np.argmin(np.where(known, run.above_ground, np.inf)))
-        i = thinned(len(run.t), lowest)
-        i = i[known[i]]
-        distance = run.travelled[i] / 1e3
-        ground = run.x[i, 2] - run.above_ground[i]
-        upper.fill_between(distance, ground.min() - 0.03 * np.ptp(ground) - 1.0, ground, color=GROUND, alpha=0.75, lw=0)
-        upper.plot(distance, run.x[i, 2], color=_colour(Part.FLOWN), label="flown")
-        least = run.mission.clearance_min
-        upper.plot(distance, ground + least, ":", color=BOUND, lw=1.0, label=f"least height, {least:g} m above ground")
-        upper.set(ylabel="height [m]", title="Height over the ground")
-        upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2)
-        lower.plot(distance, np.maximum(run.above_ground[i], LOWEST_DRAWN), color=_colour(Part.FLOWN))
-        lower.axhline(least, color=BOUND, ls=":", lw=1.0)
-        lower.set(xlabel="distance flown [km]", ylabel="clearance [m]")
-        log_lengths(lower, max(0.6 * min(least, float(run.above_ground[lowest])), LOWEST_DRAWN))
-        lower.set_xlim(distance[0], max(distance[-1], distance[0] + 1e-3))  # it may have stood still
-        here = (run.travelled[lowest] / 1e3, max(float(run.above_ground[lowest]), LOWEST_DRAWN))
-        late = here[0] > 0.8 * distance[-1]  # the label would leave the axes
-        lower.plot(*here, "o", ms=4.0, color=INK)
-        lower.annotate(
-            f"least {run.summary.get('min_clearance_m', run.above_ground[lowest]):.1f} m", here, (-8 if late else 8, 0),
-            textcoords="offset points", ha="right" if late else "left", va="center",
-        )  # fmt: skip
-    return figure
-
-
 def log_lengths(axes: Axes, least: float) -> None:
     """A log scale of lengths from ``least`` on, with 1, 2 and 5 times the powers of ten at its side."""
     axes.set_yscale("log")
@@ -192,34 +104,13 @@ def log_lengths(axes: Axes, least: float) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def motion_figure(run: RunData) -> Figure:
-    """Speed and commanded acceleration over time against their bounds."""
-    with matplotlib.rc_context(STYLE):
-        figure = canvas(9.4, 3.9)
-        upper, lower = figure.subplots(2, 1, sharex=True)
-        curves = (
-            (upper, np.linalg.norm(run.x[:, 3:], axis=1), run.mission.speed_max, "speed [m/s]"),
-            (lower, np.linalg.norm(run.u, axis=1), run.mission.acceleration_max, "acceleration [m/s²]"),
-        )
-        for axes, size, bound, name in curves:
-            i = thinned(len(run.t), int(np.argmax(size)))
-            axes.plot(run.t[i], size[i], color=_colour(Part.OPTIMISED), lw=1.1)
-            axes.axhline(bound, color=BOUND, ls=":", lw=1.2)
-            axes.annotate(f"bound {bound:g}", (1.0, bound), (0, 3), xycoords=("axes fraction", "data"),
-                          textcoords="offset points", ha="right", color=BOUND)  # fmt: skip
-            axes.set(ylabel=name, ylim=(0.0, 1.15 * max(bound, float(size.max()))))
-        upper.set_title("Speed and acceleration against their bounds")
-        lower.set(xlabel="time [s]", xlim=(0.0, run.duration))
-    return figure
-
-
 def cost_figure(plans: Sequence[Plan], adopted: Array, duration: float) -> Figure:
     """The composite cost of each adopted plan, from its adoption on."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 2.6)
         axes = figure.add_subplot()
         cost = np.array([plan.cost for plan in plans])
-        axes.step(adopted, cost, where="post", color=_colour(Part.OPTIMISED))
+        axes.step(adopted, cost, where="post", color=colour_of(Part.OPTIMISED))
         axes.set(xlabel="time [s]", ylabel="cost", xlim=(0.0, duration), title="Composite cost of the plan being flown")
     return figure
 
@@ -234,7 +125,7 @@ def solve_figure(summary: Mapping[str, Any]) -> Figure:
         known = [(name, float(value)) for name, value in found if value is not None]
         if known:
             labels, values = zip(*known, strict=True)
-            bars = axes.barh(labels, values, 0.6, color=_colour(Part.OPTIMISED))
+            bars = axes.barh(labels, values, 0.6, color=colour_of(Part.OPTIMISED))
             axes.bar_label(bars, [f"{value:.3g} ms" for _, value in known], padding=4)
         axes.invert_yaxis()
         axes.margins(x=0.12)
@@ -252,7 +143,7 @@ def events_figure(events: Sequence[Event], duration: float) -> Figure:
         axes = figure.add_subplot()
         for row, kind in enumerate(kinds):
             times = [event.t for event, name in zip(events, names, strict=True) if name == kind]
-            axes.plot(times, [row] * len(times), "|", ms=11, mew=1.8, color=_colour(Part.OPTIMISED))
+            axes.plot(times, [row] * len(times), "|", ms=11, mew=1.8, color=colour_of(Part.OPTIMISED))
         labels = [f"{kind} ({names.count(kind)})" for kind in kinds]
         axes.set_yticks(range(len(kinds)), labels)
         axes.set(xlabel="time [s]", title="Events", ylim=(len(kinds) - 0.4, -0.6))

@@ -1,7 +1,7 @@
 """The ground as pictures show it, in two worlds of one model, and airframes over it that can be seen from afar.
 
 One world is the true one, for cameras beside a vehicle; in the other, for the overview and the top view, the heights
-above the lowest ground are multiplied by ``storyboard.EXAGGERATION``. On a map of 82 km nothing could be seen at its
+above the lowest ground are multiplied by ``relief.EXAGGERATION``. On a map of 82 km nothing could be seen at its
 true size, so airframes are drawn at a size in shares of the picture.
 
 Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
@@ -20,9 +20,8 @@ import models.aerial
 from models.terrain.height_field import HeightField
 from renders.framing import Box, framing
 from renders.palette import Colour
-from renders.relief import relief, resampled, roughened
+from renders.relief import EXAGGERATION, relief, resampled, roughened
 from renders.stage import HORIZON, NADIR, Optics, Stage, View
-from renders.storyboard import EXAGGERATION
 from sim.signals import Array
 
 GROUND_NODES, TEXTURE_PIXELS = 257, 1025  # along the longer side

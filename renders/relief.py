@@ -17,6 +17,7 @@ from models.terrain.height_field import HeightField
 from renders.palette import Picture
 from sim.signals import Array
 
+EXAGGERATION = 1.7  # of heights where a whole map is seen from afar or from above
 SUN_AZIMUTH = np.radians(315.0)  # from the north-west, as on printed maps
 SUN_ELEVATION = np.radians(42.0)
 SNOW_LINE_LEAST = 2200.0  # [m] no snow below, however low the map

@@ -53,6 +53,27 @@ class RunLog:
 
 
 @dataclass(frozen=True, eq=False)
+class LoggedRun:
+    """The run of a single vehicle as its drawing has it, which adds what it needs beside the log."""
+
+    log: RunLog
+
+    @property
+    def directory(self) -> Path:
+        return self.log.directory
+
+    @property
+    def t(self) -> Array:
+        """(n,) [s]."""
+        return self.log.t
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.log.t[-1])
+
+
+@dataclass(frozen=True, eq=False)
 class FleetLog:
     """The run of a fleet."""
 

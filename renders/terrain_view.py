@@ -20,8 +20,7 @@ from models.terrain.height_field import HeightField
 from renders.figures import thinned
 from renders.page import Markup, text
 from renders.palette import COLOURS, Part, hexadecimal
-from renders.relief import relief, resampled
-from renders.storyboard import EXAGGERATION
+from renders.relief import EXAGGERATION, relief, resampled
 from sim.signals import Array
 
 MOST_NODES = 257  # along the longer side of the ground

@@ -8,7 +8,7 @@ from renders.caption import Key, Label, Words, pace
 from renders.film import Frame
 from renders.fleet.run_data import FleetRun
 from renders.fleet.storyboard import notices, verdict
-from renders.storyboard import EXAGGERATION
+from renders.relief import EXAGGERATION
 
 MOST_NAMED = 8  # vehicles that the legend names; of more the numbers in the picture have to do
 PALE = (0.9, 0.93, 0.96)

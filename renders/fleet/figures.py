@@ -17,7 +17,6 @@ from renders.figures import (
     LOWEST_DRAWN,
     STYLE,
     canvas,
-    draw_changes,
     draw_map,
     log_lengths,
     name_place,
@@ -25,8 +24,9 @@ from renders.figures import (
 )
 from renders.fleet.run_data import FleetRun
 from renders.fleet.storyboard import highlight
+from renders.flight.figures import draw_changes
+from renders.flight.run_data import RunData
 from renders.palette import hexadecimal
-from renders.run_data import RunData
 from sim.signals import Array
 
 _FEWEST_COLUMNS, _MOST_ROWS = 4, 4  # of a legend

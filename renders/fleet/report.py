@@ -10,11 +10,11 @@ from renders.figures import events_figure, solve_figure
 from renders.fleet import figures
 from renders.fleet.run_data import FleetRun
 from renders.fleet.storyboard import highlight, verdict
+from renders.flight.run_data import antennas
 from renders.page import Markup, quantity
 from renders.palette import hexadecimal
+from renders.relief import EXAGGERATION
 from renders.report import again, events_card, rest, still_block, summary_cards, why
-from renders.run_data import antennas
-from renders.storyboard import EXAGGERATION
 from renders.terrain_view import Track, script, terrain_view
 from sim.metrics.names import SHORTFALL
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from models.terrain.height_field import HeightField
+from renders.flight.run_data import RunData, flight_of
 from renders.palette import Colour, vehicle_colour
-from renders.run_data import RunData, flight_of
 from renders.run_log import last_at, read_fleet
 from sim.metrics.fleet import arrival_time
 from sim.signals import Array, Event

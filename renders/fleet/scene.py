@@ -17,10 +17,10 @@ from models.aerial.entity import airframe_pose
 from renders.caption import Label
 from renders.domes import add_domes, place_domes
 from renders.fleet.run_data import FleetRun
+from renders.flight.run_data import RunData, plan_arcs, trail
 from renders.framing import Box, framing
 from renders.landscape import AIRFRAME, OPTICS, TALL_WORLD, TRUE_WORLD, Airframe, Landscape, add_airframe, landscape
 from renders.palette import Colour, Part, Picture, part_of
-from renders.run_data import RunData, plan_arcs, trail
 from renders.stage import Optics, Stage, Staged, View
 from sim.signals import Array
 

@@ -18,7 +18,7 @@ from models.manifold.manifold import CutLocusError, Manifold
 from models.mechanism.entity import build_model
 from models.mechanism.geometry import MechanismManifold
 from models.mechanism.system import heavier
-from renders.run_log import RunLog, last_at, read_log
+from renders.run_log import LoggedRun, RunLog, last_at, read_log
 from sim.metrics.lagrangian import VelocityErrors
 from sim.signals import Array, Status
 
@@ -30,10 +30,9 @@ _SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True, eq=False)
-class LagrangianRun:
+class LagrangianRun(LoggedRun):
     """The run of one system; x is a point, v a velocity of its manifold."""
 
-    log: RunLog
     manifold: Manifold
     space: str | None  # of SPACES; None for a mechanism
     mechanism: str | None  # what MuJoCo moved, as ``build_spec`` takes it; None for a point
@@ -43,20 +42,6 @@ class LagrangianRun:
     t_estimate: Array  # (m,) [s]
     estimate: Array  # (m, nx)
     innovation: Array | None  # (m,) distance between a reading and what was predicted of it; NaN before the first
-
-    @property
-    def directory(self) -> Path:
-        return self.log.directory
-
-    @property
-    def t(self) -> Array:
-        """(n,) [s]."""
-        return self.log.t
-
-    @property
-    def duration(self) -> float:
-        """[s]."""
-        return float(self.log.t[-1])
 
     @property
     def diverged(self) -> bool:

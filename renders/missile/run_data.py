@@ -14,7 +14,7 @@ from models.missile.coordinates import COORDINATES, Coordinates
 from models.missile.dynamics import NOMINAL
 from models.missile.mission import Target
 from models.missile.target import TargetMotion
-from renders.run_log import RunLog, last_at, read_log
+from renders.run_log import LoggedRun, RunLog, last_at, read_log
 from sim.metrics.missile import Approach, attack_angles, closest_approach, references
 from sim.signals import Array, Plan
 
@@ -27,30 +27,15 @@ def _world(place: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class MissileRun:
+class MissileRun(LoggedRun):
     """The run of one missile."""
 
-    log: RunLog
     coordinates: Coordinates
     target: TargetMotion
     aspect_angle: float  # [rad]
     input_max: Array  # (nu,)
     miss_allowed: float  # [m]
     weight: float  # [N] m g, the unit of forces
-
-    @property
-    def directory(self) -> Path:
-        return self.log.directory
-
-    @property
-    def t(self) -> Array:
-        """(n,) [s]."""
-        return self.log.t
-
-    @property
-    def duration(self) -> float:
-        """[s] of flight."""
-        return float(self.log.t[-1])
 
     @cached_property
     def x(self) -> Array:

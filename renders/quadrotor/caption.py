@@ -6,7 +6,7 @@ import numpy as np
 
 from renders.caption import Label, Words, pace
 from renders.film import Frame
-from renders.flight_caption import phase_name
+from renders.flight.caption import phase_name
 from renders.palette import Part
 from renders.quadrotor.run_data import QuadrotorRun
 from renders.quadrotor.storyboard import notices

@@ -12,10 +12,10 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from renders.flight.run_data import plan_arcs
 from renders.palette import COLOURS, Part, Picture, part_of
 from renders.quadrotor.run_data import QuadrotorRun
 from renders.relief import relief
-from renders.run_data import plan_arcs
 from sim.signals import Array
 
 SIZE, EDGE = 208, 18  # [pixels] at a picture 720 pixels high: of the longer side, and from the picture's edge

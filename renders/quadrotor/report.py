@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from renders import figures, page
+from renders.flight.figures import map_figure, profile_figure
+from renders.flight.run_data import plan_arcs
 from renders.page import Markup, quantity
 from renders.palette import COLOURS, Part, hexadecimal
 from renders.quadrotor.figures import clearance_figure, rotors_figure, tracking_figure
 from renders.quadrotor.run_data import QuadrotorRun
 from renders.quadrotor.storyboard import highlight
 from renders.report import again, events_card, rest, still_block, summary_cards, why
-from renders.run_data import plan_arcs
 from renders.terrain_view import Track, script, terrain_view
 from sim.metrics.names import SHORTFALL
 
@@ -92,12 +93,12 @@ def _figures(run: QuadrotorRun) -> list[Markup]:
     drawn = [
         (
             "map",
-            figures.map_figure(flight),
+            map_figure(flight),
             f"Hill-shaded map of {flight.terrain.name} with the path, start and target.",
         ),
         (
             "profile",
-            figures.profile_figure(flight),
+            profile_figure(flight),
             "Height of the vehicle's centre and of the ground along its path. The clearance has a log scale.",
         ),
         (

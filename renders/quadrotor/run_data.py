@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from models.quadrotor.dynamics import ATTITUDE, ROTOR_COUNT, STATE_SIZE
-from renders.run_data import RunData, flight_of
+from renders.flight.run_data import RunData, flight_of
 from renders.run_log import read_log
 from sim.metrics.flight import references
 from sim.metrics.quadrotor import point, tilts

@@ -18,13 +18,13 @@ import numpy as np
 from models.aerial.entity import airframe_pose
 from models.quadrotor.dynamics import ROTORS
 from models.quadrotor.entity import add_vehicle
+from renders.flight.run_data import plan_arcs
+from renders.flight.scene import ChaseCamera, Following
 from renders.framing import Box, framing
 from renders.landscape import AIRFRAME, OPTICS, TRUE_WORLD, Airframe, add_airframe, landscape
 from renders.palette import COLOURS, Part, Picture, part_of
 from renders.quadrotor.inset import Inset
 from renders.quadrotor.run_data import QuadrotorRun
-from renders.run_data import plan_arcs
-from renders.scene import ChaseCamera, Following
 from renders.stage import Optics, Stage, Staged, View
 from sim.signals import Array
 

@@ -6,9 +6,9 @@ top view say where in the canyon that is.
 
 from __future__ import annotations
 
-from renders import storyboard as flights
 from renders.drawing import TOUR, checked_camera
 from renders.film import Frame, Shot, frames_of
+from renders.flight import storyboard as flights
 from renders.quadrotor.run_data import QuadrotorRun
 
 CAMERAS = ("chase", "overview", "top")

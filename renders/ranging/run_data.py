@@ -15,7 +15,7 @@ from models.field.curve import Curve
 from models.unicycle.entity import DriveName
 from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
 from renders.ranging.beliefs import Beliefs, read_beliefs, shaped
-from renders.run_log import RunLog, last_at, read_log
+from renders.run_log import LoggedRun, last_at, read_log
 from sim.metrics.consistency import normalised_error_squared
 from sim.metrics.ranging import HEADING, POSITION
 from sim.signals import Array, Status
@@ -24,30 +24,15 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class RangingRun:
+class RangingRun(LoggedRun):
     """The run of one robot."""
 
-    log: RunLog
     mission: RangingMission
     drive: DriveName
     friction: float
     ranges: Array  # (n, l) [m] as read; NaN where lost
     odometry: Array  # (n, 2) [m/s, rad/s] as read; NaN where there is none
     beliefs: Beliefs
-
-    @property
-    def directory(self) -> Path:
-        return self.log.directory
-
-    @property
-    def t(self) -> Array:
-        """(n,) [s]."""
-        return self.log.t
-
-    @property
-    def duration(self) -> float:
-        """[s]."""
-        return float(self.log.t[-1])
 
     @property
     def pose(self) -> Array:

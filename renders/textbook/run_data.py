@@ -10,15 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from renders.run_log import RunLog, last_at, read_log
+from renders.run_log import LoggedRun, RunLog, last_at, read_log
 from sim.signals import Array
 
 
 @dataclass(frozen=True, eq=False)
-class TextbookRun:
+class TextbookRun(LoggedRun):
     """Truth and estimates of n states."""
 
-    log: RunLog
     t_estimate: Array  # (k,) [s]
     estimate: Array  # (k, n)
     states: tuple[str, ...]  # (n,) with units
@@ -27,15 +26,6 @@ class TextbookRun:
     y: Array  # (looks, m) the readings
     angles: tuple[int, ...]
     title: str  # of the system
-
-    @property
-    def directory(self) -> Path:
-        return self.log.directory
-
-    @property
-    def duration(self) -> float:
-        """[s]."""
-        return float(self.log.t[-1])
 
     @property
     def has_flags(self) -> bool:

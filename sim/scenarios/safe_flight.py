@@ -159,7 +159,7 @@ def _record(
     place = place_of(config.terrain)
     resolved = dataclasses.replace(config, terrain=place, start=mission.start, target=mission.target)
     return recorded(
-        "safe-flight", "renders.flight", seed, resolved, controller, estimator,
+        "safe-flight", "renders.flight.drawing", seed, resolved, controller, estimator,
         terrain={"name": terrain.name, "path": place, "digest": terrain.digest, "hills": config.uncharted},
         mission={
             "start": mission.start,

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renders.run_data import RunData, load_run
+from renders.flight.run_data import RunData, load_run
 from tests.renders.synthetic import ridges, write_synthetic_run
 
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from renders.caption import RING_COLOURS, Caption, Label, Words
 from renders.film import Frame
-from renders.flight_caption import words
+from renders.flight.caption import words
+from renders.flight.run_data import RunData
 from renders.palette import Part
-from renders.run_data import RunData
 
 GREY = np.full((360, 640, 3), 128, np.uint8)
 

@@ -10,8 +10,7 @@ import pytest
 
 from models.terrain.height_field import HeightField
 from renders import page
-from renders.relief import relief
-from renders.storyboard import EXAGGERATION
+from renders.relief import EXAGGERATION, relief
 from renders.terrain_view import MOST_NODES, Track, script, terrain_view
 from tests.renders.reading import Page, check_stands_alone
 from tests.renders.synthetic import ridges

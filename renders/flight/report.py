@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from renders import figures, page
+from renders.flight.figures import map_figure, motion_figure, profile_figure
+from renders.flight.run_data import RunData, antennas, plan_arcs
 from renders.page import Markup, quantity
 from renders.palette import COLOURS, Part, hexadecimal
+from renders.relief import EXAGGERATION
 from renders.report import again, events_card, rest, still_block, summary_cards, why
-from renders.run_data import RunData, antennas, plan_arcs
-from renders.storyboard import EXAGGERATION
 from renders.terrain_view import Track, script, terrain_view
 from sim.metrics.names import SHORTFALL
 
@@ -80,16 +81,16 @@ def _figures(run: RunData) -> list[Markup]:
     drawn = [
         (
             "map",
-            figures.map_figure(run),
+            map_figure(run),
             f"Hill-shaded map of {run.terrain.name} with the path, radars, start and target.",
         ),
         (
             "profile",
-            figures.profile_figure(run),
+            profile_figure(run),
             f"Height of the path and of the ground along it; the least clearance is {least}, on the exact triangles. "
             "The clearance has a log scale.",
         ),
-        ("motion", figures.motion_figure(run), "Speed and commanded acceleration over time with their bounds."),
+        ("motion", motion_figure(run), "Speed and commanded acceleration over time with their bounds."),
     ]
     if run.plans:
         drawn.append(

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from renders import figures
-from renders.flight_report import report
+from renders.flight.report import report
+from renders.flight.run_data import RunData
 from renders.page import inline_svg
 from renders.report import write_report
-from renders.run_data import RunData
 from renders.run_log import described
 from sim.metrics.names import label
 from sim.signals import Event

@@ -5,10 +5,10 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
-from renders.flight_caption import words
+from renders.flight.caption import words
+from renders.flight.run_data import RunData, load_run
+from renders.flight.storyboard import CAMERAS, highlight, notices, storyboard
 from renders.painter import Painter, painting
-from renders.run_data import RunData, load_run
-from renders.storyboard import CAMERAS, highlight, notices, storyboard
 
 if TYPE_CHECKING:
     from renders.page import Markup
@@ -20,13 +20,13 @@ cameras, still_camera = CAMERAS, "overview"
 
 def painter(run: RunData, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
     """What draws the frames of a run; OpenGL's backend must have been chosen."""
-    from renders.scene import Scene  # imports mujoco
+    from renders.flight.scene import Scene  # imports mujoco
 
     return painting(Scene, words, run, width, height, samples)
 
 
 def report(run: RunData) -> Markup:
     """The run on one page."""
-    from renders.flight_report import report  # imports matplotlib
+    from renders.flight.report import report  # imports matplotlib
 
     return report(run)

@@ -10,9 +10,9 @@ from renders.opengl import choose_backend
 
 choose_backend()
 
-from renders.run_data import load_run  # noqa: E402
-from renders.scene import Scene  # noqa: E402
-from renders.storyboard import CAMERAS  # noqa: E402
+from renders.flight.run_data import load_run  # noqa: E402
+from renders.flight.scene import Scene  # noqa: E402
+from renders.flight.storyboard import CAMERAS  # noqa: E402
 
 
 def main(run_dir: str, out: str) -> None:

@@ -6,10 +6,11 @@ import numpy as np
 
 from renders.caption import Label, Words, pace
 from renders.film import Frame
+from renders.flight.run_data import RunData
+from renders.flight.storyboard import notices
 from renders.palette import Part
-from renders.run_data import RunData
+from renders.relief import EXAGGERATION
 from renders.run_log import last_at
-from renders.storyboard import EXAGGERATION, notices
 from sim.signals import Phase
 
 LEGEND = (Part.FLOWN, Part.OPTIMISED, Part.MANOEUVRE, Part.COMPLETION, Part.RADAR)

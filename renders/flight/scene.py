@@ -17,6 +17,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from models.aerial.entity import airframe_pose
 from renders.domes import add_domes, place_domes
+from renders.flight.run_data import RunData, plan_arcs, trail
 from renders.landscape import (
     AIRFRAME,
     OPTICS,
@@ -28,9 +29,8 @@ from renders.landscape import (
     landscape,
 )
 from renders.palette import COLOURS, Part, Picture, part_of
-from renders.run_data import RunData, plan_arcs, trail
+from renders.relief import EXAGGERATION
 from renders.stage import Optics, Stage, Staged, View
-from renders.storyboard import EXAGGERATION
 from sim.signals import Array
 
 CHASE = Optics(45.0, 2e-4, 5.0)

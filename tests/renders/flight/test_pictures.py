@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from renders import opengl
+from renders.flight.run_data import RunData
 from renders.relief import relief, resampled
-from renders.run_data import RunData
 from renders.video import draw, write_still, write_video
 from tests.renders.synthetic import ridges
 

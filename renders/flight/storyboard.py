@@ -11,11 +11,10 @@ import numpy as np
 
 from renders.drawing import TOUR, checked_camera
 from renders.film import Frame, Shot, frames_of
-from renders.run_data import RunData
+from renders.flight.run_data import RunData
 
 CAMERAS = ("chase", "overview", "top")
 
-EXAGGERATION = 1.7  # of heights in the overview and the top view
 TURN = 0.8  # [degrees/s] at which the overview turns around the map
 LAST_LOOK = 1.6  # [s] of video for which the last moment stays
 # Cameras and lengths [s of video] of the tour's shots before the last look; the third to the fifth are the highlight.

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from renders.run_data import RunData
-from renders.storyboard import notices, shots, storyboard
+from renders.flight.run_data import RunData
+from renders.flight.storyboard import notices, shots, storyboard
 from sim.signals import Event
 
 

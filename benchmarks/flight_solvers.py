@@ -44,8 +44,8 @@ from benchmarks.progress import Tell, progress
 from controllers.flight import kernels, plugin
 from controllers.flight.planner import Solver
 from controllers.flight.problem import Problem, Solution
-from controllers.flight.reference import Reference
-from controllers.flight.sqp import GaussNewton
+from controllers.flight.reference import InteriorPoint
+from controllers.flight.sqp import CondensedSqp
 from sim.scenarios.flight_fields import SafeFlightConfig
 from sim.scenarios.safe_flight import SafeFlight
 from sim.signals import Array
@@ -170,13 +170,13 @@ def measure(contestants: Contestants, problems: Recorded, repetitions: int, cons
 def solvers() -> Contestants:
     """Those that can be had here."""
     contestants: dict[str, Callable[[], Any]] = {
-        OURS: partial(GaussNewton, TOLERANCE),
-        IPOPT: partial(Reference, "ipopt", TOLERANCE),
-        "fatrop, VM": partial(Reference, "fatrop", TOLERANCE),
+        OURS: partial(CondensedSqp, TOLERANCE),
+        IPOPT: partial(InteriorPoint, "ipopt", TOLERANCE),
+        "fatrop, VM": partial(InteriorPoint, "fatrop", TOLERANCE),
     }
     if shutil.which("cc"):
-        contestants["ipopt, C"] = partial(Reference, "ipopt", TOLERANCE, compiled=True)
-        contestants["fatrop, C"] = partial(Reference, "fatrop", TOLERANCE, compiled=True)
+        contestants["ipopt, C"] = partial(InteriorPoint, "ipopt", TOLERANCE, compiled=True)
+        contestants["fatrop, C"] = partial(InteriorPoint, "fatrop", TOLERANCE, compiled=True)
     if find_spec("do_mpc"):
         contestants[DO_MPC] = partial(DoMpc, TOLERANCE)
     return contestants
@@ -305,7 +305,7 @@ def run(arguments: Arguments, console: Console) -> SolverFindings:
         problems = record(arguments.terrain, arguments.problems, tell)
     results = measure(solvers(), problems, arguments.repetitions, console)
     tight = measure(
-        {OURS: partial(GaussNewton, 1e-10, 200), IPOPT: partial(Reference, "ipopt", 1e-9)}, problems, 1, console
+        {OURS: partial(CondensedSqp, 1e-10, 200), IPOPT: partial(InteriorPoint, "ipopt", 1e-9)}, problems, 1, console
     )
     nodes = problems[0][0].arcs + 1
     return SolverFindings(arguments.terrain, nodes, results, tight[OURS].cost, tight[IPOPT].cost)

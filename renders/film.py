@@ -41,7 +41,7 @@ def frames_of(shots: Sequence[Shot], notices: Sequence[tuple[float, str]], fps: 
     ``notices`` are (time [s], text) in order of time, ``turn`` is in degrees a second of video.
     """
     if fps < 1:
-        raise ValueError(f"fps is {fps}; allowed is a whole number of at least 1")
+        raise ValueError(f"fps = {fps}; allowed: a whole number of at least 1")
     frames: list[Frame] = []
     total = sum(shot.length for shot in shots)
     coming = list(notices)

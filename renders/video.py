@@ -49,7 +49,7 @@ def write_video(
     where there is nothing to draw with.
     """
     if width % 2 or height % 2 or min(width, height) < 16:
-        raise ValueError(f"the video's size is {width} x {height}; allowed are even numbers of at least 16")
+        raise ValueError(f"size = {width} x {height}; allowed: even numbers of at least 16")
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     frames = drawing.storyboard(drawing.load_run(directory), camera, fps)
     target = Path(path) if path is not None else directory / "video.mp4"

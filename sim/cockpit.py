@@ -14,12 +14,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from models.instants import SIMULTANEOUS
 from sim.log import AgentRecorder
 from sim.network import Network
 from sim.protocols import Companion, Estimator, Planner, Tracker
 from sim.signals import Array, Estimate, Measurement, Message, Plan, PlanRequest, Spoken, Status, where_raised
-
-_SIMULTANEOUS = 1e-9  # [s] two times closer than this are the same tick
 
 T = TypeVar("T")
 
@@ -133,7 +132,7 @@ class Cockpit:
     def _deliver(self, t: float) -> list[Message]:
         """What falls due, for the planner's next request; each is on record."""
         due = []
-        while self.undelivered and self.undelivered[0].t <= t + _SIMULTANEOUS:
+        while self.undelivered and self.undelivered[0].t <= t + SIMULTANEOUS:
             message = self.undelivered.pop(0)
             due.append(message)
             told = f": {message.payload:.10g}" if isinstance(message.payload, float) else ""
@@ -144,7 +143,7 @@ class Cockpit:
     def _alarm(self, t: float, estimate: Estimate) -> None:
         """Between two planning instants: whether what is told now asks for another plan at once."""
         alarmed = getattr(self.agent.planner, "alarmed", None)
-        if alarmed is None or self.plan is None or not self.undelivered or self.undelivered[0].t > t + _SIMULTANEOUS:
+        if alarmed is None or self.plan is None or not self.undelivered or self.undelivered[0].t > t + SIMULTANEOUS:
             return
         request = PlanRequest(t, t, estimate, self.plan, tuple(self._deliver(t)))
         try:
@@ -183,9 +182,9 @@ class Cockpit:
     def _adopt(self, t: float) -> None:
         waiting: list[Plan] = []
         for plan in self.pending:
-            if plan.t_start > t + _SIMULTANEOUS:
+            if plan.t_start > t + SIMULTANEOUS:
                 waiting.append(plan)
-            elif not plan.ready <= plan.t_start + _SIMULTANEOUS:  # NaN is late too
+            elif not plan.ready <= plan.t_start + SIMULTANEOUS:  # NaN is late too
                 self._refused(t, plan, Status.LATE, f"ready at {plan.ready:.3f} s for a start at {plan.t_start:.3f} s")
             elif not self._admitted(t, plan):
                 self._refused(t, plan, Status.NOT_ADMITTED, "")

@@ -19,19 +19,18 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from models.instants import SIMULTANEOUS
 from sim.cockpit import Agent, Cockpit
 from sim.log import Recording
 from sim.network import Air, Network
 from sim.protocols import Plant
 from sim.signals import Array
 
-_SIMULTANEOUS = 1e-9  # [s] two times closer than this are the same tick
-
 
 def whole_ticks(period: float, dt: float, what: str) -> int:
     """``period`` [s] as a number of ticks of ``dt`` [s]; ValueError if it is not a whole positive number of them."""
     ticks = round(period / dt) if math.isfinite(period) else 0
-    if ticks < 1 or abs(ticks * dt - period) > _SIMULTANEOUS * max(1.0, ticks):
+    if ticks < 1 or abs(ticks * dt - period) > SIMULTANEOUS * max(1.0, ticks):
         raise ValueError(f"{what} = {period!r} s is not a whole number of physics ticks of {dt!r} s")
     return ticks
 

@@ -13,10 +13,9 @@ from typing import Protocol
 
 import numpy as np
 
+from models.instants import SIMULTANEOUS
 from sim.checks import check, check_names
 from sim.signals import Message
-
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 class Network(Protocol):
@@ -56,7 +55,7 @@ class Air:
 
     def receive(self, receiver: str, t: float) -> list[Message]:
         held = sorted(self._underway[receiver], key=lambda each: (each.t, each.number))
-        arrived = [each.message for each in held if each.t <= t + _SIMULTANEOUS]
+        arrived = [each.message for each in held if each.t <= t + SIMULTANEOUS]
         self._underway[receiver] = held[len(arrived) :]
         return arrived
 

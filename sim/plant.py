@@ -279,7 +279,7 @@ class MujocoPlant:
         """The command within its bound."""
         if command.shape != vehicle.control.shape:
             raise ValueError(
-                f"vehicle {vehicle.name!r}: the command has shape {command.shape}; allowed is {vehicle.control.shape}"
+                f"vehicle {vehicle.name!r}: the command has shape {command.shape}; allowed: {vehicle.control.shape}"
             )
         if not math.isfinite(command.dot(command)):
             raise ValueError(

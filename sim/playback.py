@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.instants import SIMULTANEOUS
 from sim.protocols import Sensor
 from sim.sensing import every
 from sim.signals import Array, Estimate, Event, Measurement, Phase, Plan, PlanRequest
-
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,5 +120,5 @@ class RecordedInputs:
         return Plan(ends, nothing, nothing[:1], np.array([int(Phase.OPTIMISED)], dtype=np.int64))
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
-        held: Array = self._run.u[int(np.searchsorted(self._run.t, t - _SIMULTANEOUS))].copy()
+        held: Array = self._run.u[int(np.searchsorted(self._run.t, t - SIMULTANEOUS))].copy()
         return held

@@ -11,12 +11,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from models.aerial.entity import airframe_pose
+from models.instants import SIMULTANEOUS
 from sim.faults import Disturbed
 from sim.plant import MujocoPlant
 from sim.protocols import Plant
 from sim.signals import Array
-
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 class Replay:
@@ -47,7 +46,7 @@ class Replay:
 
     def show(self, t: float) -> None:
         """Put every vehicle where it was at the last look at or before ``t`` [s]."""
-        row = max(int(np.searchsorted(self._t, t + _SIMULTANEOUS, side="right")) - 1, 0)
+        row = max(int(np.searchsorted(self._t, t + SIMULTANEOUS, side="right")) - 1, 0)
         for name in self._states:
             self._place(name, row)
 

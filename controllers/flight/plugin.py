@@ -13,7 +13,7 @@ from controllers.flight.checks import check_fields
 from controllers.flight.cost_to_go import FactoredCost, factored_cost
 from controllers.flight.planner import Incorporation, RecedingHorizon, Solver
 from controllers.flight.problem import Parameters, proportional
-from controllers.flight.sqp import GaussNewton
+from controllers.flight.sqp import CondensedSqp
 from controllers.flight.tracker import CriticallyDamped, tracking_bound
 from models.aerial.knowledge import Knowledge
 from models.aerial.mission import FlightMission
@@ -146,10 +146,10 @@ def planner(config: RecedingHorizonConfig, mission: FlightMission, bound: Tracki
 def solver(config: RecedingHorizonConfig) -> Solver:
     """The solver that the configuration names."""
     if config.backend == "condensed":
-        return GaussNewton(config.tolerance)
-    from controllers.flight.reference import Reference  # CasADi takes a while to import
+        return CondensedSqp(config.tolerance)
+    from controllers.flight.reference import InteriorPoint  # CasADi takes a while to import
 
-    return Reference(config.backend, config.tolerance)
+    return InteriorPoint(config.backend, config.tolerance)
 
 
 @lru_cache(maxsize=64)  # each vehicle of a fleet has a target of its own

@@ -279,7 +279,7 @@ def _values(problem: Problem) -> tuple[_Shape, list[Array]]:
     return _Shape(problem.parameters.points, held, heights.shape, ground.shape, ratio.shape), values
 
 
-class Reference:
+class InteriorPoint:
     """Solves ``Problem`` after ``Problem`` by an interior-point method on CasADi's statement of it.
 
     A solve starts from the guess and, if the last one of the same shape succeeded, from its multipliers. ``compiled``

@@ -32,7 +32,7 @@ _INFINITY = 1e30  # daqp's
 _INFEASIBLE = "the quadratic programme has no feasible point"
 
 
-class GaussNewton:
+class CondensedSqp:
     """Solves ``Problem`` after ``Problem``.
 
     Between problems it keeps the solver's workspaces, one per size of the problem, with the balls' last multipliers:

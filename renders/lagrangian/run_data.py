@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from estimators.riemannian.gains import Gains
+from models.instants import SIMULTANEOUS
 from models.manifold.attitude import Attitude
 from models.manifold.constant_curvature import hyperbolic_space, sphere
 from models.manifold.manifold import CutLocusError, Manifold
@@ -26,7 +27,6 @@ REACH = 0.5  # [rad, m] that an error of the position, the largest or a usual on
 USUAL = 0.9  # share of the errors of a mechanism that are not larger than that
 MOST_LOOKED_AT = 2000  # estimates among which that is looked for
 SPACES: dict[str, Manifold] = {"body": Attitude(), "sphere": sphere(3), "hyperbolic-plane": hyperbolic_space(2)}
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +46,12 @@ class LagrangianRun(LoggedRun):
     @property
     def diverged(self) -> bool:
         """Whether the run ended early, because the state was no longer finite."""
-        return self.duration < float(self.log.config["fields"]["duration"]) - _SIMULTANEOUS
+        return self.duration < float(self.log.config["fields"]["duration"]) - SIMULTANEOUS
 
     @cached_property
     def truth(self) -> Array:
         """(m, nx) the true states at the times of the estimates."""
-        states: Array = self.log.x[np.searchsorted(self.t, self.t_estimate - _SIMULTANEOUS)]
+        states: Array = self.log.x[np.searchsorted(self.t, self.t_estimate - SIMULTANEOUS)]
         return states
 
     @cached_property
@@ -192,7 +192,7 @@ def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Arr
     else:
         manifold, mechanism = SPACES[space], "rigid-body" if space == "body" else None
     states, inputs = (tuple(map(str, mission[kind])) for kind in ("states", "inputs"))
-    seen = arrays["estimate.t"] <= log.t[-1] + _SIMULTANEOUS
+    seen = arrays["estimate.t"] <= log.t[-1] + SIMULTANEOUS
     t, x = arrays["estimate.t"][seen], arrays["estimate.x"][seen]
     size = manifold.size + manifold.vector_size
     if not (len(states) == log.x.shape[1] == size and x.shape == (len(t), size) and len(t)):

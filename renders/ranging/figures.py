@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
+from models.angles import wrapped
 from renders.figures import BOUND, INK, STYLE, canvas, thinned
 from renders.palette import COLOURS, Part, hexadecimal
 from renders.ranging.beliefs import FADED
@@ -114,7 +115,7 @@ def pose_figure(run: RangingRun) -> Figure:
         ):
             off = run.beliefs.x[i, row] - run.mirrored[i, row]
             if row == 2:
-                off = (off + math.pi) % (2.0 * math.pi) - math.pi
+                off = wrapped(off)
             true = factor * run.mirrored[i, row]
             axes.plot(t, true, color=DRIVEN, lw=2.4, label="image of the truth" if run.image else "true")
             axes.plot(t, true + factor * off, color=ESTIMATE, lw=1.4, label="estimate")

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from models.angles import wrapped
 from renders.run_log import LoggedRun, RunLog, last_at, read_log
 from sim.signals import Array
 
@@ -42,7 +43,7 @@ class TextbookRun(LoggedRun):
         """(k, n) estimate less truth, angles within half a turn."""
         off = self.estimate - self.log.x[np.searchsorted(self.log.t, self.t_estimate - 1e-9)]
         for k in self.angles:
-            off[:, k] = (off[:, k] + np.pi) % (2.0 * np.pi) - np.pi
+            off[:, k] = wrapped(off[:, k])
         return off
 
     def looks(self, t: float) -> int:

@@ -210,7 +210,7 @@ def _one_line(box: str, argv: Sequence[str], known: Mapping[str, bool], prefixes
     if found := re.match(r"Missing from [^:]*: (\S+) (.*) \(required\)", message):
         return f"{found[1]} is missing; allowed: {found[2]}"
     if found := re.match(r"Unrecognized options: (.*)", message):
-        return f"{found[1]}: nothing is known to do with this; allowed are flags, each followed by its values"
+        return f"{found[1]}: nothing is known to do with this; allowed: flags, each followed by its values"
     return message
 
 

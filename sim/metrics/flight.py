@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from models.instants import SIMULTANEOUS
 from sim.log import Recording
 from sim.metrics.planning import FAILURES, REJECTIONS, solve_times
 from sim.signals import Array, Plan
@@ -17,8 +18,6 @@ from sim.signals import Array, Plan
 if TYPE_CHECKING:  # the compiled kernels take a while to import, and most that import this only read names
     from models.aerial.mission import FlightMission
     from models.terrain.visibility import RadarTrack
-
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 class Bound(Protocol):
@@ -38,8 +37,8 @@ def references(t: Array, plans: Sequence[tuple[float, Plan]]) -> Array:
     out = np.full((len(t), 6), np.nan)
     ends = [*(start for start, _ in plans), math.inf][1:]  # none without a plan
     for k, ((adopted, plan), following) in enumerate(zip(plans, ends, strict=True)):
-        begun = t > adopted + _SIMULTANEOUS if k else t > adopted - _SIMULTANEOUS
-        flown = begun & (t <= following + _SIMULTANEOUS)
+        begun = t > adopted + SIMULTANEOUS if k else t > adopted - SIMULTANEOUS
+        flown = begun & (t <= following + SIMULTANEOUS)
         out[flown] = state_at(plan, t[flown])
     return out
 

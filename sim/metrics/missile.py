@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from models.instants import SIMULTANEOUS
 from models.missile.coordinates import Coordinates
 from models.missile.dynamics import Body
 from models.missile.mission import MissileMission
@@ -20,7 +21,6 @@ from sim.metrics.planning import FAILURES, solve_times
 from sim.signals import Array, Plan
 
 _ROUND_OFF = 1e-9  # relative excess of an input that does not count
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def references(t: Array, plans: Sequence[tuple[float, Plan]], coordinates: Coord
     out = np.full((len(t), coordinates.state_size), np.nan)
     ends = [*(start for start, _ in plans), math.inf][1:]  # none without a plan
     for (adopted, plan), following in zip(plans, ends, strict=True):
-        flown = (t >= adopted - _SIMULTANEOUS) & (t < following - _SIMULTANEOUS)
+        flown = (t >= adopted - SIMULTANEOUS) & (t < following - SIMULTANEOUS)
         out[flown] = coordinates.state_at(plan, t[flown], body)
     return out
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.instants import SIMULTANEOUS
 from models.unicycle.entity import RADIUS
 from models.unicycle.mission import RangingMission
 from sim.log import AgentRecorder, Recording
@@ -26,8 +27,6 @@ POSITION, HEADING = 0.3, 0.2
 
 LAST = 0.25
 """of a run, by which convergence is judged"""
-
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ class Errors:
     @property
     def last(self) -> slice:
         """The looks by which convergence is judged."""
-        return slice(int(np.searchsorted(self.t, (1.0 - LAST) * self.t[-1] - _SIMULTANEOUS)), None)
+        return slice(int(np.searchsorted(self.t, (1.0 - LAST) * self.t[-1] - SIMULTANEOUS)), None)
 
     @property
     def converged(self) -> bool:
@@ -127,7 +126,7 @@ def ranging_summary(
 def _newest(recording: Recording, name: str) -> Integers:
     """(n,) the newest estimate at each look, -1 before the first."""
     valid = np.array([estimate.t for estimate in recording.agents[name].estimates])
-    newest: Integers = np.searchsorted(valid, recording.t + _SIMULTANEOUS, side="right") - 1
+    newest: Integers = np.searchsorted(valid, recording.t + SIMULTANEOUS, side="right") - 1
     return newest
 
 

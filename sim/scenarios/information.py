@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from models.aerial.knowledge import RADARS, TARGET, TERRAIN
+from models.instants import SIMULTANEOUS
 from models.terrain.height_field import HeightField
 from models.terrain.hill import hills_of, with_hills
 from models.terrain.visibility import Radar, RadarTrack
@@ -20,7 +21,6 @@ from sim.signals import Array, Message
 
 _SOONEST = 0.1  # [s] between reports
 _LATEST = 36_000.0  # [s] of a target's path
-_SIMULTANEOUS = 1e-9  # [s]
 
 
 @dataclass(frozen=True)
@@ -184,5 +184,5 @@ def check_track(track: TargetTrack, period: float, check_place: Callable[[str, P
 
 def _reports(begin: float, end: float, period: float) -> Array:
     """(n,) [s] every ``period`` from ``begin``, before ``end``."""
-    count = max(0, math.ceil((end - begin) / period - _SIMULTANEOUS))
+    count = max(0, math.ceil((end - begin) / period - SIMULTANEOUS))
     return begin + period * np.arange(count, dtype=np.float64)

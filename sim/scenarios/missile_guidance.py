@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 
 from models.aerial.sensors import Dropout
+from models.angles import wrapped
 from models.missile.coordinates import COORDINATES, Coordinates
 from models.missile.dynamics import NOMINAL, TICK, Body
 from models.missile.entity import build_model
@@ -102,7 +103,7 @@ class MissileGuidance:
         """The error of each state, named with its unit, of estimates (n, nx) to truths in joint coordinates (n, nx)."""
         coordinates = COORDINATES[config.dimension]
         off = x - coordinates.from_joints(truth)
-        off[:, coordinates.angles] = (off[:, coordinates.angles] + math.pi) % (2.0 * math.pi) - math.pi
+        off[:, coordinates.angles] = wrapped(off[:, coordinates.angles])
         named = zip(coordinates.states, coordinates.units, strict=True)
         return {f"{state} [{unit}]": off[:, k] for k, (state, unit) in enumerate(named)}
 

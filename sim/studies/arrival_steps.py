@@ -19,7 +19,7 @@ from controllers.flight.certificate import Certificate
 from controllers.flight.planner import RecedingHorizon
 from controllers.flight.plugin import FlightConfig, SafeFlight
 from controllers.flight.problem import Problem, Wanted
-from controllers.flight.sqp import GaussNewton
+from controllers.flight.sqp import CondensedSqp
 from controllers.flight.tracker import tracking_bound
 from models.aerial.dynamics import state_at
 from models.aerial.mission import FlightMission
@@ -82,7 +82,7 @@ def _complied(
     planner: RecedingHorizon, certificate: Certificate, x: Array, share: float, deviation: float
 ) -> Step | None:
     parameters, landscape = planner.parameters, planner.landscape
-    free = GaussNewton().solve(Problem(parameters, landscape, x), np.zeros(3 * parameters.arcs + 1))
+    free = CondensedSqp().solve(Problem(parameters, landscape, x), np.zeros(3 * parameters.arcs + 1))
     if isinstance(free, str):
         return None
     h, horizon, speed = parameters.h, parameters.horizon, certificate.speed_max
@@ -100,7 +100,7 @@ def _complied(
     following = np.concatenate([x[:3] + h * x[3:] + 0.5 * h * h * first, x[3:] + h * first])
     wanted = speed * (agreed - h - horizon)
     problem = replace(Problem(parameters, landscape, following), wanted=Wanted(wanted))
-    found = GaussNewton(iteration_limit=50).solve(problem, free.unknowns)
+    found = CondensedSqp(iteration_limit=50).solve(problem, free.unknowns)
     done = not isinstance(found, str) and abs(eta(found.accelerations, following) + h - agreed) <= TOLERANCE
     return Step(share, deviation > 0.0, done, is_outlier(agreed, own, h))
 

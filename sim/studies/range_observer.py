@@ -14,8 +14,8 @@ from typing import Any, get_args
 import numpy as np
 
 from estimators.ranging.observer import FeedForward
+from models.angles import wrapped
 from renders.study_report import Table
-from sim.signals import Array
 from sim.studies.jobs import Jobs
 from sim.studies.observability_maps import SENSORS, STANDARD
 from sim.studies.range_observer_claims import OBSERVER, PRINT, Evidence, claims, falls, largest, locked, median
@@ -138,7 +138,7 @@ def _evidence(done: Mapping[Any, list[Any]]) -> Evidence:
     psi = np.append(STANDARD.ranges(START, np.radians(SENSORS["2t"]))[1], START[2])
     return Evidence(
         identities=[one for some in done["identities",] for one in some],
-        start_off=_wrapped(PRINTED_START - psi),
+        start_off=wrapped(PRINTED_START - psi),
         thesis={key[1:]: some for key, some in done.items() if key[0] == "thesis"},
         noisy={key[1:]: some for key, some in done.items() if key[0] == "noisy"},
         true_start={key[1]: some[0] for key, some in done.items() if key[0] == "true start"},
@@ -156,10 +156,6 @@ def _evidence(done: Mapping[Any, list[Any]]) -> Evidence:
         },
         averaged=done["averaged"],
     )
-
-
-def _wrapped(angle: Array) -> Array:
-    return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
 # ---- what is told

@@ -15,6 +15,7 @@ import numpy as np
 from estimators.ranging.feedforward_kernels import LEAST_DENOMINATOR, rho_dot_rate, s_rate
 from estimators.ranging.observer import FEED_FORWARDS
 from estimators.ranging.symbolic_output_flow import output_flow
+from models.angles import wrapped
 from models.unicycle.kernels import moved
 from sim.signals import Array
 from sim.studies.observability_maps import HALF_AXES, SENSORS, STANDARD
@@ -59,7 +60,7 @@ def _at(sensors: str, x: Array, u: Array) -> Identities:
         there = np.stack([STANDARD.ranges(after, alpha)[0], complex_step(after, u, alpha)[0]])
         for name, forward in FEED_FORWARDS.items():
             reached = forward(table, polyline, alpha, z, np.stack([rho, rho_dot]), there, u, PERIOD)
-            off = (reached - z_after + math.pi) % (2.0 * math.pi) - math.pi
+            off = wrapped(reached - z_after)
             ends[name] = float(np.abs(off).max())
     return Identities(
         sensors,

@@ -9,6 +9,7 @@ import numpy as np
 
 from estimators.observability.region import ExactRun
 from estimators.ranging.observer import RangeObserver, RangeObserverConfig
+from models.angles import wrapped
 from sim.metrics.ranging import HEADING, LAST, POSITION, rms
 from sim.signals import Array
 
@@ -97,7 +98,7 @@ def watched(run: ExactRun, config: RangeObserverConfig) -> Watched:
     s = np.unwrap(np.array([curve.ranges(pose, mission.alpha)[1] for pose in truth]), axis=0)
     z_true = np.column_stack([s, truth[:, 2]])
     turns = 2.0 * math.pi / curve.symmetry * np.arange(curve.symmetry)  # of an ellipse, also by how much s is off
-    images = (z[:, None] - z_true[:, None] - turns[:, None] + math.pi) % (2.0 * math.pi) - math.pi
+    images = wrapped(z[:, None] - z_true[:, None] - turns[:, None])
     nearest = np.square(images).sum(axis=2).argmin(axis=1)
     return Watched(
         run, run.t[::STRIDE], x, truth, z, z_true,

@@ -25,8 +25,8 @@ from benchmarks.flight_solvers import (
     record,
 )
 from controllers.flight.problem import Problem, Solution
-from controllers.flight.reference import Reference
-from controllers.flight.sqp import GaussNewton
+from controllers.flight.reference import InteriorPoint
+from controllers.flight.sqp import CondensedSqp
 from sim.signals import Array
 from tests.flight import mountains, save
 
@@ -48,7 +48,7 @@ def test_problems_are_recorded_with_the_planners_guess(problems: Recorded) -> No
 
 
 def test_everybody_solves_every_problem_to_the_same_cost(problems: Recorded) -> None:
-    contestants = {OURS: partial(GaussNewton, TOLERANCE), IPOPT: partial(Reference, "ipopt", TOLERANCE)}
+    contestants = {OURS: partial(CondensedSqp, TOLERANCE), IPOPT: partial(InteriorPoint, "ipopt", TOLERANCE)}
     results = measure(contestants, problems, 2, QUIET)
     assert all(result.ms.shape == (2, FEW) and not result.failures for result in results.values())
     assert results[OURS].cost == pytest.approx(results[IPOPT].cost, rel=1e-4)
@@ -57,7 +57,7 @@ def test_everybody_solves_every_problem_to_the_same_cost(problems: Recorded) -> 
 @pytest.mark.filterwarnings("ignore::FutureWarning")  # CasADi's, of how do-mpc calls it
 def test_do_mpc_solves_the_same_problem(problems: Recorded) -> None:
     pytest.importorskip("do_mpc", reason="the extra [bench] is not installed")
-    contestants = {OURS: partial(GaussNewton, TOLERANCE), DO_MPC: partial(DoMpc, TOLERANCE)}
+    contestants = {OURS: partial(CondensedSqp, TOLERANCE), DO_MPC: partial(DoMpc, TOLERANCE)}
     results = measure(contestants, problems[:2], 1, QUIET)
     assert results[OURS].cost == pytest.approx(results[DO_MPC].cost, rel=1e-4)
 

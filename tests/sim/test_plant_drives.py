@@ -41,7 +41,7 @@ def test_a_drive_has_inputs_of_its_own_and_their_bounds() -> None:
     events = plant.step({"robot": np.array([2.0, 0.0])}, 10)
     assert [event.kind for event in events] == ["input-clipped"]
     assert plant.state("robot")[0] == pytest.approx(0.05, abs=1e-12)
-    with pytest.raises(ValueError, match=r"shape \(3,\); allowed is \(2,\)"):
+    with pytest.raises(ValueError, match=r"shape \(3,\); allowed: \(2,\)"):
         plant.step({"robot": np.zeros(3)})
 
 

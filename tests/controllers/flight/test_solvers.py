@@ -12,8 +12,8 @@ import pytest
 from controllers.flight import kernels, reference, sqp
 from controllers.flight.cost_to_go import factored_cost
 from controllers.flight.problem import Landscape, Parameters, Problem, Solution, Wanted, proportional
-from controllers.flight.reference import Reference
-from controllers.flight.sqp import GaussNewton
+from controllers.flight.reference import InteriorPoint
+from controllers.flight.sqp import CondensedSqp
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
 from sim.signals import Array
@@ -191,7 +191,7 @@ def test_the_balls_have_the_slope_and_the_curvature_of_norms(landscape: Landscap
 def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_find(
     landscape: Landscape, backend: reference.Backend
 ) -> None:
-    condensed, interior = GaussNewton(1e-6, 50), Reference(backend, 1e-6)
+    condensed, interior = CondensedSqp(1e-6, 50), InteriorPoint(backend, 1e-6)
     for problem in some_problems(landscape):
         guess = np.zeros(3 * problem.arcs + 1)
         ours, theirs = solved(condensed.solve(problem, guess)), solved(interior.solve(problem, guess))
@@ -204,7 +204,7 @@ def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_fin
 def test_a_length_to_go_that_is_wanted_is_had_where_it_can_be(landscape: Landscape, share: float) -> None:
     """Within a few metres: sooner by flying faster, later by flying slower or about."""
     problem = timed(problem_at(landscape, 6_000.0, 9_000.0, 300.0, np.array([180.0, 160.0, 0.0]), uniform(12)), share)
-    solution = solved(GaussNewton().solve(problem, np.zeros(37)))
+    solution = solved(CondensedSqp().solve(problem, np.zeros(37)))
     s = problem.stencil
     end = problem.start[:3] + s.base[-2] * problem.start[3:] + s.weights[-2] @ solution.accelerations
     assert problem.wanted is not None
@@ -213,7 +213,7 @@ def test_a_length_to_go_that_is_wanted_is_had_where_it_can_be(landscape: Landsca
 
 def test_a_warm_start_from_the_solution_finds_it_again(landscape: Landscape) -> None:
     problem = some_problems(landscape)[1]
-    solver = Reference()
+    solver = InteriorPoint()
     first = solved(solver.solve(problem, np.zeros(3 * problem.arcs + 1)))
     again = solved(solver.solve(problem, first.unknowns))
     assert again.cost == pytest.approx(first.cost, rel=1e-7)
@@ -221,7 +221,7 @@ def test_a_warm_start_from_the_solution_finds_it_again(landscape: Landscape) -> 
 
 
 def test_the_bounds_hold_at_the_solutions(landscape: Landscape) -> None:
-    for solver in (GaussNewton(), Reference("ipopt"), Reference("fatrop")):
+    for solver in (CondensedSqp(), InteriorPoint("ipopt"), InteriorPoint("fatrop")):
         for problem in some_problems(landscape):
             solution = solved(solver.solve(problem, np.zeros(3 * problem.arcs + 1)))
             changes = problem.stencil.lengths[:, None] * solution.accelerations
@@ -232,7 +232,7 @@ def test_the_bounds_hold_at_the_solutions(landscape: Landscape) -> None:
 
 def test_a_target_out_of_reach_gives_a_reason_not_an_exception(landscape: Landscape) -> None:
     problem = held(landscape, uniform(3), 6_000.0)  # three arcs of 5/3 s at 300 m/s go 1500 m
-    for solver in (GaussNewton(), Reference("ipopt"), Reference("fatrop")):
+    for solver in (CondensedSqp(), InteriorPoint("ipopt"), InteriorPoint("fatrop")):
         outcome = solver.solve(problem, np.zeros(3 * problem.arcs + 1))
         assert isinstance(outcome, str)
         assert outcome
@@ -240,9 +240,9 @@ def test_a_target_out_of_reach_gives_a_reason_not_an_exception(landscape: Landsc
 
 def test_unknown_backends_and_tolerances_are_refused() -> None:
     with pytest.raises(ValueError, match="backend = 'snopt'"):
-        Reference(cast(Any, "snopt"))
+        InteriorPoint(cast(Any, "snopt"))
     with pytest.raises(ValueError, match="tolerance"):
-        Reference(tolerance=0.0)
+        InteriorPoint(tolerance=0.0)
 
 
 def test_a_programme_takes_any_number_of_soft_rows_whatever_it_was_set_up_with() -> None:

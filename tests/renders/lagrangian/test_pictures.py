@@ -128,7 +128,7 @@ def test_a_video_has_the_size_and_length_asked_for(
 def test_the_caption_says_what_is_known(runs: dict[str, LagrangianRun]) -> None:
     def told(name: str, t: float) -> tuple[str, str, str]:
         said = words(runs[name], Frame(t, "panel", 0.0, 0.0), [])
-        return said.numbers[2][0], said.numbers[2][1], said.state
+        return said.numbers[1][0], said.numbers[1][1], said.state
 
     assert told("body", 0.0)[0] == "VELOCITY OFF BY [rad/s]"
     assert told("body", 0.04)[2] == "finding the velocity"

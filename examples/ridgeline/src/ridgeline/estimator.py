@@ -25,11 +25,11 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from models.aerial.mission import EstimateQuality, FlightMission
 from models.aerial.sensors import PositionSensor
+from models.instants import SIMULTANEOUS
 from sim.checks import check_positive
 from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from sim.signals import Array, Estimate, Measurement, Status
 
-SIMULTANEOUS = 1e-9  # [s]
 FREQUENCIES = 400  # at which the corrections are looked at
 
 

@@ -30,6 +30,8 @@ fly: .venv/.installed opengl
 	    if [ -f "$(FLY_OUT)/$$file" ]; then echo "$(CURDIR)/$(FLY_OUT)/$$file"; fi; \
 	done
 
+# The tests start many processes, which are to find each other's byte code whatever the environment says of it.
+test: export PYTHONDONTWRITEBYTECODE =
 test: .venv/.developed opengl
 	.venv/bin/python -m pytest -n $(WORKERS) $(ARGS)
 

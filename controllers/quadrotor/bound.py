@@ -27,6 +27,7 @@ take over unforeseen (``turning``), and a_max if that is less.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
@@ -54,6 +55,7 @@ class Loop:
     C: Array  # (3, nx)
 
     @staticmethod
+    @lru_cache(maxsize=16)  # a fresh controller is built for every run
     def along(config: TrackerConfig, vehicle: Quadrotor, period: float) -> Loop:
         """theta follows c by thrust."""
         e, e_dot, r, d, theta = np.eye(5)
@@ -65,6 +67,7 @@ class Loop:
         return Loop(A, np.column_stack([e_dot + r, -k_p / lag * theta]), np.array([e, e_dot, c]))
 
     @staticmethod
+    @lru_cache(maxsize=16)
     def across(config: TrackerConfig, vehicle: Quadrotor, period: float) -> Loop:
         """theta follows c by tilt; ValueError if these gains do not hold it at commands every ``period`` [s]."""
         e, e_dot, r, d, theta, theta_dot, tau = np.eye(7)
@@ -84,6 +87,7 @@ class Loop:
             )
         return Loop(A, np.column_stack([e_dot + r, -k_R * k_p / lag * tau]), np.array([e, e_dot, c]))
 
+    @cached_property
     def peaks(self) -> tuple[Array, Array]:
         """Of d to the outputs (3,): peak-to-peak gains, and the greatest answers to a step of 1 m/s^2."""
         phi, x = expm(_STEP * self.A), self.B[:, 0]
@@ -130,7 +134,7 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
     for build, drag in zip((Loop.across, Loop.along), drags, strict=True):
         loop = build(config, vehicle, mission.control_period)
         unknown = tolerance * foreseen.acceleration * a_max + config.drag_tolerance * drag
-        gains, steps = loop.peaks()
+        gains, steps = loop.peaks
         spread = _DEVIATIONS * loop.deviations(mission)
         if mission.position_noise == 0.0:
             spread = np.minimum(spread, gains * mission.gust.limit)

@@ -31,7 +31,7 @@ def mission(**fields: object) -> FlightMission:
 @pytest.mark.parametrize(("axis", "share"), [(0, 0.1), (2, 0.15)])
 def test_a_step_of_force_is_answered_as_the_linear_loop_answers(axis: int, share: float) -> None:
     loop = (Loop.along if axis == 2 else Loop.across)(CONFIG, NOMINAL, PERIOD)
-    _, steps = loop.peaks()
+    _, steps = loop.peaks
     _, off, _ = flown(hovering(), 2.5, disturbance=ConstantWrench(NOMINAL.mass * np.eye(3)[axis], np.zeros(3)))
     assert np.abs(off[:, axis]).max() == pytest.approx(steps[0], rel=share)
     assert np.abs(off[:, 3 + axis]).max() == pytest.approx(steps[1], rel=share)

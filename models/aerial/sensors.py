@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.checks import check
-from sim.protocols import Motion, Sensor
+from sim.protocols import Motion
 from sim.signals import Array
 
 
@@ -71,21 +71,3 @@ class AccelerationSensor:
     def read(self, motion: Motion, rng: np.random.Generator) -> Array:
         acceleration = motion.acceleration
         return acceleration + self.noise * rng.standard_normal(3) if self.noise > 0.0 else acceleration.copy()
-
-
-class Dropout:
-    """A sensor that loses a fraction ``rate`` of its readings.
-
-    The losses are drawn from ``rng``, not from the sensor's own generator, so the readings that do arrive are those of
-    the faultless sensor.
-    """
-
-    def __init__(self, sensor: Sensor, rate: float, rng: np.random.Generator) -> None:
-        if not 0.0 <= rate <= 1.0:
-            raise ValueError(f"{sensor.name}: dropout rate = {rate!r} is not a rate; allowed: 0 to 1")
-        self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
-        self._sensor, self._loss, self._rng = sensor, rate, rng
-
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
-        reading = self._sensor.read(motion, rng)
-        return None if self._rng.random() < self._loss else reading

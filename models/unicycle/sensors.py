@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.instants import SIMULTANEOUS
 from models.unicycle.drives import inputs_of
-from sim.protocols import Motion, Sensor
+from sim.protocols import Motion
 from sim.signals import Array
 
 if TYPE_CHECKING:  # a mission makes its own sensors
@@ -66,23 +65,3 @@ class WheelOdometry:
         u = (1.0 + self._bias) * inputs_of((wheels - before) * self.rate)
         noisy: Array = u + np.array(self.quality.noise) * rng.standard_normal(2)
         return noisy
-
-
-class Outage:
-    """A sensor without readings between the times ``spans`` [s], the first of each included.
-
-    The readings that do arrive are those of the faultless sensor. It counts them to know the time, so it needs a rate,
-    and it belongs to one vehicle and one run.
-    """
-
-    def __init__(self, sensor: Sensor, spans: tuple[tuple[float, float], ...]) -> None:
-        if sensor.rate is None:
-            raise ValueError(f"{sensor.name}: rate = None; allowed for a sensor with outages: a rate")
-        self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
-        self._sensor, self._spans, self._period, self._count = sensor, spans, 1.0 / sensor.rate, 0
-
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
-        reading = self._sensor.read(motion, rng)
-        t = self._count * self._period
-        self._count += 1
-        return None if any(begin <= t + SIMULTANEOUS < end for begin, end in self._spans) else reading

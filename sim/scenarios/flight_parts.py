@@ -16,7 +16,8 @@ from controllers.flight.certified import Certified
 from controllers.flight.planner import Retreat
 from models.aerial.dynamics import TICK
 from models.aerial.mission import EstimateQuality, FlightMission, GustModel
-from models.aerial.sensors import AccelerationSensor, Dropout
+from models.aerial.sensors import AccelerationSensor
+from models.sensor_faults import Dropout
 from models.terrain.height_field import HeightField
 from models.terrain.visibility import Radar
 from sim.checks import check, check_rate

@@ -17,7 +17,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from models.aerial.sensors import Dropout
 from models.angles import wrapped
 from models.missile.coordinates import COORDINATES, Coordinates
 from models.missile.dynamics import NOMINAL, TICK, Body
@@ -25,6 +24,7 @@ from models.missile.entity import build_model
 from models.missile.mission import CASES, GustStrength, MissileMission, Place, Target
 from models.missile.sensors import StateNoise
 from models.missile.target import TargetMotion
+from models.sensor_faults import Dropout
 from sim.cockpit import Agent
 from sim.faults import ConstantWrench, Delayed, Disturbance, Disturbed, FailingSolver, Gusts
 from sim.log import Recording

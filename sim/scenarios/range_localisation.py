@@ -17,10 +17,10 @@ import mujoco
 import numpy as np
 
 from models.field.curve import Curve
+from models.sensor_faults import Outage
 from models.unicycle.drives import DifferentialDrive, IdealDrive
 from models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
 from models.unicycle.mission import KnownStart, RangingMission
-from models.unicycle.sensors import Outage
 from sim.cockpit import Agent
 from sim.log import Recording
 from sim.metrics.ranging import ranging_summary

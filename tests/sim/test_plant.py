@@ -11,11 +11,12 @@ import pytest
 
 from models.aerial.dynamics import TICK, flow
 from models.aerial.entity import build_model
-from models.aerial.sensors import AccelerationSensor, Dropout, FullStateSensor, PositionSensor
+from models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
 from models.manifold.attitude import Attitude
 from models.mechanism.entity import build_model as build_mechanism
 from models.missile.coordinates import PLANAR, SPATIAL, Coordinates
 from models.missile.entity import build_model as build_missile
+from models.sensor_faults import Dropout
 from models.terrain.height_field import HeightField
 from sim.plant import Equipment, MujocoPlant
 from sim.protocols import Motion, Plant, Sensor

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from models.aerial.sensors import AccelerationSensor, Dropout, FullStateSensor, PositionSensor
+from models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
 from sim.protocols import Sensor
 from sim.signals import Array
 
@@ -61,27 +61,6 @@ def test_the_same_generator_gives_the_same_readings(sensor: Sensor, truth: Truth
         [sensor.read(truth, rng) for _ in range(5)] for rng in (np.random.default_rng(7), np.random.default_rng(7))
     )
     np.testing.assert_array_equal(first, second)
-
-
-def test_dropout_loses_its_share_and_leaves_the_other_readings_alone(truth: Truth) -> None:
-    sensor = PositionSensor(5.0)
-    faulty = Dropout(sensor, 0.3, np.random.default_rng(1))
-    noise, faulty_noise = np.random.default_rng(2), np.random.default_rng(2)
-    lost = 0
-    for _ in range(5000):
-        reading, faulty_reading = sensor.read(truth, noise), faulty.read(truth, faulty_noise)
-        if faulty_reading is None:
-            lost += 1
-        else:
-            np.testing.assert_array_equal(faulty_reading, reading)
-    assert lost / 5000 == pytest.approx(0.3, abs=0.03)
-    assert (faulty.name, faulty.size, faulty.rate) == (sensor.name, sensor.size, sensor.rate)
-
-
-@pytest.mark.parametrize("rate", [-0.1, 1.1, np.nan])
-def test_an_impossible_dropout_rate_is_refused(rate: float) -> None:
-    with pytest.raises(ValueError, match="position: dropout rate"):
-        Dropout(PositionSensor(), rate, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("noise", [-1.0, np.nan, np.inf])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from models.unicycle.mission import OdometryQuality, RangeQuality, RangingMission
-from models.unicycle.sensors import Outage, RangeSensor, WheelOdometry
+from models.unicycle.sensors import RangeSensor, WheelOdometry
 from sim.protocols import Motion
 from sim.signals import Array
 from tests.unicycle import STANDARD, Imagined
@@ -114,25 +114,6 @@ def test_odometry_errs_by_noise_and_by_a_bias_of_random_sign() -> None:
 def test_the_bias_is_the_same_over_a_run() -> None:
     readings = odometry(OdometryQuality(bias=0.1), count=30)
     np.testing.assert_allclose(readings, readings[:1].repeat(29, axis=0), atol=1e-9)
-
-
-def test_an_outage_takes_readings_and_leaves_the_others_as_they_are() -> None:
-    motion = Imagined(MISSION, POSE)
-    whole, _ = dataclasses.replace(MISSION, ranging=RangeQuality(0.05)).sensors_carried()
-    holed = Outage(whole, ((0.02, 0.05), (0.1, 0.2)))
-    one, other = np.random.default_rng(3), np.random.default_rng(3)
-    arrived = []
-    for k in range(15):
-        expected, reading = whole.read(motion, one), holed.read(motion, other)
-        if reading is not None:
-            arrived.append(k)
-            np.testing.assert_array_equal(reading, expected)
-    assert arrived == [0, 1, 5, 6, 7, 8, 9]
-
-
-def test_an_outage_needs_a_rate_to_know_the_time() -> None:
-    with pytest.raises(ValueError, match=r"ranges: rate = None; allowed"):
-        Outage(RangeSensor(1, RangeQuality(), 7.0, None), ((0.0, 1.0),))
 
 
 def test_an_odometer_remembers_its_own_run_only() -> None:

@@ -10,7 +10,8 @@ import pytest
 
 from models.aerial.dynamics import TICK
 from models.aerial.entity import build_model
-from models.aerial.sensors import AccelerationSensor, Dropout, FullStateSensor, PositionSensor
+from models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
+from models.sensor_faults import Dropout
 from models.terrain.height_field import HeightField
 from sim.faults import Disturbed, Gusts
 from sim.metrics.observability import EmpiricalGramian, empirical_gramian

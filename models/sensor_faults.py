@@ -1,0 +1,47 @@
+"""Sensors that lose readings, as wrappers around any sensor."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from models.instants import SIMULTANEOUS
+from sim.protocols import Motion, Sensor
+from sim.signals import Array
+
+
+class Dropout:
+    """A sensor that loses a fraction ``rate`` of its readings.
+
+    The losses are drawn from ``rng``, not from the sensor's own generator, so the readings that do arrive are those of
+    the faultless sensor.
+    """
+
+    def __init__(self, sensor: Sensor, rate: float, rng: np.random.Generator) -> None:
+        if not 0.0 <= rate <= 1.0:
+            raise ValueError(f"{sensor.name}: dropout rate = {rate!r} is not a rate; allowed: 0 to 1")
+        self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
+        self._sensor, self._loss, self._rng = sensor, rate, rng
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+        reading = self._sensor.read(motion, rng)
+        return None if self._rng.random() < self._loss else reading
+
+
+class Outage:
+    """A sensor without readings between the times ``spans`` [s], the first of each included.
+
+    The readings that do arrive are those of the faultless sensor. It counts them to know the time, so it needs a rate,
+    and it belongs to one vehicle and one run.
+    """
+
+    def __init__(self, sensor: Sensor, spans: tuple[tuple[float, float], ...]) -> None:
+        if sensor.rate is None:
+            raise ValueError(f"{sensor.name}: rate = None; allowed for a sensor with outages: a rate")
+        self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
+        self._sensor, self._spans, self._period, self._count = sensor, spans, 1.0 / sensor.rate, 0
+
+    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+        reading = self._sensor.read(motion, rng)
+        t = self._count * self._period
+        self._count += 1
+        return None if any(begin <= t + SIMULTANEOUS < end for begin, end in self._spans) else reading

@@ -200,7 +200,8 @@ def _samples(studies: Studies) -> str:
 
 
 def _table(claims: Sequence[Claim]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0))
+    kinds = "printed: what the thesis says, which need not hold; target: what is asked of this software"
+    table = Table(box=None, padding=(0, 2, 0, 0), caption=kinds, caption_justify="left", caption_style="dim")
     table.add_column("claim", no_wrap=True)
     for column in ("expected", "measured", "holds"):
         table.add_column(column, min_width=5, overflow="fold")

@@ -83,6 +83,8 @@ class Target:
         prefix, name = self.places[variation.flag]
         group = next(group for group in self.order.fields if group.prefix == prefix)
         if leaf_type(group.default, name) in (int, float) and ".." in variation.text:
+            if "..." in variation.text:
+                raise variation.wrong(f"three dots are 0..2 or 0..0.2; {FORMS}")
             low, high = (self._parsed(variation, text) for text in variation.text.split("..", 1))
             if low > high:
                 raise variation.wrong(f"{low!r} > {high!r}; allowed: LOW <= HIGH")

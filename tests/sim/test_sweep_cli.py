@@ -349,6 +349,7 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyt
         ("--vary count=1,2", ["count", "did you mean --part.count"]),
         ("--vary seed=1,2", ["seed=1,2", "not one of the fields", "allowed"]),
         ("--vary trials=1,2", ["trials=1,2", "not one of the fields"]),
+        ("--vary bias=0...2", ["--vary bias=0...2", "0..2 or 0..0.2", "allowed"]),
         ("--vary bias", ["--vary = 'bias'", "FIELD=V1,V2,...", "FIELD=LOW..HIGH"]),
         ("--vary bias=", ["--vary = 'bias='", "FIELD=V1,V2,..."]),
         ("--vary =3", ["--vary = '=3'", "FIELD=V1,V2,..."]),

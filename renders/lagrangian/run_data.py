@@ -90,11 +90,6 @@ class LagrangianRun(LoggedRun):
         units = dict.fromkeys(name.partition("[")[2].rstrip("]") for name in self.velocity_names)
         return ", ".join(units)
 
-    @cached_property
-    def largest_speed(self) -> float:
-        """Of the true velocity, the length of its components."""
-        return float(np.linalg.norm(self.log.x[:, self.manifold.size :], axis=1).max())
-
     @property
     def has_begun_wrong(self) -> bool:
         """Whether the first estimate of the velocity was further off than the run may be."""

@@ -38,14 +38,15 @@ test: .venv/.developed opengl
 lint: .venv/.developed
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	.venv/bin/mypy --strict $(PACKAGES) $(BENCHMARKS) .ci/open_reports.py
+	.venv/bin/mypy --strict -p mathnavi $(BENCHMARKS:%=-p %)
+	.venv/bin/mypy --strict .ci/open_reports.py
 	.venv/bin/lint-imports
 
 bench: .venv/.benchmarked
 	.venv/bin/python -m benchmarks $(ARGS)
 
 gallery: .venv/.installed opengl
-	.venv/bin/python -m renders.gallery $(ARGS)
+	.venv/bin/python -m mathnavi.renders.gallery $(ARGS)
 
 # Everything is built anew: pages of a build that was cut short would pass for whole ones.
 docs: .venv/.documented

@@ -1,7 +1,7 @@
 """Open reports in headless Chromium; fail unless each is whole, in the light and in the dark theme.
 
 Whole means: no error on the console, no exception, no request beyond the file itself, and every drawing, picture and
-3-D view shows something. The browser is spoken to over a pipe in its DevTools protocol, JSON messages that end with
+3-D view shows something. The browser is outbox to over a pipe in its DevTools protocol, JSON messages that end with
 NUL: https://chromedevtools.github.io/devtools-protocol/
 """
 

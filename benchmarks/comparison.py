@@ -21,9 +21,9 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from sim.log import write_json
-from sim.signals import Array
-from sim.sweep.execution import available_cores
+from mathnavi.sim.engine.log import write_json
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.sweep.execution import available_cores
 
 Ratio = Literal["other / ours", "ours / other"]
 

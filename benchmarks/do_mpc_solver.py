@@ -13,10 +13,16 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controllers.flight import kernels, spline
-from controllers.flight.cost_to_go import TARGET_LENGTH
-from controllers.flight.problem import POINTS_ON_MANOEUVRE, POINTS_PER_ARC, Landscape, Problem, Solution
-from sim.signals import Array
+from mathnavi.controllers.flight import kernels, spline
+from mathnavi.controllers.flight.cost_to_go import TARGET_LENGTH
+from mathnavi.controllers.flight.problem import (
+    POINTS_ON_MANOEUVRE,
+    POINTS_PER_ARC,
+    PlanningEnvironment,
+    Problem,
+    Solution,
+)
+from mathnavi.sim.interfaces.signals import Array
 
 
 class DoMpc:
@@ -24,7 +30,7 @@ class DoMpc:
 
     def __init__(self, tolerance: float) -> None:
         self._tolerance = tolerance
-        self._landscape: Landscape | None = None
+        self._landscape: PlanningEnvironment | None = None
         self._mpc: Any = None
 
     def prepare(self, problem: Problem, guess: Array) -> None:

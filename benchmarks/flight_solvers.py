@@ -5,8 +5,9 @@
 Problems are recorded from closed-loop missions of the scenario ``safe-flight`` (N = 13, seeds 1, 2, ...) and then
 solved again, in the order they arose and from the guess the planner had, by
 
-* the condensed solver (``controllers.flight.sqp``),
-* IPOPT and FATROP on CasADi's statement (``controllers.flight.reference``), warm started from the guess and from the
+* the condensed solver (``mathnavi.controllers.flight.sqp``),
+* IPOPT and FATROP on CasADi's statement (``mathnavi.controllers.flight.reference``), warm started from the guess and
+  from the
   multipliers of the problem before, in CasADi's virtual machine (VM) and, where there is a C compiler, compiled (C),
 * do-mpc (extra ``[bench]``), IPOPT inside, with the same warm start.
 
@@ -41,14 +42,14 @@ from rich.table import Table
 from benchmarks.comparison import Comparison, alone
 from benchmarks.do_mpc_solver import DoMpc
 from benchmarks.progress import Tell, progress
-from controllers.flight import kernels, plugin
-from controllers.flight.planner import Solver
-from controllers.flight.problem import Problem, Solution
-from controllers.flight.reference import InteriorPoint
-from controllers.flight.sqp import CondensedSqp
-from sim.scenarios.flight_fields import SafeFlightConfig
-from sim.scenarios.safe_flight import SafeFlight
-from sim.signals import Array
+from mathnavi.controllers.flight import kernels, plugin
+from mathnavi.controllers.flight.planner import Solver
+from mathnavi.controllers.flight.problem import Problem, Solution
+from mathnavi.controllers.flight.reference import InteriorPoint
+from mathnavi.controllers.flight.sqp import CondensedSqp
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
+from mathnavi.sim.scenarios.safe_flight import SafeFlight
 
 TOLERANCE = 1e-6
 SAME_COST = 1e-5

@@ -35,13 +35,13 @@ from rich.console import Console
 
 from benchmarks.comparison import Comparison, Ratio, alone
 from benchmarks.progress import progress
-from models.aerial.dynamics import CONTROL_TICKS, TICK
-from sim.log import Recording
-from sim.loop import simulate
-from sim.plant import MujocoPlant
-from sim.scenarios.flight_fields import SafeFlightConfig
-from sim.scenarios.safe_flight import VEHICLE, SafeFlight
-from sim.signals import Array, Estimate, Plan, PlanRequest
+from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.loop import simulate
+from mathnavi.sim.engine.plant import MujocoPlant
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
+from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
+from mathnavi.sim.scenarios.safe_flight import VEHICLE, SafeFlight
 
 NEVER = 36_000.0  # [s] until the planner is asked again
 BARE, DM_CONTROL = "mujoco.mj_step", "dm_control"
@@ -98,14 +98,14 @@ class Flight:
 
 def fly(terrain: str, seconds: float) -> Flight:
     """The closed loop of ``safe-flight`` with an idle planner."""
-    experiment = SafeFlight.build(SafeFlightConfig(terrain=terrain), seed=1)
-    plant, agent = experiment.plant, experiment.agents[VEHICLE]
+    closed_loop = SafeFlight.build(SafeFlightConfig(terrain=terrain), seed=1)
+    plant, agent = closed_loop.plant, closed_loop.agents[VEHICLE]
     assert isinstance(plant, MujocoPlant)
     plan = agent.planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, plant.state(VEHICLE)), None))
     agent = dataclasses.replace(agent, planner=IdlePlanner(plan))
 
     def flown() -> Recording:
-        return simulate(plant, {VEHICLE: agent}, seconds, experiment.finished)
+        return simulate(plant, {VEHICLE: agent}, seconds, closed_loop.finished)
 
     recording, cpu = _timed(flown)
     truth = recording.truths[VEHICLE]

@@ -1,4 +1,4 @@
-"""A problem of ``controllers.ocp`` as dymos takes it.
+"""A problem of ``mathnavi.controllers.ocp`` as dymos takes it.
 
 dymos collocates at Legendre-Gauss-Radau points inside OpenMDAO and refines its grid by segment and by order (``hp``).
 The optimiser is SciPy's SLSQP, the only one for it that comes from the package index: dense, so time grows with the
@@ -21,7 +21,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
 
 NAME = "dymos, SLSQP"
 ORDER, SEGMENTS, REFINEMENTS = 3, 6, 8  # of the first grid, and how often it may be refined

@@ -1,4 +1,4 @@
-"""A problem of ``controllers.ocp`` as MAPTOR takes it.
+"""A problem of ``mathnavi.controllers.ocp`` as MAPTOR takes it.
 
 MAPTOR collocates at Legendre-Gauss-Radau points and refines its mesh by degree and by interval until the relative error
 of the states is below a tolerance; IPOPT in CasADi solves each mesh. The dynamics, costs and constraints are the very
@@ -14,8 +14,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from controllers.ocp.statement import Interval, OptimalControlProblem
-from sim.signals import Array
+from mathnavi.controllers.ocp.statement import Interval, OptimalControlProblem
+from mathnavi.sim.interfaces.signals import Array
 
 NAME = "MAPTOR"
 DEGREE, INTERVALS = 4, 5  # of the first mesh, like those of its examples

@@ -30,12 +30,12 @@ from rich.table import Table
 from benchmarks import ocp_dymos, ocp_maptor
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
-from controllers.ocp.methods.refinement import refine
-from controllers.ocp.problems.library import PROBLEMS, KnownOptimum
-from controllers.ocp.solution import Outcome, Solution
-from controllers.ocp.statement import OptimalControlProblem
-from sim.signals import Array
-from sim.studies.ocp_problems import ADAPTIVE, Method
+from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
+from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.studies.nodes.ocp_problems import ADAPTIVE, Method
 
 OURS = "ours"
 NODES = 60  # that ours may use

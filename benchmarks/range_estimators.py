@@ -3,9 +3,9 @@
     python benchmarks/range_estimators.py [--seconds 20] [--repetitions 7]
 
 Everyone gets the same readings of the same figure of eight, 100 a second, with two sensors and with four. What is
-compiled runs in one compiled loop (``sim.studies.range_costs``): the bank as it is flown, the bank if no hypothesis
-were ever dropped, one filter of it, and a particle filter. The plug-ins are called as the loop calls them, reading by
-reading, Python included.
+compiled runs in one compiled loop (``mathnavi.sim.studies.ranging.range_convergence.costs``): the bank as it is flown,
+the bank if no hypothesis were ever dropped, one filter of it, and a particle filter. The plug-ins are called as the
+loop calls them, reading by reading, Python included.
 """
 
 from __future__ import annotations
@@ -21,8 +21,15 @@ from rich.console import Console
 
 from benchmarks.comparison import Comparison, Ratio, alone
 from benchmarks.progress import progress
-from sim.signals import Array
-from sim.studies.range_costs import ALL_ALIVE, BANK_LOOP, EKF_LOOP, PARTICLE_LOOP, costs, read
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.studies.ranging.range_convergence.costs import (
+    ALL_ALIVE,
+    BANK_LOOP,
+    EKF_LOOP,
+    PARTICLE_LOOP,
+    costs,
+    read,
+)
 
 SENSORS = {"2 rays": "2s", "4 rays": "4"}
 FILTERPY = {"range_ekf": "filterpy EKF", "range_ukf": "filterpy UKF", "range_particle": "filterpy PF"}

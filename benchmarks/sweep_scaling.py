@@ -2,10 +2,10 @@
 
     python benchmarks/sweep_scaling.py [--trials 40] [--repetitions 3] [--workers 2]
 
-``sim.sweep`` beside ``concurrent.futures.ProcessPoolExecutor``, which builds and runs the same trials in processes of
-its own, also with one thread each, and stores nothing. The time until as many trials have ended as there are workers,
-in which their processes start, import and load compiled kernels, counts as the start; the rate is that of the rest.
-The whole time is also shown.
+``mathnavi.sim.sweep`` beside ``concurrent.futures.ProcessPoolExecutor``, which builds and runs the same trials in
+processes of its own, also with one thread each, and stores nothing. The time until as many trials have ended as there
+are workers, in which their processes start, import and load compiled kernels, counts as the start; the rate is that of
+the rest. The whole time is also shown.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from rich.table import Table
 
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
-from sim.signals import Array
-from sim.store import Store
-from sim.sweep.child import ENVIRONMENT
-from sim.sweep.execution import Progress, run_trials
-from sim.sweep.trial import Trial, trial
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.store import Store
+from mathnavi.sim.sweep.child import ENVIRONMENT
+from mathnavi.sim.sweep.execution import Progress, run_trials
+from mathnavi.sim.sweep.trial import Trial, trial
 
 OURS, POOL = "run_trials", "ProcessPoolExecutor"
 AT_LEAST = 1.7  # times as fast with two workers as with one
@@ -80,7 +80,7 @@ class Course:
 
 
 def swept(trials: Sequence[Trial], workers: int) -> Course:
-    """By ``sim.sweep``, into a store of its own."""
+    """By ``mathnavi.sim.sweep``, into a store of its own."""
     ends: list[float] = []
 
     def note(state: Progress) -> None:

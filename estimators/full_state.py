@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from estimators.freshness import Freshness
-from sim.checks import check_positive
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import Array, Estimate, Measurement, Status
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 
 @runtime_checkable
@@ -68,7 +68,7 @@ class FullState:
 
     def __init__(self, config: FullStateConfig, mission: Mission) -> None:
         self.period = mission.control_period
-        self._freshness = Freshness(config.timeout)
+        self._freshness = TimeoutMonitor(config.timeout)
         self._mission = mission
         self._fresh = mission.full_state_covariance(0.0)  # of a reading that is not old
         self._x = mission.start_state

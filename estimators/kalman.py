@@ -22,13 +22,13 @@ import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 from scipy.special import gammainc
 
-from estimators.freshness import Freshness, time_ahead
-from models.aerial.mission import EstimateQuality, FlightMission, GustModel
-from models.aerial.sensors import PositionSensor
-from models.instants import SIMULTANEOUS
-from sim.checks import check_positive
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.signals import Array, Estimate, Measurement
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from mathnavi.models.aerial.sensors import PositionSensor
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 _H = np.array([[1.0, 0.0, 0.0]])  # a fix reads the position
 _EYE = np.eye(3)
@@ -83,7 +83,7 @@ class Kalman:
         from filterpy.kalman import KalmanFilter  # takes .7 s to import
 
         self.period = mission.control_period
-        self._freshness = Freshness(config.timeout)  # of the fixes
+        self._freshness = TimeoutMonitor(config.timeout)  # of the fixes
         self._model = AxisModel.of(config, mission)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._filter = KalmanFilter(dim_x=3, dim_z=1, dim_u=1)
@@ -142,7 +142,7 @@ class Kalman:
         if self._t is None:
             self._t = t
         h = time_ahead(t, self._t, "a fix")
-        if h > SIMULTANEOUS:
+        if h > TIME_TOLERANCE:
             key = round(h, 10)  # so that the last bit of a time does not cost a matrix exponential
             if key not in self._discrete:
                 self._discrete[key] = self._model.discretised(h)

@@ -20,18 +20,18 @@ from functools import lru_cache
 import casadi
 import numpy as np
 
-from estimators.carried_filter import carried_filter
-from estimators.freshness import Freshness, time_ahead
-from models.angles import wrapped
-from models.instants import SIMULTANEOUS
-from models.missile.coordinates import STEP, Coordinates
-from models.missile.dynamics import Body, rotation
-from models.missile.mission import MissileMission
-from models.runge_kutta import classical_step
-from sim.checks import check_positive
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import Array, Estimate, Measurement
+from mathnavi.estimators.carried_filter import carried_filter
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
+from mathnavi.models.angles import wrapped
+from mathnavi.models.missile.coordinates import STEP, Coordinates
+from mathnavi.models.missile.dynamics import Body, rotation
+from mathnavi.models.missile.mission import MissileMission
+from mathnavi.models.runge_kutta import classical_step
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class MissileKalman:
     def __init__(self, config: MissileKalmanConfig, mission: MissileMission) -> None:
         coordinates = self._coordinates = mission.coordinates
         self.period = mission.control_period
-        self._freshness, self._input_max = Freshness(config.timeout), np.array(mission.input_max)
+        self._freshness, self._input_max = TimeoutMonitor(config.timeout), np.array(mission.input_max)
         self._size = coordinates.state_size
         self._step = _transition(coordinates, mission.body, config.time_constant)
         self._input_of = _disturbing_input(coordinates)
@@ -123,7 +123,7 @@ class MissileKalman:
         if self._t is None:
             self._t = t
         h = time_ahead(t, self._t, "a reading")
-        while h > SIMULTANEOUS:
+        while h > TIME_TOLERANCE:
             step = min(h, STEP)
             after, F = self._step(self._filter.x, u, step)
             self._filter.F = np.array(F)

@@ -1,6 +1,6 @@
 """The state of a quadrotor as a sensor reads it, in the terms of the planner above it and of the tracker beneath.
 
-``estimators.full_state`` carries the readings (13,) on; the estimate is x = (p, v) (6,) in the map frame, with
+``mathnavi.estimators.full_state`` carries the readings (13,) on; the estimate is x = (p, v) (6,) in the map frame, with
 extra["attitude"], the unit quaternion (4,) of the body, and extra["rate"], its angular velocity (3,) [rad/s] in its own
 frame. So a planner and a certificate of the point mass take it as it is.
 """
@@ -11,12 +11,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from estimators.full_state import FullState, FullStateConfig
-from models.aerial.mission import EstimateQuality
-from models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, STATE_SIZE, VELOCITY
-from models.quadrotor.mission import QuadrotorMission, QuadrotorStateSensor
-from sim.observer_properties import ObserverProperties
-from sim.signals import Array, Estimate, Measurement
+from mathnavi.estimators.full_state import FullState, FullStateConfig
+from mathnavi.models.aerial.mission import EstimateQuality
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, POSITION, RATE, STATE_SIZE, VELOCITY
+from mathnavi.models.quadrotor.mission import QuadrotorMission, QuadrotorStateSensor
+from mathnavi.sim.interfaces.observer_properties import ObserverProperties
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 _INDICES = np.arange(STATE_SIZE)
 _POINT = np.concatenate([_INDICES[POSITION], _INDICES[VELOCITY]])

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from typing import TypeVar
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 Angle = TypeVar("Angle", float, Array)
 
 
 def wrapped(angle: Angle) -> Angle:
-    """[rad] an angle, or each of several, in [-pi, pi); ``models.unicycle.kernels.wrapped`` is for compiled code."""
+    """[rad] an angle, or each of several, in [-pi, pi); ``mathnavi.models.unicycle.kernels.wrapped`` is for compiled
+    code."""
     within: Angle = (angle + math.pi) % (2.0 * math.pi) - math.pi
     return within

@@ -7,7 +7,7 @@ from typing import Any
 
 import casadi
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 
 class BufferedFunction:

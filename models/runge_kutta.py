@@ -19,8 +19,8 @@ from typing import Any, TypeVar
 import casadi
 import numpy as np
 
-from models.buffered_function import BufferedFunction
-from sim.signals import Array
+from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.sim.interfaces.signals import Array
 
 State = TypeVar("State", casadi.SX, Array)
 

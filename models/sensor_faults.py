@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from models.instants import SIMULTANEOUS
-from sim.protocols import Motion, Sensor
-from sim.signals import Array
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.protocols import Sensor, StateView
+from mathnavi.sim.interfaces.signals import Array
 
 
 class Dropout:
@@ -22,7 +22,7 @@ class Dropout:
         self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
         self._sensor, self._loss, self._rng = sensor, rate, rng
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
         reading = self._sensor.read(motion, rng)
         return None if self._rng.random() < self._loss else reading
 
@@ -40,8 +40,8 @@ class Outage:
         self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
         self._sensor, self._spans, self._period, self._count = sensor, spans, 1.0 / sensor.rate, 0
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
         reading = self._sensor.read(motion, rng)
         t = self._count * self._period
         self._count += 1
-        return None if any(begin <= t + SIMULTANEOUS < end for begin, end in self._spans) else reading
+        return None if any(begin <= t + TIME_TOLERANCE < end for begin, end in self._spans) else reading

@@ -10,7 +10,7 @@ from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from renders.palette import Picture
+from mathnavi.renders.palette import Picture
 
 
 class Blitted:

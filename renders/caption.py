@@ -10,16 +10,16 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from renders.film import Frame
-from renders.palette import COLOURS, Colour, Part, Picture
+from mathnavi.renders.film import Frame
+from mathnavi.renders.palette import COLOURS, Colour, Picture, SceneElement
 
 WHITE, SOFT, PANEL = (255, 255, 255, 255), (205, 214, 224, 255), (16, 24, 36, 176)
 DOTS, DASHES, ARROWS, RINGS, CIRCLES = (
-    (Part.RADAR, Part.ESTIMATE, Part.HYPOTHESIS, Part.BELIEVED, Part.REFERENCE),
-    (Part.COMPLETION, Part.LOST_RAY),
-    (Part.FORCE, Part.VELOCITY, Part.TRUE_VELOCITY, Part.FOUND_VELOCITY),
-    (Part.TARGET,),
-    (Part.SPREAD, Part.IMAGE),
+    (SceneElement.RADAR, SceneElement.ESTIMATE, SceneElement.HYPOTHESIS, SceneElement.BELIEVED, SceneElement.REFERENCE),
+    (SceneElement.COMPLETION, SceneElement.LOST_RAY),
+    (SceneElement.FORCE, SceneElement.VELOCITY, SceneElement.TRUE_VELOCITY, SceneElement.FOUND_VELOCITY),
+    (SceneElement.TARGET,),
+    (SceneElement.SPREAD, SceneElement.IMAGE),
 )  # how a part is drawn; else a line
 ENLARGED = 2.0  # times as large are the letters of a brief caption
 RING_COLOURS = ((242, 242, 237), (212, 33, 26), (242, 242, 237))  # of a target, from its edge to its middle
@@ -51,7 +51,7 @@ class Words:
     title: Sequence[str]  # lines, the first one larger
     numbers: Sequence[tuple[str, str, str]]  # (name, value, note); the first two are those of a brief caption
     state: str  # what is being done
-    legend: Sequence[Part | Key]
+    legend: Sequence[SceneElement | Key]
     notice: str  # what just happened
     share: float  # of the run that is over
     moments: Sequence[float]  # shares of the run at which something happened
@@ -158,10 +158,10 @@ class Caption:
             draw.text((left, edge + self._px(35)), value, WHITE, self._bold[26], "lm")
             left += wide + gap
 
-    def _strip(self, draw: ImageDraw.ImageDraw, parts: Sequence[Part | Key]) -> None:
+    def _strip(self, draw: ImageDraw.ImageDraw, parts: Sequence[SceneElement | Key]) -> None:
         """A legend along the lower edge, in as many rows as it takes."""
         font, high, swatch, gap, edge = self._plain[13], self._px(20), self._px(35), self._px(11), self._px(8)
-        rows: list[list[tuple[Part | Key, float]]] = [[]]
+        rows: list[list[tuple[SceneElement | Key, float]]] = [[]]
         left = float(edge)
         for part in parts:
             wide = swatch + font.getlength(_name(part)) + gap
@@ -178,7 +178,7 @@ class Caption:
                 self._swatch(draw, part, x, y)
                 draw.text((x + swatch, y), _name(part), WHITE, font, "lm")
 
-    def _legend(self, draw: ImageDraw.ImageDraw, parts: Sequence[Part | Key]) -> None:
+    def _legend(self, draw: ImageDraw.ImageDraw, parts: Sequence[SceneElement | Key]) -> None:
         font, pad, row = self._plain[15], self._px(13), self._px(22)
         names = [_name(part) for part in parts]
         wide = max(font.getlength(name) for name in names) + self._px(42) + 2 * pad
@@ -191,7 +191,7 @@ class Caption:
             self._swatch(draw, part, x, y)
             draw.text((x + self._px(42), y), name, WHITE, font, "lm")
 
-    def _swatch(self, draw: ImageDraw.ImageDraw, part: Part | Key, x: float, y: float) -> None:
+    def _swatch(self, draw: ImageDraw.ImageDraw, part: SceneElement | Key, x: float, y: float) -> None:
         shown = part.colour if isinstance(part, Key) else COLOURS[part]
         colour = tuple(round(255 * channel) for channel in shown)
         thick, long = self._px(4), self._px(30)
@@ -231,7 +231,7 @@ class Caption:
     def _progress(self, draw: ImageDraw.ImageDraw, words: Words) -> None:
         left, right, y = self._px(18), self.width - self._px(18), self.height - self._px(14)
         draw.line((left, y, right, y), (16, 24, 36, 150), self._px(5))
-        flown = (*(round(255 * channel) for channel in COLOURS[Part.FLOWN]), 255)
+        flown = (*(round(255 * channel) for channel in COLOURS[SceneElement.FLOWN]), 255)
         draw.line((left, y, left + words.share * (right - left), y), flown, self._px(5))
         for share in words.moments:
             x = left + share * (right - left)
@@ -243,5 +243,5 @@ def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float,
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
-def _name(part: Part | Key) -> str:
+def _name(part: SceneElement | Key) -> str:
     return part.text if isinstance(part, Key) else part.value

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from PIL import Image
 
-from renders.drawing import checked_camera, drawing_of
-from renders.film import Shot, frames_of
-from renders.video import STILL_SAMPLES, draw
+from mathnavi.renders.drawing import checked_camera, drawing_of
+from mathnavi.renders.film import Shot, frames_of
+from mathnavi.renders.video import STILL_SAMPLES, draw
 
 WIDTH, HEIGHT, FPS = 640, 360, 12
 LENGTH, LAST_LOOK = 5.0, 1.0  # [s] of the clip: while time passes, and for which its last picture stays

@@ -1,6 +1,6 @@
-"""Radars drawn as domes over the two worlds of ``renders.landscape``, where they are and while they are on.
+"""Radars drawn as domes over the two worlds of ``mathnavi.renders.landscape``, where they are and while they are on.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from models.terrain.height_field import HeightField
-from models.terrain.visibility import RadarTrack
-from renders.landscape import WORLDS, Landscape
-from renders.palette import COLOURS, Part
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.visibility import RadarTrack
+from mathnavi.renders.landscape import WORLDS, Landscape
+from mathnavi.renders.palette import COLOURS, SceneElement
 
 
 def add_domes(spec: Any, terrain: HeightField, radars: Sequence[RadarTrack]) -> None:
@@ -30,7 +30,8 @@ def add_domes(spec: Any, terrain: HeightField, radars: Sequence[RadarTrack]) -> 
             mesh.make_sphere(subdivision=4)
             spec.worldbody.add_geom(
                 name=f"radar {k} {name}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name,
-                pos=foot if factor == 1.0 else land.tall(foot), rgba=[*COLOURS[Part.RADAR], 0.0], material="radar",
+                pos=foot if factor == 1.0 else land.tall(foot), material="radar",
+                rgba=[*COLOURS[SceneElement.RADAR], 0.0],
                 group=group, contype=0, conaffinity=0,
             )  # fmt: skip
 

@@ -11,14 +11,14 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from renders.film import Frame
-from renders.palette import Picture
-from renders.run_log import existing_folder, read_json
+from mathnavi.renders.film import Frame
+from mathnavi.renders.palette import Picture
+from mathnavi.sim.records.run_log import existing_folder, read_json
 
 if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes that draw make none
-    from renders.page import Markup
+    from mathnavi.renders.page import Markup
 
-FLIGHT = "renders.flight.drawing"
+FLIGHT = "mathnavi.renders.flight.drawing"
 TOUR = "tour"  # the direction that cuts between the cameras
 PARTS = ("cameras", "still_camera", "load_run", "storyboard", "highlight", "notices", "painter", "report")
 

@@ -16,11 +16,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from models.terrain.height_field import HeightField
-from renders.palette import COLOURS, Part, hexadecimal
-from renders.relief import relief
-from renders.run_log import described
-from sim.signals import Array, Event, Integers, Plan
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
+from mathnavi.renders.relief import relief
+from mathnavi.sim.interfaces.signals import Array, Event, Integers, Plan
+from mathnavi.sim.records.run_log import described
 
 INK, GRID = "#1b2733", "#b9c2cc"
 GROUND, BOUND = "#9a8468", "#c2183b"
@@ -57,7 +57,7 @@ def canvas(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def colour_of(part: Part) -> str:
+def colour_of(part: SceneElement) -> str:
     """As matplotlib takes it."""
     return hexadecimal(COLOURS[part])
 
@@ -110,7 +110,7 @@ def cost_figure(plans: Sequence[Plan], adopted: Array, duration: float) -> Figur
         figure = canvas(9.4, 2.6)
         axes = figure.add_subplot()
         cost = np.array([plan.cost for plan in plans])
-        axes.step(adopted, cost, where="post", color=colour_of(Part.OPTIMISED))
+        axes.step(adopted, cost, where="post", color=colour_of(SceneElement.OPTIMISED))
         axes.set(xlabel="time [s]", ylabel="cost", xlim=(0.0, duration), title="Composite cost of the plan being flown")
     return figure
 
@@ -125,7 +125,7 @@ def solve_figure(summary: Mapping[str, Any]) -> Figure:
         known = [(name, float(value)) for name, value in found if value is not None]
         if known:
             labels, values = zip(*known, strict=True)
-            bars = axes.barh(labels, values, 0.6, color=colour_of(Part.OPTIMISED))
+            bars = axes.barh(labels, values, 0.6, color=colour_of(SceneElement.OPTIMISED))
             axes.bar_label(bars, [f"{value:.3g} ms" for _, value in known], padding=4)
         axes.invert_yaxis()
         axes.margins(x=0.12)
@@ -143,7 +143,7 @@ def events_figure(events: Sequence[Event], duration: float) -> Figure:
         axes = figure.add_subplot()
         for row, kind in enumerate(kinds):
             times = [event.t for event, name in zip(events, names, strict=True) if name == kind]
-            axes.plot(times, [row] * len(times), "|", ms=11, mew=1.8, color=colour_of(Part.OPTIMISED))
+            axes.plot(times, [row] * len(times), "|", ms=11, mew=1.8, color=colour_of(SceneElement.OPTIMISED))
         labels = [f"{kind} ({names.count(kind)})" for kind in kinds]
         axes.set_yticks(range(len(kinds)), labels)
         axes.set(xlabel="time [s]", title="Events", ylim=(len(kinds) - 0.4, -0.6))

@@ -1,6 +1,6 @@
 """Where a camera has to be so that what matters fills the free part of a picture.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from renders.stage import Optics, View
-from sim.signals import Array
+from mathnavi.renders.stage import Optics, View
+from mathnavi.sim.interfaces.signals import Array
 
 _FAR = 1000.0  # [m] from which the search starts at least
 _STEPS = 12  # centre, then fill; perspective couples the two only weakly

@@ -4,7 +4,7 @@ One world is the true one, for cameras beside a vehicle; in the other, for the o
 above the lowest ground are multiplied by ``relief.EXAGGERATION``. On a map of 82 km nothing could be seen at its
 true size, so airframes are drawn at a size in shares of the picture.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from typing import Any
 import mujoco
 import numpy as np
 
-import models.aerial
-from models.terrain.height_field import HeightField
-from renders.framing import Box, framing
-from renders.palette import Colour
-from renders.relief import EXAGGERATION, relief, resampled, roughened
-from renders.stage import HORIZON, NADIR, Optics, Stage, View
-from sim.signals import Array
+import mathnavi.models.aerial
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.palette import Colour
+from mathnavi.renders.relief import EXAGGERATION, relief, resampled, roughened
+from mathnavi.renders.stage import HORIZON, NADIR, Optics, Stage, View
+from mathnavi.sim.interfaces.signals import Array
 
 GROUND_NODES, TEXTURE_PIXELS = 257, 1025  # along the longer side
 DETAIL = 4  # texture pixels painted for each pixel of the relief, unless the picture is small
@@ -137,7 +137,7 @@ def landscape(terrain: HeightField, width: int, height: int, samples: int) -> An
 
 def add_airframe(spec: Any, name: str, colour: Colour | None = None) -> None:
     """An airframe that is placed by ``Airframe``, in its own colours or all in one."""
-    vehicle = mujoco.MjSpec.from_file(str(Path(models.aerial.__file__).parent / "airframe.xml"))
+    vehicle = mujoco.MjSpec.from_file(str(Path(mathnavi.models.aerial.__file__).parent / "airframe.xml"))
     body = spec.worldbody.add_body(name=name, mocap=True)
     for geom in vehicle.worldbody.geoms:
         rgba = geom.rgba if colour is None else [*colour, geom.rgba[3]]

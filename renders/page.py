@@ -19,8 +19,8 @@ import matplotlib
 from matplotlib.figure import Figure
 from PIL import Image
 
-from renders import figures
-from sim.metrics.names import label
+from mathnavi.renders import figures
+from mathnavi.sim.records.figure_names import label
 
 STYLE_SHEET = Path(__file__).with_name("page.css")
 # What a page may use: what stands in it. The pictures a reader saves from a 3-D view are blobs.

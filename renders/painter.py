@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from renders.caption import Caption
-from renders.film import Frame
-from renders.palette import Picture
+from mathnavi.renders.caption import Caption
+from mathnavi.renders.film import Frame
+from mathnavi.renders.palette import Picture
 
 
 @dataclass(frozen=True)

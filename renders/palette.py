@@ -7,13 +7,13 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.signals import Phase
+from mathnavi.sim.interfaces.signals import Phase
 
 Picture = NDArray[np.uint8]  # (height, width, 3) red, green, blue; row 0 on top
 Colour = tuple[float, float, float]  # red, green, blue in [0, 1]
 
 
-class Part(Enum):
+class SceneElement(Enum):
     """What a line or a mark stands for; the value is its name in a legend."""
 
     FLOWN = "flown"
@@ -42,31 +42,31 @@ class Part(Enum):
     GEODESIC = "geodesic to the estimate"
 
 
-COLOURS: dict[Part, Colour] = {
-    Part.FLOWN: (1.00, 0.50, 0.05),
-    Part.OPTIMISED: (0.05, 0.42, 0.95),
-    Part.MANOEUVRE: (0.86, 0.10, 0.72),
-    Part.COMPLETION: (0.10, 0.78, 0.48),
-    Part.RADAR: (0.85, 0.05, 0.15),
-    Part.START: (0.98, 0.98, 0.98),
-    Part.TARGET: (1.00, 0.85, 0.05),
-    Part.PLAN: (0.05, 0.42, 0.95),
-    Part.FORCE: (0.10, 0.78, 0.48),
-    Part.VELOCITY: (0.86, 0.10, 0.72),
-    Part.DRIVEN: (1.00, 0.50, 0.05),
-    Part.ESTIMATE: (0.05, 0.42, 0.95),
-    Part.SPREAD: (0.05, 0.42, 0.95),
-    Part.HYPOTHESIS: (0.86, 0.10, 0.72),
-    Part.BELIEVED: (0.05, 0.42, 0.95),
-    Part.RAY: (0.02, 0.58, 0.47),
-    Part.LOST_RAY: (0.52, 0.57, 0.63),
-    Part.IMAGE: (0.42, 0.48, 0.55),
-    Part.TARGET_PATH: (1.00, 0.85, 0.05),
-    Part.TRUE_PATH: (1.00, 0.50, 0.05),
-    Part.TRUE_VELOCITY: (1.00, 0.50, 0.05),
-    Part.FOUND_VELOCITY: (0.05, 0.42, 0.95),
-    Part.REFERENCE: (0.10, 0.78, 0.48),
-    Part.GEODESIC: (0.86, 0.10, 0.72),
+COLOURS: dict[SceneElement, Colour] = {
+    SceneElement.FLOWN: (1.00, 0.50, 0.05),
+    SceneElement.OPTIMISED: (0.05, 0.42, 0.95),
+    SceneElement.MANOEUVRE: (0.86, 0.10, 0.72),
+    SceneElement.COMPLETION: (0.10, 0.78, 0.48),
+    SceneElement.RADAR: (0.85, 0.05, 0.15),
+    SceneElement.START: (0.98, 0.98, 0.98),
+    SceneElement.TARGET: (1.00, 0.85, 0.05),
+    SceneElement.PLAN: (0.05, 0.42, 0.95),
+    SceneElement.FORCE: (0.10, 0.78, 0.48),
+    SceneElement.VELOCITY: (0.86, 0.10, 0.72),
+    SceneElement.DRIVEN: (1.00, 0.50, 0.05),
+    SceneElement.ESTIMATE: (0.05, 0.42, 0.95),
+    SceneElement.SPREAD: (0.05, 0.42, 0.95),
+    SceneElement.HYPOTHESIS: (0.86, 0.10, 0.72),
+    SceneElement.BELIEVED: (0.05, 0.42, 0.95),
+    SceneElement.RAY: (0.02, 0.58, 0.47),
+    SceneElement.LOST_RAY: (0.52, 0.57, 0.63),
+    SceneElement.IMAGE: (0.42, 0.48, 0.55),
+    SceneElement.TARGET_PATH: (1.00, 0.85, 0.05),
+    SceneElement.TRUE_PATH: (1.00, 0.50, 0.05),
+    SceneElement.TRUE_VELOCITY: (1.00, 0.50, 0.05),
+    SceneElement.FOUND_VELOCITY: (0.05, 0.42, 0.95),
+    SceneElement.REFERENCE: (0.10, 0.78, 0.48),
+    SceneElement.GEODESIC: (0.86, 0.10, 0.72),
 }
 
 
@@ -96,9 +96,11 @@ def vehicle_colour(k: int) -> Colour:
     return VEHICLES[k % len(VEHICLES)]
 
 
-def part_of(phase: int) -> Part:
+def part_of(phase: int) -> SceneElement:
     """The part of a plan that an arc of this phase belongs to."""
-    return {Phase.OPTIMISED: Part.OPTIMISED, Phase.MANOEUVRE: Part.MANOEUVRE}.get(Phase(phase), Part.COMPLETION)
+    return {Phase.OPTIMISED: SceneElement.OPTIMISED, Phase.MANOEUVRE: SceneElement.MANOEUVRE}.get(
+        Phase(phase), SceneElement.COMPLETION
+    )
 
 
 def hexadecimal(colour: Colour) -> str:

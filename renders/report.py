@@ -12,14 +12,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from renders import opengl, page
-from renders.drawing import drawing_of
-from renders.page import Markup, quantity
-from renders.run_log import described
-from renders.video import write_still
-from sim.log import write_text
-from sim.metrics.names import SHORTFALL, SUMMARY_GROUPS, label
-from sim.signals import Event
+from mathnavi.renders import opengl, page
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.video import write_still
+from mathnavi.sim.engine.log import write_text
+from mathnavi.sim.interfaces.signals import Event
+from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.records.run_log import described
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted
 

@@ -1,6 +1,6 @@
 """What every scene needs of MuJoCo's renderer: a camera, lines of a width in pixels, where things are in the picture.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import Any, Self
 import mujoco
 import numpy as np
 
-from renders.palette import Colour, Picture
-from sim.signals import Array
+from mathnavi.renders.palette import Colour, Picture
+from mathnavi.sim.interfaces.signals import Array
 
 MAX_GEOMS = 4000
 DASH = 11.0  # [pixels] at a picture 720 pixels high: length of a dash and of the gap after it

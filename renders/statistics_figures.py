@@ -1,7 +1,7 @@
 """Samples as figures: rates with their exact limits, medians with their bootstrap bands, distributions.
 
-In the style of ``renders.figures``, so a report puts the reader's theme in place of its ink and grid. What is infinite
-stands at the edge, just beyond all that is finite.
+In the style of ``mathnavi.renders.figures``, so a report puts the reader's theme in place of its ink and grid. What is
+infinite stands at the edge, just beyond all that is finite.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from renders.figures import BOUND, STYLE, canvas
-from sim.signals import Array
-from sim.statistics import Band, Rate
+from mathnavi.renders.figures import BOUND, STYLE, canvas
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.statistics import Band, Rate
 
 SERIES = ("#0d6bf2", "#e07b00", "#12a06b", "#c2185b", "#8a4fd0", "#7a8896")  # readable on light and on dark ground
 WIDTH = 9.4  # [inches] of a figure

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from models.terrain.height_field import HeightField
-from renders import page
-from renders.claims import Claim, tally
-from renders.page import Markup
-from renders.terrain_view import Track, script, terrain_view
-from sim.log import write_text
-from sim.signals import Array
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.renders import page
+from mathnavi.renders.page import Markup
+from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.sim.engine.log import write_text
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.claims import Claim, tally
 
 
 @dataclass(frozen=True)

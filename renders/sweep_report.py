@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from models.terrain.height_field import HeightField
-from renders import page
-from renders.page import UNKNOWN, Markup, number
-from renders.statistics_figures import (
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.renders import page
+from mathnavi.renders.page import UNKNOWN, Markup, number
+from mathnavi.renders.statistics_figures import (
     SERIES,
     bands_figure,
     distribution_figure,
@@ -23,7 +23,12 @@ from renders.statistics_figures import (
     rates_figure,
     scatter_figure,
 )
-from renders.sweep_data import (
+from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.sim.engine.log import write_text
+from mathnavi.sim.records.figure_names import SHORTFALL, label
+from mathnavi.sim.records.statistics import Band, Rate, percent
+from mathnavi.sim.records.store import Record
+from mathnavi.sim.records.sweep_data import (
     CLEARANCE,
     CLEARANCE_BOUND,
     Group,
@@ -35,11 +40,6 @@ from renders.sweep_data import (
     is_number,
     shared,
 )
-from renders.terrain_view import Track, script, terrain_view
-from sim.log import write_text
-from sim.metrics.names import SHORTFALL, label
-from sim.statistics import Band, Rate, percent
-from sim.store import Record
 
 MOST_TILES = 5
 MOST_DRAWN = 30  # groups in a forest plot

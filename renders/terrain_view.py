@@ -1,7 +1,8 @@
-"""A terrain that a reader can turn, with the paths flown over it: a block of a report (``renders.page``).
+"""A terrain that a reader can turn, with the paths flown over it: a block of a report (``mathnavi.renders.page``).
 
-The ground is drawn on its own triangles, in the colours of ``renders.relief``, heights exaggerated as in every picture.
-The nodes travel packed (16 bits a height, 24 a colour) and are unfolded by ``terrain_view.js``; plotly draws.
+The ground is drawn on its own triangles, in the colours of ``mathnavi.renders.relief``, heights exaggerated as in
+every picture. The nodes travel packed (16 bits a height, 24 a colour) and are unfolded by ``terrain_view.js``; plotly
+draws.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from models.terrain.height_field import HeightField
-from renders.figures import thinned
-from renders.page import Markup, text
-from renders.palette import COLOURS, Part, hexadecimal
-from renders.relief import EXAGGERATION, relief, resampled
-from sim.signals import Array
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.renders.figures import thinned
+from mathnavi.renders.page import Markup, text
+from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
+from mathnavi.renders.relief import EXAGGERATION, relief, resampled
+from mathnavi.sim.interfaces.signals import Array
 
 MOST_NODES = 257  # along the longer side of the ground
 HEIGHT_UNIT = 0.1  # [m]
@@ -195,10 +196,10 @@ def _dome(radar: Radar, terrain: HeightField, *, first: bool) -> dict[str, Any]:
         [level * np.cos(around), level * np.sin(around), np.sin(up)]
     )
     look = {
-        "name": Part.RADAR.value,
-        "legendgroup": Part.RADAR.value,
+        "name": SceneElement.RADAR.value,
+        "legendgroup": SceneElement.RADAR.value,
         "showlegend": first,
-        "color": hexadecimal(COLOURS[Part.RADAR]),
+        "color": hexadecimal(COLOURS[SceneElement.RADAR]),
         "opacity": 0.28,
         "lighting": {"ambient": 0.7, "diffuse": 0.4, "specular": 0.1, "fresnel": 0.0},
     }
@@ -219,7 +220,7 @@ def _line(track: Track, *, first: bool) -> dict[str, Any]:
 
 def _marks(places: Mapping[str, Array]) -> dict[str, Any]:
     """A dot for each place; its name is an annotation, which no mountain hides."""
-    colours = {part.value: hexadecimal(COLOURS[part]) for part in (Part.START, Part.TARGET)}
+    colours = {part.value: hexadecimal(COLOURS[part]) for part in (SceneElement.START, SceneElement.TARGET)}
     return _points(np.array(list(places.values())).reshape(-1, 3)) | {
         "mode": "markers",
         "marker": {

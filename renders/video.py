@@ -1,4 +1,4 @@
-"""A run as a video or a still: drawn by child processes (``renders.worker``), encoded here.
+"""A run as a video or a still: drawn by child processes (``mathnavi.renders.worker``), encoded here.
 
 The frames are dealt to the processes in turn and collected in turn, so the result does not depend on how many draw.
 """
@@ -22,10 +22,10 @@ from PIL import Image
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from renders import opengl
-from renders.drawing import TOUR, checked_camera, drawing_of
-from renders.film import Frame
-from renders.palette import Picture
+from mathnavi.renders import opengl
+from mathnavi.renders.drawing import TOUR, checked_camera, drawing_of
+from mathnavi.renders.film import Frame
+from mathnavi.renders.palette import Picture
 
 WIDTH, HEIGHT, FPS = 1280, 720, 24
 VIDEO_SAMPLES, STILL_SAMPLES = 0, 4  # per pixel: a video blurs its edges by moving
@@ -121,7 +121,7 @@ class _Artist:
     def __init__(self, job: dict[str, object], environment: dict[str, str]) -> None:
         self._complaints: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "renders.worker"],
+            [sys.executable, "-m", "mathnavi.renders.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._complaints,

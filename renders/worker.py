@@ -1,7 +1,7 @@
 """The child process that draws: a job as JSON on standard input, raw pictures on standard output.
 
 Drawing has a process of its own for two reasons: OpenGL's backend must be chosen before mujoco is imported, and
-two processes draw a video on two cores. ``renders.video`` starts it.
+two processes draw a video on two cores. ``mathnavi.renders.video`` starts it.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import sys
 from pathlib import Path
 from typing import BinaryIO
 
-from renders.drawing import drawing_of
-from renders.film import Frame
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.film import Frame
 
 
 def draw(job: dict[str, object], output: BinaryIO) -> None:

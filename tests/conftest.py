@@ -36,8 +36,8 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """
     if hasattr(session.config, "workerinput") or session.config.option.collectonly:
         return
-    from sim.scenarios.flight_fields import SafeFlightConfig
-    from sim.scenarios.safe_flight import SafeFlight
+    from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
+    from mathnavi.sim.scenarios.safe_flight import SafeFlight
     from tests.flight import START, TARGET, above, mountains, save
     from tests.missile import fly
 

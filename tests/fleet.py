@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from hypothesis import strategies as st
 
-from controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
-from controllers.arrival.maximum import MaximumConfig, MaximumConsensus
-from models.fleet.graph import Graph
-from sim.network import Network
-from sim.protocols import Consensus
-from sim.signals import Array, Message
+from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
+from mathnavi.controllers.arrival.maximum import MaximumConfig, MaximumConsensus
+from mathnavi.models.fleet.graph import Graph
+from mathnavi.sim.engine.network import Network
+from mathnavi.sim.interfaces.protocols import Consensus
+from mathnavi.sim.interfaces.signals import Array, Message
 
 NAMES = ("a", "b", "c", "d", "e", "f", "g", "h")
 

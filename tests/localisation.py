@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from models.unicycle.mission import RangingMission
-from models.unicycle.patterns import figure_eight
-from sim.plugins import Part
-from sim.protocols import Sensor
-from sim.scenarios.experiment import Outcome
-from sim.scenarios.range_localisation import RangeLocalisation
-from sim.scenarios.ranging_fields import RangeLocalisationConfig
-from sim.signals import Array, Estimate, Measurement, Phase, Plan, PlanRequest, Status
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.patterns import figure_eight
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.range_localisation import RangeLocalisation
+from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig
 
 
 @dataclass(frozen=True)
@@ -98,9 +98,11 @@ class Reckoning:
         return Estimate(t, self._x.copy(), 0.01 * np.eye(3), status)
 
 
-def run(seed: int = 0, controller: Part | None = None, estimator: Part | None = None, **fields: Any) -> Outcome:
+def run(
+    seed: int = 0, controller: PluginSpec | None = None, estimator: PluginSpec | None = None, **fields: Any
+) -> RunResult:
     """A run of ``Pattern`` and ``DeadReckoner`` unless others are given."""
     config = RangeLocalisationConfig(**fields)
     return RangeLocalisation.build(
-        config, seed, controller or Part.of(Pattern), estimator or Part.of(DeadReckoner)
+        config, seed, controller or PluginSpec.of(Pattern), estimator or PluginSpec.of(DeadReckoner)
     ).run()

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from models.missile.mission import MissileMission, Target
-from sim.plugins import Part
-from sim.scenarios.experiment import Outcome
-from sim.scenarios.missile_fields import MissileGuidanceConfig
-from sim.scenarios.missile_guidance import MissileGuidance
-from sim.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.models.missile.mission import MissileMission, Target
+from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig
+from mathnavi.sim.scenarios.missile_guidance import MissileGuidance
 
 ARC = 0.02  # [s] of a plan
 SOONEST = 0.4  # [s] before the end a plan still makes sense
@@ -112,12 +112,14 @@ class GlideTracker:
         return coordinates.inverse_dynamics(estimate.x, a)
 
 
-def glide(**fields: Any) -> Part:
+def glide(**fields: Any) -> PluginSpec:
     """The controller as a part of a scenario."""
-    return Part.of(Glide, **fields)
+    return PluginSpec.of(Glide, **fields)
 
 
-def fly(seed: int = 0, controller: Part | None = None, estimator: Part | None = None, **fields: Any) -> Outcome:
+def fly(
+    seed: int = 0, controller: PluginSpec | None = None, estimator: PluginSpec | None = None, **fields: Any
+) -> RunResult:
     """A mission flown by ``Glide`` unless another controller is given."""
     config = MissileGuidanceConfig(**fields)
     return MissileGuidance.build(config, seed, controller or glide(), estimator).run()

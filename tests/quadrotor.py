@@ -8,17 +8,17 @@ from functools import cache
 import mujoco
 import numpy as np
 
-from controllers.flight.certificate import TrackingBound
-from controllers.flight.completion import ArcList
-from controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
-from models.aerial.dynamics import state_at
-from models.aerial.mission import FlightMission
-from models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, VELOCITY, Quadrotor, at_rest
-from models.quadrotor.entity import RotorDrive, build_model
-from models.terrain.height_field import HeightField
-from sim.faults import Disturbance
-from sim.plant import Equipment, MujocoPlant
-from sim.signals import Array, Estimate, Phase, Plan
+from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.completion import ArcList
+from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, VELOCITY, Quadrotor, at_rest
+from mathnavi.models.quadrotor.entity import RotorDrive, build_model
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.engine.faults import Disturbance
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan
 
 TICKS = 2  # of the physics to one command
 PERIOD = TICKS / 300.0  # [s]
@@ -93,7 +93,9 @@ def flown(
     """A flight over the plain: states (n, 13), deviations from the plan (n, 6), thrusts asked for (n, 4)."""
     config = TrackerConfig() if config is None else config
     x = at_rest(plan.x[0, :3]) if start is None else start
-    plant = MujocoPlant(built(plain(), true), {"quad": Equipment(x, drive=RotorDrive(true))}, np.random.default_rng(0))
+    plant = MujocoPlant(
+        built(plain(), true), {"quad": VehicleSetup(x, drive=RotorDrive(true))}, np.random.default_rng(0)
+    )
     tracker = GeometricTracker(PERIOD, config, NOMINAL, ANY_BOUND)
     states, off, asked = [], [], []
     for _ in range(round(duration / PERIOD)):

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from sim.cli import main
-from sim.store import Store
+from mathnavi.sim.commands.cli import main
+from mathnavi.sim.records.store import Store
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)

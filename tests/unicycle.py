@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from models.field.curve import Curve, ellipse
-from models.unicycle.drives import DifferentialDrive, IdealDrive, wheel_rates
-from models.unicycle.entity import FLOOR, DriveName, build_model
-from models.unicycle.mission import RangingMission
-from sim.plant import Equipment, MujocoPlant
-from sim.protocols import Sensor
-from sim.signals import Array
+from mathnavi.models.field.curve import Curve, ellipse
+from mathnavi.models.unicycle.drives import DifferentialDrive, IdealDrive, wheel_rates
+from mathnavi.models.unicycle.entity import FLOOR, DriveName, build_model
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array
 
 STANDARD = ellipse(3.763, math.sqrt(2.0))
 
@@ -35,8 +35,8 @@ def plant_of(
     state = np.zeros(2 * model.nq)
     state[:3] = start
     ideal = drive == "ideal"
-    equipment = Equipment(
-        state, sensors, drive=IdealDrive() if ideal else DifferentialDrive(), stands_on=() if ideal else (FLOOR,)
+    equipment = VehicleSetup(
+        state, sensors, drive=IdealDrive() if ideal else DifferentialDrive(), ignored_contacts=() if ideal else (FLOOR,)
     )
     return MujocoPlant(model, {"robot": equipment}, np.random.default_rng(seed))
 
@@ -48,7 +48,7 @@ def _model(curve: Curve, angles: tuple[float, ...], drive: DriveName, friction: 
 
 @dataclass
 class Imagined:
-    """A ``sim.protocols.Motion`` of a unicycle: what its sensors would see, without physics."""
+    """A ``mathnavi.sim.interfaces.protocols.StateView`` of a unicycle: what its sensors would see, without physics."""
 
     mission: RangingMission
     x: Array  # (3,) pose

@@ -28,12 +28,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from controllers.arrival.inbox import Inbox, edge_weight, finite
-from models.fleet.graph import Node
-from models.instants import SIMULTANEOUS
-from sim.checks import check, check_positive
-from sim.protocols import Consensus
-from sim.signals import Message
+from mathnavi.controllers.arrival.inbox import Inbox, edge_weight, finite
+from mathnavi.models.fleet.graph import Node
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.protocols import Consensus
+from mathnavi.sim.interfaces.signals import Message
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ class ClockConsensus:
         if math.isfinite(value):
             self._correction = float(value)
 
-    def talk(self, t: float, received: Sequence[Message]) -> ClockPayload:
+    def exchange(self, t: float, received: Sequence[Message]) -> ClockPayload:
         """One round when its own clock shows t [s]."""
         for message in self._inbox.take(t, received):
             self._compare(t, message)
@@ -170,7 +170,7 @@ class ClockConsensus:
             return
         sent, taken = told.taken[self._node.name]
         round_trip = (t - sent) - (message.t - taken)
-        if not -SIMULTANEOUS <= round_trip <= self._config.memory:
+        if not -TIME_TOLERANCE <= round_trip <= self._config.memory:
             self._unusable["round trip"] += 1
             return
         theta = 0.5 * ((taken - sent) + (message.t - t))
@@ -184,7 +184,7 @@ class ClockConsensus:
             link.since, link.theta_then = t, theta
 
     def _recent(self, link: _Link, t: float) -> bool:
-        return t - link.taken <= self._config.memory + SIMULTANEOUS
+        return t - link.taken <= self._config.memory + TIME_TOLERANCE
 
     def _integrate(self, t: float) -> None:
         correction, rate = self._correction, self._rate

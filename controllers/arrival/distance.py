@@ -18,8 +18,8 @@ An interval is passed over where boxes suffice: Delta stays within the convex hu
 distance from zero is at least that of their axis-aligned box. The whole plans have boxes as well.
 
 Before its start a plan stands where it begins and after its end it rests for ever where it ends, as
-``models.aerial.dynamics.state_at`` has it. A plan that takes over from another at its start is not flown before: who
-compares it gives that time.
+``mathnavi.models.aerial.dynamics.state_at`` has it. A plan that takes over from another at its start is not flown
+before: who compares it gives that time.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from models.aerial.kernels import arc_at
-from sim.checks import check
-from sim.signals import Array, Plan
+from mathnavi.models.aerial.kernels import arc_at
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.signals import Array, Plan
 
 Vector = tuple[float, float, float]
 

@@ -23,10 +23,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from controllers.flight.certificate import pass_time
-from models.aerial.dynamics import state_at
-from sim.checks import check
-from sim.signals import Array, Phase, Plan
+from mathnavi.controllers.flight.certificate import pass_time
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.signals import Array, Phase, Plan
 
 SpeedName = Literal["max", "mean", "largest"]
 

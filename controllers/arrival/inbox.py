@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from models.fleet.graph import Node
-from models.instants import SIMULTANEOUS
-from sim.signals import Message
+from mathnavi.models.fleet.graph import Node
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Message
 
 
 @dataclass(frozen=True)
@@ -94,8 +94,8 @@ class Inbox:
         last = self._heard.get(message.sender)
         if message.sender not in self._node.weights:
             return "stranger"
-        if message.t > t + self._ahead + SIMULTANEOUS:
+        if message.t > t + self._ahead + TIME_TOLERANCE:
             return "from the future"
-        if message.t < self._since - SIMULTANEOUS:
+        if message.t < self._since - TIME_TOLERANCE:
             return "from before the start"
         return "repeated or overtaken" if last is not None and message.t <= last.t else ""

@@ -34,13 +34,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from controllers.arrival.inbox import ConsensusPayload, Inbox, edge_weight
-from controllers.arrival.outlier import DELTA, is_outlier
-from models.fleet.graph import Node
-from models.instants import SIMULTANEOUS
-from sim.checks import check, check_positive
-from sim.protocols import Consensus
-from sim.signals import Message
+from mathnavi.controllers.arrival.inbox import ConsensusPayload, Inbox, edge_weight
+from mathnavi.controllers.arrival.outlier import DELTA, is_outlier
+from mathnavi.models.fleet.graph import Node
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.protocols import Consensus
+from mathnavi.sim.interfaces.signals import Message
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class LaplacianConsensus:
             self._value = value
         self._started = True
 
-    def talk(self, t: float, received: Sequence[Message]) -> ConsensusPayload:
+    def exchange(self, t: float, received: Sequence[Message]) -> ConsensusPayload:
         """One round. The first after a start only tells it: what was said of the period before counts no longer."""
         if self._started:
             self._started = False
@@ -140,7 +140,7 @@ class LaplacianConsensus:
 
     def _last_heard(self, t: float) -> list[tuple[float, float, float, float]]:
         """Of each neighbour that told a value within memory: a_lm, eta_l, d_l, and when it was sent [s]."""
-        oldest = t - self._config.memory - SIMULTANEOUS
+        oldest = t - self._config.memory - TIME_TOLERANCE
         return [
             (self._node.weights[name], message.payload.value, message.payload.valency, message.t)
             for name, message in sorted(self._inbox.heard.items())  # so that sums do not depend on who spoke first
@@ -162,7 +162,7 @@ class LaplacianConsensus:
 
     def _at(self, t: float) -> float:
         """Its own state at an earlier time [s]."""
-        return self._values[max(0, bisect_right(self._times, t + SIMULTANEOUS) - 1)]
+        return self._values[max(0, bisect_right(self._times, t + TIME_TOLERANCE) - 1)]
 
     def _remember(self, t: float) -> None:
         self._times.append(t)

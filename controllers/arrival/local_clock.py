@@ -18,10 +18,10 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from controllers.arrival.clock import ClockConsensus
-from controllers.arrival.companion import FleetCompanion
-from controllers.flight.planner import ARRIVAL
-from sim.signals import Message, Plan, Spoken
+from mathnavi.controllers.arrival.clock import ClockConsensus
+from mathnavi.controllers.arrival.coordinator import FleetCoordinator
+from mathnavi.controllers.flight.planner import ARRIVAL
+from mathnavi.sim.interfaces.signals import Message, Outbox, Plan
 
 CLOCK = "clock consensus"  # the topic of what the consensus tells
 
@@ -38,10 +38,10 @@ class LocalClock:
         return (1.0 + self.drift) * t + self.offset
 
 
-class ClockedCompanion:
-    """The ``Companion`` of a vehicle that has a clock of its own.
+class ClockedCoordinator:
+    """The ``Coordinator`` of a vehicle that has a clock of its own.
 
-    ``companion(stored, ahead)`` makes what talks of plans and arrivals once the clocks agree, from the plan that is
+    ``coordinator(stored, ahead)`` makes what talks of plans and arrivals once the clocks agree, from the plan that is
     flown then, in corrected time, and by what [s] that is ahead of the time in which the vehicle plans.
     """
 
@@ -53,14 +53,14 @@ class ClockedCompanion:
         neighbours: Sequence[str],
         settling: float,
         error: float,
-        companion: Callable[[Plan, float], FleetCompanion],
+        coordinator: Callable[[Plan, float], FleetCoordinator],
     ) -> None:
         """``settling`` [s] of its own clock, ``error`` [s] what a corrected clock may be off."""
         self.period = consensus.period
         self._name, self._clock, self._consensus = name, clock, consensus
         self._neighbours, self._settling, self._error = tuple(neighbours), settling, error
-        self._make = companion
-        self._inner: FleetCompanion | None = None
+        self._make = coordinator
+        self._inner: FleetCoordinator | None = None
         self._flown: Plan | None = None
         self._proposed: tuple[Plan, Plan] | None = None  # as it is flown, and as the others know it
         self._began: float | None = None  # [s] own clock
@@ -70,21 +70,21 @@ class ClockedCompanion:
         """T_m [s]."""
         return self._clock(t) + self._consensus.value
 
-    def talk(self, t: float, received: Sequence[Message]) -> Spoken:
+    def exchange(self, t: float, received: Sequence[Message]) -> Outbox:
         c = self._clock(t)
-        told = self._consensus.talk(c, [message for message in received if message.topic == CLOCK])
+        told = self._consensus.exchange(c, [message for message in received if message.topic == CLOCK])
         clocks = [(name, Message(c, self._name, CLOCK, told)) for name in self._neighbours]
         self._began = c if self._began is None else self._began
         if self._inner is None and self._flown is not None and c - self._began >= self._settling:
             self._inner = self._make(self._shifted(t, self._flown), self.corrected(t) - t)
             self._inner.adopted(self.corrected(t), self._shifted(t, self._flown))
         if self._inner is None:
-            return Spoken(tuple(clocks))
-        spoken = self._inner.talk(self.corrected(t), [message for message in received if message.topic != CLOCK])
-        return Spoken(
-            (*clocks, *spoken.messages),
-            tuple(self._back(t, message) for message in spoken.briefing),
-            (*spoken.events, *self._seen_apart()),
+            return Outbox(tuple(clocks))
+        outbox = self._inner.exchange(self.corrected(t), [message for message in received if message.topic != CLOCK])
+        return Outbox(
+            (*clocks, *outbox.messages),
+            tuple(self._back(t, message) for message in outbox.planner_messages),
+            (*outbox.events, *self._seen_apart()),
         )
 
     def propose(self, t: float, plan: Plan) -> None:

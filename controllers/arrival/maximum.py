@@ -14,11 +14,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from controllers.arrival.inbox import ConsensusPayload, Inbox
-from models.fleet.graph import Node
-from sim.checks import check_positive
-from sim.protocols import Consensus
-from sim.signals import Message
+from mathnavi.controllers.arrival.inbox import ConsensusPayload, Inbox
+from mathnavi.models.fleet.graph import Node
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.protocols import Consensus
+from mathnavi.sim.interfaces.signals import Message
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class MaximumConsensus:
         if not self.outlier:
             self._rise(self._own)
 
-    def talk(self, t: float, received: Sequence[Message]) -> ConsensusPayload:
+    def exchange(self, t: float, received: Sequence[Message]) -> ConsensusPayload:
         for message in self._inbox.take(t, received):
             told: ConsensusPayload = message.payload
             if told.value is not None and told.value > self._node.deadline:

@@ -43,11 +43,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.arrival.distance import Trajectory
-from controllers.arrival.zone import Zone
-from models.instants import SIMULTANEOUS
-from sim.checks import check_names
-from sim.signals import Event, Message, Plan
+from mathnavi.controllers.arrival.distance import Trajectory
+from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.checks import check_names
+from mathnavi.sim.interfaces.signals import Event, Message, Plan
 
 TOPIC = "separation"
 
@@ -70,7 +70,7 @@ class Answer:
 
 
 class Separation:
-    """The protocol of one vehicle. It keeps no time and sends nothing by itself: ``talk`` is to be called often.
+    """The protocol of one vehicle. It keeps no time and sends nothing by itself: ``exchange`` is to be called often.
 
     ``events`` are what happened since they were last taken away: ``separation-refused``, ``separation-yielded``,
     ``separation-late`` (not admitted by its start), ``separation-ignored`` (a message that cannot be) and
@@ -103,7 +103,7 @@ class Separation:
         return (self._current, self._pending.trajectory) if self._pending else (self._current,)
 
     def propose(self, plan: Plan | Trajectory) -> int:
-        """Make a plan pending, in place of one that may be, and return its id; ``talk`` tells the others.
+        """Make a plan pending, in place of one that may be, and return its id; ``exchange`` tells the others.
 
         ValueError for what ``Trajectory.of`` refuses: that is never pending.
         """
@@ -132,7 +132,7 @@ class Separation:
                 f"pending = {self.pending!r} of {self.name}; allowed: a proposal that all have acknowledged"
             )
         start = float(self._pending.trajectory.t[0])
-        if t < start - SIMULTANEOUS:
+        if t < start - TIME_TOLERANCE:
             raise ValueError(f"t = {t!r} of {self.name}; allowed: >= {start!r}, where the plan starts")
         self._current = self._pending.trajectory
         self.guaranteed = True
@@ -150,13 +150,13 @@ class Separation:
         self.guaranteed = False
         self.withdraw()
 
-    def talk(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
+    def exchange(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
         """Take what has arrived by t [s] of this vehicle's clock; return what to send, and to whom.
 
         Answers, and the pending proposal again to each that has not answered it. A proposal that is not admitted when
         its start has passed is withdrawn: it came too late.
         """
-        if self._pending and t > self._pending.trajectory.t[0] + SIMULTANEOUS and not self.admitted(self._pending.id):
+        if self._pending and t > self._pending.trajectory.t[0] + TIME_TOLERANCE and not self.admitted(self._pending.id):
             self._record(t, "late", f"proposal {self._pending.id}: {self._unheard()} have not acknowledged it")
             self.withdraw()
         answers: dict[str, Answer] = {}
@@ -179,7 +179,7 @@ class Separation:
         """Why a message cannot be, or "": to ignore one is as safe as to lose it."""
         if message.sender not in self.peers:
             return f"sender = {message.sender!r}; allowed: {', '.join(self.peers)}"
-        if not message.t <= t + 2.0 * self.zone.clock_error + SIMULTANEOUS:
+        if not message.t <= t + 2.0 * self.zone.clock_error + TIME_TOLERANCE:
             return f"t = {message.t!r} of {message.sender} lies in the future; allowed: <= {t!r}"
         if not isinstance(message.payload, Proposal | Answer):
             return f"payload of {message.sender} is {type(message.payload).__name__}; allowed: Proposal, Answer"

@@ -17,10 +17,10 @@ from itertools import combinations
 
 import numpy as np
 
-from controllers.arrival.distance import Trajectory, clear, least_distance
-from models.aerial.kernels import state_on
-from sim.checks import check, check_names
-from sim.signals import Array, Plan
+from mathnavi.controllers.arrival.distance import Trajectory, clear, least_distance
+from mathnavi.models.aerial.kernels import state_on
+from mathnavi.sim.interfaces.checks import check, check_names
+from mathnavi.sim.interfaces.signals import Array, Plan
 
 
 @dataclass(frozen=True)

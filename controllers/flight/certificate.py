@@ -14,14 +14,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from models.aerial.dynamics import state_at
-from models.aerial.knowledge import Knowledge
-from models.aerial.mission import FlightMission
-from models.instants import SIMULTANEOUS
-from models.terrain.height_field import HeightField
-from sim.signals import Array, Message, Phase, Plan, Status
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Message, Phase, Plan, Status
 
-JOIN = 1e-6  # [m, m/s] two states closer than this are the same
+STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
 _PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
 
@@ -93,7 +93,8 @@ class Certificate:
         )
 
     def told(self, messages: Sequence[Message]) -> Certificate:
-        """With the target and the map that ``messages`` tell of (``models.aerial.knowledge``); itself without any."""
+        """With the target and the map that ``messages`` tell of (``mathnavi.models.aerial.knowledge``); itself without
+        any."""
         known = Knowledge(self.terrain, tuple(self.target.tolist()))
         now = known.updated(messages)
         certificate = self
@@ -121,7 +122,7 @@ class Certificate:
                 ]
             )
         gap = float(np.abs(joint).max(initial=0.0))
-        if not gap <= JOIN:  # nor does NaN
+        if not gap <= STATE_TOLERANCE:  # nor does NaN
             return Refusal(Status.MALFORMED, f"arcs miss each other by {gap:.3g}")
         speed, push = np.linalg.norm(v, axis=1), np.linalg.norm(plan.u, axis=1)
         # A start that is too fast already, after a gust say, can only be slowed down.
@@ -187,17 +188,17 @@ def _malformed(plan: Plan) -> Refusal | None:
 
 def pass_time(plan: Plan, target: Array, after: float) -> float:
     """First breakpoint [s] later than ``after`` at which the plan is at the target; inf if none."""
-    near = (np.linalg.norm(plan.x[:, :3] - target, axis=1) <= _PASS) & (plan.t > after + SIMULTANEOUS)
+    near = (np.linalg.norm(plan.x[:, :3] - target, axis=1) <= _PASS) & (plan.t > after + TIME_TOLERANCE)
     return float(plan.t[near][0]) if near.any() else np.inf
 
 
 def remainder(plan: Plan, t: float) -> Plan:
     """What is left of a plan from ``t`` [s] on, itself a plan: of one that has come to its end, a second of rest."""
-    if t >= plan.t_end - SIMULTANEOUS:
+    if t >= plan.t_end - TIME_TOLERANCE:
         x = np.vstack([plan.x[-1], plan.x[-1]])
         rest = np.array([t, t + 1.0]), x, np.zeros((1, x.shape[1] // 2)), np.array([Phase.HOVER], np.int64)
         return Plan(*rest, cost=plan.cost)
-    k = max(0, int(np.searchsorted(plan.t, t + SIMULTANEOUS, side="right")) - 1)
+    k = max(0, int(np.searchsorted(plan.t, t + TIME_TOLERANCE, side="right")) - 1)
     left, x = plan.t[k:].copy(), plan.x[k:].copy()
     left[0], x[0] = t, state_at(plan, t)
     return dataclasses.replace(plan, t=left, x=x, u=plan.u[k:], phase=plan.phase[k:], solve_ms=np.nan, notes=())

@@ -17,12 +17,19 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from controllers.flight.certificate import JOIN, Certificate, Refusal, TrackingBound, pass_time, remainder
-from models.aerial.dynamics import state_at
-from models.aerial.knowledge import Knowledge
-from models.instants import SIMULTANEOUS
-from sim.protocols import Planner
-from sim.signals import Estimate, Message, Phase, Plan, PlanRequest, Status
+from mathnavi.controllers.flight.certificate import (
+    STATE_TOLERANCE,
+    Certificate,
+    Refusal,
+    TrackingBound,
+    pass_time,
+    remainder,
+)
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.protocols import Planner
+from mathnavi.sim.interfaces.signals import Estimate, Message, Phase, Plan, PlanRequest, Status
 
 
 def _owned(plan: Plan) -> Plan:
@@ -40,10 +47,10 @@ class Certified:
     ``reserve(certificate)`` makes the planner that is asked where there is no plan to fall back on: at the start, when
     the vehicle has left its plan, and when its plan turns out to be unsafe.
 
-    What is told on the way (``models.aerial.knowledge``) is judged at the next planning instant, a map as soon as it is
-    told (``alarmed``). *A map that was wrong*: if what is left of the plan being flown is safe over the map as it is
-    now, the guarantee is kept. Otherwise a certified plan from where the plan is now takes over without delay; if none
-    can be had, the loss is announced ("guarantee-lost"), of the reserve's plan and the present one that with more
+    What is told on the way (``mathnavi.models.aerial.knowledge``) is judged at the next planning instant, a map as soon
+    as it is told (``alarmed``). *A map that was wrong*: if what is left of the plan being flown is safe over the map as
+    it is now, the guarantee is kept. Otherwise a certified plan from where the plan is now takes over without delay; if
+    none can be had, the loss is announced ("guarantee-lost"), of the reserve's plan and the present one that with more
     clearance is flown, and the search goes on at every period until there is one ("guarantee-regained"). *A target
     elsewhere*: the vehicle is as safe as before, but its plan leads to where the target was. The first certified plan
     that leads to the new one takes over, and if it ends after the deadline, the deadline is D = t_s + gamma V from then
@@ -91,8 +98,8 @@ class Certified:
             return dataclasses.replace(plan, notes=notes + plan.notes)
         notes += self._followed(current)
         # That the mission goes on says that the pass was missed. One at this very tick may still be judged.
-        missed = self._next_pass < request.t - SIMULTANEOUS
-        self._next_pass = pass_time(current, self._certificate.target, request.t - 2.0 * SIMULTANEOUS)
+        missed = self._next_pass < request.t - TIME_TOLERANCE
+        self._next_pass = pass_time(current, self._certificate.target, request.t - 2.0 * TIME_TOLERANCE)
         if missed:
             notes = (*notes, "missed-pass")
             left = max(current.t_end - request.t, self.period)
@@ -172,7 +179,7 @@ class Certified:
             self._astray += 1
             return self._announce() if self._astray > 1 else ()
         notes: tuple[str, ...] = ("arrival-regained",) if self._announced else ()
-        if self._astray and current.t_end > self.deadline + SIMULTANEOUS:
+        if self._astray and current.t_end > self.deadline + TIME_TOLERANCE:
             self.deadline = self._deadline_of(current)
             self.promised = max(self.promised, self.deadline)
             notes = (*notes, "deadline-moved")
@@ -181,7 +188,7 @@ class Certified:
 
     def _following(self, current: Plan, plan: Plan) -> tuple[str, ...]:
         """Likewise, where there is no plan that could take over."""
-        there = plan.ok and plan.ready <= plan.t_start + SIMULTANEOUS
+        there = plan.ok and plan.ready <= plan.t_start + TIME_TOLERANCE
         return () if there or self._certificate.leads(current) else self._announce()
 
     def _announce(self) -> tuple[str, ...]:
@@ -234,17 +241,17 @@ class Certified:
             return plan
         plan = _owned(plan)
         refusal = self._certificate.refuse(plan)
-        if refusal is None and abs(plan.t_start - request.t_start) > SIMULTANEOUS:
+        if refusal is None and abs(plan.t_start - request.t_start) > TIME_TOLERANCE:
             refusal = Refusal(Status.WRONG_START, f"starts at {plan.t_start:.3f} s, asked for {request.t_start:.3f} s")
         if refusal is None:
             origin = request.estimate.x if request.current is None else state_at(request.current, request.t_start)
             gap = float(np.abs(plan.x[0] - origin).max())
-            if gap > JOIN:
+            if gap > STATE_TOLERANCE:
                 refusal = Refusal(Status.WRONG_START, f"starts {gap:.3g} beside the plan being flown")
         if refusal is None and request.current is not None:
             leads = self._certificate.leads(request.current)
             deadline = self.deadline if leads else self._deadline_of(plan)
-            if plan.t_end > deadline + SIMULTANEOUS:
+            if plan.t_end > deadline + TIME_TOLERANCE:
                 refusal = Refusal(Status.DEADLINE, f"ends at {plan.t_end:.1f} s; the deadline is {deadline:.1f} s")
         if refusal is None:
             return plan

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sim.checks import check_positive
+from mathnavi.sim.interfaces.checks import check_positive
 
 
 def check_fields(config: Any, least_nodes: int, positive: tuple[str, ...]) -> None:

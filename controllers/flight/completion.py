@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.terrain.height_field import HeightField
-from sim.signals import Array, Phase, Plan
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Array, Phase, Plan
 
 _LEVEL_MARGIN = 1.0  # [m] above the clearance, so that rounding cannot spoil a level flight
 _NEGLIGIBLE = 1e-9  # [s]

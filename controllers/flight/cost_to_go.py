@@ -26,10 +26,10 @@ from scipy.ndimage import gaussian_filter
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from controllers.flight import spline
-from models.terrain.height_field import HeightField
-from models.terrain.visibility import Radar
-from sim.signals import Array
+from mathnavi.controllers.flight import spline
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.visibility import Radar
+from mathnavi.sim.interfaces.signals import Array
 
 Indices = NDArray[np.int32]
 
@@ -167,13 +167,13 @@ class FactoredCost:
 
     def __call__(self, points: Array) -> Array:
         """Length-to-go [m] at (n, 3) points [m]."""
-        from controllers.flight.kernels import cost_many
+        from mathnavi.controllers.flight.kernels import cost_many
 
         return cost_many(self.ground, self.ratio, self.scales, np.atleast_2d(points))[0]
 
     def gradient(self, points: Array) -> Array:
         """Its gradient (n, 3) at (n, 3) points [m]."""
-        from controllers.flight.kernels import cost_many
+        from mathnavi.controllers.flight.kernels import cost_many
 
         return cost_many(self.ground, self.ratio, self.scales, np.atleast_2d(points))[1]
 

@@ -1,13 +1,14 @@
 """Compiled kernels of the condensed method: objective, gradient, Hessian and rows of one iteration.
 
-The statement they implement is that of ``controllers.flight.problem``, which CasADi states independently; a test
-holds one against the other. Unknowns U = (a_1, ..., a_n, w): n accelerations (3,) [m/s^2] and the manoeuvre's final
-climb rate w [m/s]. Every position the problem looks at is affine in U:
+The statement they implement is that of ``mathnavi.controllers.flight.problem``, which CasADi states independently; a
+test holds one against the other. Unknowns U = (a_1, ..., a_n, w): n accelerations (3,) [m/s^2] and the manoeuvre's
+final climb rate w [m/s]. Every position the problem looks at is affine in U:
 
     p_q = p_1 + S_q v_1 + sum_j C_qj a_j + W_q w e_z .
 
-The array arguments are ``lengths`` (n,) [s], the arcs' h_1 ... h_n, and those of ``problem.Stencil`` (geometry in
-time), ``problem.Landscape`` (splines) and ``problem.Problem.packed`` (numbers, by the indices below).
+The array arguments are ``lengths`` (n,) [s], the arcs' h_1 ... h_n, and those of ``problem.PredictionMatrices``
+(geometry in time), ``problem.PlanningEnvironment`` (splines) and ``problem.Problem.packed`` (numbers, by the indices
+below).
 """
 
 from __future__ import annotations
@@ -17,9 +18,9 @@ import math
 import numpy as np
 from numba import njit
 
-from controllers.flight.cost_to_go import TARGET_LENGTH
-from controllers.flight.spline import surface, surface_curvature, volume
-from sim.signals import Array
+from mathnavi.controllers.flight.cost_to_go import TARGET_LENGTH
+from mathnavi.controllers.flight.spline import surface, surface_curvature, volume
+from mathnavi.sim.interfaces.signals import Array
 
 # Indices into Problem.packed.
 MANOEUVRE, FLOOR, SPEED, ACCELERATION, BETA, PSI, EPSILON, WIDTH, DEPTH = range(9)

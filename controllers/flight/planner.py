@@ -15,14 +15,21 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from controllers.flight.certificate import Certificate, pass_time, remainder
-from controllers.flight.completion import ArcList, complete
-from controllers.flight.cost_to_go import FactoredCost
-from controllers.flight.problem import Landscape, Parameters, Problem, Solution, Wanted, proportional
-from models.aerial.dynamics import state_at
-from models.aerial.knowledge import Knowledge
-from models.instants import SIMULTANEOUS
-from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
+from mathnavi.controllers.flight.certificate import Certificate, pass_time, remainder
+from mathnavi.controllers.flight.completion import ArcList, complete
+from mathnavi.controllers.flight.cost_to_go import FactoredCost
+from mathnavi.controllers.flight.problem import (
+    LengthToGo,
+    Parameters,
+    PlanningEnvironment,
+    Problem,
+    Solution,
+    proportional,
+)
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Message, Phase, Plan, PlanRequest, Status
 
 _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
 _COMMIT_TRIES = 3
@@ -44,8 +51,9 @@ class RecedingHorizon:
     """Plans by optimisation over the grid ``parameters.lengths``, every ``period`` [s].
 
     ``cost_to_go(knowledge)`` builds the terminal cost; it is built anew when a message changes what is known
-    (``models.aerial.knowledge``). A message with the topic "arrival time" and a time t_a [s] as payload asks for an
-    arrival at t_a, by ``incorporation`` (A.8.3). With L = Psi / psi the length to go and tau = t_a - t_1 what is left:
+    (``mathnavi.models.aerial.knowledge``). A message with the topic "arrival time" and a time t_a [s] as payload asks
+    for an arrival at t_a, by ``incorporation`` (A.8.3). With L = Psi / psi the length to go and tau = t_a - t_1 what is
+    left:
 
         schedule     L(p_N) = L(p_1) (1 - T_p / tau), in the place of Psi as a cost and of S_eps;
         constraint   (A.13), T_p + L(p_N) / v_max = tau, likewise, and a plan that is off it is a failure;
@@ -70,7 +78,7 @@ class RecedingHorizon:
         self._arrival_weight = arrival_weight
         self._parameters, self._certificate, self._solver = parameters, certificate, solver
         self._cost_to_go, self._knowledge = cost_to_go, knowledge
-        self._landscape = Landscape.build(certificate.terrain, cost_to_go(knowledge))
+        self._landscape = PlanningEnvironment.build(certificate.terrain, cost_to_go(knowledge))
         self._arrival: float | None = None  # [s] that is asked for
         shorter = [self._over(parameters.lengths[:k]) for k in range(1, parameters.arcs + 1)]
         self._ends = np.array([part.horizon for part in shorter])  # (n,) [s] of the arcs
@@ -83,13 +91,13 @@ class RecedingHorizon:
         start = request.estimate.x if current is None else state_at(current, request.t_start)
         arrival = math.inf if current is None else pass_time(current, self._certificate.target, request.t)
         if current is not None and arrival - request.t_start < 1.5 * self._parameters.h:
-            if current.t_end <= request.t_start + SIMULTANEOUS:
+            if current.t_end <= request.t_start + TIME_TOLERANCE:
                 return Plan.failure(Status.INFEASIBLE, "the plan being flown has come to its end")
             return remainder(current, request.t_start)  # too close for another choice
         committed, spent, reason = self._committed(request, start, arrival)
         if committed is not None:
             return committed
-        asked = self._arrival is None or abs(arrival - self._arrival) <= SIMULTANEOUS
+        asked = self._arrival is None or abs(arrival - self._arrival) <= TIME_TOLERANCE
         if self._within_reach(arrival - request.t_start) and asked:  # committed before: the plan being flown stays
             return Plan.failure(Status.INFEASIBLE, reason, solve_ms=spent)
         problem = Problem(self._parameters, self._landscape, start, wanted=self._wanted(start, request.t_start))
@@ -106,7 +114,7 @@ class RecedingHorizon:
         return self._parameters
 
     @property
-    def landscape(self) -> Landscape:
+    def landscape(self) -> PlanningEnvironment:
         """The ground and the terminal cost, with the threats known so far."""
         return self._landscape
 
@@ -130,24 +138,24 @@ class RecedingHorizon:
             if certificate.terrain is self._certificate.terrain:
                 self._landscape = dataclasses.replace(self._landscape, cost=cost)
             else:
-                self._landscape = Landscape.build(certificate.terrain, cost)
+                self._landscape = PlanningEnvironment.build(certificate.terrain, cost)
             self._knowledge, self._certificate = known, certificate
         for message in messages:
             if message.topic == ARRIVAL and isinstance(message.payload, float) and math.isfinite(message.payload):
                 self._arrival = message.payload
 
-    def _wanted(self, start: Array, t_start: float) -> Wanted | None:
+    def _wanted(self, start: Array, t_start: float) -> LengthToGo | None:
         """How far to go the plan should have at p_N; None where no arrival time is asked for."""
         if self._arrival is None:
             return None
         horizon, v_max = self._parameters.horizon, self._certificate.speed_max
         left = max(self._arrival - t_start, horizon)
         if self._incorporation == "schedule":
-            return Wanted(float(self._landscape.cost(start[:3])[0]) * (1.0 - horizon / left))
+            return LengthToGo(float(self._landscape.cost(start[:3])[0]) * (1.0 - horizon / left))
         by_speed = v_max * (left - horizon)
         if self._incorporation == "constraint":
-            return Wanted(by_speed)
-        return Wanted(by_speed, 2.0 * self._arrival_weight / v_max**2, instead=False)
+            return LengthToGo(by_speed)
+        return LengthToGo(by_speed, 2.0 * self._arrival_weight / v_max**2, instead=False)
 
     def _off(self, problem: Problem, solution: Solution) -> float:
         """[s] by which a plan misses what (A.13) asks for; 0 where nothing is."""
@@ -159,7 +167,7 @@ class RecedingHorizon:
 
     def _within_reach(self, duration: float) -> bool:
         """Whether an arrival in ``duration`` [s] fits the horizon, lengthened by its first arc at most."""
-        return duration <= self._parameters.horizon + self._parameters.h + SIMULTANEOUS
+        return duration <= self._parameters.horizon + self._parameters.h + TIME_TOLERANCE
 
     def _over(self, lengths: tuple[float, ...]) -> Parameters:
         """The parameters over a grid other than the horizon's."""
@@ -249,7 +257,7 @@ def _exact(problem: Problem, solution: Solution) -> Array:
     return exact
 
 
-class Retreat:
+class StopAndHover:
     """Stops at once by a manoeuvre into hover, and completes from there: the plan where there is no other."""
 
     def __init__(self, certificate: Certificate, period: float) -> None:

@@ -8,17 +8,17 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from controllers.flight.certificate import Certificate, TrackingBound
-from controllers.flight.checks import check_fields
-from controllers.flight.cost_to_go import FactoredCost, factored_cost
-from controllers.flight.planner import Incorporation, RecedingHorizon, Solver
-from controllers.flight.problem import Parameters, proportional
-from controllers.flight.sqp import CondensedSqp
-from controllers.flight.tracker import CriticallyDamped, tracking_bound
-from models.aerial.knowledge import Knowledge
-from models.aerial.mission import FlightMission
-from sim.checks import check, check_positive
-from sim.protocols import Planner, Tracker
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
+from mathnavi.controllers.flight.checks import check_fields
+from mathnavi.controllers.flight.cost_to_go import FactoredCost, factored_cost
+from mathnavi.controllers.flight.planner import Incorporation, RecedingHorizon, Solver
+from mathnavi.controllers.flight.problem import Parameters, proportional
+from mathnavi.controllers.flight.sqp import CondensedSqp
+from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.protocols import Planner, Tracker
 
 _INSIDE = 1.0 - 1e-4  # the solver aims this far inside the bounds, so that its tolerance does not cost a plan
 _UNEQUAL = 1000.0  # how many times as long as another an arc may be
@@ -147,7 +147,7 @@ def solver(config: RecedingHorizonConfig) -> Solver:
     """The solver that the configuration names."""
     if config.backend == "condensed":
         return CondensedSqp(config.tolerance)
-    from controllers.flight.reference import InteriorPoint  # CasADi takes a while to import
+    from mathnavi.controllers.flight.reference import InteriorPoint  # CasADi takes a while to import
 
     return InteriorPoint(config.backend, config.tolerance)
 

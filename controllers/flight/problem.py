@@ -35,10 +35,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from controllers.flight import kernels, spline
-from controllers.flight.cost_to_go import REFERENCE_SPEED, FactoredCost
-from models.terrain.height_field import HeightField
-from sim.signals import Array
+from mathnavi.controllers.flight import kernels, spline
+from mathnavi.controllers.flight.cost_to_go import REFERENCE_SPEED, FactoredCost
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Array
 
 POINTS_PER_ARC = 4  # of a uniform grid
 POINTS_ON_MANOEUVRE = 15
@@ -87,7 +87,7 @@ class Parameters:
         return math.ceil(self.speed_max / (self.h * self.acceleration_max) - 1e-9) * self.h
 
     @cached_property
-    def stencil(self) -> Stencil:
+    def stencil(self) -> PredictionMatrices:
         return stencil(self.lengths, self.points, self.manoeuvre_duration)
 
     @property
@@ -103,7 +103,7 @@ def proportional(shares: Sequence[float], duration: float) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Stencil:
+class PredictionMatrices:
     """Where the problem looks: p_q = p_1 + base_q v_1 + sum_j weights_qj a_j + climbs_q w e_z.
 
     The clearance points in time order, the last of them the manoeuvre's end; then p_N; then p_N + h_n v_N.
@@ -117,7 +117,7 @@ class Stencil:
 
 
 @lru_cache(maxsize=64)
-def stencil(lengths: tuple[float, ...], points: tuple[int, ...], manoeuvre_duration: float) -> Stencil:
+def stencil(lengths: tuple[float, ...], points: tuple[int, ...], manoeuvre_duration: float) -> PredictionMatrices:
     """The stencil of a horizon whose arcs have these ``lengths`` (n,) [s] and ``points`` (n,) on each."""
     h = np.array(lengths)
     # Sums are exact before they are rounded, so that equal arcs begin at k h to the last bit.
@@ -138,11 +138,11 @@ def stencil(lengths: tuple[float, ...], points: tuple[int, ...], manoeuvre_durat
     lag = time[:, None] - begin
     held = np.clip(lag, 0.0, h)  # [s] for which each acceleration has been held
     weights = np.where(lag >= h, h * (time[:, None] - middles), 0.5 * held**2) + drift[:, None] * held
-    return Stencil(h, middles, time + drift, np.ascontiguousarray(weights), climbs)
+    return PredictionMatrices(h, middles, time + drift, np.ascontiguousarray(weights), climbs)
 
 
 @dataclass(frozen=True, eq=False)
-class Landscape:
+class PlanningEnvironment:
     """The ground as the optimiser sees it: a cubic spline of the heights, and the cost-to-go."""
 
     terrain: HeightField
@@ -150,12 +150,12 @@ class Landscape:
     cost: FactoredCost
 
     @staticmethod
-    def build(terrain: HeightField, cost: FactoredCost) -> Landscape:
-        return Landscape(terrain, spline.coefficients(terrain.z), cost)
+    def build(terrain: HeightField, cost: FactoredCost) -> PlanningEnvironment:
+        return PlanningEnvironment(terrain, spline.coefficients(terrain.z), cost)
 
 
 @dataclass(frozen=True)
-class Wanted:
+class LengthToGo:
     """How far to go a plan should have at p_N, by kappa_L / 2 (Psi(p_N) / psi - L)^2."""
 
     length: float  # [m] L
@@ -168,17 +168,17 @@ class Problem:
     """One instance: from this state, with or without an exact arrival."""
 
     parameters: Parameters
-    landscape: Landscape
+    landscape: PlanningEnvironment
     start: Array  # (6,) p_1 [m], v_1 [m/s]
     hold: Array | None = None  # (3,) [m]: p_N must be here
-    wanted: Wanted | None = None
+    wanted: LengthToGo | None = None
 
     @property
     def arcs(self) -> int:
         return self.parameters.arcs
 
     @property
-    def stencil(self) -> Stencil:
+    def stencil(self) -> PredictionMatrices:
         return self.parameters.stencil
 
     @property

@@ -1,4 +1,4 @@
-"""CasADi's statement of the problem of ``controllers.flight.problem``, solved by IPOPT or FATROP.
+"""CasADi's statement of the problem of ``mathnavi.controllers.flight.problem``, solved by IPOPT or FATROP.
 
 It shares no code with the compiled kernels, and one is tested against the other. Where those condense the dynamics
 into affine maps of the accelerations, here the states are unknowns as well (multiple shooting), ordered stage by stage
@@ -21,12 +21,12 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from controllers.compilation import compiled as compiled_functions
-from controllers.flight import kernels
-from controllers.flight.cost_to_go import TARGET_LENGTH
-from controllers.flight.problem import POINTS_ON_MANOEUVRE, Problem, Solution
-from models.buffered_function import BufferedFunction
-from sim.signals import Array
+from mathnavi.controllers.compilation import compiled as compiled_functions
+from mathnavi.controllers.flight import kernels
+from mathnavi.controllers.flight.cost_to_go import TARGET_LENGTH
+from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, Problem, Solution
+from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.sim.interfaces.signals import Array
 
 Backend = Literal["ipopt", "fatrop"]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from scipy.ndimage import spline_filter
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 
 def coefficients(values: Array) -> Array:

@@ -15,9 +15,9 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.flight import kernels
-from controllers.flight.problem import Problem, Solution
-from sim.signals import Array
+from mathnavi.controllers.flight import kernels
+from mathnavi.controllers.flight.problem import Problem, Solution
+from mathnavi.sim.interfaces.signals import Array
 
 _SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
 # What the model may still promise of a step, in units of the tolerance: after a good model little is left, but near a

@@ -16,10 +16,10 @@ import numpy as np
 from numba import njit
 from scipy.linalg import solve_continuous_lyapunov
 
-from controllers.flight.certificate import TrackingBound
-from models.aerial.kernels import state_on
-from models.aerial.mission import FlightMission
-from sim.signals import Array, Estimate, Plan
+from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.models.aerial.kernels import state_on
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 _DEVIATIONS = 5.0
 _FASTEST = 0.1  # bandwidth times period

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.intrinsic.law import TrackingGains
-from controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
-from models.manifold.attitude import Attitude
-from models.manifold.mission import LagrangianMission
-from sim.checks import check
-from sim.protocols import Planner, Tracker
-from sim.signals import Array
+from mathnavi.controllers.intrinsic.law import TrackingGains
+from mathnavi.controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
+from mathnavi.models.manifold.attitude import Attitude
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.protocols import Planner, Tracker
+from mathnavi.sim.interfaces.signals import Array
 
 _FASTEST = 100.0  # [rad/s]
 _RATIOS = np.array([1.0, 0.8, 0.6])  # of the frequencies about the axes of the body

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.intrinsic.law import TrackingGains
-from controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
-from models.manifold.mission import LagrangianMission
-from models.mechanism.geometry import MechanismManifold
-from sim.checks import check
-from sim.protocols import Planner, Tracker
-from sim.signals import Array
+from mathnavi.controllers.intrinsic.law import TrackingGains
+from mathnavi.controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.mechanism.geometry import MechanismManifold
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.protocols import Planner, Tracker
+from mathnavi.sim.interfaces.signals import Array
 
 _FASTEST = 100.0  # [rad/s]
 _LARGEST = 10.0  # [rad, m]

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.manifold.manifold import CutLocusError
-from models.manifold.system import LagrangianSystem
-from sim.checks import check_positive
-from sim.signals import Array
+from mathnavi.models.manifold.manifold import CutLocusError
+from mathnavi.models.manifold.system import LagrangianSystem
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.signals import Array
 
 _SINGULAR = 1e-9  # of the largest singular value of the inputs' effect
 _PROBE = 1e-3  # of each input, that its effect is seen by: within the ranges that actuators may have

@@ -7,10 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
-from controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
-from models.instants import SIMULTANEOUS
-from models.manifold.mission import LagrangianMission
-from sim.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
 
 _PERIODS = 100  # of the mission, from one plan to the next
 
@@ -66,7 +66,7 @@ class IntrinsicTracker:
             raise ValueError(f"the estimate's state has shape {estimate.x.shape}; allowed: {plan.x.shape[1:]}")
         if estimate.status is Status.INITIALISING:
             return self._none
-        arc = min(max(int(np.searchsorted(plan.t, t + SIMULTANEOUS, side="right")) - 1, 0), len(plan.u) - 1)
+        arc = min(max(int(np.searchsorted(plan.t, t + TIME_TOLERANCE, side="right")) - 1, 0), len(plan.u) - 1)
         wanted = wanted_force(self._system, self._gains, estimate.x, plan.x[arc], plan.u[arc])
         n = self._system.manifold.size
         return self._inverse(estimate.x[:n], estimate.x[n:], wanted)

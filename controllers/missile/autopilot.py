@@ -11,13 +11,13 @@ from typing import Protocol
 
 import numpy as np
 
-from controllers.missile.shooting import mean_between
-from models.missile.mission import MissileMission
-from sim.signals import Array, Estimate, Plan
+from mathnavi.controllers.missile.shooting import mean_between
+from mathnavi.models.missile.mission import MissileMission
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 
 class Autopilot(Protocol):
-    """A ``sim.protocols.Tracker`` of a missile."""
+    """A ``mathnavi.sim.interfaces.protocols.Tracker`` of a missile."""
 
     period: float  # [s]
 

@@ -16,10 +16,10 @@ import math
 
 import numpy as np
 
-from controllers.missile.autopilot import checked_state, disturbance, feed_forward
-from models.angles import wrapped
-from models.missile.mission import MissileMission
-from sim.signals import Array, Estimate, Plan
+from mathnavi.controllers.missile.autopilot import checked_state, disturbance, feed_forward
+from mathnavi.models.angles import wrapped
+from mathnavi.models.missile.mission import MissileMission
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 
 class FeedbackLinearisation:

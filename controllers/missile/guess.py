@@ -14,10 +14,10 @@ import math
 
 import numpy as np
 
-from controllers.missile.aim import Aim
-from controllers.missile.shooting import Solved
-from models.missile.dynamics import Body
-from sim.signals import Array
+from mathnavi.controllers.missile.aim import TerminalCondition
+from mathnavi.controllers.missile.shooting import Solved
+from mathnavi.models.missile.dynamics import Body
+from mathnavi.sim.interfaces.signals import Array
 
 TANGENTS = (1.0, 0.5, 2.0)
 """lengths of the tangents over the straight way between, in the order in which they are tried; in flight only the first
@@ -26,7 +26,7 @@ is, for there is another plan soon"""
 _DENSE = 400  # points of the path whose length is measured
 
 
-def pitch_guess(start: Array, aim: Aim, body: Body, nodes: Array, tangent: float) -> Solved:
+def pitch_guess(start: Array, aim: TerminalCondition, body: Body, nodes: Array, tangent: float) -> Solved:
     """States (N, 6) of the pitch plane and inputs (F_1, F_z, I a) from the state ``start`` (6,)."""
     U, w, theta, place = start[0], start[1], start[3], start[4:]
     speed = max(math.hypot(U, w), 1.0)
@@ -59,7 +59,7 @@ def pitch_guess(start: Array, aim: Aim, body: Body, nodes: Array, tangent: float
     return Solved(x, inputs, nodes, T, np.empty(0), math.nan, 0)
 
 
-def yaw_guess(start: Array, aim: Aim, body: Body, pitch: Solved) -> Solved:
+def yaw_guess(start: Array, aim: TerminalCondition, body: Body, pitch: Solved) -> Solved:
     """States (N, 4) of the yaw plane and inputs (F_2, I b) from the state ``start`` (4,), beside a pitch motion."""
     V, _, _, y = start
     T = pitch.duration

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.missile.autopilot import checked_state, feed_forward
-from controllers.missile.trajectory import flown
-from models.missile.mission import MissileMission
-from sim.signals import Array, Estimate, Plan
+from mathnavi.controllers.missile.autopilot import checked_state, feed_forward
+from mathnavi.controllers.missile.trajectory import flown
+from mathnavi.models.missile.mission import MissileMission
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 
 class OpenLoop:

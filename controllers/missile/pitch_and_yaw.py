@@ -26,20 +26,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.missile.aim import Aim
-from controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
-from controllers.missile.plane_problems import Limits, lateral_baseline, pitch_problem, yaw_problem
-from controllers.missile.planes import inputs_between, split
-from controllers.missile.problem import out_of_bounds, weights
-from controllers.missile.profile import fitted
-from controllers.missile.shooting import Failed, Shooting, Solved
-from controllers.missile.trajectory import Trajectory, flown
-from controllers.ocp.backend import Backend
-from controllers.ocp.distribution import NodeDistribution
-from models.missile.coordinates import SPATIAL
-from models.missile.dynamics import Body
-from models.missile.mission import Case
-from sim.signals import Array
+from mathnavi.controllers.missile.aim import TerminalCondition
+from mathnavi.controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
+from mathnavi.controllers.missile.plane_problems import Limits, lateral_baseline, pitch_problem, yaw_problem
+from mathnavi.controllers.missile.planes import inputs_between, split
+from mathnavi.controllers.missile.problem import out_of_bounds, weights
+from mathnavi.controllers.missile.profile import fitted
+from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved
+from mathnavi.controllers.missile.trajectory import Trajectory, flown
+from mathnavi.controllers.ocp.backend import Backend
+from mathnavi.controllers.ocp.distribution import NodeDistribution
+from mathnavi.models.missile.coordinates import SPATIAL
+from mathnavi.models.missile.dynamics import Body
+from mathnavi.models.missile.mission import Case
+from mathnavi.sim.interfaces.signals import Array
 
 PART = 0.04
 """[s] longest time that a spatial input is held"""
@@ -81,7 +81,7 @@ class PitchAndYaw:
         self._yaw = Shooting(yaw_problem(body, limits), nodes, backend, steps=1)
         self._last: tuple[float, _Turn] | None = None  # when it starts [s], and it
 
-    def optimise(self, t: float, start: Array, aim: Aim) -> Trajectory | Failed:
+    def optimise(self, t: float, start: Array, aim: TerminalCondition) -> Trajectory | Failed:
         if (reason := out_of_bounds(start, SPATIAL)) is not None:
             return Failed(reason, infeasible=True)
         found: Trajectory | Failed = Failed("nothing was tried", infeasible=False)
@@ -98,7 +98,9 @@ class PitchAndYaw:
             found = self._alternated(t, start, aim, guess, first=True)
         return found
 
-    def _alternated(self, t: float, start: Array, aim: Aim, now: _Turn, *, first: bool) -> Trajectory | Failed:
+    def _alternated(
+        self, t: float, start: Array, aim: TerminalCondition, now: _Turn, *, first: bool
+    ) -> Trajectory | Failed:
         """Turns until the flight is exact and, of a ``first`` guess, until they gain nothing any more."""
         aimed, best, off = aim, math.inf, math.inf
         found: Trajectory | Failed = Failed("no turn was taken", infeasible=False)
@@ -124,7 +126,7 @@ class PitchAndYaw:
             )
         return found
 
-    def _turn(self, start: Array, aim: Aim, now: _Turn, *, first: bool) -> _Turn | Failed:
+    def _turn(self, start: Array, aim: TerminalCondition, now: _Turn, *, first: bool) -> _Turn | Failed:
         """The pitch planner's answer to a motion, and the yaw planner's to that."""
         in_pitch, in_yaw = split(start)
         V_0, v_y = float(in_yaw[0]), float(aim.velocity[1])

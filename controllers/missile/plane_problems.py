@@ -8,8 +8,8 @@ from typing import Any
 
 import casadi as ca
 
-from controllers.missile.planes import PITCH, YAW
-from controllers.missile.problem import (
+from mathnavi.controllers.missile.planes import PITCH, YAW
+from mathnavi.controllers.missile.problem import (
     DURATIONS,
     STATE_LIMITS,
     STATE_SCALES,
@@ -18,11 +18,11 @@ from controllers.missile.problem import (
     input_scales,
     running_cost,
 )
-from controllers.missile.profile import declare, series
-from controllers.missile.shooting import CLOCK
-from controllers.ocp.statement import OptimalControlProblem, Statement
-from models.missile.coordinates import PLANAR
-from models.missile.dynamics import Body
+from mathnavi.controllers.missile.profile import declare, series
+from mathnavi.controllers.missile.shooting import CLOCK
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.models.missile.coordinates import PLANAR
+from mathnavi.models.missile.dynamics import Body
 
 Limits = tuple[float, float, float, float, float]
 """of F_x, F_y, F_z [N], M, N [N m]"""

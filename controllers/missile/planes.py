@@ -12,7 +12,7 @@ and with a = theta'', b = psi'' and q for theta' the equations of motion are
 
 The first are those of the thesis' pitch plane (B.4) with (F_1, F_z, I_y a) for (F_x, F_z, M), the second are linear,
 and neither holds a variable of the other: motions planned in each fly together exactly as planned. The planes meet in
-the inputs alone, A and A_psi as in ``models.missile.dynamics``,
+the inputs alone, A and A_psi as in ``mathnavi.models.missile.dynamics``,
 
     F_x = F_1 cos psi + F_2 sin psi,   F_y = F_2 cos psi - F_1 sin psi,
     M = (A a + A_psi r q) / cos psi,   N = I_z b - A_psi q^2 / 2,
@@ -24,10 +24,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.missile.shooting import Solved
-from models.missile.coordinates import PLANAR, SPATIAL
-from models.missile.dynamics import Body
-from sim.signals import Array
+from mathnavi.controllers.missile.shooting import Solved
+from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
+from mathnavi.models.missile.dynamics import Body
+from mathnavi.sim.interfaces.signals import Array
 
 PITCH = PLANAR.states
 YAW = ("V", "r", "psi", "y_e")

@@ -18,13 +18,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from controllers.missile.aim import Aim
-from controllers.missile.autopilot import Autopilot, checked_state
-from controllers.missile.shooting import Failed
-from controllers.missile.trajectory import Optimiser
-from models.instants import SIMULTANEOUS
-from models.missile.mission import MissileMission, Target
-from sim.signals import Array, Message, Phase, Plan, PlanRequest, Status
+from mathnavi.controllers.missile.aim import TerminalCondition
+from mathnavi.controllers.missile.autopilot import Autopilot, checked_state
+from mathnavi.controllers.missile.shooting import Failed
+from mathnavi.controllers.missile.trajectory import Optimiser
+from mathnavi.models.missile.mission import MissileMission, Target
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Message, Phase, Plan, PlanRequest, Status
 
 
 class MissilePlanner:
@@ -61,7 +61,7 @@ class MissilePlanner:
         if current is not None:
             start = self._autopilot.predict(request.estimate, current, t)
         began = time.thread_time()
-        aim = Aim.at(self._target, t, self._mission.aspect_angle, lead=self._lead)
+        aim = TerminalCondition.at(self._target, t, self._mission.aspect_angle, lead=self._lead)
         found = self._optimiser.optimise(t, start, aim)
         solve_ms = 1e3 * (time.thread_time() - began)
         if isinstance(found, Failed):
@@ -82,7 +82,7 @@ class MissilePlanner:
     def _rest(self, plan: Plan, t: float) -> Plan:
         """What is left of a plan at t [s]; past its end its last input is held on."""
         coordinates, body = self._mission.coordinates, self._mission.body
-        left = plan.t > t + SIMULTANEOUS
+        left = plan.t > t + TIME_TOLERANCE
         start = coordinates.state_at(plan, t, body)
         u = plan.u[left[1:]] if left.any() else plan.u[-1:]
         times: Array = np.concatenate([[t], plan.t[left] if left.any() else [t + self.period]])

@@ -5,22 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from controllers.compilation import compiler
-from controllers.missile.autopilot import Autopilot
-from controllers.missile.feedback_linearisation import FeedbackLinearisation
-from controllers.missile.open_loop import OpenLoop
-from controllers.missile.pitch_and_yaw import PitchAndYaw
-from controllers.missile.plane_problems import Limits
-from controllers.missile.planner import MissilePlanner
-from controllers.missile.trajectory import Optimiser
-from controllers.missile.tvlqr import TimeVaryingLQR
-from controllers.missile.whole import WholeFlight
-from controllers.ocp.backend import Backend
-from controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
-from models.missile.coordinates import PLANAR
-from models.missile.mission import MissileMission
-from sim.checks import check_positive
-from sim.protocols import Planner, Tracker
+from mathnavi.controllers.compilation import compiler
+from mathnavi.controllers.missile.autopilot import Autopilot
+from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
+from mathnavi.controllers.missile.open_loop import OpenLoop
+from mathnavi.controllers.missile.pitch_and_yaw import PitchAndYaw
+from mathnavi.controllers.missile.plane_problems import Limits
+from mathnavi.controllers.missile.planner import MissilePlanner
+from mathnavi.controllers.missile.trajectory import Optimiser
+from mathnavi.controllers.missile.tvlqr import TimeVaryingLQR
+from mathnavi.controllers.missile.whole import WholeFlight
+from mathnavi.controllers.ocp.backend import Backend
+from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
+from mathnavi.models.missile.coordinates import PLANAR
+from mathnavi.models.missile.mission import MissileMission
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.protocols import Planner, Tracker
 
 AutopilotName = Literal["feedback-linearisation", "tvlqr", "open-loop"]
 BackendName = Literal["auto", "fatrop", "fatrop-compiled", "ipopt", "ipopt-compiled"]

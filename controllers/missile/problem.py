@@ -20,11 +20,11 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from controllers.ocp.statement import OptimalControlProblem, Statement
-from models.missile.coordinates import Coordinates
-from models.missile.dynamics import Body
-from models.missile.mission import Case
-from sim.signals import Array
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.models.missile.coordinates import Coordinates
+from mathnavi.models.missile.dynamics import Body
+from mathnavi.models.missile.mission import Case
+from mathnavi.sim.interfaces.signals import Array
 
 LEAST_SPEED = 1.0
 """[m/s] of u: below it the angle of attack w / u means nothing"""
@@ -87,7 +87,7 @@ def running_cost(
 def guidance_problem(body: Body, coordinates: Coordinates, limits: tuple[float, ...]) -> OptimalControlProblem:
     """The problem of the module docstring, whole; ``limits`` (nu,) are those of the inputs.
 
-    Its parameters are ``WEIGHTS`` and ``Aim.parameters``.
+    Its parameters are ``WEIGHTS`` and ``TerminalCondition.parameters``.
     """
     ocp = Statement(f"missile, {coordinates.name}")
     cost = declared_weights(ocp)

@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import legendre
 
-from controllers.ocp.statement import Statement
-from sim.signals import Array
+from mathnavi.controllers.ocp.statement import Statement
+from mathnavi.sim.interfaces.signals import Array
 
 DEGREE = 8
 

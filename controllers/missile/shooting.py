@@ -11,13 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.ocp.backend import Backend, Options
-from controllers.ocp.distribution import NodeDistribution, constants_guess
-from controllers.ocp.solution import Outcome
-from controllers.ocp.solver import FIXED, transcription
-from controllers.ocp.statement import OptimalControlProblem
-from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
-from sim.signals import Array
+from mathnavi.controllers.ocp.backend import Backend, Options
+from mathnavi.controllers.ocp.distribution import NodeDistribution, constants_guess
+from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.solver import FIXED, transcription
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.sim.interfaces.signals import Array
 
 TOLERANCE = 1e-6
 """of the scaled optimality conditions: a tenth of a millimetre at the target"""

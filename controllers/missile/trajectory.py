@@ -8,12 +8,12 @@ from typing import Protocol
 import numpy as np
 from numba import njit
 
-from controllers.missile.aim import Aim
-from controllers.missile.shooting import Failed
-from models.missile import kernels
-from models.missile.coordinates import STEP, Coordinates
-from models.missile.dynamics import SPATIAL_STATES, Body
-from sim.signals import Array
+from mathnavi.controllers.missile.aim import TerminalCondition
+from mathnavi.controllers.missile.shooting import Failed
+from mathnavi.models.missile import kernels
+from mathnavi.models.missile.coordinates import STEP, Coordinates
+from mathnavi.models.missile.dynamics import SPATIAL_STATES, Body
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Trajectory:
 class Optimiser(Protocol):
     """Finds the flight from a state to an aim, again and again."""
 
-    def optimise(self, t: float, start: Array, aim: Aim) -> Trajectory | Failed:
+    def optimise(self, t: float, start: Array, aim: TerminalCondition) -> Trajectory | Failed:
         """The flight from the state ``start`` (nx,) at t [s], or why there is none."""
         ...
 

@@ -18,13 +18,13 @@ import casadi as ca
 import numpy as np
 from numba import njit
 
-from controllers.missile.autopilot import checked_state, disturbance, feed_forward
-from models.angles import wrapped
-from models.buffered_function import BufferedFunction
-from models.missile.coordinates import Coordinates
-from models.missile.dynamics import Body
-from models.missile.mission import MissileMission
-from sim.signals import Array, Estimate, Plan
+from mathnavi.controllers.missile.autopilot import checked_state, disturbance, feed_forward
+from mathnavi.models.angles import wrapped
+from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.models.missile.coordinates import Coordinates
+from mathnavi.models.missile.dynamics import Body
+from mathnavi.models.missile.mission import MissileMission
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 STEP = 0.025
 """[s] of the Riccati equation"""

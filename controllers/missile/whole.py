@@ -7,18 +7,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from controllers.missile.aim import Aim
-from controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
-from controllers.missile.planes import inputs_between, split, together
-from controllers.missile.problem import guidance_problem, out_of_bounds, weights
-from controllers.missile.shooting import Failed, Shooting, Solved
-from controllers.missile.trajectory import Trajectory, flown
-from controllers.ocp.backend import Backend
-from controllers.ocp.distribution import NodeDistribution
-from models.missile.coordinates import PLANAR, Coordinates
-from models.missile.dynamics import Body
-from models.missile.mission import Case
-from sim.signals import Array
+from mathnavi.controllers.missile.aim import TerminalCondition
+from mathnavi.controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
+from mathnavi.controllers.missile.planes import inputs_between, split, together
+from mathnavi.controllers.missile.problem import guidance_problem, out_of_bounds, weights
+from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved
+from mathnavi.controllers.missile.trajectory import Trajectory, flown
+from mathnavi.controllers.ocp.backend import Backend
+from mathnavi.controllers.ocp.distribution import NodeDistribution
+from mathnavi.models.missile.coordinates import PLANAR, Coordinates
+from mathnavi.models.missile.dynamics import Body
+from mathnavi.models.missile.mission import Case
+from mathnavi.sim.interfaces.signals import Array
 
 
 class WholeFlight:
@@ -39,7 +39,7 @@ class WholeFlight:
         self._coordinates, self._body, self._nodes = coordinates, body, np.linspace(0.0, 1.0, nodes)
         self._last: tuple[float, Solved] | None = None  # when it starts [s], and it
 
-    def optimise(self, t: float, start: Array, aim: Aim) -> Trajectory | Failed:
+    def optimise(self, t: float, start: Array, aim: TerminalCondition) -> Trajectory | Failed:
         parameters = np.concatenate([self._weights, aim.parameters(start, self._coordinates)])
         failed = Failed("nothing was tried", infeasible=False)
         if (reason := out_of_bounds(start, self._coordinates)) is not None:
@@ -53,7 +53,7 @@ class WholeFlight:
             failed = solved
         return failed
 
-    def _guesses(self, t: float, start: Array, aim: Aim) -> Iterator[tuple[Solved, bool]]:
+    def _guesses(self, t: float, start: Array, aim: TerminalCondition) -> Iterator[tuple[Solved, bool]]:
         if self._last is not None and t - self._last[0] < self._last[1].duration:
             yield self._last[1].after(t - self._last[0]), False
         for tangent in TANGENTS if self._last is None else TANGENTS[:1]:

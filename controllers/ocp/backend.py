@@ -13,11 +13,11 @@ from typing import Any, Literal, get_args
 import casadi as ca
 import numpy as np
 
-from controllers.compilation import compiled
-from controllers.ocp.nlp import Programme
-from controllers.ocp.solution import Outcome
-from models.buffered_function import BufferedFunction
-from sim.signals import Array
+from mathnavi.controllers.compilation import compiled
+from mathnavi.controllers.ocp.nlp import Programme
+from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.sim.interfaces.signals import Array
 
 Backend = Literal["ipopt", "fatrop", "fatrop-compiled", "ipopt-compiled"]
 

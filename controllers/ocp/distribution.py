@@ -14,9 +14,9 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from controllers.ocp.monitors import ARCLENGTH, Monitor
-from sim.checks import check_positive
-from sim.signals import Array
+from mathnavi.controllers.ocp.monitors import ARCLENGTH, Monitor
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True, eq=False)

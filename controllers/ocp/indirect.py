@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 
-from controllers.ocp.solution import Solution
-from controllers.ocp.statement import Interval, OptimalControlProblem
-from sim.signals import Array
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.statement import Interval, OptimalControlProblem
+from mathnavi.sim.interfaces.signals import Array
 
 _ACTIVE = 1e-6  # scaled distance to a limit that counts as touching it
 _NEWTON_STEPS = 8

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 if TYPE_CHECKING:
-    from controllers.ocp.distribution import Mesh
-    from controllers.ocp.solution import Solution
+    from mathnavi.controllers.ocp.distribution import Mesh
+    from mathnavi.controllers.ocp.solution import Solution
 
 
 @dataclass(frozen=True, eq=False)

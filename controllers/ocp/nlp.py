@@ -18,11 +18,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from controllers.ocp.distribution import Mesh, NodeDistribution
-from controllers.ocp.stagewise import Assembly, Block
-from controllers.ocp.statement import OptimalControlProblem
-from controllers.ocp.transcriptions.scheme import Scheme
-from sim.signals import Array, Integers
+from mathnavi.controllers.ocp.distribution import Mesh, NodeDistribution
+from mathnavi.controllers.ocp.stagewise import Assembly, Block
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 RELATIVE_WIDTHS = (0.02, 20.0)
 """bounds of D_i where the nodes are unknowns"""

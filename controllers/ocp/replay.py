@@ -16,11 +16,11 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from controllers.ocp.solution import Replay, Solution
-from controllers.ocp.statement import OptimalControlProblem
-from controllers.ocp.transcriptions.scheme import weights
-from models.buffered_function import BufferedFunction
-from sim.signals import Array
+from mathnavi.controllers.ocp.solution import Replay, Solution
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.transcriptions.scheme import weights
+from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.sim.interfaces.signals import Array
 
 ILL_POSED = 1e4
 """norm of the scaled transition matrix beyond which an open loop cannot be replayed"""

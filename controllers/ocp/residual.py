@@ -15,10 +15,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.ocp.monitors import Monitor
-from controllers.ocp.solution import Solution, along
-from controllers.ocp.transcriptions.scheme import integral_weights, weights
-from sim.signals import Array
+from mathnavi.controllers.ocp.monitors import Monitor
+from mathnavi.controllers.ocp.solution import Solution, along
+from mathnavi.controllers.ocp.transcriptions.scheme import integral_weights, weights
+from mathnavi.sim.interfaces.signals import Array
 
 _POINTS = 6  # Gauss points of the integrals over an interval
 _NEIGHBOUR = 0.3  # of an interval's mass that its neighbours have at least: a layer is wider than what was seen of it

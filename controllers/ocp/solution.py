@@ -10,10 +10,10 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
-from controllers.ocp.grid import Grid
-from controllers.ocp.statement import OptimalControlProblem
-from controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
-from sim.signals import Array, Integers
+from mathnavi.controllers.ocp.grid import Grid
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 
 class Outcome(Enum):

@@ -11,15 +11,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from controllers.ocp.backend import Answer, NumericalSolver
-from controllers.ocp.backend import Options as Options
-from controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
-from controllers.ocp.grid import Grid, from_widths
-from controllers.ocp.nlp import programme
-from controllers.ocp.solution import Solution, Timing, along
-from controllers.ocp.statement import OptimalControlProblem
-from controllers.ocp.transcriptions.scheme import Scheme
-from sim.signals import Array
+from mathnavi.controllers.ocp.backend import Answer, NumericalSolver
+from mathnavi.controllers.ocp.backend import Options as Options
+from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
+from mathnavi.controllers.ocp.grid import Grid, from_widths
+from mathnavi.controllers.ocp.nlp import programme
+from mathnavi.controllers.ocp.solution import Solution, Timing, along
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.signals import Array
 
 FIXED = Fixed()
 DEFAULT = Options()

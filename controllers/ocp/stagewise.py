@@ -16,7 +16,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from sim.signals import Integers
+from mathnavi.sim.interfaces.signals import Integers
 
 
 @dataclass(frozen=True, eq=False)

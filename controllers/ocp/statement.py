@@ -30,7 +30,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 _MOST_DURATION = 1e9  # [s] beyond which a final time is no number to search among
 

@@ -32,13 +32,13 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from controllers.flight.certificate import TrackingBound
-from controllers.quadrotor.reference import deviation
-from controllers.quadrotor.tracker import LEAST_THRUST, TrackerConfig
-from controllers.quadrotor.turning import greatest_acceleration
-from models.aerial.mission import FlightMission
-from models.quadrotor.dynamics import ROTOR_COUNT, Quadrotor
-from sim.signals import Array
+from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.quadrotor.reference import deviation
+from mathnavi.controllers.quadrotor.tracker import LEAST_THRUST, TrackerConfig
+from mathnavi.controllers.quadrotor.turning import greatest_acceleration
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.quadrotor.dynamics import ROTOR_COUNT, Quadrotor
+from mathnavi.sim.interfaces.signals import Array
 
 _DEVIATIONS = 5.0
 _FLOOR = 0.03, 0.05  # [m, m/s] attitudes that follow closely but not at once

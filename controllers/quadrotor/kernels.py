@@ -1,7 +1,7 @@
 """The quadrotor's tracker, compiled: reference filter, attitude of a thrust, attitude error, law of the rotors.
 
-Frames and letters are those of ``models.quadrotor.dynamics``; see ``reference``, ``attitude`` and ``tracker`` for what
-the functions are for. Every vector is (3,), a reference z is (4, 3): position, velocity, acceleration, jerk.
+Frames and letters are those of ``mathnavi.models.quadrotor.dynamics``; see ``reference``, ``attitude`` and ``tracker``
+for what the functions are for. Every vector is (3,), a reference z is (4, 3): position, velocity, acceleration, jerk.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numba import njit
 
-from models.aerial.kernels import arc_at
-from sim.signals import Array
+from mathnavi.models.aerial.kernels import arc_at
+from mathnavi.sim.interfaces.signals import Array
 
 _STEPS = 1000  # arcs that one call may pass: a bound for a plan of many tiny ones
 _SMALL = 1e-9
@@ -40,7 +40,8 @@ def target_at(breaks: Array, x: Array, u: Array, arc: int, t: float) -> Array:
 def advanced(
     z: Array, breaks: Array, x: Array, u: Array, t: float, t_end: float, preview: float, bandwidth: float
 ) -> Array:
-    """The reference (4, 3) at ``t_end`` that was ``z`` at t, exact: see ``controllers.quadrotor.reference``."""
+    """The reference (4, 3) at ``t_end`` that was ``z`` at t, exact: see
+    ``mathnavi.controllers.quadrotor.reference``."""
     w = bandwidth
     for _ in range(_STEPS):
         arc = arc_at(breaks, t + preview)

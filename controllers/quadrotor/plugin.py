@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from controllers.flight.certificate import Certificate
-from controllers.flight.plugin import RecedingHorizonConfig, planner
-from controllers.quadrotor.bound import tracking_bound
-from controllers.quadrotor.similarity import Similarity, SimilarPlanner
-from controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
-from models.quadrotor.mission import QuadrotorMission
-from sim.protocols import Planner, Tracker
+from mathnavi.controllers.flight.certificate import Certificate
+from mathnavi.controllers.flight.plugin import RecedingHorizonConfig, planner
+from mathnavi.controllers.quadrotor.bound import tracking_bound
+from mathnavi.controllers.quadrotor.similarity import Similarity, SimilarPlanner
+from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
+from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.sim.interfaces.protocols import Planner, Tracker
 
 
 @dataclass(frozen=True)

@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from controllers.flight.certificate import TrackingBound
-from controllers.flight.planner import ARRIVAL
-from models.aerial.knowledge import RADARS, TARGET, TERRAIN, place_in
-from models.aerial.mission import FlightMission
-from models.terrain.height_field import HeightField
-from models.terrain.visibility import Radar
-from sim.checks import check_positive
-from sim.protocols import Planner
-from sim.signals import Array, Estimate, Message, Plan, PlanRequest
+from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.planner import ARRIVAL
+from mathnavi.models.aerial.knowledge import RADARS, TARGET, TERRAIN, place_in
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.visibility import Radar
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.protocols import Planner
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 
 _TIME = 10.0 / 3.0  # mu
 _SPEED = 300.0  # [m/s] of the thesis

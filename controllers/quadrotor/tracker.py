@@ -13,7 +13,8 @@ It is held to a greatest tilt. R_d has b_3 along f and its nose along the refere
 
 where tau_m f' and the rates of the reference tau_m ahead make up for the lag of the rotors. e_R is the gradient of Psi
 = 4 - 2 sqrt(1 + tr R_d' R) instead of the paper's tr(I - R_d' R) / 2: it grows up to an attitude that is upside down,
-where the paper's vanishes. ``models.quadrotor.allocation`` says which of T and tau is kept where rotors saturate.
+where the paper's vanishes. ``mathnavi.models.quadrotor.allocation`` says which of T and tau is kept where rotors
+saturate.
 
 d^ is what the velocity tells of forces that the model does not know, a wind or a wrong mass, the integral action of
 the loop: with the modelled v'^ = R (0, 0, T^) / m - g e_z - R D R' v / m + d^ and the residual r of the velocity
@@ -30,8 +31,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.flight.certificate import TrackingBound
-from controllers.quadrotor.kernels import (
+from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.quadrotor.kernels import (
     attitude_of,
     limited,
     moments,
@@ -39,11 +40,11 @@ from controllers.quadrotor.kernels import (
     rotation,
     within_tilt,
 )
-from controllers.quadrotor.reference import ReferenceFilter
-from models.quadrotor.allocation import allocated
-from models.quadrotor.dynamics import Quadrotor
-from sim.checks import check, check_positive
-from sim.signals import Array, Estimate, Plan
+from mathnavi.controllers.quadrotor.reference import ReferenceFilter
+from mathnavi.models.quadrotor.allocation import allocated
+from mathnavi.models.quadrotor.dynamics import Quadrotor
+from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 LEAST_THRUST = 0.15
 """of g: the least vertical part of f, so that the thrust always points up"""

@@ -28,8 +28,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import expm
 
-from controllers.quadrotor.tracker import TrackerConfig
-from models.quadrotor.dynamics import ROTOR_COUNT, Quadrotor
+from mathnavi.controllers.quadrotor.tracker import TrackerConfig
+from mathnavi.models.quadrotor.dynamics import ROTOR_COUNT, Quadrotor
 
 _STEP, _DURATION = 1e-3, 4.0  # [s] of the answer to a jump
 _SHARES = np.linspace(0.0, 1.0, 41)  # of A that are vertical

@@ -13,11 +13,11 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from models.instants import SIMULTANEOUS
-from sim.checks import check_positive
-from sim.number_lists import NumberList
-from sim.protocols import Planner, Tracker
-from sim.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.interfaces.protocols import Planner, Tracker
+from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
 
 _PERIODS = 100  # of the mission, from one plan to the next
 
@@ -135,7 +135,7 @@ class PlanHolder:
         self.period = period
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
-        arc = int(np.searchsorted(plan.t, t + SIMULTANEOUS, side="right")) - 1
+        arc = int(np.searchsorted(plan.t, t + TIME_TOLERANCE, side="right")) - 1
         held: Array = plan.u[min(max(arc, 0), len(plan.u) - 1)]
         return held
 

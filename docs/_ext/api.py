@@ -27,7 +27,7 @@ class Module:
     """A source file: its tree, what its names mean, and the comments at the end of its lines."""
 
     def __init__(self, path: Path) -> None:
-        self.path, self.name = path, ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        self.path, self.name = path, ".".join(("mathnavi", *path.relative_to(ROOT).with_suffix("").parts))
         source = path.read_text(encoding="utf-8")
         self.tree = ast.parse(source)
         self.comments = comments(source)
@@ -84,7 +84,7 @@ def _comments(source: str) -> Iterator[tuple[int, tuple[int, str]]]:
 
 def page(folder: Path, modules: Sequence[Module]) -> str:
     """What one folder holds: a table of its modules, then each with its classes and functions."""
-    title = ".".join(folder.relative_to(ROOT).parts)
+    title = ".".join(("mathnavi", *folder.relative_to(ROOT).parts))
     lines = [
         ".. highlight:: text",
         "",
@@ -201,7 +201,9 @@ def write_pages(app: Sphinx) -> None:
         for place in sorted({path.parent for path in (ROOT / package).rglob("*.py")}):
             paths = [path for path in sorted(place.glob("*.py")) if not path.stem.startswith("_")]
             if paths:
-                pages[".".join(place.relative_to(ROOT).parts)] = page(place, [Module(path) for path in paths])
+                pages[".".join(("mathnavi", *place.relative_to(ROOT).parts))] = page(
+                    place, [Module(path) for path in paths]
+                )
     texts = {f"{name}.rst": text for name, text in pages.items()}
     folder.mkdir(parents=True, exist_ok=True)
     for stale in set(folder.glob("*.rst")) - {folder / name for name in texts}:

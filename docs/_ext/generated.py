@@ -28,10 +28,9 @@ from api import beside, comments
 from sphinx.application import Sphinx
 from sphinx.builders.html import StandaloneHTMLBuilder
 
-from sim import cli
-from sim.commands import opengl
-from sim.commands.order import CommonOptions
-from sim.plugins import GROUPS, load, names
+from mathnavi.sim.commands import cli, opengl
+from mathnavi.sim.commands.run_request import CommonOptions
+from mathnavi.sim.plugin.registry import GROUPS, load, names
 
 ROOT = Path(__file__).resolve().parents[2]
 COLUMNS = "88"  # of the terminal that helps are printed for

@@ -18,7 +18,7 @@ from enum import Enum
 
 import numpy as np
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 Equations = Callable[[Array], tuple[Array, Array]]
 """x (n,) to F (n - 1,) and F' (n - 1, n), which are not finite where x is not allowed"""

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from estimators.observability.continuation import Equations, TracedCurve, on_curve, trace_curve
-from estimators.observability.range_outputs import RangeOutputs, different_poses, pose_difference
-from sim.signals import Array
+from mathnavi.estimators.observability.continuation import Equations, TracedCurve, on_curve, trace_curve
+from mathnavi.estimators.observability.range_outputs import RangeOutputs, different_poses, pose_difference
+from mathnavi.sim.interfaces.signals import Array
 
 _SAME = 1e-4  # two points with three sensors and more are the same
 _SEEN = 1e-6  # [m] between the range that a pose was made for and the range that it reads

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.observability.range_outputs import (
+from mathnavi.estimators.observability.range_outputs import (
     DEFICIENT,
     Input,
     RangeOutputs,
@@ -25,7 +25,7 @@ from estimators.observability.range_outputs import (
     motion_under,
     pose_difference,
 )
-from sim.signals import Array, Integers
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 _SAME = 1e-4  # clusters are farther apart
 

@@ -14,8 +14,8 @@ import math
 import numpy as np
 from numba import njit
 
-from models.field.kernels import cast_ray, is_inside, range_gradient
-from sim.signals import Array
+from mathnavi.models.field.kernels import cast_ray, is_inside, range_gradient
+from mathnavi.sim.interfaces.signals import Array
 
 _HALVINGS = 30  # of a step that leaves the field or does not fit better
 _LEAST_DAMPING = 1e-14  # relative; keeps the normal equations of a deficient fit solvable

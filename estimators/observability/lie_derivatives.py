@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import casadi
 import numpy as np
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 _RANK_TOLERANCE = 1e-9  # of the largest singular value
 

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.observability.continuation import Equations
-from estimators.observability.feasible_set import FeasibleSet
-from estimators.observability.range_outputs import DEFICIENT, RangeOutputs, different_poses, pose_difference
-from sim.signals import Array
+from mathnavi.estimators.observability.continuation import Equations
+from mathnavi.estimators.observability.feasible_set import FeasibleSet
+from mathnavi.estimators.observability.range_outputs import DEFICIENT, RangeOutputs, different_poses, pose_difference
+from mathnavi.sim.interfaces.signals import Array
 
 _SAME = 1e-5  # two states of the intersection are the same
 _DIFFERENCE = 1e-6  # step of central differences

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.observability.kernels import fit_pose, outputs_along
-from models.angles import wrapped
-from models.field.curve import Curve
-from models.unicycle.kernels import moved
-from sim.signals import Array
+from mathnavi.estimators.observability.kernels import fit_pose, outputs_along
+from mathnavi.models.angles import wrapped
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.sim.interfaces.signals import Array
 
 Input = Callable[[float], tuple[float, float]]
 """t [s] to u = (u_1, u_2) [m/s, rad/s]"""

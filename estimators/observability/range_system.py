@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import casadi
 
-from estimators.observability.lie_derivatives import ControlAffineSystem
-from estimators.observability.range_outputs import RangeOutputs
-from sim.signals import Array
+from mathnavi.estimators.observability.lie_derivatives import ControlAffineSystem
+from mathnavi.estimators.observability.range_outputs import RangeOutputs
+from mathnavi.sim.interfaces.signals import Array
 
 
 def range_system(outputs: RangeOutputs) -> ControlAffineSystem:

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.observability.range_outputs import Input
-from models.unicycle.mission import KnownStart, RangingMission
-from sim.protocols import Estimator
-from sim.signals import Array, Measurement
+from mathnavi.estimators.observability.range_outputs import Input
+from mathnavi.models.unicycle.mission import KnownStart, RangingMission
+from mathnavi.sim.interfaces.protocols import Estimator
+from mathnavi.sim.interfaces.signals import Array, Measurement
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ import math
 import numpy as np
 from numba import njit
 
-from estimators.ranging.feasible_set_kernels import solved
-from estimators.ranging.kalman_kernels import condition, predict
-from models.unicycle.kernels import wrapped
-from sim.signals import Array
+from mathnavi.estimators.ranging.feasible_set_kernels import solved
+from mathnavi.estimators.ranging.kalman_kernels import condition, predict
+from mathnavi.models.unicycle.kernels import wrapped
+from mathnavi.sim.interfaces.signals import Array
 
 
 @njit(cache=True, nogil=True)

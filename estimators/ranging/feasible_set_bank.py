@@ -19,15 +19,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from estimators.freshness import Freshness
-from estimators.ranging.bank_kernels import condition_each, drop, predict_each
-from estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
-from estimators.ranging.model import STATES, RangeModel, chi_square_gate
-from models.unicycle.mission import RangeQuality, RangingMission
-from sim.checks import check_counts, check_positive, check_probability
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import Array, Estimate, Measurement, Status
+from mathnavi.estimators.ranging.bank_kernels import condition_each, drop, predict_each
+from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
+from mathnavi.estimators.ranging.model import STATES, RangeModel, chi_square_gate
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.sim.interfaces.checks import check_counts, check_positive, check_probability
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 _OF_MEDIAN = 0.5 * np.pi  # variance of the median of many Gaussian numbers over that of their mean
 _MOVED = 0.005  # of a range: between what is read on the way and what is read in the middle of it
@@ -86,7 +86,7 @@ class FeasibleSetBank:
 
     def __init__(self, config: FeasibleSetBankConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._config, self._model, self._freshness = config, RangeModel(mission), Freshness(config.timeout)
+        self._config, self._model, self._freshness = config, RangeModel(mission), TimeoutMonitor(config.timeout)
         self._limit = chi_square_gate(config.gate)
         self._misfit_limit = config.misfit + mission.ranging.outliers * self._limit  # an outlier counts as the gate
         self._memory = max(0.0, 1.0 - mission.period / _REMEMBERED)

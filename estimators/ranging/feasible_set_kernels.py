@@ -15,9 +15,9 @@ import math
 import numpy as np
 from numba import njit
 
-from estimators.ranging.kalman_kernels import expected_range, move, step_within
-from models.unicycle.kernels import wrapped
-from sim.signals import Array, Integers
+from mathnavi.estimators.ranging.kalman_kernels import expected_range, move, step_within
+from mathnavi.models.unicycle.kernels import wrapped
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 _LONGEST = 1.0  # [m, rad] of a step in any coordinate
 

@@ -14,10 +14,10 @@ import math
 import numpy as np
 from numba import njit
 
-from estimators.ranging.observer_kernels import kept_within, output, seen_from
-from models.field.kernels import curve_tangent
-from models.unicycle.kernels import moved
-from sim.signals import Array
+from mathnavi.estimators.ranging.observer_kernels import kept_within, output, seen_from
+from mathnavi.models.field.kernels import curve_tangent
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.sim.interfaces.signals import Array
 
 LEAST_DENOMINATOR = 0.05  # [m] of s_rate: where a ray grazes the wall, s_i has no bounded rate
 

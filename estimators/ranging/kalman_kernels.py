@@ -25,9 +25,9 @@ import math
 import numpy as np
 from numba import njit
 
-from models.field.kernels import cast_ray, curve_bend, curve_tangent, is_inside
-from models.unicycle.kernels import moved, moved_slopes, wrapped
-from sim.signals import Array
+from mathnavi.models.field.kernels import cast_ray, curve_bend, curve_tangent, is_inside
+from mathnavi.models.unicycle.kernels import moved, moved_slopes, wrapped
+from mathnavi.sim.interfaces.signals import Array
 
 _GRAZING = 1e-3  # sine of the angle between a ray and the wall below which it tells nothing
 _HALVINGS = 30  # of a step that leads out of the wall

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from estimators.ranging.kalman_kernels import step_within, within
-from estimators.ranging.readings import measured_input, usable_ranges
-from models.unicycle.mission import LEAST_NOISE, RangingMission
-from sim.signals import Array, Measurement
+from mathnavi.estimators.ranging.kalman_kernels import step_within, within
+from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
+from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
+from mathnavi.sim.interfaces.signals import Array, Measurement
 
 STATES = 4
 FROM_WHERE = "from most starts with two rays or more where the robot drives; standing still not with one or two rays"

@@ -19,20 +19,20 @@ from typing import Literal
 
 import numpy as np
 
-from estimators.freshness import Freshness
-from estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
-from estimators.ranging.model import FROM_WHERE
-from estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
-from estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
-from estimators.ranging.range_rate_kernels import innovated, measured
-from estimators.ranging.readings import measured_input, usable_ranges
-from models.unicycle.kernels import moved
-from models.unicycle.mission import RangeQuality, RangingMission
-from sim.checks import check_positive
-from sim.number_lists import NumberList
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import Array, Estimate, Measurement, Status
+from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
+from mathnavi.estimators.ranging.model import FROM_WHERE
+from mathnavi.estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
+from mathnavi.estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
+from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
+from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 FeedForward = Literal["none", "s", "rho_dot", "manifold"]
 Fitted = Literal["innovation", "ranges"]
@@ -102,7 +102,7 @@ class RangeObserver:
         if config.z_0 and len(config.z_0) != l + 1:
             raise ValueError(f"z_0 = {config.z_0!r}; allowed with {l} sensors: {l + 1} numbers")
         self.period = mission.period
-        self._freshness, self._gains = Freshness(config.timeout), (config.k_v, config.k_q)
+        self._freshness, self._gains = TimeoutMonitor(config.timeout), (config.k_v, config.k_q)
         self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation
         # What is expected before there is a range rate must do without one.
         self._foresee = forward_s if config.feedforward == "rho_dot" else self._advance

@@ -24,9 +24,9 @@ import math
 import numpy as np
 from numba import njit
 
-from models.field.kernels import cast_ray, curve_bend, curve_point, curve_tangent, is_inside
-from models.unicycle.kernels import moved, wrapped
-from sim.signals import Array
+from mathnavi.models.field.kernels import cast_ray, curve_bend, curve_point, curve_tangent, is_inside
+from mathnavi.models.unicycle.kernels import moved, wrapped
+from mathnavi.sim.interfaces.signals import Array
 
 LONGEST_STEP = 0.5  # [rad] of any component of z in one correction
 

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.freshness import Freshness
-from estimators.ranging.model import RangeModel, chi_square_gate
-from estimators.ranging.particle_kernels import mode, propagate, roughen, weigh
-from models.unicycle.mission import RangeQuality, RangingMission
-from sim.checks import check_counts, check_positive, check_probability
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import Array, Estimate, Integers, Measurement
+from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
+from mathnavi.estimators.ranging.particle_kernels import mode, propagate, roughen, weigh
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.sim.interfaces.checks import check_counts, check_positive, check_probability
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Integers, Measurement
 
 _RADIUS = 0.4  # [m, rad] of the particles that count as one place
 _STARTS = 16  # places that are looked at
@@ -56,7 +56,7 @@ class RangeParticle:
 
     def __init__(self, config: RangeParticleConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._freshness = RangeModel(mission), Freshness(config.timeout)
+        self._model, self._freshness = RangeModel(mission), TimeoutMonitor(config.timeout)
         self._gate = chi_square_gate(config.gate)
         self._rng, self._roughening = np.random.default_rng(config.seed), config.roughening
         self._x = self._model.particles(config.particles, self._rng)

@@ -18,10 +18,10 @@ import math
 import numpy as np
 from numba import njit
 
-from estimators.ranging.kalman_kernels import step_within
-from models.field.kernels import cast_ray
-from models.unicycle.kernels import moved, wrapped
-from sim.signals import Array, Integers
+from mathnavi.estimators.ranging.kalman_kernels import step_within
+from mathnavi.models.field.kernels import cast_ray
+from mathnavi.models.unicycle.kernels import moved, wrapped
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 
 @njit(cache=True, nogil=True)

@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 LONGEST_WINDOW = 1001
 HIGHEST_ORDER = 7

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numba import njit
 
-from estimators.ranging.observer_kernels import kept_within
-from models.field.kernels import cast_ray, cast_rays, range_gradient
-from models.unicycle.kernels import moved
-from sim.signals import Array
+from mathnavi.estimators.ranging.observer_kernels import kept_within
+from mathnavi.models.field.kernels import cast_ray, cast_rays, range_gradient
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.sim.interfaces.signals import Array
 
 _FAR = 4.0  # root mean squares of the residuals: what is further off the polynomial is an outlier
 _EXACT = 1e-9  # [m] of a residual that is round-off

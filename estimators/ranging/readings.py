@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.signals import Array, Measurement
+from mathnavi.sim.interfaces.signals import Array, Measurement
 
 TOO_LONG = 2.0  # times the longest distance within the wall: no ray of it reads that, whatever its noise
 TOO_FAST = 10.0  # times the robot's limits

@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import casadi
 
-from models.field.curve import Curve
+from mathnavi.models.field.curve import Curve
 
 
 @lru_cache(maxsize=16)

@@ -14,16 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from estimators.covariance import square_root
-from estimators.freshness import Freshness
-from estimators.ranging.kalman_kernels import expected_ranges, move, step_within
-from estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
-from models.unicycle.kernels import moved_slopes, wrapped
-from models.unicycle.mission import RangeQuality, RangingMission
-from sim.checks import check_positive, check_probability
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import Array, Estimate, Measurement
+from mathnavi.estimators.covariance import square_root
+from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
+from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.models.unicycle.kernels import moved_slopes, wrapped
+from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.sim.interfaces.checks import check_positive, check_probability
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class RangeUkf:
 
     def __init__(self, config: RangeUkfConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._freshness = RangeModel(mission), Freshness(config.timeout)
+        self._model, self._freshness = RangeModel(mission), TimeoutMonitor(config.timeout)
         self._gate = Gate(config.gate, mission.sensors)
         self._filter = self._made(config)
         self._filter.x, self._filter.P = self._model.start()

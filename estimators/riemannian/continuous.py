@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimators.riemannian.gains import Gains
-from models.manifold.constant_curvature import ConstantCurvature
-from sim.signals import Array
+from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature
+from mathnavi.sim.interfaces.signals import Array
 
 Instant = tuple[Array, Array]
 """x and the force F there"""

@@ -26,9 +26,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
-from estimators.riemannian.gains import Gains
-from models.manifold.two_point import TwoPoint
-from sim.signals import Array
+from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.models.manifold.two_point import TwoPoint
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

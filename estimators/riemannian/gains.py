@@ -20,7 +20,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from estimators.velocity.poles import pole_weights
+from mathnavi.estimators.velocity.poles import pole_weights
 
 GainName = Literal["constant", "printed"]
 CurvatureName = Literal["minus-one", "matched", "none", "plus-one"]

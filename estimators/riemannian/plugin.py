@@ -7,15 +7,15 @@ from typing import get_args
 
 import numpy as np
 
-from estimators.riemannian.gains import CurvatureName, GainName, Gains
-from estimators.riemannian.sampled import SampledObserver
-from estimators.velocity.position_observer import PositionObserver
-from estimators.velocity.readings import Persistence, SpeedGate, innovation
-from models.manifold.mission import LagrangianMission
-from sim.checks import check, check_positive
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import Array
+from mathnavi.estimators.riemannian.gains import CurvatureName, GainName, Gains
+from mathnavi.estimators.riemannian.sampled import SampledObserver
+from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array
 
 _FASTEST = 1e4  # [1/s]
 
@@ -125,7 +125,7 @@ class _Intrinsic:
     def start(self, y: Array) -> None:
         config = self._config
         self._distance, self._since, self._y = 0.0, 0.0, y  # the last reading that was used, and how old it is [s]
-        self._gate, self._persistence = SpeedGate(self._mission, y), Persistence()
+        self._gate, self._persistence = SpeedGate(self._mission, y), OutlierCounter()
         self._observer = SampledObserver(
             self._mission.system, self._gains, y, disturbed=config.disturbance, share=config.share
         )

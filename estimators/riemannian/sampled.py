@@ -26,10 +26,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.riemannian.gains import Gains
-from models.manifold.manifold import is_beyond
-from models.manifold.system import LagrangianSystem
-from sim.signals import Array
+from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.models.manifold.manifold import is_beyond
+from mathnavi.models.manifold.system import LagrangianSystem
+from mathnavi.sim.interfaces.signals import Array
 
 _LARGEST = 0.5  # of |L| that the curvature term moves xi by within h
 

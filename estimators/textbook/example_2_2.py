@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import casadi
 
-from estimators.textbook.law import ObserverLaw, check_rates, check_system, identity
-from estimators.textbook.sampled_observer import SampledObserver
-from models.textbook.example_2_2 import EXAMPLE_2_2, observer
-from models.textbook.mission import TextbookMission
-from sim.checks import check_positive
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
+from mathnavi.estimators.textbook.law import ObserverLaw, check_rates, check_system, identity
+from mathnavi.estimators.textbook.sampled_observer import SampledObserver
+from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, observer
+from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
 
 
 @dataclass(frozen=True)

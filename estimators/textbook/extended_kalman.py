@@ -17,16 +17,16 @@ from functools import lru_cache
 import casadi
 import numpy as np
 
-from estimators.carried_filter import carried_filter
-from estimators.freshness import Freshness, time_ahead
-from models.instants import SIMULTANEOUS
-from models.runge_kutta import dormand_prince
-from models.textbook.mission import TextbookMission
-from models.textbook.system import System
-from sim.checks import check, check_positive
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import Array, Estimate, Measurement, Status
+from mathnavi.estimators.carried_filter import carried_filter
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
+from mathnavi.models.runge_kutta import dormand_prince
+from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.models.textbook.system import System
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 _SETTLED = 1e-10  # change of the estimate below which a linearisation is kept
 
@@ -66,7 +66,7 @@ class TextbookEkf:
         self._filter.P = np.diag(np.square(mission.deviation))
         self._variance = max(mission.noise, config.noise_floor) ** 2
         self._t: float | None = None  # [s] of the filter's state; None before the first call
-        self._freshness = Freshness(config.timeout)
+        self._freshness = TimeoutMonitor(config.timeout)
         self._followed = True  # the last step was taken
 
     @staticmethod
@@ -103,7 +103,7 @@ class TextbookEkf:
         if self._t is None:
             self._t = t
         h = time_ahead(t, self._t, "a reading")
-        if h > SIMULTANEOUS:
+        if h > TIME_TOLERANCE:
             self._filter.F = np.array(self._transition(self._filter.x, u, h))
             noise = h * self._config.process**2
             self._filter.Q = noise * np.eye(len(self._filter.x))

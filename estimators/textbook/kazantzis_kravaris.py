@@ -21,17 +21,17 @@ from typing import Literal, get_args
 import casadi
 import numpy as np
 
-from estimators.textbook.law import ObserverLaw, check_rates, identity
-from estimators.textbook.sampled_observer import SampledObserver
-from models.textbook.maps import inverse, of_numbers
-from models.textbook.mission import TextbookMission
-from models.textbook.power_series import solved
-from models.textbook.system import System
-from sim.checks import check_positive
-from sim.number_lists import NumberList
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import Array
+from mathnavi.estimators.textbook.law import ObserverLaw, check_rates, identity
+from mathnavi.estimators.textbook.sampled_observer import SampledObserver
+from mathnavi.models.textbook.maps import inverse, of_numbers
+from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.models.textbook.power_series import solved
+from mathnavi.models.textbook.system import System
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array
 
 Form = Literal["z", "corrected", "printed"]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import casadi
 
-from models.textbook.mission import TextbookMission
-from sim.signals import Array
+from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.sim.interfaces.signals import Array
 
 LARGEST_RATE = 1e4  # [1/s] of a gain or a pole
 

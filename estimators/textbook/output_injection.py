@@ -10,16 +10,16 @@ from dataclasses import dataclass
 import casadi
 import numpy as np
 
-from estimators.textbook.law import ObserverLaw, check_rates, check_system
-from estimators.textbook.sampled_observer import SampledObserver
-from models.textbook.library import SYSTEMS
-from models.textbook.maps import of_numbers
-from models.textbook.mission import TextbookMission
-from sim.checks import check_positive
-from sim.number_lists import NumberList
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import Array
+from mathnavi.estimators.textbook.law import ObserverLaw, check_rates, check_system
+from mathnavi.estimators.textbook.sampled_observer import SampledObserver
+from mathnavi.models.textbook.library import SYSTEMS
+from mathnavi.models.textbook.maps import of_numbers
+from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

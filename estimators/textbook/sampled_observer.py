@@ -3,9 +3,9 @@
     z' = F^(z, u, y(t)),   x^ = Phi(z)
 
 Over each period y(t) is the polynomial through the last readings, four at most, the newest among them, and z follows
-its equation to the error of ``models.runge_kutta``: what sampling costs is of fourth order in the period, and x^ has no
-lag. Where the newest reading is missing x^ goes on as a copy of the system does, and z = Psi(x^). An observer that
-leaves every bound stays where it was last, and lost.
+its equation to the error of ``mathnavi.models.runge_kutta``: what sampling costs is of fourth order in the period, and
+x^ has no lag. Where the newest reading is missing x^ goes on as a copy of the system does, and z = Psi(x^). An
+observer that leaves every bound stays where it was last, and lost.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from collections.abc import Sequence
 import casadi
 import numpy as np
 
-from estimators.freshness import Freshness
-from estimators.textbook.law import ObserverLaw
-from models.instants import SIMULTANEOUS
-from models.runge_kutta import Flow
-from models.textbook.mission import TextbookMission
-from sim.signals import Array, Estimate, Measurement, Status
+from mathnavi.estimators.textbook.law import ObserverLaw
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.models.runge_kutta import Flow
+from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 _POINTS = 4  # that the polynomial goes through
 
@@ -32,7 +32,7 @@ class SampledObserver:
     def __init__(self, law: ObserverLaw, mission: TextbookMission, timeout: float) -> None:
         """``timeout`` [s] without a reading after which the estimate is lost."""
         self.period = mission.period
-        self._law, self._system, self._freshness = law, mission.system, Freshness(timeout)
+        self._law, self._system, self._freshness = law, mission.system, TimeoutMonitor(timeout)
         self._flow = _flow(law, mission)
         self._x = mission.start_state
         self._z = law.Psi(self._x)
@@ -53,7 +53,7 @@ class SampledObserver:
 
     def _advance(self, begin: float, h: float, u: Array) -> None:
         """From a time [s] on for h [s] with u (p,) held."""
-        if self._freshness.t > begin + SIMULTANEOUS:
+        if self._freshness.t > begin + TIME_TOLERANCE:
             self._followed = self._observe(begin, h, u)
             return
         copied, reached = self._system.reach(self._x, u, h)

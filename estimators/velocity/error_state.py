@@ -24,11 +24,11 @@ from typing import Protocol
 import numpy as np
 from scipy.special import chdtri
 
-from estimators.velocity.readings import Persistence, innovation, reading_variance
-from estimators.velocity.state_errors import StateErrors
-from models.manifold.mission import LagrangianMission
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.signals import Array
+from mathnavi.estimators.velocity.readings import OutlierCounter, innovation, reading_variance
+from mathnavi.estimators.velocity.state_errors import StateErrors
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class ErrorStateFilter:
         self._R = np.maximum(reading_variance(self._mission, y), self._model.noise_floor**2)
         lengths = np.array([manifold.norm(y, manifold.vector(y, axis)) for axis in np.eye(self._n)])
         self.covariance = np.diag(np.concatenate([self._R, np.square(self._mission.speed_max / lengths)]))
-        self._persistence, self._nis = Persistence(), math.nan
+        self._persistence, self._nis = OutlierCounter(), math.nan
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         bundle, before = self._bundle, self._state

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.velocity.error_state import ErrorStateFilter, FilterModel, filter_properties
-from estimators.velocity.position_observer import PositionObserver
-from models.manifold.mission import LagrangianMission
-from sim.checks import check_positive, check_probability
-from sim.observer_properties import ObserverProperties
-from sim.protocols import Sensor
-from sim.signals import Array
+from mathnavi.estimators.velocity.error_state import ErrorStateFilter, FilterModel, filter_properties
+from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.sim.interfaces.checks import check_positive, check_probability
+from mathnavi.sim.interfaces.observer_properties import ObserverProperties
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array
 
 _STEP = 1e-6  # of an error, in its unit
 

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, sosfilt
 
-from estimators.velocity.position_observer import PositionObserver
-from estimators.velocity.readings import Persistence, SpeedGate, innovation
-from models.manifold.mission import LagrangianMission
-from sim.checks import check, check_positive
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import NOTHING, Array
+from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import NOTHING, Array
 
 _ORDER = 2
 
@@ -93,7 +93,7 @@ class _Differences:
         self._y, self._age = y, 0.0  # [s] since the newest reading
         self._w = np.zeros(self._manifold.vector_size)
         self._memory = np.zeros((_ORDER // 2, 2, self._manifold.vector_size))  # of the filter
-        self._gate, self._persistence = SpeedGate(self._mission, y), Persistence()
+        self._gate, self._persistence = SpeedGate(self._mission, y), OutlierCounter()
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         self._age += h

@@ -22,15 +22,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.velocity.poles import pole_weights
-from estimators.velocity.position_observer import PositionObserver
-from estimators.velocity.readings import Persistence, SpeedGate, innovation
-from models.manifold.manifold import Manifold
-from models.manifold.mission import LagrangianMission
-from sim.checks import check_positive
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.protocols import Sensor
-from sim.signals import NOTHING, Array
+from mathnavi.estimators.velocity.poles import pole_weights
+from mathnavi.estimators.velocity.position_observer import PositionObserver
+from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
+from mathnavi.models.manifold.manifold import Manifold
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import NOTHING, Array
 
 _STEP = 1e-6  # [rad, m] of the difference that stands for a derivative
 
@@ -91,7 +91,7 @@ class _HighGain:
     def start(self, y: Array) -> None:
         self._state = np.concatenate([y, np.zeros(self._manifold.vector_size)])
         self._y = y  # the last reading that was used
-        self._gate, self._persistence = SpeedGate(self._mission, y), Persistence()
+        self._gate, self._persistence = SpeedGate(self._mission, y), OutlierCounter()
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         self._state = self._system.flow(self._state, u, h)

@@ -13,12 +13,12 @@ from typing import Protocol
 
 import numpy as np
 
-from estimators.freshness import Freshness
-from estimators.velocity.readings import usable
-from models.instants import SIMULTANEOUS
-from models.manifold.manifold import CutLocusError
-from models.manifold.mission import LagrangianMission
-from sim.signals import Array, Estimate, Measurement, Status
+from mathnavi.estimators.timeout_monitor import TimeoutMonitor
+from mathnavi.estimators.velocity.readings import usable
+from mathnavi.models.manifold.manifold import CutLocusError
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 
 class VelocityLaw(Protocol):
@@ -57,7 +57,7 @@ class PositionObserver:
         """``timeout`` [s] without a reading that could be used, after which the estimate is lost."""
         self.period = mission.period
         self._law, self._manifold = law, mission.system.manifold
-        self._freshness = Freshness(timeout)  # of the readings that were used
+        self._freshness = TimeoutMonitor(timeout)  # of the readings that were used
         self._x = np.concatenate([self._manifold.origin, np.zeros(self._manifold.vector_size)])
         self._t: float | None = None  # [s] of the law's state; None before it is started
         self._refused, self._restarts = 0, 0
@@ -70,7 +70,7 @@ class PositionObserver:
         """
         for reading in measurements:
             y = usable(reading, self._manifold)
-            if y is not None and reading.t > self._freshness.t + SIMULTANEOUS:
+            if y is not None and reading.t > self._freshness.t + TIME_TOLERANCE:
                 self._read(reading.t, y, command)
         self._move(t, command)
         counts = {"refused": np.array([float(self._refused)]), "restarts": np.array([float(self._restarts)])}
@@ -85,7 +85,7 @@ class PositionObserver:
             self._freshness.note(t)
             self._try(lambda: self._law.start(y))
             return
-        if t < self._t - SIMULTANEOUS:  # it comes late: what it could tell has been told by a newer one
+        if t < self._t - TIME_TOLERANCE:  # it comes late: what it could tell has been told by a newer one
             return
         used: list[bool] = []
         self._try(lambda: used.append(self._law.correct(y, t - self._freshness.t)))
@@ -94,7 +94,7 @@ class PositionObserver:
 
     def _move(self, t: float, u: Array, y: Array | None = None) -> None:
         """From the law's time to t [s] with u (nu,) held, at which there is a reading y or none."""
-        if self._t is not None and t > self._t + SIMULTANEOUS:
+        if self._t is not None and t > self._t + TIME_TOLERANCE:
             h, self._t = t - self._t, t
             self._try(lambda: self._law.predict(h, u, y))
 

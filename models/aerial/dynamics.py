@@ -16,9 +16,9 @@ from functools import lru_cache
 import casadi
 import numpy as np
 
-from models.aerial.kernels import arc_at, state_on
-from models.instants import SIMULTANEOUS
-from sim.signals import Array, Plan
+from mathnavi.models.aerial.kernels import arc_at, state_on
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Plan
 
 TICK = 1.0 / 300.0  # [s] of the flight physics
 CONTROL_TICKS = 5  # of the physics to one of estimator and tracker, unless a mission says else
@@ -58,7 +58,7 @@ def state_at(plan: Plan, t: float | Array) -> Array:
     if not isinstance(t, np.ndarray):
         state: Array = state_on(plan.t, plan.x, plan.u, t)
         return state
-    k = plan.t.searchsorted(t + SIMULTANEOUS, side="right") - 1
+    k = plan.t.searchsorted(t + TIME_TOLERANCE, side="right") - 1
     states: Array = plan.x[np.clip(k, 0, len(plan.u))]
     inside = (k >= 0) & (k < len(plan.u))
     arcs = k[inside]

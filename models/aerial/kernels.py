@@ -8,14 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from models.instants import SIMULTANEOUS
-from sim.signals import Array
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array
 
 
 @njit(cache=True, nogil=True)
 def arc_at(breaks: Array, t: float) -> int:
     """The arc that holds from t on, -1 before the first, K after the last; a breakpoint belongs to the later arc."""
-    return int(np.searchsorted(breaks, t + SIMULTANEOUS, side="right")) - 1
+    return int(np.searchsorted(breaks, t + TIME_TOLERANCE, side="right")) - 1
 
 
 @njit(cache=True, nogil=True)

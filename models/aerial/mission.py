@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.aerial.dynamics import CONTROL_TICKS, TICK, flow
-from models.aerial.knowledge import Knowledge
-from models.aerial.sensors import FullStateSensor
-from models.terrain.height_field import HeightField
-from models.terrain.visibility import Radar
-from sim.signals import Array
+from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK, flow
+from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.aerial.sensors import FullStateSensor
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.visibility import Radar
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

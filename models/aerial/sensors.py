@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.checks import check
-from sim.protocols import Motion
-from sim.signals import Array
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.protocols import StateView
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class FullStateSensor:
     def __post_init__(self) -> None:
         check(self.position_noise, f"{self.name} sensor: position_noise", 0.0)
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         if self.position_noise == 0.0:
             return motion.x
         half_width = math.sqrt(3.0) * self.position_noise
@@ -51,7 +51,7 @@ class PositionSensor:
     def __post_init__(self) -> None:
         check(self.noise, f"{self.name} sensor: noise", 0.0)
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         position = motion.x[:3]
         return position + self.noise * rng.standard_normal(3) if self.noise > 0.0 else position.copy()
 
@@ -68,6 +68,6 @@ class AccelerationSensor:
     def __post_init__(self) -> None:
         check(self.noise, f"{self.name} sensor: noise", 0.0)
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         acceleration = motion.acceleration
         return acceleration + self.noise * rng.standard_normal(3) if self.noise > 0.0 else acceleration.copy()

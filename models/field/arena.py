@@ -18,9 +18,9 @@ import math
 
 import numpy as np
 
-from models.composer_and_mjcf import composer, mjcf
-from models.field.curve import Curve
-from sim.signals import Array
+from mathnavi.models.composer_and_mjcf import composer, mjcf
+from mathnavi.models.field.curve import Curve
+from mathnavi.sim.interfaces.signals import Array
 
 SENSOR_HEIGHT = 0.163
 """[m] above the floor of the plane in which ranges are measured"""

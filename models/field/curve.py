@@ -14,8 +14,8 @@ from functools import cached_property
 import casadi
 import numpy as np
 
-from models.field.kernels import cast_rays, is_inside
-from sim.signals import Array
+from mathnavi.models.field.kernels import cast_rays, is_inside
+from mathnavi.sim.interfaces.signals import Array
 
 Coefficients = tuple[tuple[float, float, float, float], ...]
 

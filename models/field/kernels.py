@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numba import njit
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 _STEPS = 60  # bisections at most; Newton needs three
 _PRECISION = 1e-15

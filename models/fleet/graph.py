@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
-from sim.checks import check, check_names
-from sim.signals import Array
+from mathnavi.sim.interfaces.checks import check, check_names
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class Graph:
         return Node(name, {other: weight for other, weight in row if weight > 0.0}, planning_period, deadline)
 
     def linked(self, sender: str, receiver: str, t: float) -> bool:
-        """Whether one hears the other, as ``sim.network.Linked`` asks; t [s] does not matter."""
+        """Whether one hears the other, as ``mathnavi.sim.engine.network.Linked`` asks; t [s] does not matter."""
         return receiver in self.names and bool(self._row(sender)[self.names.index(receiver)] > 0.0)
 
     def _row(self, name: str) -> Array:

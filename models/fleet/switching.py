@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from models.fleet.graph import Graph, Node
+from mathnavi.models.fleet.graph import Graph, Node
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,5 +73,5 @@ class Switching:
         return self.union.node(name, planning_period, deadline)
 
     def linked(self, sender: str, receiver: str, t: float) -> bool:
-        """Whether one hears the other at t [s], as ``sim.network.Linked`` asks."""
+        """Whether one hears the other at t [s], as ``mathnavi.sim.engine.network.Linked`` asks."""
         return self.at(t).linked(sender, receiver, t)

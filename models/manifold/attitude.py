@@ -15,10 +15,10 @@ import math
 import numpy as np
 from numba import njit
 
-from models.manifold import kernels
-from models.manifold.constant_curvature import sphere
-from models.manifold.manifold import CutLocusError, unrounded
-from sim.signals import Array
+from mathnavi.models.manifold import kernels
+from mathnavi.models.manifold.constant_curvature import sphere
+from mathnavi.models.manifold.manifold import CutLocusError, unrounded
+from mathnavi.sim.interfaces.signals import Array
 
 _S3 = sphere(3)
 _OPPOSITE = 1e-12  # |<p, q>| of attitudes half a turn apart

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.manifold import kernels
-from models.manifold.manifold import CutLocusError, unrounded
-from sim.signals import Array
+from mathnavi.models.manifold import kernels
+from mathnavi.models.manifold.manifold import CutLocusError, unrounded
+from mathnavi.sim.interfaces.signals import Array
 
 _OFF = 1e-6  # of |<p, p> - kappa| that is rounding, a float's at the worst
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 
 class CutLocusError(ValueError):

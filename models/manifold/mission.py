@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.manifold.sensors import PositionQuality, PositionSensor, StateSensor
-from models.manifold.system import LagrangianSystem
-from sim.checks import check_positive
-from sim.signals import Array
+from mathnavi.models.manifold.sensors import PositionQuality, PositionSensor, StateSensor
+from mathnavi.models.manifold.system import LagrangianSystem
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from models.manifold.manifold import Manifold
-from sim.checks import check
-from sim.protocols import Motion
-from sim.signals import Array
+from mathnavi.models.manifold.manifold import Manifold
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.protocols import StateView
+from mathnavi.sim.interfaces.signals import Array
 
 POSITION = "position"  # the name of their readings
 
@@ -46,7 +46,7 @@ class PositionSensor:
     def size(self) -> int:
         return self.manifold.size
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
         manifold, quality = self.manifold, self.quality
         x = motion.x[: manifold.size]
         off = quality.noise * rng.standard_normal(manifold.dimension)
@@ -65,5 +65,5 @@ class StateSensor:
     rate: float | None  # [Hz]
     name: ClassVar[str] = "full_state"
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         return motion.x

@@ -12,8 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
-from models.manifold.manifold import Manifold
-from sim.signals import Array
+from mathnavi.models.manifold.manifold import Manifold
+from mathnavi.sim.interfaces.signals import Array
 
 
 class LagrangianSystem(Protocol):

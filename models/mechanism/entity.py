@@ -20,9 +20,9 @@ import dm_control
 import mujoco
 import numpy as np
 
-from models.mechanism.geometry import checked
-from models.mechanism.names import MechanismName
-from models.vehicle_names import check_vehicle_name
+from mathnavi.models.mechanism.geometry import checked
+from mathnavi.models.mechanism.names import MechanismName
+from mathnavi.models.vehicle_names import check_vehicle_name
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from models.mechanism.kernels import com_pos, com_vel, factor_m, kinematics, make_m, rne, solve_m
-from models.mechanism.mujoco_functions import ADDRESS, function
-from sim.signals import Array
+from mathnavi.models.mechanism.kernels import com_pos, com_vel, factor_m, kinematics, make_m, rne, solve_m
+from mathnavi.models.mechanism.mujoco_functions import ADDRESS, function
+from mathnavi.sim.interfaces.signals import Array
 
 tendon = function("mj_tendon", ADDRESS, ADDRESS)
 transmission = function("mj_transmission", ADDRESS, ADDRESS)

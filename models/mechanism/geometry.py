@@ -22,9 +22,9 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from models.mechanism import kernels
-from sim.joint_states import BALL, SLIDE, quaternions, with_unit_quaternions
-from sim.signals import Array
+from mathnavi.models.mechanism import kernels
+from mathnavi.sim.interfaces.joint_states import BALL, SLIDE, quaternions, with_unit_quaternions
+from mathnavi.sim.interfaces.signals import Array
 
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _SINGULAR = 1e-12  # least eigenvalue of M, of the greatest, with its diagonal scaled to 1

@@ -17,8 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from models.mechanism.mujoco_functions import ADDRESS, INTEGER, NUMBER, function
-from sim.signals import Array
+from mathnavi.models.mechanism.mujoco_functions import ADDRESS, INTEGER, NUMBER, function
+from mathnavi.sim.interfaces.signals import Array
 
 kinematics = function("mj_kinematics", ADDRESS, ADDRESS)
 com_pos = function("mj_comPos", ADDRESS, ADDRESS)

@@ -9,12 +9,12 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from models.manifold.system import moved
-from models.mechanism import forces
-from models.mechanism.geometry import MechanismManifold
-from sim.checks import check
-from sim.joint_states import SLIDE, state_names
-from sim.signals import Array
+from mathnavi.models.manifold.system import moved
+from mathnavi.models.mechanism import forces
+from mathnavi.models.mechanism.geometry import MechanismManifold
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.joint_states import SLIDE, state_names
+from mathnavi.sim.interfaces.signals import Array
 
 _FIXED, _UNBIASED = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE)
 _AFFINE = int(mujoco.mjtGain.mjGAIN_AFFINE), int(mujoco.mjtBias.mjBIAS_AFFINE)

@@ -16,9 +16,8 @@ from functools import cached_property, partial
 import casadi
 import numpy as np
 
-from models.instants import SIMULTANEOUS
-from models.missile import kernels
-from models.missile.dynamics import (
+from mathnavi.models.missile import kernels
+from mathnavi.models.missile.dynamics import (
     NOMINAL,
     PITCH_INPUTS,
     PITCH_STATES,
@@ -29,7 +28,8 @@ from models.missile.dynamics import (
     pitch_dynamics,
     spatial_dynamics,
 )
-from sim.signals import Array, Integers, Plan
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Integers, Plan
 
 STEP = 0.005
 """[s] longest Runge-Kutta step of ``flow``: turning at 2 rad/s it is 1.2e-7 m off after 8 s"""
@@ -146,7 +146,7 @@ class Coordinates:
 
     def input_at(self, plan: Plan, t: float) -> Array:
         """The input (nu,) of a plan from time t [s] on: that of its first arc before, of its last one after."""
-        arc = int(plan.t.searchsorted(t + SIMULTANEOUS, side="right")) - 1
+        arc = int(plan.t.searchsorted(t + TIME_TOLERANCE, side="right")) - 1
         held: Array = plan.u[min(max(arc, 0), len(plan.u) - 1)].copy()
         return held
 

@@ -36,7 +36,7 @@ from functools import lru_cache
 
 import casadi
 
-from sim.checks import check_positive
+from mathnavi.sim.interfaces.checks import check_positive
 
 TICK = 1e-3
 """[s] of the missile's physics"""

@@ -13,8 +13,8 @@ import math
 import numpy as np
 from numba import njit
 
-from models.instants import SIMULTANEOUS
-from sim.signals import Array
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array
 
 Numbers = tuple[float, float, float, float]
 
@@ -61,7 +61,7 @@ def rates(x: Array, u: Array, numbers: Numbers) -> Array:
 def flow(x: Array, u: Array, dt: float, numbers: Numbers, step: float) -> Array:
     """The state (10,) after the input (5,) was held for dt [s]: Runge-Kutta steps of at most ``step`` [s]."""
     now = x.copy()
-    count = max(1, math.ceil(abs(dt) / step - SIMULTANEOUS))
+    count = max(1, math.ceil(abs(dt) / step - TIME_TOLERANCE))
     h = dt / count
     k1, k2, k3, k4 = np.empty(10), np.empty(10), np.empty(10), np.empty(10)
     for _ in range(count):
@@ -81,7 +81,7 @@ def states_on(t: Array, x: Array, u: Array, times: Array, numbers: Numbers, step
     """
     out = np.empty((len(times), 10))
     for k in range(len(times)):
-        arc = min(np.searchsorted(t, times[k] + SIMULTANEOUS, side="right") - 1, len(u) - 1)
+        arc = min(np.searchsorted(t, times[k] + TIME_TOLERANCE, side="right") - 1, len(u) - 1)
         if arc < 0:
             out[k] = x[0]
         else:

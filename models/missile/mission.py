@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from models.missile.coordinates import PLANAR, Coordinates
-from models.missile.dynamics import NOMINAL, TICK, Body
-from models.missile.sensors import FullStateSensor, StateNoise
-from sim.signals import Array
+from mathnavi.models.missile.coordinates import PLANAR, Coordinates
+from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
+from mathnavi.models.missile.sensors import FullStateSensor, StateNoise
+from mathnavi.sim.interfaces.signals import Array
 
 Place = tuple[float, float, float]
 

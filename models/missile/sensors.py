@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.missile.coordinates import Coordinates
-from sim.checks import check
-from sim.protocols import Motion
-from sim.signals import Array
+from mathnavi.models.missile.coordinates import Coordinates
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.protocols import StateView
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class FullStateSensor:
     def size(self) -> int:
         return self.coordinates.state_size
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         x = self.coordinates.from_joints(motion.x)
         deviations = self.noise.deviations(self.coordinates)
         if not deviations.any():

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 _ROUNDING = 1e-9
 

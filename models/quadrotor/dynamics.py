@@ -27,9 +27,9 @@ from functools import cached_property, lru_cache
 import casadi
 import numpy as np
 
-from models.runge_kutta import classical_step
-from sim.checks import check, check_positive
-from sim.signals import Array
+from mathnavi.models.runge_kutta import classical_step
+from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.signals import Array
 
 ROTORS = ("front_left", "rear_left", "rear_right", "front_right")
 STATE_SIZE, ROTOR_COUNT = 13, len(ROTORS)

@@ -16,11 +16,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from models.aerial.entity import TerrainArena
-from models.quadrotor.dynamics import NOMINAL, ROTOR_COUNT, ROTORS, Quadrotor
-from models.terrain.height_field import HeightField
-from models.vehicle_names import check_vehicle_names
-from sim.signals import Array
+from mathnavi.models.aerial.entity import TerrainArena
+from mathnavi.models.quadrotor.dynamics import NOMINAL, ROTOR_COUNT, ROTORS, Quadrotor
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.vehicle_names import check_vehicle_names
+from mathnavi.sim.interfaces.signals import Array
 
 _XML = Path(__file__).parent / "quadrotor.xml"
 _AXES = "xyz"
@@ -100,7 +100,8 @@ def _set_parameters(spec: Any, vehicle: Quadrotor) -> None:
 
 @dataclass(frozen=True)
 class RotorDrive:
-    """``sim.protocols.Drive``: the input is the thrust asked of each rotor [N], the model's controls count from hover.
+    """``mathnavi.sim.interfaces.protocols.ActuatorModel``: the input is the thrust asked of each rotor [N], the
+    model's controls count from hover.
 
     So a model that has just been made hovers, and the dampers behind the rotors are nobody's input.
     """

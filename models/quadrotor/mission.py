@@ -11,18 +11,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.aerial.mission import EstimateQuality, FlightMission
-from models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, STATE_SIZE, Quadrotor, at_rest, flow
-from sim.checks import check
-from sim.protocols import Motion
-from sim.signals import Array
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, STATE_SIZE, Quadrotor, at_rest, flow
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.protocols import StateView
+from mathnavi.sim.interfaces.signals import Array
 
 _STIFF = 1e-2  # [rad, rad/s] by which attitude and rate of a reading carried on are taken to be off, each second
 
 
 @dataclass(frozen=True)
 class QuadrotorStateSensor:
-    """The state (13,) of ``models.quadrotor.dynamics``: the position off by a noise uniform in a cube, the rest exact.
+    """The state (13,) of ``mathnavi.models.quadrotor.dynamics``: the position off by a noise uniform in a cube, the
+    rest exact.
 
     Section A.7 of the thesis draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
     """
@@ -35,7 +36,7 @@ class QuadrotorStateSensor:
     def __post_init__(self) -> None:
         check(self.position_noise, f"{self.name} sensor: position_noise", 0.0)
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         x = motion.x
         if self.position_noise > 0.0:
             half_width = math.sqrt(3.0) * self.position_noise
@@ -45,7 +46,8 @@ class QuadrotorStateSensor:
 
 @dataclass(frozen=True, eq=False)
 class QuadrotorMission:
-    """A flight mission for a point mass that has a quadrotor beneath it; ``estimators.full_state.Mission`` too."""
+    """A flight mission for a point mass that has a quadrotor beneath it; ``mathnavi.estimators.full_state.Mission``
+    too."""
 
     flight: FlightMission
     vehicle: Quadrotor = NOMINAL  # as it is believed to be

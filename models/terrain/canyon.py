@@ -26,8 +26,8 @@ import numpy as np
 from scipy.ndimage import zoom
 from scipy.spatial import cKDTree
 
-from models.terrain.height_field import HeightField
-from sim.signals import Array
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Array
 
 _SIDE, _SPACING = 640.0, 4.0  # [m]
 _GRAIN = 64.0  # [1/m]
@@ -109,7 +109,11 @@ def canyon(number: int = 0) -> HeightField:
     side = bed + (top - bed) * _ledges((to_branch + push - 0.8 * plan.half_width) / (0.85 * plan.wall))
     z = np.minimum(main, side) + rough
     return HeightField(
-        np.round(z * _GRAIN) / _GRAIN, _SPACING, f"canyon {number}", "made up by models.terrain.canyon", "Apache-2.0"
+        np.round(z * _GRAIN) / _GRAIN,
+        _SPACING,
+        f"canyon {number}",
+        "made up by mathnavi.models.terrain.canyon",
+        "Apache-2.0",
     )
 
 

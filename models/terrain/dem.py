@@ -32,8 +32,8 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 from scipy.ndimage import map_coordinates
 
-from models.terrain.height_field import HeightField
-from sim.signals import Array
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Array
 
 HGT_NODES = (1201, 3601)
 HGT_VOID = -32768

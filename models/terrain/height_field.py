@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from models.terrain import kernels
-from models.terrain.kernels import Booleans, arc_clearance
-from sim.signals import Array
+from mathnavi.models.terrain import kernels
+from mathnavi.models.terrain.kernels import Booleans, arc_clearance
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from models.terrain.height_field import HeightField
-from sim.checks import check
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.checks import check
 
 _LARGEST = 1e6
 

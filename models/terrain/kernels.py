@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 Booleans = NDArray[np.bool_]
 

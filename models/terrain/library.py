@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from models.terrain.dem import Raster, height_field, read_npz, read_png, square_grid
-from models.terrain.height_field import HeightField
-from sim.checks import allowed_for
+from mathnavi.models.terrain.dem import Raster, height_field, read_npz, read_png, square_grid
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.checks import allowed_for
 
 GROUP = "mathnavi.terrains"
 DATA = Path(__file__).parent / "data"

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from models.terrain.height_field import HeightField
-from models.terrain.kernels import Booleans
-from sim.signals import Array
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.kernels import Booleans
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

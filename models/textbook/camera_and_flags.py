@@ -18,7 +18,7 @@ from functools import cache
 
 import casadi
 
-from models.textbook.system import System
+from mathnavi.models.textbook.system import System
 
 DISTANCE = 4.0  # [m] d_0
 EDGE = 5.0  # of the image, |y|: 79 degrees off the optical axis

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import casadi
 
-from models.textbook.system import System
+from mathnavi.models.textbook.system import System
 
 
 def f(x: casadi.SX, u: casadi.SX) -> casadi.SX:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import casadi
 
-from models.textbook.system import System
+from mathnavi.models.textbook.system import System
 
 C, D = 0.2, 0.1  # [1/s], [s]
 

@@ -19,8 +19,8 @@ from __future__ import annotations
 import casadi
 import numpy as np
 
-from models.textbook.observer_form import ObserverForm
-from models.textbook.system import System
+from mathnavi.models.textbook.observer_form import ObserverForm
+from mathnavi.models.textbook.system import System
 
 MU = 1.0
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.textbook.sensors import OutputSensor
-from models.textbook.system import System
-from sim.signals import Array
+from mathnavi.models.textbook.sensors import OutputSensor
+from mathnavi.models.textbook.system import System
+from mathnavi.sim.interfaces.signals import Array
 
 TICK = 1e-3
 """[s] of a textbook plant; rates are whole multiples of it, its solutions do not depend on it"""

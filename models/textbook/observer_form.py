@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import casadi
 import numpy as np
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,9 +24,9 @@ from math import factorial, prod
 import casadi
 import numpy as np
 
-from models.textbook.observer_form import check_poles
-from models.textbook.system import System
-from sim.signals import Array, Integers
+from mathnavi.models.textbook.observer_form import check_poles
+from mathnavi.models.textbook.system import System
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 _SINGULAR = 1e12  # condition number
 

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from sim.protocols import Motion
-from sim.signals import Array
+from mathnavi.sim.interfaces.protocols import StateView
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class OutputSensor:
     largest: float = np.inf  # magnitude that is in sight
     name: ClassVar[str] = "output"
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
         y = motion.sensed(self.name)
         seen = np.abs(y) <= self.largest  # not where it is NaN
         read: Array = np.where(seen, y + self.noise * rng.standard_normal(self.size), np.nan)

@@ -4,8 +4,8 @@ With the wheels' radius r and their distance b apart, a wheel that does not slip
 
     omega_l = (u_1 - u_2 b / 2) / r,    omega_r = (u_1 + u_2 b / 2) / r.
 
-Both drives are ``sim.protocols.Drive``. The joints of either robot are led by x_1, x_2 and phi and end with the left
-and the right wheel.
+Both drives are ``mathnavi.sim.interfaces.protocols.ActuatorModel``. The joints of either robot are led by x_1, x_2 and
+phi and end with the left and the right wheel.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.unicycle.kernels import moved
-from sim.signals import Array
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.sim.interfaces.signals import Array
 
 WHEEL_RADIUS = 0.05  # [m] r
 TRACK = 0.22  # [m] b

@@ -9,11 +9,11 @@ from typing import Any, Literal
 
 import mujoco
 
-from models.composer_and_mjcf import composer, mjcf
-from models.field.arena import SENSOR_HEIGHT, FieldArena
-from models.field.curve import Curve
-from models.unicycle.mission import TICK
-from models.vehicle_names import check_vehicle_name
+from mathnavi.models.composer_and_mjcf import composer, mjcf
+from mathnavi.models.field.arena import SENSOR_HEIGHT, FieldArena
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.mission import TICK
+from mathnavi.models.vehicle_names import check_vehicle_name
 
 DriveName = Literal["ideal", "differential"]
 

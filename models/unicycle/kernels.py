@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 
 @njit(cache=True, nogil=True)

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from models.angles import wrapped
-from models.field.curve import Curve
-from models.unicycle.kernels import moved
-from models.unicycle.sensors import RangeSensor, WheelOdometry
-from sim.signals import Array
+from mathnavi.models.angles import wrapped
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
+from mathnavi.sim.interfaces.signals import Array
 
 TICK = 0.01
 """[s] of the ideal robot; its motion under inputs that are held is exact whatever the tick"""

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from models.unicycle.drives import inputs_of
-from sim.protocols import Motion
-from sim.signals import Array
+from mathnavi.models.unicycle.drives import inputs_of
+from mathnavi.sim.interfaces.protocols import StateView
+from mathnavi.sim.interfaces.signals import Array
 
 if TYPE_CHECKING:  # a mission makes its own sensors
-    from models.unicycle.mission import OdometryQuality, RangeQuality
+    from mathnavi.models.unicycle.mission import OdometryQuality, RangeQuality
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class RangeSensor:
     rate: float | None  # [Hz]; None: whenever the loop looks
     name: str = "ranges"
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         quality = self.quality
         rho = np.array([motion.sensed(f"range_{i}")[0] for i in range(self.size)])
         rho[rho < 0.0] = np.nan  # MuJoCo's word for a ray that meets nothing
@@ -56,7 +56,7 @@ class WheelOdometry:
     _before: Array | None = field(default=None, init=False, repr=False)  # (2,) [rad] of the wheels at the last reading
     _bias: float = field(default=0.0, init=False, repr=False)
 
-    def read(self, motion: Motion, rng: np.random.Generator) -> Array | None:
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
         wheels = np.concatenate([motion.sensed("wheel_left"), motion.sensed("wheel_right")])
         before, self._before = self._before, wheels
         if before is None:

@@ -9,9 +9,9 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from renders.page import UNKNOWN, number
-from renders.study_report import Table
-from renders.sweep_data import format_value, is_number
+from mathnavi.renders.page import UNKNOWN, number
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.records.sweep_data import format_value, is_number
 
 LEFT, RIGHT = "left", "right"
 SAME = "the same in both"

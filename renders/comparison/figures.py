@@ -10,13 +10,13 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.figure import Figure
 
-from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain
-from renders.comparison.comparison import LEFT, RIGHT, Drawn
-from renders.comparison.runs import Run, Track
-from renders.figures import STYLE, canvas, draw_map, thinned
-from renders.statistics_figures import SERIES
-from sim.signals import Array
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Drawn
+from mathnavi.renders.comparison.runs import Run, Track
+from mathnavi.renders.figures import STYLE, canvas, draw_map, thinned
+from mathnavi.renders.statistics_figures import SERIES
+from mathnavi.sim.interfaces.signals import Array
 
 COLOURS, STYLES = SERIES[:2], ("-", "--")  # of the left run and the right one
 WIDTHS = (1.8, 1.2)  # the right one is drawn over the left one

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from renders import page
-from renders.comparison.comparison import LEFT, RIGHT, Comparison
-from renders.comparison.runs import compare_runs
-from renders.comparison.studies import compare_studies, documents
-from renders.comparison.sweeps import compare_sweeps
-from renders.page import Markup
-from renders.study_report import Table
-from sim.log import write_text
+from mathnavi.renders import page
+from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison
+from mathnavi.renders.comparison.runs import compare_runs
+from mathnavi.renders.comparison.studies import compare_studies, documents
+from mathnavi.renders.comparison.sweeps import compare_sweeps
+from mathnavi.renders.page import Markup
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.engine.log import write_text
 
 MARK = "Written by mathnavi compare."  # by which such a page is known again
 COMPARED = {"run": compare_runs, "sweep": compare_sweeps, "study": compare_studies}

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from renders.comparison.comparison import LEFT, RIGHT, Comparison, Drawn, differences, differing_fields
-from renders.page import number
-from renders.run_log import RunLog, read_fleet, read_json, read_log
-from renders.study_report import Table
-from sim.fields import flattened
-from sim.metrics.names import SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
-from sim.signals import Array
+from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, Drawn, differences, differing_fields
+from mathnavi.renders.page import number
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.fields import flattened
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, is_wall_clock, label
+from mathnavi.sim.records.run_log import RunLog, read_fleet, read_json, read_log
 
 COLUMNS = ("group", "figure", LEFT, RIGHT, "difference", "ratio")
 UNTOLD = ("seed", "version", SHORTFALL)  # among the fields, or in the sentence
@@ -88,7 +88,7 @@ def compare_runs(left: Path, right: Path) -> Comparison:
         raise ValueError(f"{left} is a run of {scenarios[0]} and {right} of {scenarios[1]}; allowed: one scenario")
 
     def draw() -> Sequence[Drawn]:
-        from renders.comparison.figures import run_figures  # imports what maps are drawn with
+        from mathnavi.renders.comparison.figures import run_figures  # imports what maps are drawn with
 
         return run_figures(one, other)
 

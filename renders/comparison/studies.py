@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from renders.claims import Claim
-from renders.comparison.comparison import LEFT, RIGHT, Comparison, differing_fields
-from renders.page import UNKNOWN
-from renders.run_log import read_json
-from renders.study_report import Table
+from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differing_fields
+from mathnavi.renders.page import UNKNOWN
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.run_log import read_json
 
 KEYS = ("study", "claims")  # that tell a study's document from other JSON
 

@@ -14,14 +14,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from renders.comparison.comparison import LEFT, RIGHT, Comparison, Drawn, differences, differing_fields
-from renders.page import UNKNOWN
-from renders.statistics_figures import medians_figure, rates_figure
-from renders.study_report import Table
-from renders.sweep_data import Group, Sweep, Test, format_value, is_number
-from sim.metrics.names import label
-from sim.statistics import Band, Rate, rate
-from sim.store import Record, Store
+from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, Drawn, differences, differing_fields
+from mathnavi.renders.page import UNKNOWN
+from mathnavi.renders.statistics_figures import medians_figure, rates_figure
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.records.figure_names import label
+from mathnavi.sim.records.statistics import Band, Rate, rate
+from mathnavi.sim.records.store import Record, Store
+from mathnavi.sim.records.sweep_data import Group, Sweep, Test, format_value, is_number
 
 MOST_PANELS = 6
 MOST_VALUES = 4  # of a field that are listed

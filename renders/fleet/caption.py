@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from renders.caption import Key, Label, Words, pace
-from renders.film import Frame
-from renders.fleet.run_data import FleetRun
-from renders.fleet.storyboard import notices, verdict
-from renders.relief import EXAGGERATION
+from mathnavi.renders.caption import Key, Label, Words, pace
+from mathnavi.renders.film import Frame
+from mathnavi.renders.fleet.run_data import FleetRun
+from mathnavi.renders.fleet.storyboard import notices, verdict
+from mathnavi.renders.relief import EXAGGERATION
 
 MOST_NAMED = 8  # vehicles that the legend names; of more the numbers in the picture have to do
 PALE = (0.9, 0.93, 0.96)

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from renders.figures import (
+from mathnavi.renders.figures import (
     BOUND,
     INK,
     LOWEST_DRAWN,
@@ -22,12 +22,12 @@ from renders.figures import (
     name_place,
     thinned,
 )
-from renders.fleet.run_data import FleetRun
-from renders.fleet.storyboard import highlight
-from renders.flight.figures import draw_changes
-from renders.flight.run_data import RunData
-from renders.palette import hexadecimal
-from sim.signals import Array
+from mathnavi.renders.fleet.run_data import FleetRun
+from mathnavi.renders.fleet.storyboard import highlight
+from mathnavi.renders.flight.figures import draw_changes
+from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.palette import hexadecimal
+from mathnavi.sim.interfaces.signals import Array
 
 _FEWEST_COLUMNS, _MOST_ROWS = 4, 4  # of a legend
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from collections import Counter
 
-from renders import page
-from renders.figures import events_figure, solve_figure
-from renders.fleet import figures
-from renders.fleet.run_data import FleetRun
-from renders.fleet.storyboard import highlight, verdict
-from renders.flight.run_data import antennas
-from renders.page import Markup, quantity
-from renders.palette import hexadecimal
-from renders.relief import EXAGGERATION
-from renders.report import again, events_card, rest, still_block, summary_cards, why
-from renders.terrain_view import Track, script, terrain_view
-from sim.metrics.names import SHORTFALL
+from mathnavi.renders import page
+from mathnavi.renders.figures import events_figure, solve_figure
+from mathnavi.renders.fleet import figures
+from mathnavi.renders.fleet.run_data import FleetRun
+from mathnavi.renders.fleet.storyboard import highlight, verdict
+from mathnavi.renders.flight.run_data import antennas
+from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.palette import hexadecimal
+from mathnavi.renders.relief import EXAGGERATION
+from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards, why
+from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.sim.records.figure_names import SHORTFALL
 
 MOST_NAMED = 8  # starts that have a name in the view of the terrain: of more they hide each other
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from models.terrain.height_field import HeightField
-from renders.flight.run_data import RunData, flight_of
-from renders.palette import Colour, vehicle_colour
-from renders.run_log import last_at, read_fleet
-from sim.metrics.fleet import arrival_time
-from sim.signals import Array, Event
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.renders.flight.run_data import RunData, flight_of
+from mathnavi.renders.palette import Colour, vehicle_colour
+from mathnavi.sim.interfaces.signals import Array, Event
+from mathnavi.sim.metrics.fleet import arrival_time
+from mathnavi.sim.records.run_log import last_at, read_fleet
 
 AGREED = re.compile(r"arrival time from .*: (\S+)")  # how a vehicle's log tells of the time that it has agreed to
 _SAME = 0.5  # [s] from which on two times of arrival are told apart

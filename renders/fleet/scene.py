@@ -1,8 +1,8 @@
 """A fleet drawn by MuJoCo: the ground, every vehicle in its colour with its path, its plan ahead and its slot.
 
-Vehicles, lines and slots are drawn at a size in pixels, over the two worlds of ``renders.landscape``.
+Vehicles, lines and slots are drawn at a size in pixels, over the two worlds of ``mathnavi.renders.landscape``.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -13,16 +13,25 @@ from typing import Any
 
 import numpy as np
 
-from models.aerial.entity import airframe_pose
-from renders.caption import Label
-from renders.domes import add_domes, place_domes
-from renders.fleet.run_data import FleetRun
-from renders.flight.run_data import RunData, plan_arcs, trail
-from renders.framing import Box, framing
-from renders.landscape import AIRFRAME, OPTICS, TALL_WORLD, TRUE_WORLD, Airframe, Landscape, add_airframe, landscape
-from renders.palette import Colour, Part, Picture, part_of
-from renders.stage import Optics, Stage, Staged, View
-from sim.signals import Array
+from mathnavi.models.aerial.entity import airframe_pose
+from mathnavi.renders.caption import Label
+from mathnavi.renders.domes import add_domes, place_domes
+from mathnavi.renders.fleet.run_data import FleetRun
+from mathnavi.renders.flight.run_data import RunData, plan_arcs, trail
+from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.landscape import (
+    AIRFRAME,
+    OPTICS,
+    TALL_WORLD,
+    TRUE_WORLD,
+    Airframe,
+    Landscape,
+    add_airframe,
+    landscape,
+)
+from mathnavi.renders.palette import Colour, Picture, SceneElement, part_of
+from mathnavi.renders.stage import Optics, Stage, Staged, View
+from mathnavi.sim.interfaces.signals import Array
 
 ARRIVAL = Optics(38.0, 2e-3, 6.0)
 FREE = Box(0.25, 0.80, 0.17, 0.80)  # of a picture: between what is written on it
@@ -146,10 +155,10 @@ class Scene(Staged):
         if plan is not None and t < self.run.duration:  # at the end nothing is ahead
             step = max(0.6, (plan.t_end - t) / pieces)
             for part, arcs in groupby(plan_arcs(plan, t, step), lambda arc: part_of(arc[0])):
-                if camera == "arrival" and part is Part.COMPLETION:
+                if camera == "arrival" and part is SceneElement.COMPLETION:
                     continue  # how it would rest if it had to: up and down again, far higher than the picture
                 points = np.vstack([points for _, points in arcs])
-                self.stage.line(self.world(points, camera), colour, 1.7, dashed=part is Part.COMPLETION)
+                self.stage.line(self.world(points, camera), colour, 1.7, dashed=part is SceneElement.COMPLETION)
         place = flight.state(t)[:3]
         # A plumb line tells where over the ground the vehicle is.
         if self.run.terrain.contains(place[0], place[1]):

@@ -6,9 +6,9 @@ tour and a camera of its own.
 
 from __future__ import annotations
 
-from renders.drawing import TOUR, checked_camera
-from renders.film import Frame, Shot, frames_of
-from renders.fleet.run_data import FleetRun
+from mathnavi.renders.drawing import TOUR, checked_camera
+from mathnavi.renders.film import Frame, Shot, frames_of
+from mathnavi.renders.fleet.run_data import FleetRun
 
 CAMERAS = ("overview", "top", "arrival")
 CLOSING = 30.0  # [s] before the end from which on the arrival is filmed

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from renders.caption import Label, Words, pace
-from renders.film import Frame
-from renders.flight.run_data import RunData
-from renders.flight.storyboard import notices
-from renders.palette import Part
-from renders.relief import EXAGGERATION
-from renders.run_log import last_at
-from sim.signals import Phase
+from mathnavi.renders.caption import Label, Words, pace
+from mathnavi.renders.film import Frame
+from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.flight.storyboard import notices
+from mathnavi.renders.palette import SceneElement
+from mathnavi.renders.relief import EXAGGERATION
+from mathnavi.sim.interfaces.signals import Phase
+from mathnavi.sim.records.run_log import last_at
 
-LEGEND = (Part.FLOWN, Part.OPTIMISED, Part.MANOEUVRE, Part.COMPLETION, Part.RADAR)
+LEGEND = (
+    SceneElement.FLOWN,
+    SceneElement.OPTIMISED,
+    SceneElement.MANOEUVRE,
+    SceneElement.COMPLETION,
+    SceneElement.RADAR,
+)
 PHASES = {
     Phase.OPTIMISED: "flying the optimised plan",
     Phase.MANOEUVRE: "flying the safety manoeuvre",
@@ -58,7 +64,7 @@ def words(run: RunData, frame: Frame, labels: list[tuple[str, float, float]]) ->
             ("SPEED", f"{speed:.0f} m/s", f"bound {run.mission.speed_max:.0f} m/s"),
         ),
         state=phase_name(run, frame.t),
-        legend=[part for part in LEGEND if part is not Part.RADAR or run.mission.radars],
+        legend=[part for part in LEGEND if part is not SceneElement.RADAR or run.mission.radars],
         notice=frame.notice,
         share=frame.t / run.duration,
         moments=[t / run.duration for t, _ in notices(run)],

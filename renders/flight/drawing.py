@@ -1,17 +1,17 @@
-"""How flights of aerial vehicles are drawn (``renders.drawing``)."""
+"""How flights of aerial vehicles are drawn (``mathnavi.renders.drawing``)."""
 
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
-from renders.flight.caption import words
-from renders.flight.run_data import RunData, load_run
-from renders.flight.storyboard import CAMERAS, highlight, notices, storyboard
-from renders.painter import Painter, painting
+from mathnavi.renders.flight.caption import words
+from mathnavi.renders.flight.run_data import RunData, load_run
+from mathnavi.renders.flight.storyboard import CAMERAS, highlight, notices, storyboard
+from mathnavi.renders.painter import Painter, painting
 
 if TYPE_CHECKING:
-    from renders.page import Markup
+    from mathnavi.renders.page import Markup
 
 __all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
 
@@ -20,13 +20,13 @@ cameras, still_camera = CAMERAS, "overview"
 
 def painter(run: RunData, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
     """What draws the frames of a run; OpenGL's backend must have been chosen."""
-    from renders.flight.scene import Scene  # imports mujoco
+    from mathnavi.renders.flight.scene import Scene  # imports mujoco
 
     return painting(Scene, words, run, width, height, samples)
 
 
 def report(run: RunData) -> Markup:
     """The run on one page."""
-    from renders.flight.report import report  # imports matplotlib
+    from mathnavi.renders.flight.report import report  # imports matplotlib
 
     return report(run)

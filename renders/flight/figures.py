@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from renders.figures import (
+from mathnavi.renders.figures import (
     BOUND,
     GROUND,
     INK,
@@ -22,8 +22,8 @@ from renders.figures import (
     name_place,
     thinned,
 )
-from renders.flight.run_data import RunData
-from renders.palette import Part
+from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.palette import SceneElement
 
 
 def map_figure(run: RunData) -> Figure:
@@ -37,17 +37,17 @@ def map_figure(run: RunData) -> Figure:
         if run.plans:
             first = run.plans[0]
             axes.plot(
-                first.x[:, 0] / 1e3, first.x[:, 1] / 1e3, "--", color=colour_of(Part.COMPLETION),
+                first.x[:, 0] / 1e3, first.x[:, 1] / 1e3, "--", color=colour_of(SceneElement.COMPLETION),
                 label="first plan, to rest",
                 path_effects=[patheffects.withStroke(linewidth=2.6, foreground="white", alpha=0.6)],
             )  # fmt: skip
         i = thinned(len(run.t), 0)
         x, y = run.x[i, :2].T / 1e3
-        axes.plot(x, y, color=colour_of(Part.FLOWN), lw=2.0, label="flown", path_effects=outline)
-        for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target)):
+        axes.plot(x, y, color=colour_of(SceneElement.FLOWN), lw=2.0, label="flown", path_effects=outline)
+        for part, place in ((SceneElement.START, run.mission.start), (SceneElement.TARGET, run.mission.target)):
             axes.plot(*place[:2] / 1e3, "o", ms=8, mfc=colour_of(part), mec="#101824", mew=1.4)
             left = place[0] > 0.8 * run.terrain.width
-            if part is Part.TARGET and len(run.mission.target_path):
+            if part is SceneElement.TARGET and len(run.mission.target_path):
                 way = np.vstack([place, run.mission.target_path[:, 1:]])[:, :2] / 1e3
                 axes.plot(way[:, 0], way[:, 1], "--", color=colour_of(part), lw=1.6, path_effects=outline)
                 axes.plot(*run.mission.target_at(run.duration)[:2] / 1e3, "s", ms=7, mfc=colour_of(part), mec="#101824")
@@ -64,7 +64,7 @@ def draw_changes(axes: Axes, run: RunData) -> None:
     for number, track in enumerate(run.mission.radars, start=1):
         radar, last = track.radar, track.at(min(track.until, run.duration) - 1e-6, run.terrain)
         centre = (radar.x / 1e3, radar.y / 1e3)
-        colour = colour_of(Part.RADAR)
+        colour = colour_of(SceneElement.RADAR)
         axes.add_patch(Circle(centre, radar.radius / 1e3, facecolor=colour, alpha=0.25, edgecolor="none"))
         axes.add_patch(Circle(centre, radar.radius / 1e3, fill=False, edgecolor=colour, linewidth=1.2))
         when = "from the start" if track.time <= 0.0 else f"from {track.time:.0f} s"
@@ -92,12 +92,12 @@ def profile_figure(run: RunData) -> Figure:
         distance = run.travelled[i] / 1e3
         ground = run.x[i, 2] - run.above_ground[i]
         upper.fill_between(distance, ground.min() - 0.03 * np.ptp(ground) - 1.0, ground, color=GROUND, alpha=0.75, lw=0)
-        upper.plot(distance, run.x[i, 2], color=colour_of(Part.FLOWN), label="flown")
+        upper.plot(distance, run.x[i, 2], color=colour_of(SceneElement.FLOWN), label="flown")
         least = run.mission.clearance_min
         upper.plot(distance, ground + least, ":", color=BOUND, lw=1.0, label=f"least height, {least:g} m above ground")
         upper.set(ylabel="height [m]", title="Height over the ground")
         upper.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2)
-        lower.plot(distance, np.maximum(run.above_ground[i], LOWEST_DRAWN), color=colour_of(Part.FLOWN))
+        lower.plot(distance, np.maximum(run.above_ground[i], LOWEST_DRAWN), color=colour_of(SceneElement.FLOWN))
         lower.axhline(least, color=BOUND, ls=":", lw=1.0)
         lower.set(xlabel="distance flown [km]", ylabel="clearance [m]")
         log_lengths(lower, max(0.6 * min(least, float(run.above_ground[lowest])), LOWEST_DRAWN))
@@ -123,7 +123,7 @@ def motion_figure(run: RunData) -> Figure:
         )
         for axes, size, bound, name in curves:
             i = thinned(len(run.t), int(np.argmax(size)))
-            axes.plot(run.t[i], size[i], color=colour_of(Part.OPTIMISED), lw=1.1)
+            axes.plot(run.t[i], size[i], color=colour_of(SceneElement.OPTIMISED), lw=1.1)
             axes.axhline(bound, color=BOUND, ls=":", lw=1.2)
             axes.annotate(f"bound {bound:g}", (1.0, bound), (0, 3), xycoords=("axes fraction", "data"),
                           textcoords="offset points", ha="right", color=BOUND)  # fmt: skip

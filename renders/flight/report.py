@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from renders import figures, page
-from renders.flight.figures import map_figure, motion_figure, profile_figure
-from renders.flight.run_data import RunData, antennas, plan_arcs
-from renders.page import Markup, quantity
-from renders.palette import COLOURS, Part, hexadecimal
-from renders.relief import EXAGGERATION
-from renders.report import again, events_card, rest, still_block, summary_cards, why
-from renders.terrain_view import Track, script, terrain_view
-from sim.metrics.names import SHORTFALL
+from mathnavi.renders import figures, page
+from mathnavi.renders.flight.figures import map_figure, motion_figure, profile_figure
+from mathnavi.renders.flight.run_data import RunData, antennas, plan_arcs
+from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
+from mathnavi.renders.relief import EXAGGERATION
+from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards, why
+from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.sim.records.figure_names import SHORTFALL
 
 PLAN_STEP = 0.5  # [s] between the points of a plan that is drawn
 
@@ -54,13 +54,13 @@ def _headline(run: RunData) -> tuple[Markup, Markup]:
 
 def _terrain(run: RunData) -> Markup:
     mission, ground = run.mission, run.terrain
-    tracks = [Track(Part.FLOWN.value, run.x[:, :3], hexadecimal(COLOURS[Part.FLOWN]))]
+    tracks = [Track(SceneElement.FLOWN.value, run.x[:, :3], hexadecimal(COLOURS[SceneElement.FLOWN]))]
     if run.plans:
         first = run.plans[0]
         arcs = [points for _, points in plan_arcs(first, first.t_start, PLAN_STEP)]
-        colour = hexadecimal(COLOURS[Part.COMPLETION])
+        colour = hexadecimal(COLOURS[SceneElement.COMPLETION])
         tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
-    places = {Part.START.value: mission.start, Part.TARGET.value: mission.target_at(run.duration)}
+    places = {SceneElement.START.value: mission.start, SceneElement.TARGET.value: mission.target_at(run.duration)}
     radars = antennas(run)
     note = "Radars weigh on the optimised part of a plan only; its way to rest may lead through one." if radars else ""
     return terrain_view(ground, tracks, places, radars, note)

@@ -1,7 +1,7 @@
 """A finished flight as pictures need it: what was flown, over which ground, behind which plans.
 
-Everything comes from the run's folder (``renders.run_log``) and from the terrain that config.json names; whether that
-is still the terrain that was flown over is checked by its digest.
+Everything comes from the run's folder (``mathnavi.sim.records.run_log``) and from the terrain that config.json names;
+whether that is still the terrain that was flown over is checked by its digest.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from models.terrain.height_field import HeightField
-from models.terrain.hill import Hill, hills_of, with_hills
-from models.terrain.library import load_terrain
-from models.terrain.visibility import Radar, RadarTrack
-from renders.run_log import RunLog, last_at, read_log
-from sim.signals import Array, Event, Plan
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.hill import Hill, hills_of, with_hills
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.models.terrain.visibility import Radar, RadarTrack
+from mathnavi.sim.interfaces.signals import Array, Event, Plan
+from mathnavi.sim.records.run_log import RunLog, last_at, read_log
 
 FINE_TRAIL = 6000.0  # [m] at the end of a trail
 MISSION_NUMBERS = ("clearance_min", "speed_max", "acceleration_max", "arrival_radius")

@@ -1,8 +1,8 @@
 """A run drawn by MuJoCo: the ground, the airframe, the path flown, the plan ahead, radars, start and target.
 
-Vehicle, lines and beacons are drawn at a size in pixels, over the two worlds of ``renders.landscape``.
+Vehicle, lines and beacons are drawn at a size in pixels, over the two worlds of ``mathnavi.renders.landscape``.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from models.aerial.entity import airframe_pose
-from renders.domes import add_domes, place_domes
-from renders.flight.run_data import RunData, plan_arcs, trail
-from renders.landscape import (
+from mathnavi.models.aerial.entity import airframe_pose
+from mathnavi.renders.domes import add_domes, place_domes
+from mathnavi.renders.flight.run_data import RunData, plan_arcs, trail
+from mathnavi.renders.landscape import (
     AIRFRAME,
     OPTICS,
     TALL_WORLD,
@@ -28,10 +28,10 @@ from renders.landscape import (
     add_airframe,
     landscape,
 )
-from renders.palette import COLOURS, Part, Picture, part_of
-from renders.relief import EXAGGERATION
-from renders.stage import Optics, Stage, Staged, View
-from sim.signals import Array
+from mathnavi.renders.palette import COLOURS, Picture, SceneElement, part_of
+from mathnavi.renders.relief import EXAGGERATION
+from mathnavi.renders.stage import Optics, Stage, Staged, View
+from mathnavi.sim.interfaces.signals import Array
 
 CHASE = Optics(45.0, 2e-4, 5.0)
 PIN = 34.0  # [pixels] at a picture 720 pixels high: height of the pins at start and target
@@ -76,7 +76,7 @@ class Scene(Staged):
         lift = PIN * self.stage.unit
         found = []
         eye, _, _ = self.stage.eye()
-        for part, place in ((Part.START, run.mission.start), (Part.TARGET, run.mission.target_at(t))):
+        for part, place in ((SceneElement.START, run.mission.start), (SceneElement.TARGET, run.mission.target_at(t))):
             if camera == "chase" and not run.terrain.line_of_sight(eye, place):
                 continue
             pin = np.array([0.0, 0.0, lift * float(self.stage.metres_per_pixel(self.world(place[None], camera))[0])])
@@ -88,7 +88,9 @@ class Scene(Staged):
                 centre = np.array([radar.x, radar.y, float(run.terrain.height(radar.x, radar.y))])
                 # Beside the vehicle only a part of the dome is in the picture.
                 points = centre + (radar.radius * DOME if camera == "chase" else np.zeros((1, 3)))
-                name = Part.RADAR.value if len(run.mission.radars) == 1 else f"{Part.RADAR.value} {number}"
+                name = (
+                    SceneElement.RADAR.value if len(run.mission.radars) == 1 else f"{SceneElement.RADAR.value} {number}"
+                )
                 found.append((name, self.stage.inside(self.world(points, camera))))
         return [(name, *pixels.mean(axis=0).tolist()) for name, pixels in found if len(pixels)]
 
@@ -120,25 +122,31 @@ class Scene(Staged):
     def _add_lines(self, t: float, camera: str) -> None:
         width = 4.0 if camera == "chase" else 3.4  # [pixels] at a picture 720 pixels high
         for part, points in self._lines(t, camera):
-            self.stage.line(self.world(points, camera), COLOURS[part], width, dashed=part is Part.COMPLETION)
+            self.stage.line(self.world(points, camera), COLOURS[part], width, dashed=part is SceneElement.COMPLETION)
         x = self.run.state(t)
         # A plumb line tells where over the ground the vehicle is.
         if camera != "chase" and self.run.terrain.contains(x[0], x[1]):
             foot = np.array([x[0], x[1], float(self.run.terrain.height(x[0], x[1]))])
-            self.stage.line(self.world(np.array([foot, x[:3]]), camera), COLOURS[Part.FLOWN], 2.0)
+            self.stage.line(self.world(np.array([foot, x[:3]]), camera), COLOURS[SceneElement.FLOWN], 2.0)
 
-    def _lines(self, t: float, camera: str) -> Iterator[tuple[Part, Array]]:
+    def _lines(self, t: float, camera: str) -> Iterator[tuple[SceneElement, Array]]:
         run = self.run
         if run.index(t) > 0:
             total = max(float(run.travelled[-1]), 1.0)
-            yield Part.FLOWN, trail(run, t, *((60.0, total / 150.0) if camera == "chase" else 2 * (total / 260.0,)))
+            yield (
+                SceneElement.FLOWN,
+                trail(run, t, *((60.0, total / 150.0) if camera == "chase" else 2 * (total / 260.0,))),
+            )
         plan = run.plan(t)
         if plan is not None and t < run.duration:  # at the end nothing is ahead
             for part, arcs in groupby(plan_arcs(plan, t, step=0.6), lambda arc: part_of(arc[0])):
                 yield part, np.vstack([points for _, points in arcs])
 
     def _add_beacons(self, t: float, camera: str) -> None:
-        for part, place in ((Part.START, self.run.mission.start), (Part.TARGET, self.run.mission.target_at(t))):
+        for part, place in (
+            (SceneElement.START, self.run.mission.start),
+            (SceneElement.TARGET, self.run.mission.target_at(t)),
+        ):
             ground = np.array([place[0], place[1], float(self.run.terrain.height(place[0], place[1]))])
             foot, top = self.world(np.array([ground, place]), camera)
             self.stage.pin(foot, top, PIN, COLOURS[part])

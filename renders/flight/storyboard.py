@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from renders.drawing import TOUR, checked_camera
-from renders.film import Frame, Shot, frames_of
-from renders.flight.run_data import RunData
+from mathnavi.renders.drawing import TOUR, checked_camera
+from mathnavi.renders.film import Frame, Shot, frames_of
+from mathnavi.renders.flight.run_data import RunData
 
 CAMERAS = ("chase", "overview", "top")
 

@@ -1,6 +1,6 @@
 """``make gallery``: the committed pictures once more, by the very commands that README.md names beside each.
 
-    python -m renders.gallery [NAME ...]
+    python -m mathnavi.renders.gallery [NAME ...]
 
 Without a name all of them, which takes hours: pictures of studies are those of whole studies. A name stands with or
 without its ending, or is a pattern: ``safe_flight``, ``safe_flight.png``, ``"*.webp"``. Exit code 0: all were made;
@@ -16,7 +16,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from renders.gallery.table import HERE, README, Command, Entry, chosen, entries
+from mathnavi.renders.gallery.table import HERE, README, Command, Entry, chosen, entries
 
 ROOT = HERE.parent.parent
 MISSIONS = 0, 1  # exit codes of a command that ran, whatever came of the mission or the claims

@@ -7,13 +7,13 @@ from types import TracebackType
 import matplotlib
 from matplotlib.figure import Figure
 
-from renders.blitted import Blitted
-from renders.caption import Label
-from renders.figures import STYLE
-from renders.lagrangian.path_drawing import PathDrawing
-from renders.lagrangian.run_data import LagrangianRun
-from renders.lagrangian.views import INCHES_HIGH, chart_of
-from renders.palette import Picture
+from mathnavi.renders.blitted import Blitted
+from mathnavi.renders.caption import Label
+from mathnavi.renders.figures import STYLE
+from mathnavi.renders.lagrangian.path_drawing import PathDrawing
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.lagrangian.views import INCHES_HIGH, chart_of
+from mathnavi.renders.palette import Picture
 
 GROUND = "#dfe6ee"
 MARGIN = 0.06  # of the height, above and below the drawing

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from renders.caption import Label, Words, pace
-from renders.film import Frame
-from renders.lagrangian.run_data import LagrangianRun
-from renders.lagrangian.storyboard import amount, notices
-from renders.palette import Part
-from sim.plugins import called
-from sim.signals import Status
+from mathnavi.renders.caption import Label, Words, pace
+from mathnavi.renders.film import Frame
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.lagrangian.storyboard import amount, notices
+from mathnavi.renders.palette import SceneElement
+from mathnavi.sim.interfaces.signals import Status
+from mathnavi.sim.plugin.registry import called
 
 SUBJECTS = {
     "body": "a body on a ball joint: attitudes, S³",
@@ -82,10 +82,17 @@ def _state(run: LagrangianRun, t: float, k: int) -> str:
     return "velocity known" if run.off[k] <= run.tolerance else "finding the velocity"
 
 
-def _legend(run: LagrangianRun, camera: str) -> list[Part]:
+def _legend(run: LagrangianRun, camera: str) -> list[SceneElement]:
     """What there is to see."""
-    reference = [Part.REFERENCE] if run.reference(run.duration) is not None else []
+    reference = [SceneElement.REFERENCE] if run.reference(run.duration) is not None else []
     if run.mechanism is None:
-        return [Part.TRUE_PATH, Part.ESTIMATE, Part.GEODESIC]
-    geodesic = [Part.GEODESIC] if run.space == "body" and camera == "panel" else []
-    return [Part.TRUE_PATH, Part.ESTIMATE, *reference, *geodesic, Part.TRUE_VELOCITY, Part.FOUND_VELOCITY]
+        return [SceneElement.TRUE_PATH, SceneElement.ESTIMATE, SceneElement.GEODESIC]
+    geodesic = [SceneElement.GEODESIC] if run.space == "body" and camera == "panel" else []
+    return [
+        SceneElement.TRUE_PATH,
+        SceneElement.ESTIMATE,
+        *reference,
+        *geodesic,
+        SceneElement.TRUE_VELOCITY,
+        SceneElement.FOUND_VELOCITY,
+    ]

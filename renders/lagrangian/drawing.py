@@ -1,16 +1,16 @@
-"""How systems of Paper D are drawn (``renders.drawing``)."""
+"""How systems of Paper D are drawn (``mathnavi.renders.drawing``)."""
 
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
-from renders.lagrangian.painter import ScenePainter, scene_painting
-from renders.lagrangian.run_data import LagrangianRun, load_run
-from renders.lagrangian.storyboard import CAMERAS, highlight, notices, storyboard
+from mathnavi.renders.lagrangian.painter import ScenePainter, scene_painting
+from mathnavi.renders.lagrangian.run_data import LagrangianRun, load_run
+from mathnavi.renders.lagrangian.storyboard import CAMERAS, highlight, notices, storyboard
 
 if TYPE_CHECKING:
-    from renders.page import Markup
+    from mathnavi.renders.page import Markup
 
 __all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
 
@@ -24,6 +24,6 @@ def painter(run: LagrangianRun, width: int, height: int, samples: int) -> Abstra
 
 def report(run: LagrangianRun) -> Markup:
     """The run on one page."""
-    from renders.lagrangian.report import report  # imports matplotlib
+    from mathnavi.renders.lagrangian.report import report  # imports matplotlib
 
     return report(run)

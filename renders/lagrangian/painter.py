@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from renders.film import Frame
-from renders.lagrangian.board import Board
-from renders.lagrangian.caption import words
-from renders.lagrangian.panel import Panel
-from renders.lagrangian.run_data import LagrangianRun
-from renders.painter import Painter, painting
-from renders.palette import Picture
+from mathnavi.renders.film import Frame
+from mathnavi.renders.lagrangian.board import Board
+from mathnavi.renders.lagrangian.caption import words
+from mathnavi.renders.lagrangian.panel import Panel
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.painter import Painter, painting
+from mathnavi.renders.palette import Picture
 
 PANEL = 0.375  # of the width of a picture
 
@@ -56,7 +56,7 @@ class ScenePainter:
     def _open(self, width: int) -> Painter:
         drawn: type[Any] = Board
         if self.run.mechanism is not None:
-            from renders.lagrangian.scene import Scene  # opens what OpenGL there is
+            from mathnavi.renders.lagrangian.scene import Scene  # opens what OpenGL there is
 
             drawn = Scene
         return self.stack.enter_context(painting(drawn, words, self.run, width, self.height, self.samples))

@@ -11,14 +11,14 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
-from renders.blitted import Blitted
-from renders.figures import BOUND, GRID, INK, STYLE
-from renders.lagrangian.names import with_unit
-from renders.lagrangian.path_drawing import ESTIMATE, TRUTH, PathDrawing
-from renders.lagrangian.run_data import LagrangianRun
-from renders.lagrangian.views import INCHES_HIGH, chart_of
-from renders.palette import Picture
-from renders.run_log import last_at
+from mathnavi.renders.blitted import Blitted
+from mathnavi.renders.figures import BOUND, GRID, INK, STYLE
+from mathnavi.renders.lagrangian.names import with_unit
+from mathnavi.renders.lagrangian.path_drawing import ESTIMATE, TRUTH, PathDrawing
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.lagrangian.views import INCHES_HIGH, chart_of
+from mathnavi.renders.palette import Picture
+from mathnavi.sim.records.run_log import last_at
 
 WINDOW, LEAST_WINDOW, AFTERWARDS = 2.0, 0.5, 1.5  # [s] of velocity in sight; times as long as until it is found
 MOST_POINTS = 700  # of a curve

@@ -7,14 +7,15 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from renders.lagrangian.charts import Chart
-from renders.lagrangian.run_data import LagrangianRun
-from renders.lagrangian.storyboard import RECENT
-from renders.palette import COLOURS, Part, hexadecimal
-from sim.signals import Array
+from mathnavi.renders.lagrangian.charts import Chart
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.lagrangian.storyboard import RECENT
+from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
+from mathnavi.sim.interfaces.signals import Array
 
 TRUTH, ESTIMATE, REFERENCE, GEODESIC = (
-    hexadecimal(COLOURS[part]) for part in (Part.TRUE_PATH, Part.ESTIMATE, Part.REFERENCE, Part.GEODESIC)
+    hexadecimal(COLOURS[part])
+    for part in (SceneElement.TRUE_PATH, SceneElement.ESTIMATE, SceneElement.REFERENCE, SceneElement.GEODESIC)
 )
 
 MOST_POINTS, ON_GEODESIC = 1200, 25

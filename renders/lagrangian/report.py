@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from renders import page
-from renders.figures import events_figure
-from renders.lagrangian import figures
-from renders.lagrangian.caption import subject
-from renders.lagrangian.run_data import LagrangianRun
-from renders.lagrangian.storyboard import amount, highlight, is_good, verdict
-from renders.page import Markup, quantity
-from renders.report import again, events_card, rest, still_block, summary_cards, why
+from mathnavi.renders import page
+from mathnavi.renders.figures import events_figure
+from mathnavi.renders.lagrangian import figures
+from mathnavi.renders.lagrangian.caption import subject
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.lagrangian.storyboard import amount, highlight, is_good, verdict
+from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards, why
 
 
 def report(run: LagrangianRun) -> Markup:

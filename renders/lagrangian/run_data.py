@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from estimators.riemannian.gains import Gains
-from models.instants import SIMULTANEOUS
-from models.manifold.attitude import Attitude
-from models.manifold.constant_curvature import hyperbolic_space, sphere
-from models.manifold.manifold import CutLocusError, Manifold
-from models.mechanism.entity import build_model
-from models.mechanism.geometry import MechanismManifold
-from models.mechanism.system import heavier
-from renders.run_log import LoggedRun, RunLog, last_at, read_log
-from sim.metrics.lagrangian import VelocityErrors
-from sim.signals import Array, Status
+from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.models.manifold.attitude import Attitude
+from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere
+from mathnavi.models.manifold.manifold import CutLocusError, Manifold
+from mathnavi.models.mechanism.entity import build_model
+from mathnavi.models.mechanism.geometry import MechanismManifold
+from mathnavi.models.mechanism.system import heavier
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Status
+from mathnavi.sim.metrics.lagrangian import VelocityErrors
+from mathnavi.sim.records.run_log import LoggedRun, RunLog, last_at, read_log
 
 REACH = 0.5  # [rad, m] that an error of the position, the largest or a usual one, is drawn as, at most
 USUAL = 0.9  # share of the errors of a mechanism that are not larger than that
@@ -46,12 +46,12 @@ class LagrangianRun(LoggedRun):
     @property
     def diverged(self) -> bool:
         """Whether the run ended early, because the state was no longer finite."""
-        return self.duration < float(self.log.config["fields"]["duration"]) - SIMULTANEOUS
+        return self.duration < float(self.log.config["fields"]["duration"]) - TIME_TOLERANCE
 
     @cached_property
     def truth(self) -> Array:
         """(m, nx) the true states at the times of the estimates."""
-        states: Array = self.log.x[np.searchsorted(self.t, self.t_estimate - SIMULTANEOUS)]
+        states: Array = self.log.x[np.searchsorted(self.t, self.t_estimate - TIME_TOLERANCE)]
         return states
 
     @cached_property
@@ -187,7 +187,7 @@ def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Arr
     else:
         manifold, mechanism = SPACES[space], "rigid-body" if space == "body" else None
     states, inputs = (tuple(map(str, mission[kind])) for kind in ("states", "inputs"))
-    seen = arrays["estimate.t"] <= log.t[-1] + SIMULTANEOUS
+    seen = arrays["estimate.t"] <= log.t[-1] + TIME_TOLERANCE
     t, x = arrays["estimate.t"][seen], arrays["estimate.x"][seen]
     size = manifold.size + manifold.vector_size
     if not (len(states) == log.x.shape[1] == size and x.shape == (len(t), size) and len(t)):

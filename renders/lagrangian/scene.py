@@ -3,7 +3,7 @@
 The model is the one that moved. The ghost is where the estimate has it, its errors drawn larger than they are. The
 arrows are those of one point, the tip of the last body; of a body on a ball joint they are its rate of turning.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from models.mechanism.entity import build_spec
-from renders.caption import Label
-from renders.framing import Box, framing
-from renders.lagrangian.run_data import LagrangianRun
-from renders.lagrangian.storyboard import RECENT
-from renders.lagrangian.views import AZIMUTH, ELEVATION, azimuth
-from renders.palette import COLOURS, Part, Picture
-from renders.stage import Optics, Stage, Staged
-from sim.signals import Array
+from mathnavi.models.mechanism.entity import build_spec
+from mathnavi.renders.caption import Label
+from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.lagrangian.storyboard import RECENT
+from mathnavi.renders.lagrangian.views import AZIMUTH, ELEVATION, azimuth
+from mathnavi.renders.palette import COLOURS, Picture, SceneElement
+from mathnavi.renders.stage import Optics, Stage, Staged
+from mathnavi.sim.interfaces.signals import Array
 
 OPTICS = Optics(28.0, 0.02, 40.0)
 FREE = Box(0.12, 0.96, 0.15, 0.67)  # of a picture, in which all may move
@@ -98,7 +98,7 @@ class Scene(Staged):
     def _picture(self, t: float, *, shadows: bool, ghosts: bool) -> Picture:
         self.stage.begin(fog=False, shadows=shadows)
         self._add_path(t)
-        self._add_arrow(self.run.log.x[self.run.look(t)], Part.TRUE_VELOCITY, THIN, 1.0)
+        self._add_arrow(self.run.log.x[self.run.look(t)], SceneElement.TRUE_VELOCITY, THIN, 1.0)
         if ghosts:
             self._add_ghosts(t)
         return self.stage.end(sky=False)
@@ -108,15 +108,15 @@ class Scene(Staged):
         run = self.run
         if (reference := run.reference(t)) is not None:
             apart = float(run.manifold.distance(run.position(t), reference))
-            self._add_ghost(reference, Part.REFERENCE, REFERENCE_SHOWN * min(apart / MERGED, 1.0))
+            self._add_ghost(reference, SceneElement.REFERENCE, REFERENCE_SHOWN * min(apart / MERGED, 1.0))
         k = run.belief(t)
         if k >= 0:
             off = run.apart(k)
             clear = 1.0 if off is None else min(run.magnification * float(np.abs(off).max()) / MERGED, 1.0)
-            self._add_ghost(run.drawn(k), Part.ESTIMATE, FAINT + (SHOWN - FAINT) * clear)
+            self._add_ghost(run.drawn(k), SceneElement.ESTIMATE, FAINT + (SHOWN - FAINT) * clear)
             found = np.concatenate([run.truth[k, : run.manifold.size], run.velocity[1][k]])
             if np.isfinite(found).all():
-                self._add_arrow(found, Part.FOUND_VELOCITY, THICK, 0.45)
+                self._add_arrow(found, SceneElement.FOUND_VELOCITY, THICK, 0.45)
 
     def _light(self, spec: Any) -> None:
         """From where it comes to the camera that looks at a mechanism: what is near the ends of shadows flickers."""
@@ -129,7 +129,7 @@ class Scene(Staged):
 
     # ---- what is added
 
-    def _add_ghost(self, position: Array, part: Part, opacity: float) -> None:
+    def _add_ghost(self, position: Array, part: SceneElement, opacity: float) -> None:
         """What moves once more, at a position (nq,)."""
         data = self._ghost
         data.qpos[:] = position
@@ -140,7 +140,7 @@ class Scene(Staged):
             shift = data.xpos[b] - rotation @ self.stage.data.xpos[b]
             self.stage.copy(geoms, rotation, shift, (*COLOURS[part], opacity), HULL)
 
-    def _add_arrow(self, state: Array, part: Part, radius: float, opacity: float) -> None:
+    def _add_arrow(self, state: Array, part: SceneElement, radius: float, opacity: float) -> None:
         """Of the velocity in a state (nq + nv,)."""
         velocity = self._velocity_of(state)
         start = self._ghost.xpos[self._last] if self._is_ball else self._place()
@@ -155,7 +155,7 @@ class Scene(Staged):
             mujoco.mj_kinematics(self.model, self._ghost)
             places.append(self._place())
         if float(np.ptp(np.array(places), axis=0).max()) > 1e-3:
-            self.stage.line(np.array(places), COLOURS[Part.TRUE_PATH], PATH_WIDTH)
+            self.stage.line(np.array(places), COLOURS[SceneElement.TRUE_PATH], PATH_WIDTH)
 
     # ---- where things are
 

@@ -9,11 +9,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from renders.drawing import TOUR, checked_camera
-from renders.film import Frame, Shot, frames_of
-from renders.lagrangian.run_data import LagrangianRun
-from sim.metrics.names import SHORTFALL
-from sim.signals import Status
+from mathnavi.renders.drawing import TOUR, checked_camera
+from mathnavi.renders.film import Frame, Shot, frames_of
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.sim.interfaces.signals import Status
+from mathnavi.sim.records.figure_names import SHORTFALL
 
 CAMERAS = ("panel", "scene")
 RECENT = 1.2  # [s] of paths that are drawn strongly

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from models.manifold.attitude import product
-from renders.lagrangian.charts import Chart, Disc, Globe
-from renders.lagrangian.run_data import LagrangianRun
+from mathnavi.models.manifold.attitude import product
+from mathnavi.renders.lagrangian.charts import Chart, Disc, Globe
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
 
 INCHES_HIGH = 7.2  # of a picture that matplotlib draws, whatever its pixels
 AZIMUTH, ELEVATION = 62.0, -14.0  # [degrees] of the line of sight

@@ -1,6 +1,6 @@
 """From where a missile is filmed: from beside it, from the side of its whole path, from beside its target.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from renders.framing import Box, framing
-from renders.missile.run_data import MissileRun
-from renders.stage import Optics, View
+from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.missile.run_data import MissileRun
+from mathnavi.renders.stage import Optics, View
 
 OPTICS = {"chase": Optics(40.0, 1e-3, 40.0), "side": Optics(22.0, 0.05, 60.0), "target": Optics(48.0, 1e-3, 40.0)}
 SIDE_BOX = Box(0.07, 0.93, 0.13, 0.60)  # what the path takes of the picture; a low one lies on its lower edge

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from renders.caption import Label, Words, pace
-from renders.film import Frame
-from renders.missile.run_data import MissileRun
-from renders.missile.storyboard import TO_SCALE, notices, verdict
-from renders.palette import Part
+from mathnavi.renders.caption import Label, Words, pace
+from mathnavi.renders.film import Frame
+from mathnavi.renders.missile.run_data import MissileRun
+from mathnavi.renders.missile.storyboard import TO_SCALE, notices, verdict
+from mathnavi.renders.palette import SceneElement
 
-LEGEND = (Part.FLOWN, Part.PLAN, Part.TARGET, Part.FORCE)
+LEGEND = (SceneElement.FLOWN, SceneElement.PLAN, SceneElement.TARGET, SceneElement.FORCE)
 
 
 def words(run: MissileRun, frame: Frame, labels: Sequence[Label]) -> Words:
@@ -31,7 +31,7 @@ def words(run: MissileRun, frame: Frame, labels: Sequence[Label]) -> Words:
             ("SPEED", f"{run.speed[i]:.0f} m/s", f"nose {round(math.degrees(x[5])):+d}°"),
         ),
         state=_state(run, frame.t),
-        legend=[*LEGEND, *((Part.TARGET_PATH, Part.VELOCITY) if moves else ())],
+        legend=[*LEGEND, *((SceneElement.TARGET_PATH, SceneElement.VELOCITY) if moves else ())],
         notice=frame.notice,
         share=frame.t / run.duration,
         moments=[t / run.duration for t, _ in notices(run)],

@@ -1,4 +1,4 @@
-"""Figures of a missile's run, in the style of ``renders.figures``."""
+"""Figures of a missile's run, in the style of ``mathnavi.renders.figures``."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from models.missile.coordinates import Coordinates
-from renders.figures import BOUND, GRID, INK, STYLE, canvas, thinned
-from renders.missile.run_data import TO_WORLD, MissileRun
-from renders.page import number
-from renders.palette import COLOURS, Part, hexadecimal
-from sim.signals import Array
+from mathnavi.models.missile.coordinates import Coordinates
+from mathnavi.renders.figures import BOUND, GRID, INK, STYLE, canvas, thinned
+from mathnavi.renders.missile.run_data import TO_WORLD, MissileRun
+from mathnavi.renders.page import number
+from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
+from mathnavi.sim.interfaces.signals import Array
 
 TICKS = 16  # velocities marked along a path
 LAST = 1.0  # [s] before the closest approach: the end, as the target sees it
@@ -38,11 +38,11 @@ INPUTS = {
 }
 
 
-def _colour(part: Part) -> str:
+def _colour(part: SceneElement) -> str:
     return hexadecimal(COLOURS[part])
 
 
-FLOWN, PLAN = _colour(Part.FLOWN), _colour(Part.PLAN)
+FLOWN, PLAN = _colour(SceneElement.FLOWN), _colour(SceneElement.PLAN)
 
 
 def path_figure(run: MissileRun) -> Figure:
@@ -60,10 +60,16 @@ def path_figure(run: MissileRun) -> Figure:
         drawn = np.atleast_1d(figure.subplots(len(views), 1, sharex=True, height_ratios=tall))
         for axes, (across, name) in zip(drawn, views, strict=True):
             axes.plot(planned[:, 0], planned[:, across], "--", color=PLAN, label="first plan")
-            axes.plot(moved[:, 0], moved[:, across], color=_colour(Part.VELOCITY), lw=1.2)
+            axes.plot(moved[:, 0], moved[:, across], color=_colour(SceneElement.VELOCITY), lw=1.2)
             _draw_path(axes, run, across)
             axes.plot(
-                moved[-1, 0], moved[-1, across], "o", ms=8, mfc=_colour(Part.TARGET), mec=INK, label="target at the end"
+                moved[-1, 0],
+                moved[-1, across],
+                "o",
+                ms=8,
+                mfc=_colour(SceneElement.TARGET),
+                mec=INK,
+                label="target at the end",
             )
             axes.set(ylabel=name, xlim=(low[0], high[0]), ylim=(low[across], high[across]), aspect="equal")
         drawn[0].set_title("Path")
@@ -166,7 +172,7 @@ def approach_figure(run: MissileRun) -> Figure:
         late = run.t >= run.approach.t - LAST
         relative = run.path[late] - run.target.at(run.t[late]) * TO_WORLD
         path.plot(relative[:, 0], relative[:, 2], color=FLOWN, lw=2.0)
-        path.plot(0.0, 0.0, "o", ms=8, mfc=_colour(Part.TARGET), mec=INK)
+        path.plot(0.0, 0.0, "o", ms=8, mfc=_colour(SceneElement.TARGET), mec=INK)
         direction = np.array([math.cos(run.aspect_angle), math.sin(run.aspect_angle)])
         wide = max(float(np.abs(relative[:, [0, 2]]).max()), 1.0)
         path.plot([-wide * direction[0], 0.0], [-wide * direction[1], 0.0], color=GRID, ls="--", lw=1.2, zorder=0)

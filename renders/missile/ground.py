@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft2, rfft2
 
-from renders.palette import Picture
+from mathnavi.renders.palette import Picture
 
 Array = NDArray[np.float32]  # as exact as pixels need, and half the time
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from renders import page
-from renders.figures import cost_figure, events_figure, solve_figure
-from renders.missile import figures
-from renders.missile.run_data import MissileRun
-from renders.missile.storyboard import highlight, verdict
-from renders.page import Markup, quantity
-from renders.report import again, events_card, rest, still_block, summary_cards, why
+from mathnavi.renders import page
+from mathnavi.renders.figures import cost_figure, events_figure, solve_figure
+from mathnavi.renders.missile import figures
+from mathnavi.renders.missile.run_data import MissileRun
+from mathnavi.renders.missile.storyboard import highlight, verdict
+from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards, why
 
 
 def report(run: MissileRun) -> Markup:

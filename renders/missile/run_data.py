@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from models.missile.coordinates import COORDINATES, Coordinates
-from models.missile.dynamics import NOMINAL
-from models.missile.mission import Target
-from models.missile.target import TargetMotion
-from renders.run_log import LoggedRun, RunLog, last_at, read_log
-from sim.metrics.missile import Approach, attack_angles, closest_approach, references
-from sim.signals import Array, Plan
+from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
+from mathnavi.models.missile.dynamics import NOMINAL
+from mathnavi.models.missile.mission import Target
+from mathnavi.models.missile.target import TargetMotion
+from mathnavi.sim.interfaces.signals import Array, Plan
+from mathnavi.sim.metrics.missile import Approach, attack_angles, closest_approach, references
+from mathnavi.sim.records.run_log import LoggedRun, RunLog, last_at, read_log
 
 TO_WORLD = np.array([1.0, -1.0, -1.0])  # from the Earth frame, whose z is down, and back
 

@@ -3,7 +3,7 @@
 The model is the one that was flown, with a sky, a light and a ground to look at. From the side the whole path is in the
 picture, and the missile, the target and the force are drawn larger than they are.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from models.missile.entity import build_spec
-from renders.caption import Label
-from renders.missile.cameras import OPTICS, chase_view, side_view, target_view
-from renders.missile.ground import PIXELS, TILE, ground_picture
-from renders.missile.run_data import TO_WORLD, MissileRun
-from renders.missile.storyboard import TO_SCALE
-from renders.palette import COLOURS, Part, Picture
-from renders.stage import HORIZON, NADIR, Stage, Staged
-from sim.signals import Array
+from mathnavi.models.missile.entity import build_spec
+from mathnavi.renders.caption import Label
+from mathnavi.renders.missile.cameras import OPTICS, chase_view, side_view, target_view
+from mathnavi.renders.missile.ground import PIXELS, TILE, ground_picture
+from mathnavi.renders.missile.run_data import TO_WORLD, MissileRun
+from mathnavi.renders.missile.storyboard import TO_SCALE
+from mathnavi.renders.palette import COLOURS, Picture, SceneElement
+from mathnavi.renders.stage import HORIZON, NADIR, Stage, Staged
+from mathnavi.sim.interfaces.signals import Array
 
 GROUND, DRAWN = 1, 2  # geom groups
 EXTENT = 500.0  # [m]
@@ -92,18 +92,18 @@ class Scene(Staged):
             far = float(max(run.path[:, 0].max(), run.target_at(run.duration)[0]))
             steps = np.arange(100.0 * math.ceil(run.path[0, 0] / 100.0), far + 50.0, 100.0)
             named += [(f"{x:.0f} m", np.array([x, 0.0, 0.0]), True) for x in steps if len(steps) < 16]
-            named.append((Part.TARGET.value, target + np.array([SIDE_RINGS * TARGET_RADIUS, 0.0, 0.0]), False))
+            named.append((SceneElement.TARGET.value, target + np.array([SIDE_RINGS * TARGET_RADIUS, 0.0, 0.0]), False))
             clear = here[0] - left > 0.1 * (right - left)  # of the numbers at the left ends of the lines
             if clear and run.away(t) > 0.5 * RULER:
                 named.append((f"{here[2]:.0f} m", here + _up(0.5 * self._scale(camera, t) * SPAN), False))
         if camera == "chase":
             lift = 26.0 * unit * float(self.stage.metres_per_pixel(target[None])[0])
-            named.append((Part.TARGET.value, target + _up(lift), False))
+            named.append((SceneElement.TARGET.value, target + _up(lift), False))
         found = [self.stage.inside(place[None]) for _, place, _ in named]
         return [
             Label(
                 text, float(at[0, 0]), float(at[0, 1]) + 12.0 * unit * (small and place[2] == 0.0), small,
-                beside=camera == "side" and text == Part.TARGET.value,
+                beside=camera == "side" and text == SceneElement.TARGET.value,
             )
             for (text, place, small), at in zip(named, found, strict=True)
             if len(at)
@@ -126,14 +126,14 @@ class Scene(Staged):
             flown = run.path[np.unique(np.r_[np.linspace(0, near, 160).astype(int), near : now + 1])]
             clear = np.linalg.norm(flown - here, axis=1) > 2.2 * scale  # a line must not run through the missile
             flown = np.vstack([flown, here]) if camera == "side" else flown[clear]
-            self.stage.line(flown, COLOURS[Part.FLOWN], width)
+            self.stage.line(flown, COLOURS[SceneElement.FLOWN], width)
         ahead = run.plan_ahead(t, PLAN_POINTS)
         if len(ahead) > 1:
             if camera != "side":
                 ahead = ahead[np.linalg.norm(ahead - here, axis=1) > 2.4 * scale]
-            self.stage.line(ahead, COLOURS[Part.PLAN], width)
+            self.stage.line(ahead, COLOURS[SceneElement.PLAN], width)
         if camera == "side":  # a plumb line tells how high it is
-            self.stage.line(np.array([here * (1.0, 1.0, 0.0), here]), COLOURS[Part.FLOWN], 1.2)
+            self.stage.line(np.array([here * (1.0, 1.0, 0.0), here]), COLOURS[SceneElement.FLOWN], 1.2)
 
     def _add_target(self, t: float, camera: str) -> None:
         """How the target has moved and is moving."""
@@ -141,11 +141,11 @@ class Scene(Staged):
         lift = _up(0.3)
         moved = [run.target_at(s) for s in np.linspace(0.0, t, 30)]
         if float(np.linalg.norm(moved[-1] - moved[0])) > 1.0:
-            self.stage.line(np.array(moved) + lift, COLOURS[Part.TARGET_PATH], 2.0)
+            self.stage.line(np.array(moved) + lift, COLOURS[SceneElement.TARGET_PATH], 2.0)
         if float(np.linalg.norm(velocity)) > 0.1:
             seconds, thick = (2.5, 0.0022 * self._side.distance) if camera == "side" else (0.4, 0.35)
             start = target + _up(1.5 * thick)
-            self.stage.arrow(start, start + seconds * velocity, thick, COLOURS[Part.VELOCITY])
+            self.stage.arrow(start, start + seconds * velocity, thick, COLOURS[SceneElement.VELOCITY])
 
     def _axes(self, t: float) -> Array:
         """(3, 3) the axes X_b, Y_b, Z_b of the body as columns, world frame."""
@@ -166,7 +166,9 @@ class Scene(Staged):
         long = ARROW[camera] * scale * force / self._largest_force
         here = self.run.place(t)
         start = here + 0.35 * scale * force / float(np.linalg.norm(force))
-        self.stage.arrow(start, start + long, 0.07 * scale * (1.6 if camera == "side" else 1.0), COLOURS[Part.FORCE])
+        self.stage.arrow(
+            start, start + long, 0.07 * scale * (1.6 if camera == "side" else 1.0), COLOURS[SceneElement.FORCE]
+        )
 
     def _add_plumes(self, t: float) -> None:
         """Gas leaves on the side from which the thrusters push."""

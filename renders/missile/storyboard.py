@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from renders.drawing import TOUR, checked_camera
-from renders.film import Frame, Shot, frames_of
-from renders.missile.run_data import TO_WORLD, MissileRun
+from mathnavi.renders.drawing import TOUR, checked_camera
+from mathnavi.renders.film import Frame, Shot, frames_of
+from mathnavi.renders.missile.run_data import TO_WORLD, MissileRun
 
 CAMERAS = ("chase", "side", "target")
 TURN = 0.5  # [degrees/s] at which the chase camera turns

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from renders.caption import Label, Words, pace
-from renders.film import Frame
-from renders.flight.caption import phase_name
-from renders.palette import Part
-from renders.quadrotor.run_data import QuadrotorRun
-from renders.quadrotor.storyboard import notices
+from mathnavi.renders.caption import Label, Words, pace
+from mathnavi.renders.film import Frame
+from mathnavi.renders.flight.caption import phase_name
+from mathnavi.renders.palette import SceneElement
+from mathnavi.renders.quadrotor.run_data import QuadrotorRun
+from mathnavi.renders.quadrotor.storyboard import notices
 
-LEGEND = (Part.FLOWN, Part.OPTIMISED, Part.MANOEUVRE, Part.COMPLETION)
+LEGEND = (SceneElement.FLOWN, SceneElement.OPTIMISED, SceneElement.MANOEUVRE, SceneElement.COMPLETION)
 
 
 def words(run: QuadrotorRun, frame: Frame, labels: list[tuple[str, float, float]]) -> Words:

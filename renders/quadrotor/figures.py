@@ -6,12 +6,12 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from models.quadrotor.dynamics import ROTORS
-from renders.figures import BOUND, STYLE, canvas, thinned
-from renders.palette import COLOURS, VEHICLES, Part, hexadecimal
-from renders.quadrotor.run_data import QuadrotorRun
+from mathnavi.models.quadrotor.dynamics import ROTORS
+from mathnavi.renders.figures import BOUND, STYLE, canvas, thinned
+from mathnavi.renders.palette import COLOURS, VEHICLES, SceneElement, hexadecimal
+from mathnavi.renders.quadrotor.run_data import QuadrotorRun
 
-_LINE = hexadecimal(COLOURS[Part.OPTIMISED])
+_LINE = hexadecimal(COLOURS[SceneElement.OPTIMISED])
 
 
 def clearance_figure(run: QuadrotorRun) -> Figure:
@@ -22,7 +22,7 @@ def clearance_figure(run: QuadrotorRun) -> Figure:
         mission, t = run.flight.mission, run.flight.t
         lowest = int(np.nanargmin(run.clearance)) if np.isfinite(run.clearance).any() else 0
         i = thinned(len(t), lowest)
-        upper.plot(t[i], run.clearance[i], color=hexadecimal(COLOURS[Part.FLOWN]))
+        upper.plot(t[i], run.clearance[i], color=hexadecimal(COLOURS[SceneElement.FLOWN]))
         upper.plot(t[lowest], run.clearance[lowest], "o", ms=4.0, color=BOUND)
         speed = np.linalg.norm(run.flight.x[:, 3:], axis=1)
         lower.plot(t[i], speed[i], color=_LINE)

@@ -12,11 +12,11 @@ import matplotlib
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from renders.flight.run_data import plan_arcs
-from renders.palette import COLOURS, Part, Picture, part_of
-from renders.quadrotor.run_data import QuadrotorRun
-from renders.relief import relief
-from sim.signals import Array
+from mathnavi.renders.flight.run_data import plan_arcs
+from mathnavi.renders.palette import COLOURS, Picture, SceneElement, part_of
+from mathnavi.renders.quadrotor.run_data import QuadrotorRun
+from mathnavi.renders.relief import relief
+from mathnavi.sim.interfaces.signals import Array
 
 SIZE, EDGE = 208, 18  # [pixels] at a picture 720 pixels high: of the longer side, and from the picture's edge
 SHARPER = 3  # it is drawn so many times as large
@@ -51,15 +51,15 @@ class Inset:
             for phase, points in plan_arcs(plan, t, STEP):
                 self._line(draw, points, part_of(phase), 1.6 * pixel)
         if run.index(t) > 0:
-            self._line(draw, run.x[: run.index(t) + 1 : 20, :3], Part.FLOWN, 2.4 * pixel)
+            self._line(draw, run.x[: run.index(t) + 1 : 20, :3], SceneElement.FLOWN, 2.4 * pixel)
         for place, part, radius in (
-            (run.mission.start, Part.START, 3.0),
-            (run.mission.target, Part.TARGET, 3.6),
-            (run.state(t), Part.FLOWN, 4.4),
+            (run.mission.start, SceneElement.START, 3.0),
+            (run.mission.target, SceneElement.TARGET, 3.6),
+            (run.state(t), SceneElement.FLOWN, 4.4),
         ):
             (column, row), r = self._pixels(place[None])[0], radius * pixel
             draw.ellipse((column - r, row - r, column + r, row + r), _colour(part), "white", max(1, round(1.4 * pixel)))
-            if part is not Part.FLOWN:
+            if part is not SceneElement.FLOWN:
                 self._write(draw, part.value, (column, row - r - 9.0 * pixel))
         width = max(1, round(1.5 * pixel))
         draw.rectangle((0, 0, chart.width - 1, chart.height - 1), outline="white", width=width)
@@ -94,12 +94,12 @@ class Inset:
         placed[:, 1] = self._ground.height - placed[:, 1]
         return placed
 
-    def _line(self, draw: ImageDraw.ImageDraw, points: Array, part: Part, width: float) -> None:
+    def _line(self, draw: ImageDraw.ImageDraw, points: Array, part: SceneElement, width: float) -> None:
         if len(points) > 1:
             pixels = [(float(column), float(row)) for column, row in self._pixels(points)]
             draw.line(pixels, _colour(part), max(1, round(width)), joint="curve")
 
 
-def _colour(part: Part) -> tuple[int, int, int]:
+def _colour(part: SceneElement) -> tuple[int, int, int]:
     red, green, blue = (round(255 * channel) for channel in COLOURS[part])
     return red, green, blue

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from renders import figures, page
-from renders.flight.figures import map_figure, profile_figure
-from renders.flight.run_data import plan_arcs
-from renders.page import Markup, quantity
-from renders.palette import COLOURS, Part, hexadecimal
-from renders.quadrotor.figures import clearance_figure, rotors_figure, tracking_figure
-from renders.quadrotor.run_data import QuadrotorRun
-from renders.quadrotor.storyboard import highlight
-from renders.report import again, events_card, rest, still_block, summary_cards, why
-from renders.terrain_view import Track, script, terrain_view
-from sim.metrics.names import SHORTFALL
+from mathnavi.renders import figures, page
+from mathnavi.renders.flight.figures import map_figure, profile_figure
+from mathnavi.renders.flight.run_data import plan_arcs
+from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
+from mathnavi.renders.quadrotor.figures import clearance_figure, rotors_figure, tracking_figure
+from mathnavi.renders.quadrotor.run_data import QuadrotorRun
+from mathnavi.renders.quadrotor.storyboard import highlight
+from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards, why
+from mathnavi.renders.terrain_view import Track, script, terrain_view
+from mathnavi.sim.records.figure_names import SHORTFALL
 
 PLAN_STEP = 0.2  # [s] between the points of a plan that is drawn
 
@@ -62,12 +62,12 @@ def _headline(run: QuadrotorRun) -> tuple[Markup, Markup]:
 
 def _terrain(run: QuadrotorRun) -> Markup:
     flight = run.flight
-    tracks = [Track(Part.FLOWN.value, flight.x[:, :3], hexadecimal(COLOURS[Part.FLOWN]))]
+    tracks = [Track(SceneElement.FLOWN.value, flight.x[:, :3], hexadecimal(COLOURS[SceneElement.FLOWN]))]
     if flight.plans:
         arcs = [points for _, points in plan_arcs(flight.plans[0], flight.plans[0].t_start, PLAN_STEP)]
-        colour = hexadecimal(COLOURS[Part.COMPLETION])
+        colour = hexadecimal(COLOURS[SceneElement.COMPLETION])
         tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
-    places = {Part.START.value: flight.mission.start, Part.TARGET.value: flight.mission.target}
+    places = {SceneElement.START.value: flight.mission.start, SceneElement.TARGET.value: flight.mission.target}
     note = "The first plan's way to rest leads over the plateau; the plans after it find a shorter one."
     return terrain_view(flight.terrain, tracks, places, (), note)
 

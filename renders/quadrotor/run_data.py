@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from models.quadrotor.dynamics import ATTITUDE, ROTOR_COUNT, STATE_SIZE
-from renders.flight.run_data import RunData, flight_of
-from renders.run_log import read_log
-from sim.metrics.flight import references
-from sim.metrics.quadrotor import point, tilts
-from sim.signals import Array
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, ROTOR_COUNT, STATE_SIZE
+from mathnavi.renders.flight.run_data import RunData, flight_of
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.flight import references
+from mathnavi.sim.metrics.quadrotor import point, tilts
+from mathnavi.sim.records.run_log import read_log
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class QuadrotorRun:
     """The run of one quadrotor."""
 
     flight: RunData  # of its centre; u is the acceleration that was flown, not one that was asked for
-    truth: Array  # (n, 13) states of models.quadrotor.dynamics
+    truth: Array  # (n, 13) states of mathnavi.models.quadrotor.dynamics
     thrusts: Array  # (n, 4) [N] asked of the rotors, held over [t_i, t_i+1)
     reach: float  # [m] from the centre to the farthest part of the vehicle
     thrust_max: float  # [N] of a rotor

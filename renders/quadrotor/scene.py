@@ -3,7 +3,7 @@
 The world is the true one, heights and all. In the chase view the vehicle is the model that flew, in its attitude, its
 rotors turning far more slowly than they do; from afar an airframe stands for it that can be seen.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from models.aerial.entity import airframe_pose
-from models.quadrotor.dynamics import ROTORS
-from models.quadrotor.entity import add_vehicle
-from renders.flight.run_data import plan_arcs
-from renders.flight.scene import ChaseCamera, Following
-from renders.framing import Box, framing
-from renders.landscape import AIRFRAME, OPTICS, TRUE_WORLD, Airframe, add_airframe, landscape
-from renders.palette import COLOURS, Part, Picture, part_of
-from renders.quadrotor.inset import Inset
-from renders.quadrotor.run_data import QuadrotorRun
-from renders.stage import Optics, Stage, Staged, View
-from sim.signals import Array
+from mathnavi.models.aerial.entity import airframe_pose
+from mathnavi.models.quadrotor.dynamics import ROTORS
+from mathnavi.models.quadrotor.entity import add_vehicle
+from mathnavi.renders.flight.run_data import plan_arcs
+from mathnavi.renders.flight.scene import ChaseCamera, Following
+from mathnavi.renders.framing import Box, framing
+from mathnavi.renders.landscape import AIRFRAME, OPTICS, TRUE_WORLD, Airframe, add_airframe, landscape
+from mathnavi.renders.palette import COLOURS, Picture, SceneElement, part_of
+from mathnavi.renders.quadrotor.inset import Inset
+from mathnavi.renders.quadrotor.run_data import QuadrotorRun
+from mathnavi.renders.stage import Optics, Stage, Staged, View
+from mathnavi.sim.interfaces.signals import Array
 
 CHASE = Optics(50.0, 2e-4, 5.0)
 NEAR = Following(distance=2.4, step=0.1, smoothing=0.6, clear=1.2, rise=0.42, ahead=0.7)
@@ -64,8 +64,11 @@ class Scene(Staged):
         self._place(t, near, view)
         self.stage.begin(fog=near)
         for part, points in self._lines(t, near):
-            self.stage.line(points, COLOURS[part], WIDTH[camera], dashed=part is Part.COMPLETION)
-        for part, place in ((Part.START, self.run.flight.mission.start), (Part.TARGET, self.run.flight.mission.target)):
+            self.stage.line(points, COLOURS[part], WIDTH[camera], dashed=part is SceneElement.COMPLETION)
+        for part, place in (
+            (SceneElement.START, self.run.flight.mission.start),
+            (SceneElement.TARGET, self.run.flight.mission.target),
+        ):
             self.stage.pin(self._foot(place), place, PIN, COLOURS[part])
         picture = self.stage.end(sky=near)
         return self._inset.put(picture, t) if near else picture
@@ -79,7 +82,7 @@ class Scene(Staged):
         found = []
         eye, _, _ = self.stage.eye()
         flight = self.run.flight
-        for part, place in ((Part.START, flight.mission.start), (Part.TARGET, flight.mission.target)):
+        for part, place in ((SceneElement.START, flight.mission.start), (SceneElement.TARGET, flight.mission.target)):
             if camera == "chase" and not flight.terrain.line_of_sight(eye, place):
                 continue
             up = PIN * self.stage.unit * float(self.stage.metres_per_pixel(place[None])[0])
@@ -113,7 +116,7 @@ class Scene(Staged):
             span = SPAN * 2.0 * float(np.linalg.norm(view.eye - position)) * self.stage.tangent()
             self._afar.place_afar(self.stage, position, level, span, view.eye)
 
-    def _lines(self, t: float, near: bool) -> Iterator[tuple[Part, Array]]:
+    def _lines(self, t: float, near: bool) -> Iterator[tuple[SceneElement, Array]]:
         """The path flown and the plan ahead; beside the vehicle they run under its hull."""
         flight = self.run.flight
         low = np.array([0.0, 0.0, LOW if near else 0.0])
@@ -121,7 +124,7 @@ class Scene(Staged):
             here = float(flight.travelled[flight.index(t)])
             stops = np.arange(max(0.0, here - BEHIND) if near else 0.0, here, 0.2 if near else TRAIL)
             points = np.vstack([flight.x[np.searchsorted(flight.travelled, stops), :3], flight.state(t)[:3]])
-            yield Part.FLOWN, points - low
+            yield SceneElement.FLOWN, points - low
         plan = flight.plan(t)
         if plan is not None and t < flight.duration:  # at the end nothing is ahead
             for part, arcs in groupby(plan_arcs(plan, t, step=0.1), lambda arc: part_of(arc[0])):

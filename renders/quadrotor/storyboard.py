@@ -6,10 +6,10 @@ top view say where in the canyon that is.
 
 from __future__ import annotations
 
-from renders.drawing import TOUR, checked_camera
-from renders.film import Frame, Shot, frames_of
-from renders.flight import storyboard as flights
-from renders.quadrotor.run_data import QuadrotorRun
+from mathnavi.renders.drawing import TOUR, checked_camera
+from mathnavi.renders.film import Frame, Shot, frames_of
+from mathnavi.renders.flight import storyboard as flights
+from mathnavi.renders.quadrotor.run_data import QuadrotorRun
 
 CAMERAS = ("chase", "overview", "top")
 TURN = 1.2  # [degrees/s of video] at which the overview turns

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from sim.signals import Array, Integers
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 FADED = 20.0  # log-likelihood below the best at which a hypothesis is as good as ruled out
 

@@ -1,6 +1,6 @@
 """From where a robot in its field is filmed: from above, the whole field in sight, and from behind it at a slant.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from models.field.arena import WALL_HEIGHT, WALL_THICKNESS
-from models.field.curve import Curve
-from renders.ranging.run_data import RangingRun
-from renders.stage import Optics, View
+from mathnavi.models.field.arena import WALL_HEIGHT, WALL_THICKNESS
+from mathnavi.models.field.curve import Curve
+from mathnavi.renders.ranging.run_data import RangingRun
+from mathnavi.renders.stage import Optics, View
 
 # The backdrop stands at 0.57 of the far plane, which therefore is far.
 OPTICS = {"top": Optics(11.0, 2.0, 150.0), "chase": Optics(42.0, 0.1, 40.0)}

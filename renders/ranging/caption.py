@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from renders.caption import Label, Words, pace
-from renders.film import Frame
-from renders.palette import Part
-from renders.ranging.run_data import RangingRun
-from renders.ranging.storyboard import length, notices
-from sim.plugins import called
-from sim.signals import Status
+from mathnavi.renders.caption import Label, Words, pace
+from mathnavi.renders.film import Frame
+from mathnavi.renders.palette import SceneElement
+from mathnavi.renders.ranging.run_data import RangingRun
+from mathnavi.renders.ranging.storyboard import length, notices
+from mathnavi.sim.interfaces.signals import Status
+from mathnavi.sim.plugin.registry import called
 
 
 def words(run: RangingRun, frame: Frame, labels: Sequence[Label]) -> Words:
@@ -61,16 +61,16 @@ def _state(run: RangingRun, t: float, k: int) -> str:
     return f"{left} hypothes{'i' if left == 1 else 'e'}s left"
 
 
-def _legend(run: RangingRun) -> list[Part]:
+def _legend(run: RangingRun) -> list[SceneElement]:
     """What there is to see in this run."""
     beliefs = run.beliefs
     return [
-        Part.DRIVEN,
-        Part.RAY,
-        *([Part.LOST_RAY] if np.isnan(run.ranges).any() else []),
-        Part.ESTIMATE,
-        *([Part.SPREAD] if beliefs.covariance is not None else []),
-        *([Part.HYPOTHESIS] if beliefs.hypotheses is not None else []),
-        *([Part.BELIEVED] if beliefs.z is not None else []),
-        *([Part.IMAGE] if run.curve.symmetry > 1 else []),
+        SceneElement.DRIVEN,
+        SceneElement.RAY,
+        *([SceneElement.LOST_RAY] if np.isnan(run.ranges).any() else []),
+        SceneElement.ESTIMATE,
+        *([SceneElement.SPREAD] if beliefs.covariance is not None else []),
+        *([SceneElement.HYPOTHESIS] if beliefs.hypotheses is not None else []),
+        *([SceneElement.BELIEVED] if beliefs.z is not None else []),
+        *([SceneElement.IMAGE] if run.curve.symmetry > 1 else []),
     ]

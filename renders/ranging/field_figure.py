@@ -1,4 +1,4 @@
-"""The path of a robot in its field and what it believed on the way, in the style of ``renders.figures``."""
+"""The path of a robot in its field and what it believed on the way, in the style of ``mathnavi.renders.figures``."""
 
 from __future__ import annotations
 
@@ -10,15 +10,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from renders.figures import GRID, INK, STYLE, canvas, thinned
-from renders.palette import COLOURS, Part, hexadecimal
-from renders.ranging import shapes
-from renders.ranging.run_data import RangingRun
-from renders.ranging.storyboard import begun
-from renders.run_log import last_at
-from sim.signals import Array
+from mathnavi.renders.figures import GRID, INK, STYLE, canvas, thinned
+from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
+from mathnavi.renders.ranging import shapes
+from mathnavi.renders.ranging.run_data import RangingRun
+from mathnavi.renders.ranging.storyboard import begun
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.run_log import last_at
 
-DRIVEN, ESTIMATE, IMAGE = (hexadecimal(COLOURS[part]) for part in (Part.DRIVEN, Part.ESTIMATE, Part.IMAGE))
+DRIVEN, ESTIMATE, IMAGE = (
+    hexadecimal(COLOURS[part]) for part in (SceneElement.DRIVEN, SceneElement.ESTIMATE, SceneElement.IMAGE)
+)
 LOOKS = 9  # estimates marked along the path, the denser the earlier
 CLOSE = 0.15  # of the run that is looked at closely
 CLOSE_LOOKS = 7

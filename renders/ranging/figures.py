@@ -1,4 +1,4 @@
-"""What a robot that finds itself read, believed and did over time, in the style of ``renders.figures``."""
+"""What a robot that finds itself read, believed and did over time, in the style of ``mathnavi.renders.figures``."""
 
 from __future__ import annotations
 
@@ -10,17 +10,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
-from models.angles import wrapped
-from renders.figures import BOUND, INK, STYLE, canvas, thinned
-from renders.palette import COLOURS, Part, hexadecimal
-from renders.ranging.beliefs import FADED
-from renders.ranging.run_data import RangingRun
-from renders.ranging.storyboard import decided
-from sim.metrics.ranging import HEADING, POSITION
-from sim.signals import Array
+from mathnavi.models.angles import wrapped
+from mathnavi.renders.figures import BOUND, INK, STYLE, canvas, thinned
+from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
+from mathnavi.renders.ranging.beliefs import FADED
+from mathnavi.renders.ranging.run_data import RangingRun
+from mathnavi.renders.ranging.storyboard import decided
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.ranging import HEADING, POSITION
 
 DRIVEN, ESTIMATE, HYPOTHESIS, READ = (
-    hexadecimal(COLOURS[part]) for part in (Part.DRIVEN, Part.ESTIMATE, Part.HYPOTHESIS, Part.RAY)
+    hexadecimal(COLOURS[part])
+    for part in (SceneElement.DRIVEN, SceneElement.ESTIMATE, SceneElement.HYPOTHESIS, SceneElement.RAY)
 )
 FIRST = 2.5  # times as long as until it was decided is looked at closely
 SMALLEST = 1e-12  # [m], [deg] that a logarithmic axis shows

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
-from renders import page
-from renders.figures import events_figure
-from renders.page import Markup, quantity
-from renders.ranging import figures
-from renders.ranging.field_figure import field_figure
-from renders.ranging.run_data import RangingRun
-from renders.ranging.storyboard import highlight, verdict
-from renders.report import again, events_card, rest, still_block, summary_cards
-from sim.metrics.ranging import HEADING, POSITION
+from mathnavi.renders import page
+from mathnavi.renders.figures import events_figure
+from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.ranging import figures
+from mathnavi.renders.ranging.field_figure import field_figure
+from mathnavi.renders.ranging.run_data import RangingRun
+from mathnavi.renders.ranging.storyboard import highlight, verdict
+from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards
+from mathnavi.sim.metrics.ranging import HEADING, POSITION
 
 
 def report(run: RangingRun) -> Markup:

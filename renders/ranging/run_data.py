@@ -11,14 +11,14 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from models.field.curve import Curve
-from models.unicycle.entity import DriveName
-from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
-from renders.ranging.beliefs import Beliefs, read_beliefs, shaped
-from renders.run_log import LoggedRun, last_at, read_log
-from sim.metrics.consistency import normalised_error_squared
-from sim.metrics.ranging import HEADING, POSITION
-from sim.signals import Array, Status
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.entity import DriveName
+from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.renders.ranging.beliefs import Beliefs, read_beliefs, shaped
+from mathnavi.sim.interfaces.signals import Array, Status
+from mathnavi.sim.metrics.consistency import normalised_error_squared
+from mathnavi.sim.metrics.ranging import HEADING, POSITION
+from mathnavi.sim.records.run_log import LoggedRun, last_at, read_log
 
 Flags = NDArray[np.bool_]
 

@@ -4,7 +4,7 @@ The model is the one that was driven, with a floor, a light and walls to look at
 the robot: the estimate with its standard deviations, the hypotheses the paler the less they explain, and outlined the
 poses from which the robot would read the same.
 
-Import ``renders.opengl`` and choose the backend before this module, which imports mujoco.
+Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from models.field.arena import DRAWN_GROUP, FLOOR_GROUP, SENSOR_HEIGHT
-from models.unicycle.entity import FLOOR, build_spec
-from renders.caption import Label
-from renders.palette import COLOURS, Part, Picture
-from renders.ranging import shapes
-from renders.ranging.cameras import OPTICS, chase_view, top_view
-from renders.ranging.floor import OUTSIDE, extent, floor_picture, pale
-from renders.ranging.run_data import RangingRun
-from renders.run_log import last_at
-from renders.stage import Stage, Staged
-from sim.signals import Array, Status
+from mathnavi.models.field.arena import DRAWN_GROUP, FLOOR_GROUP, SENSOR_HEIGHT
+from mathnavi.models.unicycle.entity import FLOOR, build_spec
+from mathnavi.renders.caption import Label
+from mathnavi.renders.palette import COLOURS, Picture, SceneElement
+from mathnavi.renders.ranging import shapes
+from mathnavi.renders.ranging.cameras import OPTICS, chase_view, top_view
+from mathnavi.renders.ranging.floor import OUTSIDE, extent, floor_picture, pale
+from mathnavi.renders.ranging.run_data import RangingRun
+from mathnavi.renders.stage import Stage, Staged
+from mathnavi.sim.interfaces.signals import Array, Status
+from mathnavi.sim.records.run_log import last_at
 
 ROBOT_GROUP = 2  # of the geoms of the robot that eyes see
 LIGHT, DIFFUSE = (-0.35, -0.30, 0.9), 0.42  # where it comes from, and how strong it is
@@ -80,7 +80,7 @@ class Scene(Staged):
         named = [("robot", here[:2])]
         if k >= 0 and float(np.linalg.norm(run.beliefs.x[k, :2] - here[:2])) > APART:
             more = " (indistinguishable)" if run.indistinguishable[k] else ""
-            named.append((Part.ESTIMATE.value + more, run.beliefs.x[k, :2]))
+            named.append((SceneElement.ESTIMATE.value + more, run.beliefs.x[k, :2]))
         lift = 30.0 * self.stage.unit
         found = [self.stage.inside(np.array([[*place, ABOVE]])) for _, place in named]
         return [
@@ -95,10 +95,10 @@ class Scene(Staged):
         run, width = self.run, LINE[camera]
         driven = run.pose[: run.index(t) + 1, :2]
         said = run.beliefs.x[: last_at(run.beliefs.t, t) + 1][run.said[: last_at(run.beliefs.t, t) + 1]]
-        self._add_path(said[:, :2], Part.ESTIMATE, PATH, 0.75 * width)
-        self._add_path(np.vstack([driven, run.joints(t)[:2]]), Part.DRIVEN, 0.5 * PATH, width)
+        self._add_path(said[:, :2], SceneElement.ESTIMATE, PATH, 0.75 * width)
+        self._add_path(np.vstack([driven, run.joints(t)[:2]]), SceneElement.DRIVEN, 0.5 * PATH, width)
 
-    def _add_path(self, places: Array, part: Part, height: float, width: float) -> None:
+    def _add_path(self, places: Array, part: SceneElement, height: float, width: float) -> None:
         """A line through places (n, 2), but for jumps."""
         jumps = np.linalg.norm(np.diff(places, axis=0), axis=1) > JUMP
         for piece in np.split(places, np.flatnonzero(jumps) + 1):
@@ -119,16 +119,16 @@ class Scene(Staged):
             along = np.array([math.cos(pose[2] + angle), math.sin(pose[2] + angle)])
             ray = _lifted(pose[:2] + np.linspace(TURRET, rho, DASHED)[:, None] * along, SENSOR_HEIGHT)
             lost = not math.isfinite(reading)
-            colour = COLOURS[Part.LOST_RAY if lost else Part.RAY]
+            colour = COLOURS[SceneElement.LOST_RAY if lost else SceneElement.RAY]
             stage.line(ray if lost else ray[[0, -1]], colour, 0.65 * LINE[camera], dashed=lost)
             if not lost:
-                self._add_dot(pose[:2] + reading * along, Part.RAY, 6.0)
+                self._add_dot(pose[:2] + reading * along, SceneElement.RAY, 6.0)
 
     def _add_images(self, t: float, camera: str) -> None:
         """The outline of the robot wherever it would read the same."""
         for image in self.run.curve.images(self.run.joints(t)[:3])[1:]:
             points = _lifted(shapes.outline(image), self._height)
-            self.stage.line(points, COLOURS[Part.IMAGE], 0.6 * LINE[camera])
+            self.stage.line(points, COLOURS[SceneElement.IMAGE], 0.6 * LINE[camera])
 
     def _add_hypotheses(self, t: float, camera: str) -> None:
         """All but the one that is the estimate."""
@@ -139,7 +139,7 @@ class Scene(Staged):
         for j in np.argsort(strengths):
             pose = beliefs.hypotheses[k, j]
             if np.isfinite(pose).all() and strengths[j] > 0.0 and not np.allclose(pose, beliefs.x[k]):
-                self._add_ghost(pose, Part.HYPOTHESIS, float(strengths[j]), LINE[camera], beliefs.x[k])
+                self._add_ghost(pose, SceneElement.HYPOTHESIS, float(strengths[j]), LINE[camera], beliefs.x[k])
 
     def _add_estimate(self, t: float, camera: str) -> None:
         """The ghost, its heading, what it is unsure of; of the observer (C.5) where it believes that the rays end."""
@@ -147,10 +147,10 @@ class Scene(Staged):
         if k < 0:
             return
         x, P, width = run.beliefs.x[k], run.beliefs.covariance, LINE[camera]
-        colour = COLOURS[Part.ESTIMATE]
+        colour = COLOURS[SceneElement.ESTIMATE]
         if run.status(t) is Status.LOST:
             colour = pale(colour, 0.45)
-        self._add_ghost(x, Part.ESTIMATE, 1.0, width, self.stage.data.qpos)
+        self._add_ghost(x, SceneElement.ESTIMATE, 1.0, width, self.stage.data.qpos)
         if P is not None and np.isfinite(P[k]).all():
             for deviations, opacity in ((3.0, 0.16), (1.0, 0.26)):
                 axes, direction = shapes.half_axes(P[k], deviations)
@@ -165,9 +165,9 @@ class Scene(Staged):
             for place in believed:
                 ray = _lifted(x[:2] + np.linspace(0.0, 1.0, DASHED)[:, None] * (place - x[:2]), SENSOR_HEIGHT)
                 self.stage.line(ray, colour, 0.45 * width, dashed=True)
-                self._add_dot(place, Part.BELIEVED, 8.0)
+                self._add_dot(place, SceneElement.BELIEVED, 8.0)
 
-    def _add_ghost(self, pose: Array, part: Part, strength: float, width: float, other: Array) -> None:
+    def _add_ghost(self, pose: Array, part: SceneElement, strength: float, width: float, other: Array) -> None:
         """The robot once more, at a pose (3,), and its outline; paler with less ``strength`` in [0, 1].
 
         It gives way to what is at the place ``other`` (2 or more,) where the two lie on one another.
@@ -183,7 +183,7 @@ class Scene(Staged):
         outline = _lifted(shapes.outline(pose), self._height)
         self.stage.line(outline, pale(COLOURS[part], 0.25 + 0.75 * strength), 0.9 * width)
 
-    def _add_dot(self, place: Array, part: Part, pixels: float) -> None:
+    def _add_dot(self, place: Array, part: SceneElement, pixels: float) -> None:
         """A ball at a place (2,) in the plane of the sensors, so many pixels wide in a picture 720 pixels high."""
         centre = np.array([*place, SENSOR_HEIGHT])
         radius = 0.5 * pixels * float(self.stage.metres_per_pixel(centre[None])[0]) * self.stage.unit

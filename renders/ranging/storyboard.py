@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from renders.drawing import TOUR, checked_camera
-from renders.film import Frame, Shot, frames_of
-from renders.ranging.run_data import RangingRun
+from mathnavi.renders.drawing import TOUR, checked_camera
+from mathnavi.renders.film import Frame, Shot, frames_of
+from mathnavi.renders.ranging.run_data import RangingRun
 
 CAMERAS = ("top", "chase")
 TURN = 0.0  # [degrees/s]; the camera behind the robot turns with it

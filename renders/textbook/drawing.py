@@ -1,13 +1,13 @@
-"""How textbook systems are drawn (``renders.drawing``)."""
+"""How textbook systems are drawn (``mathnavi.renders.drawing``)."""
 
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
 
-from renders.textbook.painter import BoardPainter, painting
-from renders.textbook.report import report
-from renders.textbook.run_data import TextbookRun, load_run
-from renders.textbook.storyboard import CAMERAS, highlight, notices, storyboard
+from mathnavi.renders.textbook.painter import BoardPainter, painting
+from mathnavi.renders.textbook.report import report
+from mathnavi.renders.textbook.run_data import TextbookRun, load_run
+from mathnavi.renders.textbook.storyboard import CAMERAS, highlight, notices, storyboard
 
 __all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
 

@@ -10,14 +10,14 @@ from functools import cached_property
 import matplotlib
 from matplotlib.text import Text
 
-from renders.blitted import Blitted
-from renders.caption import pace
-from renders.figures import STYLE
-from renders.film import Frame
-from renders.palette import Picture
-from renders.textbook.board import Board
-from renders.textbook.run_data import TextbookRun
-from sim.plugins import called
+from mathnavi.renders.blitted import Blitted
+from mathnavi.renders.caption import pace
+from mathnavi.renders.figures import STYLE
+from mathnavi.renders.film import Frame
+from mathnavi.renders.palette import Picture
+from mathnavi.renders.textbook.board import Board
+from mathnavi.renders.textbook.run_data import TextbookRun
+from mathnavi.sim.plugin.registry import called
 
 INCHES_HIGH, BRIEF_INCHES = 6.4, 3.3  # of a picture, whatever its pixels, and of one whose letters are large
 

@@ -6,12 +6,12 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from renders import page
-from renders.figures import STYLE, canvas, thinned
-from renders.page import Markup, quantity
-from renders.report import again, events_card, rest, summary_cards
-from renders.textbook.board import READ, TRUTH, Board, shown
-from renders.textbook.run_data import TextbookRun
+from mathnavi.renders import page
+from mathnavi.renders.figures import STYLE, canvas, thinned
+from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.report import again, events_card, rest, summary_cards
+from mathnavi.renders.textbook.board import READ, TRUTH, Board, shown
+from mathnavi.renders.textbook.run_data import TextbookRun
 
 
 def report(run: TextbookRun) -> Markup:

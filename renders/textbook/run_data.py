@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from models.angles import wrapped
-from renders.run_log import LoggedRun, RunLog, last_at, read_log
-from sim.signals import Array
+from mathnavi.models.angles import wrapped
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.run_log import LoggedRun, RunLog, last_at, read_log
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from renders.drawing import TOUR, checked_camera
-from renders.film import Frame, Shot, frames_of
-from renders.textbook.run_data import TextbookRun
+from mathnavi.renders.drawing import TOUR, checked_camera
+from mathnavi.renders.film import Frame, Shot, frames_of
+from mathnavi.renders.textbook.run_data import TextbookRun
 
 CAMERAS = ("board",)
 LENGTH, LAST_LOOK = 11.0, 2.0  # [s] of video: the run, and for how long its end stays

@@ -19,9 +19,9 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
-from sim.checks import close_names
-from sim.commands.errors import BadInputError
-from sim.commands.flag_names import flag_of, joined, negation
+from mathnavi.sim.commands.errors import BadInputError
+from mathnavi.sim.commands.flag_names import flag_of, joined, negation
+from mathnavi.sim.interfaces.checks import close_names
 
 _CONFIG = (tyro.conf.UseAppendAction, tyro.conf.DisallowNone)
 

@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.table import Table as Printed
 from rich.text import Text
 
-from sim.commands.arguments import Group, parse
-from sim.commands.errors import BadInputError, bad_input
-from sim.commands.output import output_folder
+from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.commands.output import output_folder
 
 OUT = Path("renders/out/comparison.html")
 DESCRIPTION = "Two runs, two sweeps or two studies beside each other: what was asked of them, and what came out."
@@ -43,7 +43,11 @@ def main(argv: Sequence[str]) -> int:
         (options,) = parse(argv, "mathnavi compare", DESCRIPTION, Group(Options))
     except SystemExit:  # the help is printed
         return 0
-    from renders.comparison.report import compare, is_comparison, write_comparison  # what draws takes long to import
+    from mathnavi.renders.comparison.report import (  # what draws takes long to import
+        compare,
+        is_comparison,
+        write_comparison,
+    )
 
     out = options.out
     if out.exists() and not is_comparison(out):

@@ -2,8 +2,8 @@
 
 The script asks ``mathnavi completion words WORD ...``, the words that stand there with the one that is being typed
 last, and gets one candidate a line: so a plug-in that is installed later is completed too, with its fields. They are
-read from the sources (``sim.plugin_sources``), which is a matter of a fifth of a second. Where nothing is known to
-complete with, the shell completes names of files.
+read from the sources (``mathnavi.sim.plugin.sources``), which is a matter of a fifth of a second. Where nothing is
+known to complete with, the shell completes names of files.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import ast
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from sim.commands.errors import BadInputError
-from sim.commands.flag_names import flag_of, joined, negation
-from sim.commands.known import COMMANDS
-from sim.plugin_sources import (
+from mathnavi.sim.commands.errors import BadInputError
+from mathnavi.sim.commands.flag_names import flag_of, joined, negation
+from mathnavi.sim.commands.known import COMMANDS
+from mathnavi.sim.plugin.sources import (
     Definition,
     UnreadableError,
     config_fields,
@@ -65,17 +65,17 @@ FLOWN = ("run", "sweep")
 PLUGIN_FLAGS = {"--controller": "controllers", "--estimator": "estimators", "--consensus": "consensus"}
 NAMES = {**PLUGIN_FLAGS, "--terrain": "terrains"}  # kinds of plug-ins that a flag takes
 OWN = {  # dataclasses of a command's own flags
-    "run": ("sim.commands.run:Options", "sim.commands.order:CommonOptions"),
-    "sweep": ("sim.commands.sweep:Options", "sim.commands.order:CommonOptions"),
-    "study": ("sim.commands.study:Options",),
-    "estimate": ("sim.commands.estimate:Options",),
-    "render": ("sim.commands.render:Options",),
-    "view": ("sim.commands.view:Options",),
-    "compare": ("sim.commands.compare:Options",),
-    "store show": ("sim.commands.store:Show",),
-    "store export": ("sim.commands.store:Export",),
-    "terrain import": ("sim.commands.terrain:Import",),
-    "terrain show": ("sim.commands.terrain:Show",),
+    "run": ("mathnavi.sim.commands.run:Options", "mathnavi.sim.commands.run_request:CommonOptions"),
+    "sweep": ("mathnavi.sim.commands.sweep:Options", "mathnavi.sim.commands.run_request:CommonOptions"),
+    "study": ("mathnavi.sim.commands.study:Options",),
+    "estimate": ("mathnavi.sim.commands.estimate:Options",),
+    "render": ("mathnavi.sim.commands.render:Options",),
+    "view": ("mathnavi.sim.commands.view:Options",),
+    "compare": ("mathnavi.sim.commands.compare:Options",),
+    "store show": ("mathnavi.sim.commands.store:Show",),
+    "store export": ("mathnavi.sim.commands.store:Export",),
+    "terrain import": ("mathnavi.sim.commands.terrain:Import",),
+    "terrain show": ("mathnavi.sim.commands.terrain:Show",),
 }
 Flags = dict[str, tuple[str, ...]]  # what may follow each, as far as it is known
 
@@ -127,7 +127,7 @@ def _first(command: str) -> Sequence[str]:
     if command == "completion":
         return list(SCRIPTS)
     if command == "list":
-        from sim.commands.listing import KINDS
+        from mathnavi.sim.commands.listing import KINDS
 
         return KINDS
     return [own.partition(" ")[2] for own in OWN if own.startswith(f"{command} ")]

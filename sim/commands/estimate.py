@@ -16,21 +16,21 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from renders.run_log import RunLog, read_log
-from sim.cockpit import Agent
-from sim.commands.arguments import Group, flags, parse
-from sim.commands.errors import BadInputError, bad_input
-from sim.commands.order import CommonOptions, Order, loaded, prepare, restored_part
-from sim.commands.output import output_folder
-from sim.commands.progress import compilation_announced
-from sim.commands.run import build, fly
-from sim.commands.saved import Saved
-from sim.commands.summary import verdict, warnings
-from sim.log import Recording
-from sim.playback import RecordedInputs, RecordedPlant, RecordedRun
-from sim.plugins import Part, called, names
-from sim.scenarios.experiment import Experiment, Outcome
-from sim.signals import Array
+from mathnavi.sim.commands.arguments import Group, flags, parse
+from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.commands.output import output_folder
+from mathnavi.sim.commands.progress import compilation_announced
+from mathnavi.sim.commands.run import build, fly
+from mathnavi.sim.commands.run_config import RunConfig
+from mathnavi.sim.commands.run_request import CommonOptions, RunRequest, loaded, prepare, restored_part
+from mathnavi.sim.commands.summary import verdict, warnings
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.plugin.registry import PluginSpec, called, names
+from mathnavi.sim.records.run_log import RunLog, read_log
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 USAGE = (
     "usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]      ESTIMATOR: {}\n"
@@ -56,7 +56,7 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     with bad_input():
         log = read_log(folder)
-    saved = Saved.read(folder)
+    saved = RunConfig.read(folder)
     try:
         order = _order(estimator, saved, words)
     except SystemExit:  # the help is printed
@@ -85,7 +85,7 @@ def _places(argv: Sequence[str]) -> tuple[str, Path, Sequence[str]]:
     return argv[0], Path(argv[1]), argv[2:]
 
 
-def _order(name: str, saved: Saved, words: Sequence[str]) -> Order:
+def _order(name: str, saved: RunConfig, words: Sequence[str]) -> RunRequest:
     """The saved run with another estimator, or with the same and the fields that it had unless they are given anew."""
     scenario = loaded("scenarios", saved.scenario)
     controller = restored_part("controllers", saved.controller, saved, (saved.controller, saved.controller_fields))
@@ -100,8 +100,8 @@ def _order(name: str, saved: Saved, words: Sequence[str]) -> Order:
     purpose = (estimator.plugin.__doc__ or "").strip().partition("\n")[0]
     options, fields = parse(words, prog, purpose, *groups)
     common = CommonOptions(saved.seed, saved.controller, name)
-    return Order(
-        prog, saved.scenario, scenario, common, options, config, controller, Part(estimator.plugin, fields), known
+    return RunRequest(
+        prog, saved.scenario, scenario, common, options, config, controller, PluginSpec(estimator.plugin, fields), known
     )
 
 
@@ -112,11 +112,11 @@ def _check_out(out: Path, folder: Path) -> None:
         raise BadInputError(f"--out = {out} holds other files than a run's; allowed: a new folder, or that of a run")
 
 
-def _playback(order: Order, saved: Saved, log: RunLog) -> Experiment:
+def _playback(order: RunRequest, saved: RunConfig, log: RunLog) -> ClosedLoop:
     """The recorded run as an experiment, with the estimator asked for in the loop."""
-    experiment = build(order, saved)
-    ((vehicle, agent),) = experiment.agents.items()
-    fresh = experiment.plant.state(vehicle), np.zeros(agent.input_size)
+    closed_loop = build(order, saved)
+    ((vehicle, agent),) = closed_loop.agents.items()
+    fresh = closed_loop.plant.state(vehicle), np.zeros(agent.input_size)
     if (log.x.shape[1:], log.u.shape[1:]) != (fresh[0].shape, fresh[1].shape):
         raise BadInputError(
             f"{log.directory / 'log.npz'}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of "
@@ -126,7 +126,7 @@ def _playback(order: Order, saved: Saved, log: RunLog) -> Experiment:
     readings = {
         name.removeprefix("measurement."): rows for name, rows in arrays.items() if name.startswith("measurement.")
     }
-    run = RecordedRun(log.t, log.x, log.u, readings, experiment.plant.state_names(vehicle))
+    run = RecordedRun(log.t, log.x, log.u, readings, closed_loop.plant.state_names(vehicle))
     period = float(log.t[1] - log.t[0])
     if abs(agent.estimator.period - period) > 1e-9:
         raise BadInputError(
@@ -134,22 +134,22 @@ def _playback(order: Order, saved: Saved, log: RunLog) -> Experiment:
             f"{period:g} s, as {log.directory} was run"
         )
     try:
-        plant = RecordedPlant(vehicle, run, experiment.plant.dt, experiment.plant.sensors(vehicle))
+        plant = RecordedPlant(vehicle, run, closed_loop.plant.dt, closed_loop.plant.sensors(vehicle))
     except ValueError as error:
         raise BadInputError(f"ESTIMATOR = {order.common.estimator} over {log.directory}: {error}") from error
     inputs = RecordedInputs(run, period)
 
     def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
         _restore(recording, log, vehicle)
-        return experiment.summarise(recording, wall_seconds)
+        return closed_loop.summarise(recording, wall_seconds)
 
-    return Experiment(
+    return ClosedLoop(
         plant,
         {vehicle: Agent(agent.estimator, inputs, inputs, agent.input_size)},
         float(log.t[-1]),
         lambda t, truths: False,
         summarise,
-        {**experiment.config, "recorded": str(log.directory)},
+        {**closed_loop.config, "recorded": str(log.directory)},
     )
 
 
@@ -167,7 +167,7 @@ def _arrays(folder: Path) -> dict[str, Array]:
         return dict(log)
 
 
-def _comparison(order: Order, saved: Saved, log: RunLog, outcome: Outcome) -> Table | str:
+def _comparison(order: RunRequest, saved: RunConfig, log: RunLog, outcome: RunResult) -> Table | str:
     """Root mean squares of the errors of the recorded estimates and of the new ones, where the scenario has any."""
     arrays = _arrays(log.directory)
     new = outcome.arrays
@@ -186,7 +186,9 @@ def _comparison(order: Order, saved: Saved, log: RunLog, outcome: Outcome) -> Ta
     return table if found[1] else f"{order.name} does not say how estimates and its truth compare"
 
 
-def _errors(order: Order, states: tuple[str, ...], t: Array, x: Array, log: RunLog) -> Mapping[str, tuple[str, str]]:
+def _errors(
+    order: RunRequest, states: tuple[str, ...], t: Array, x: Array, log: RunLog
+) -> Mapping[str, tuple[str, str]]:
     """By name with unit: over the whole run, and over its last quarter; as the scenario has it, or state by state."""
     truth = log.x[np.searchsorted(log.t, t - 1e-9)]
     if hasattr(order.scenario, "errors"):

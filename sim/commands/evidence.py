@@ -12,10 +12,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from renders.sweep_data import PATH_RATIO, Group, Sweep, format_numbers, format_value
-from sim.metrics.names import label
-from sim.statistics import Band, Rate
-from sim.store import Record
+from mathnavi.sim.records.figure_names import label
+from mathnavi.sim.records.statistics import Band, Rate
+from mathnavi.sim.records.store import Record
+from mathnavi.sim.records.sweep_data import PATH_RATIO, Group, Sweep, format_numbers, format_value
 
 # What is shown first: of a flight these, of another scenario what comes first.
 FLIGHT_EVENTS = ("success", "any ground contacts", "below h_min", "late or not arrived", "recorded failure")

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 COMMANDS = {
     "list": (
-        "sim.commands.listing",
+        "mathnavi.sim.commands.listing",
         "what is installed: controllers, estimators, consensus, scenarios, studies, terrains",
     ),
-    "run": ("sim.commands.run", "fly a scenario and write its log, summary, video and report"),
-    "sweep": ("sim.commands.sweep", "fly a scenario over many seeds and variations, into a store that resumes"),
-    "store": ("sim.commands.store", "show or export what a sweep has stored"),
-    "study": ("sim.commands.study", "tables and figures of the thesis, and what holds of its claims"),
-    "estimate": ("sim.commands.estimate", "run an estimator over the measurements of a finished run"),
-    "render": ("sim.commands.render", "a video, a still or a clip of a run"),
-    "view": ("sim.commands.view", "a run in MuJoCo's own viewer"),
-    "compare": ("sim.commands.compare", "two runs, sweeps or studies side by side"),
-    "terrain": ("sim.commands.terrain", "import an elevation model, show a map"),
-    "completion": ("sim.commands.completion", "a script for bash, zsh or fish that completes what is typed"),
+    "run": ("mathnavi.sim.commands.run", "fly a scenario and write its log, summary, video and report"),
+    "sweep": (
+        "mathnavi.sim.commands.sweep",
+        "fly a scenario over many seeds and variations, into a store that resumes",
+    ),
+    "store": ("mathnavi.sim.commands.store", "show or export what a sweep has stored"),
+    "study": ("mathnavi.sim.commands.study", "tables and figures of the thesis, and what holds of its claims"),
+    "estimate": ("mathnavi.sim.commands.estimate", "run an estimator over the measurements of a finished run"),
+    "render": ("mathnavi.sim.commands.render", "a video, a still or a clip of a run"),
+    "view": ("mathnavi.sim.commands.view", "a run in MuJoCo's own viewer"),
+    "compare": ("mathnavi.sim.commands.compare", "two runs, sweeps or studies side by side"),
+    "terrain": ("mathnavi.sim.commands.terrain", "import an elevation model, show a map"),
+    "completion": ("mathnavi.sim.commands.completion", "a script for bash, zsh or fish that completes what is typed"),
 }

@@ -16,8 +16,8 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from sim.commands.errors import BadInputError
-from sim.plugin_sources import GROUPS, UnreadableError, config_fields, definition, installed
+from mathnavi.sim.commands.errors import BadInputError
+from mathnavi.sim.plugin.sources import GROUPS, UnreadableError, config_fields, definition, installed
 
 ALL, FULL = "all", "--full"
 KINDS = tuple(sorted((ALL, *GROUPS)))
@@ -38,7 +38,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     kind, full = read_words(argv)
     if full:
-        from sim.commands import opengl
+        from mathnavi.sim.commands import opengl
 
         opengl.choose()
     console = Console()
@@ -87,7 +87,7 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool) -> Table:
 
 def claimed_properties(points: Sequence[EntryPoint]) -> Group:
     """What each estimator claims to be with its default fields, and below it what there is to add."""
-    from sim.observer_properties import ObserverProperties
+    from mathnavi.sim.interfaces.observer_properties import ObserverProperties
 
     table = Table(title=CLAIMED, title_justify="left", title_style="bold", box=None, padding=(0, 1, 0, 0))
     table.add_column("name", style="bold", no_wrap=True)

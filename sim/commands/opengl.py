@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from importlib import import_module
 
-from renders import opengl
-from sim.commands.errors import BadInputError
+from mathnavi.renders import opengl
+from mathnavi.sim.commands.errors import BadInputError
 
 BACKENDS = ("osmesa", "egl", "glfw")
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from sim.commands.errors import BadInputError
+from mathnavi.sim.commands.errors import BadInputError
 
 
 @contextmanager

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from sim.sweep.compilation import compilation_reported
-from sim.sweep.execution import Progress as Done
+from mathnavi.sim.sweep.compilation import compilation_reported
+from mathnavi.sim.sweep.execution import Progress as Done
 
 SELDOM = 30.0  # [s] between lines where there is no terminal
 COMPILING = "compiling the numerical kernels, once on this machine for each kind of planner"

@@ -10,9 +10,9 @@ from typing import Annotated
 
 import tyro
 
-from sim.commands import opengl
-from sim.commands.arguments import Group, parse, with_flag
-from sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.commands import opengl
+from mathnavi.sim.commands.arguments import Group, parse, with_flag
+from mathnavi.sim.commands.errors import BadInputError, bad_input
 
 
 @dataclass(frozen=True)
@@ -55,10 +55,10 @@ def main(argv: Sequence[str]) -> int:
     except SystemExit:  # the help is printed
         return 0
     opengl.choose()
-    from renders.clip import write_clip  # what draws takes a while to import
-    from renders.drawing import TOUR
-    from renders.opengl import NoOpenGLError
-    from renders.video import write_still, write_video
+    from mathnavi.renders.clip import write_clip  # what draws takes a while to import
+    from mathnavi.renders.drawing import TOUR
+    from mathnavi.renders.opengl import NoOpenGLError
+    from mathnavi.renders.video import write_still, write_video
 
     film = options.folder / f"{options.camera or 'video'}.mp4"
     try:

@@ -13,15 +13,15 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
-from renders.opengl import NoOpenGLError
-from sim.commands.arguments import value_of
-from sim.commands.errors import BadInputError, bad_input
-from sim.commands.order import Order, prepare, read_order, usage
-from sim.commands.output import output_folder
-from sim.commands.progress import compilation_announced
-from sim.commands.saved import Saved
-from sim.commands.summary import summary_table, verdict, warnings
-from sim.scenarios.experiment import Experiment, Outcome
+from mathnavi.renders.opengl import NoOpenGLError
+from mathnavi.sim.commands.arguments import value_of
+from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.commands.output import output_folder
+from mathnavi.sim.commands.progress import compilation_announced
+from mathnavi.sim.commands.run_config import RunConfig
+from mathnavi.sim.commands.run_request import RunRequest, prepare, read_order, usage
+from mathnavi.sim.commands.summary import summary_table, verdict, warnings
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     try:
         source = value_of("--from", argv)
-        saved = Saved.read(Path(source)) if source is not None else None
+        saved = RunConfig.read(Path(source)) if source is not None else None
         order = read_order("run", argv, Options, saved)
     except SystemExit:  # the help is printed
         return 0
@@ -53,8 +53,8 @@ def main(argv: Sequence[str]) -> int:
         raise BadInputError(f"--out = {folder} holds other files than a run's; allowed: a new folder, or that of a run")
     errors = Console(stderr=True)
     with output_folder(folder), compilation_announced(errors):
-        experiment = build(order, saved)
-        outcome = fly(experiment, errors)
+        closed_loop = build(order, saved)
+        outcome = fly(closed_loop, errors)
         replaced = order.options.out is None and (folder / "summary.json").exists()
         stale = _drawn(folder)
         with bad_input():
@@ -80,23 +80,23 @@ def main(argv: Sequence[str]) -> int:
     return 0 if outcome.success else 1
 
 
-def build(order: Order, saved: Saved | None) -> Experiment:
+def build(order: RunRequest, saved: RunConfig | None) -> ClosedLoop:
     """The closed loop; what is wrong with its fields comes to light here."""
     with order.bad_input():
-        experiment: Experiment = order.scenario.build(
+        closed_loop: ClosedLoop = order.scenario.build(
             order.config, order.common.seed, order.controller, order.estimator
         )
-    terrain = experiment.config.get("terrain", {})
+    terrain = closed_loop.config.get("terrain", {})
     same_map = saved is not None and terrain.get("path") == saved.terrain_path
     if saved is not None and same_map and terrain.get("digest") != saved.terrain_digest:
         raise BadInputError(
             f"terrain {terrain['path']!r} is not the one of {saved.path}: its digest is {terrain['digest']}; "
             f"allowed: {saved.terrain_digest}"
         )
-    return experiment
+    return closed_loop
 
 
-def fly(experiment: Experiment, errors: Console) -> Outcome:
+def fly(closed_loop: ClosedLoop, errors: Console) -> RunResult:
     """Run with a progress bar over the simulated time."""
     bar = Progress(
         TextColumn("flying"), BarColumn(), TextColumn("{task.completed:.0f} s of at most {task.total:.0f} s"),
@@ -111,9 +111,9 @@ def fly(experiment: Experiment, errors: Console) -> Outcome:
         bar.update(task, completed=t, pace=f"{t / (time.perf_counter() - began):.1f} x real time")
 
     with bar:
-        task = bar.add_task("flying", total=experiment.duration, pace="")
+        task = bar.add_task("flying", total=closed_loop.duration, pace="")
         try:
-            return experiment.run(progress)
+            return closed_loop.run(progress)
         except ValueError as error:
             if flying:
                 raise  # the loop checks its rates before it starts; whatever comes later is a defect
@@ -122,7 +122,7 @@ def fly(experiment: Experiment, errors: Console) -> Outcome:
 
 def _drawn(folder: Path) -> set[Path]:
     """What is made of a run like the one that stands in a folder, if one does: of an earlier run it must not stay."""
-    from renders.drawing import drawing_of
+    from mathnavi.renders.drawing import drawing_of
 
     try:
         cameras = drawing_of(folder).cameras
@@ -134,17 +134,17 @@ def _drawn(folder: Path) -> set[Path]:
 
 def _draw(options: Options, folder: Path, errors: Console) -> None:
     """Video and report if they were asked for; a run without them is still a run."""
-    from renders.run_log import NothingToDrawError
+    from mathnavi.sim.records.run_log import NothingToDrawError
 
     if options.video:
-        from renders.video import write_video
+        from mathnavi.renders.video import write_video
 
         try:
             write_video(folder, progress=errors.is_terminal)
         except (NoOpenGLError, NothingToDrawError, RuntimeError) as error:
             print(f"mathnavi: no video: {error}", file=sys.stderr)
     if options.report:
-        from renders.report import write_report
+        from mathnavi.renders.report import write_report
 
         try:
             write_report(folder)

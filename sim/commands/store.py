@@ -12,11 +12,11 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from renders.sweep_data import Sweep, grouped
-from sim.commands.arguments import Group, parse
-from sim.commands.errors import BadInputError, bad_input
-from sim.commands.evidence import print_evidence, verdict
-from sim.store import Record, Store, canonical_json
+from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.commands.evidence import print_evidence, verdict
+from mathnavi.sim.records.store import Record, Store, canonical_json
+from mathnavi.sim.records.sweep_data import Sweep, grouped
 
 USAGE = """usage: mathnavi store show FILE.db
        mathnavi store export FILE.db --out FILE.csv|FILE.jsonl"""

@@ -14,19 +14,19 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from models.terrain.library import load_terrain
-from renders.claims import Claim, ledger
-from sim.commands.arguments import Group, parse, without
-from sim.commands.errors import INTERRUPTED, BadInputError, bad_input
-from sim.commands.order import prepare
-from sim.commands.output import output_folder
-from sim.commands.progress import sweep_progress
-from sim.log import write_text
-from sim.plugins import load, names
-from sim.store import Store, StoreError
-from sim.studies.study import Setup, StudyError, first_look, on_terrain, write_findings
-from sim.sweep.child import RefusedError
-from sim.sweep.execution import available_cores
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.sim.commands.arguments import Group, parse, without
+from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
+from mathnavi.sim.commands.output import output_folder
+from mathnavi.sim.commands.progress import sweep_progress
+from mathnavi.sim.commands.run_request import prepare
+from mathnavi.sim.engine.log import write_text
+from mathnavi.sim.plugin.registry import load, names
+from mathnavi.sim.records.claims import Claim, ledger
+from mathnavi.sim.records.store import Store, StoreError
+from mathnavi.sim.studies.framework.study import Setup, StudyError, first_look, on_terrain, write_findings
+from mathnavi.sim.sweep.child import RefusedError
+from mathnavi.sim.sweep.execution import available_cores
 
 ALL = "all"
 STORE = "trials.db"

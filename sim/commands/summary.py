@@ -9,15 +9,15 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from sim.log import Recording
-from sim.metrics.names import SHORTFALL, SUMMARY_GROUPS, label
-from sim.scenarios.experiment import Outcome
-from sim.signals import Event
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.interfaces.signals import Event
+from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.scenarios.closed_loop import RunResult
 
 UNTOLD = ("seed", "version", SHORTFALL)  # stand elsewhere
 
 
-def verdict(outcome: Outcome, subject: str = "the mission") -> str:
+def verdict(outcome: RunResult, subject: str = "the mission") -> str:
     """Whether the mission, or what else was run, did what it should, and if not, why."""
     if outcome.success:
         return f"{subject} did what it should"

@@ -12,16 +12,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from sim.commands.errors import INTERRUPTED, BadInputError
-from sim.commands.evidence import print_evidence, verdict
-from sim.commands.order import Order, prepare, usage
-from sim.commands.progress import compilation_announced, sweep_progress
-from sim.commands.variations import read_orders, read_variations, trials
-from sim.store import TRANSIENT, Record, Store, StoreError
-from sim.sweep.child import RefusedError
-from sim.sweep.cluster import LostError, check
-from sim.sweep.execution import Progress, available_cores, run_trials
-from sim.sweep.trial import LARGEST_SEED, Trial, keys
+from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
+from mathnavi.sim.commands.evidence import print_evidence, verdict
+from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
+from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
+from mathnavi.sim.commands.variations import read_orders, read_variations, trials
+from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreError
+from mathnavi.sim.sweep.child import RefusedError
+from mathnavi.sim.sweep.cluster import LostError, check
+from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
+from mathnavi.sim.sweep.trial import LARGEST_SEED, Trial, keys
 
 REPORT = ".html"
 
@@ -129,9 +129,9 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _report(asked: Asked, records: Sequence[Record], command: str) -> Path:
-    from renders.sweep_report import write_sweep_report  # what draws takes a while to import
-    from sim.commands.tracks import shown_flights
+def _report(asked: SweepRequest, records: Sequence[Record], command: str) -> Path:
+    from mathnavi.renders.sweep_report import write_sweep_report  # what draws takes a while to import
+    from mathnavi.sim.commands.tracks import shown_flights
 
     terrain, tracks = shown_flights(asked.trials, records)
     path: Path = asked.order.options.store.with_suffix(REPORT)
@@ -139,17 +139,17 @@ def _report(asked: Asked, records: Sequence[Record], command: str) -> Path:
 
 
 @dataclass(frozen=True)
-class Asked:
+class SweepRequest:
     """What a sweep is asked for."""
 
-    order: Order  # the first, where plug-ins are varied
+    order: RunRequest  # the first, where plug-ins are varied
     trials: list[Trial]  # those of one seed together
     listed: list[str]  # fields
     drawn: list[str]  # fields
     firsts: list[Trial]  # of the first seed, one for each combination of listed values
 
 
-def read_sweep(argv: Sequence[str]) -> Asked:
+def read_sweep(argv: Sequence[str]) -> SweepRequest:
     """What ``argv`` asks for; BadInputError if it cannot be."""
     variations = read_variations(argv)
     orders = read_orders(argv, Options, variations)
@@ -161,10 +161,10 @@ def read_sweep(argv: Sequence[str]) -> Asked:
     by_seed = zip(*(made for made, _ in by_order), strict=True)
     asked = list(itertools.chain.from_iterable(itertools.chain.from_iterable(by_seed)))
     listed = [variation.name for variation in variations if variation.name not in drawn]
-    return Asked(orders[0], asked, listed, drawn, asked[: len(asked) // count])
+    return SweepRequest(orders[0], asked, listed, drawn, asked[: len(asked) // count])
 
 
-def _check_combinations(asked: Asked, made: Sequence[str]) -> None:
+def _check_combinations(asked: SweepRequest, made: Sequence[str]) -> None:
     """BadInputError if two combinations of listed values are the same trials under two names."""
     seen: dict[str, Trial] = {}
     for key, first in zip(made, asked.firsts, strict=False):
@@ -177,7 +177,7 @@ def _check_combinations(asked: Asked, made: Sequence[str]) -> None:
             )
 
 
-def _build_combinations(asked: Asked) -> None:
+def _build_combinations(asked: SweepRequest) -> None:
     """Each combination once, so that a ValueError that only building finds is raised before anything is run."""
     for trial in asked.firsts:
         try:

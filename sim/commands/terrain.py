@@ -13,11 +13,11 @@ from typing import Annotated
 import numpy as np
 import tyro
 
-from models.terrain.dem import import_dem
-from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain, terrain_names
-from sim.commands.arguments import Group, flags, parse, with_flag
-from sim.commands.errors import BadInputError, bad_input
+from mathnavi.models.terrain.dem import import_dem
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import load_terrain, terrain_names
+from mathnavi.sim.commands.arguments import Group, flags, parse, with_flag
+from mathnavi.sim.commands.errors import BadInputError, bad_input
 
 USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--scale M] [--crop ROW COL SIZE]
        mathnavi terrain show NAME|FILE.npz [--out PNG]          NAME: {}"""
@@ -87,7 +87,7 @@ def _show(argv: Sequence[str]) -> None:
 
 
 def _draw(terrain: HeightField, path: Path) -> None:
-    from renders.figures import terrain_figure  # matplotlib takes a while to import
+    from mathnavi.renders.figures import terrain_figure  # matplotlib takes a while to import
 
     partial = path.with_name(f".{path.name}.partial")
     try:

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain
-from renders.sweep_data import PATH_RATIO, figures
-from renders.terrain_view import Track
-from sim.store import Record
-from sim.sweep.trial import Trial
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.renders.terrain_view import Track
+from mathnavi.sim.records.store import Record
+from mathnavi.sim.records.sweep_data import PATH_RATIO, figures
+from mathnavi.sim.sweep.trial import Trial
 
 COLOURS = {"lowest": "#c2183b", "of median length": "#2166ac", "unsuccessful": "#e08214"}
 

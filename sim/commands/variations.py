@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from sim.commands.arguments import fields_by_flag, given, parse, suggestion, values_of
-from sim.commands.errors import BadInputError
-from sim.commands.order import Order, read_order
-from sim.fields import leaf, leaf_type, with_fields
-from sim.plugins import Part
-from sim.sweep.trial import Trial
+from mathnavi.sim.commands.arguments import fields_by_flag, given, parse, suggestion, values_of
+from mathnavi.sim.commands.errors import BadInputError
+from mathnavi.sim.commands.run_request import RunRequest, read_order
+from mathnavi.sim.interfaces.fields import leaf, leaf_type, with_fields
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.sweep.trial import Trial
 
 PLUGINS = ("--controller", "--estimator")
 FORMS = "allowed: FIELD=V1,V2,... or FIELD=LOW..HIGH"
@@ -67,7 +67,7 @@ class Uniform:
 class Target:
     """Where the fields of an order lie: in which of its configurations, and under which name."""
 
-    order: Order
+    order: RunRequest
 
     @cached_property
     def places(self) -> dict[str, tuple[str, str]]:
@@ -123,7 +123,7 @@ def read_variations(argv: Sequence[str]) -> list[Variation]:
     return variations
 
 
-def read_orders(argv: Sequence[str], options: type, variations: Sequence[Variation]) -> list[Order]:
+def read_orders(argv: Sequence[str], options: type, variations: Sequence[Variation]) -> list[RunRequest]:
     """What is asked for with each combination of the controllers and estimators that are listed.
 
     BadInputError for a variation of what is no field, or of a field that is given as well.
@@ -147,7 +147,7 @@ def read_orders(argv: Sequence[str], options: type, variations: Sequence[Variati
     return orders
 
 
-def trials(order: Order, variations: Sequence[Variation], count: int) -> tuple[list[list[Trial]], list[str]]:
+def trials(order: RunRequest, variations: Sequence[Variation], count: int) -> tuple[list[list[Trial]], list[str]]:
     """For each of ``count`` seeds, the trials of all combinations of listed values; and the names of what is drawn."""
     target = Target(order)
     variations = [variation for variation in variations if variation.flag not in PLUGINS]
@@ -169,7 +169,7 @@ def trials(order: Order, variations: Sequence[Variation], count: int) -> tuple[l
         return made, [uniform.name for uniform in drawn.values()]
 
 
-def _set(order: Order, target: Target, values: Mapping[str, Any]) -> Order:
+def _set(order: RunRequest, target: Target, values: Mapping[str, Any]) -> RunRequest:
     """The order with some flags set."""
     if not values:
         return order
@@ -180,12 +180,16 @@ def _set(order: Order, target: Target, values: Mapping[str, Any]) -> Order:
     return replace(
         order,
         config=with_fields(order.config, fields[""]),
-        controller=Part(order.controller.plugin, with_fields(order.controller.config, fields["planner"], "planner")),
-        estimator=Part(order.estimator.plugin, with_fields(order.estimator.config, fields["estimator"], "estimator")),
+        controller=PluginSpec(
+            order.controller.plugin, with_fields(order.controller.config, fields["planner"], "planner")
+        ),
+        estimator=PluginSpec(
+            order.estimator.plugin, with_fields(order.estimator.config, fields["estimator"], "estimator")
+        ),
     )
 
 
-def _trial(order: Order, seed: int) -> Trial:
+def _trial(order: RunRequest, seed: int) -> Trial:
     return Trial(
         order.name,
         order.config,

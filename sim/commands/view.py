@@ -15,14 +15,14 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from renders.run_log import RunLog, read_fleet, read_json, read_log
-from sim.checks import check
-from sim.commands.arguments import Group, parse
-from sim.commands.errors import BadInputError, bad_input
-from sim.commands.order import prepare, read_order
-from sim.commands.run import build
-from sim.commands.saved import Saved
-from sim.replay import Replay
+from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.errors import BadInputError, bad_input
+from mathnavi.sim.commands.run import build
+from mathnavi.sim.commands.run_config import RunConfig
+from mathnavi.sim.commands.run_request import prepare, read_order
+from mathnavi.sim.engine.replay import Replay
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.records.run_log import RunLog, read_fleet, read_json, read_log
 
 DESCRIPTION = "Replay a run in MuJoCo's viewer, with the path in orange, until its window is closed."
 FRAME = 1.0 / 60.0  # [s]
@@ -76,16 +76,16 @@ def read_replay(folder: Path) -> Replay:
     """The run in a folder; BadInputError if there is none that can be shown."""
     if not (folder / "config.json").is_file():
         raise BadInputError(f"DIR = {folder}: there is no {folder / 'config.json'}; allowed: the folder of a run")
-    saved = Saved.read(folder)
+    saved = RunConfig.read(folder)
     with bad_input():
         logs = _logs(folder)
     order = read_order("view", [saved.scenario], _Unchanged, saved)
-    experiment = build(order, saved)
+    closed_loop = build(order, saved)
     try:
         states, inputs = (
             {name: part(log) for name, log in logs.items()} for part in (attrgetter("x"), attrgetter("u"))
         )
-        return Replay(experiment.plant, next(iter(logs.values())).t, states, inputs)
+        return Replay(closed_loop.plant, next(iter(logs.values())).t, states, inputs)
     except ValueError as error:
         raise BadInputError(f"{folder} cannot be shown: {error}") from error
 

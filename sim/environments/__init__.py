@@ -6,6 +6,6 @@ Gymnasium looks for no plug-ins of its own accord: what is imported registers wh
 from importlib.util import find_spec
 
 if find_spec("gymnasium") is not None:
-    from sim.environments.registration import register
+    from mathnavi.sim.environments.registration import register
 
     register()

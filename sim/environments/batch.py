@@ -1,6 +1,6 @@
 """Many runs of a scenario's plant at once, by ``mujoco.batch``.
 
-    from sim.environments.batch import load
+    from mathnavi.sim.environments.batch import load
     rollouts = load("safe-flight", seed=3, terrain="jacksboro")
     states = rollouts.states(starts, commands)
 
@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from mujoco.batch import Batch
 
-from sim.environments.commanded import Commanded
-from sim.faults import Disturbed
-from sim.loop import whole_ticks
-from sim.plant import Layout, MujocoPlant
-from sim.signals import Array
+from mathnavi.sim.engine.faults import Disturbed
+from mathnavi.sim.engine.loop import whole_ticks
+from mathnavi.sim.engine.plant import Layout, MujocoPlant
+from mathnavi.sim.environments.episode_runner import EpisodeRunner
+from mathnavi.sim.interfaces.signals import Array
 
 
 def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Rollouts:
@@ -30,7 +30,7 @@ def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Ro
     """
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 0:
         raise ValueError(f"threads = {threads!r}; allowed: a whole number >= 0")
-    commanded = Commanded(scenario, seed, None, fields)
+    commanded = EpisodeRunner(scenario, seed, None, fields)
     plant = commanded.plant.plant if isinstance(commanded.plant, Disturbed) else commanded.plant
     if not isinstance(plant, MujocoPlant):
         raise ValueError(f"scenario = {scenario!r} with these fields is an ODE; allowed: one that MuJoCo moves")
@@ -43,7 +43,7 @@ def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Ro
 class Rollouts:
     """A plant that N runs start from at once."""
 
-    def __init__(self, plant: MujocoPlant, commanded: Commanded, layouts: list[Layout], threads: int) -> None:
+    def __init__(self, plant: MujocoPlant, commanded: EpisodeRunner, layouts: list[Layout], threads: int) -> None:
         self._plant, self._layouts, self._threads = plant, layouts, threads
         self._ticks = whole_ticks(commanded.period, plant.dt, "the tracker's period")
         self._names, self.period = commanded.names, commanded.period

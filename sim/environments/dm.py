@@ -1,11 +1,12 @@
 """Every scenario as a ``dm_env.Environment``.
 
-    from sim.environments.dm import load
+    from mathnavi.sim.environments.dm import load
     environment = load("safe-flight", seed=3, terrain="jacksboro")
 
 An action commands the actuators for one period of the scenario's tracker; it is bounded by what the scenario bounds its
-inputs by, and unbounded where it does not. The observation is the estimate (``sim.environments.commanded``). The reward
-is minus the scenario's stage cost over the step, int L dt with
+inputs by, and unbounded where it does not. The observation is the estimate
+(``mathnavi.sim.environments.episode_runner``). The reward is minus the scenario's stage cost over the step, int L dt
+with
 
     safe-flight            |a|^2 + beta, the running cost of (A.2), beta = 100 m^2/s^4
     simultaneous-arrival   the same, summed over the vehicles
@@ -29,24 +30,24 @@ import dm_env
 import numpy as np
 from dm_env import specs
 
-from sim.environments.commanded import STATUSES, Commanded, drawn_seed
-from sim.log import Recording
-from sim.plugins import Part
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, drawn_seed
+from mathnavi.sim.plugin.registry import PluginSpec
 
 
-def load(scenario: str, *, seed: int = 0, estimator: Part | str | None = None, **fields: Any) -> Environment:
+def load(scenario: str, *, seed: int = 0, estimator: PluginSpec | str | None = None, **fields: Any) -> Environment:
     """The scenario with these fields as an environment, of the estimator given or of its own.
 
     ``seed`` draws the mission, and the generator of it the seeds of the episodes. Nested fields are mappings,
     ``noise={"position": 5.0}``. ValueError for what is unknown or wrong, and for a scenario with nothing to command.
     """
-    return Environment(Commanded(scenario, seed, estimator, fields), np.random.default_rng(seed))
+    return Environment(EpisodeRunner(scenario, seed, estimator, fields), np.random.default_rng(seed))
 
 
 class Environment(dm_env.Environment):
     """A mission as a sequence of episodes, each with a seed drawn from ``seeds``."""
 
-    def __init__(self, commanded: Commanded, seeds: np.random.Generator) -> None:
+    def __init__(self, commanded: EpisodeRunner, seeds: np.random.Generator) -> None:
         self._commanded, self._seeds = commanded, seeds
         self._fresh = True
         self.episode_seed: int | None = None

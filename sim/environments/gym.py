@@ -1,6 +1,7 @@
-"""Every scenario as a ``gymnasium.Env``: what ``sim.environments.dm`` tells of actions, observations and rewards holds.
+"""Every scenario as a ``gymnasium.Env``: what ``mathnavi.sim.environments.dm`` tells of actions, observations and
+rewards holds.
 
-    import gymnasium, sim.environments
+    import gymnasium, mathnavi.sim.environments
     env = gymnasium.make("mathnavi/SafeFlight-v0", seed=3, terrain="jacksboro")
 
 An episode is ``terminated`` where the mission itself ends and ``truncated`` where the time is up. There is no render
@@ -19,9 +20,9 @@ try:
 except ImportError as error:
     raise ImportError("Gymnasium is not installed; allowed: after pip install 'gymnasium>=1.4,<1.5'") from error
 
-from sim.environments.commanded import STATUSES, Commanded, Observation, drawn_seed
-from sim.plugins import Part
-from sim.signals import Array
+from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, Observation, drawn_seed
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.plugin.registry import PluginSpec
 
 
 class ScenarioEnv(gymnasium.Env[Observation, Array]):
@@ -29,12 +30,12 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  as Gymnasium declares it
 
-    def __init__(self, scenario: str, seed: int = 0, estimator: Part | str | None = None, **fields: Any) -> None:
+    def __init__(self, scenario: str, seed: int = 0, estimator: PluginSpec | str | None = None, **fields: Any) -> None:
         """The scenario with these fields, its mission drawn from ``seed``.
 
         ValueError for what is unknown or wrong, and for a scenario with nothing to command.
         """
-        self._commanded = Commanded(scenario, seed, estimator, fields)
+        self._commanded = EpisodeRunner(scenario, seed, estimator, fields)
         inputs, n = self._commanded.inputs, len(self._commanded.names)
         low, high = (self._commanded.rows([bound] * n) for bound in (inputs.low, inputs.high))
         self.action_space = spaces.Box(low, high, dtype=np.float64)

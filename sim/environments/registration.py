@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gymnasium.envs.registration import register as registered
 
-from sim.plugins import names
+from mathnavi.sim.plugin.registry import names
 
 VERSION = 0
 """of every environment: another one where the same actions would lead to other observations or rewards"""
@@ -18,4 +18,4 @@ def identifier(scenario: str) -> str:
 def register() -> None:
     """Make every installed scenario known; none of them is imported before it is made."""
     for scenario in names("scenarios"):
-        registered(identifier(scenario), "sim.environments.gym:ScenarioEnv", kwargs={"scenario": scenario})
+        registered(identifier(scenario), "mathnavi.sim.environments.gym:ScenarioEnv", kwargs={"scenario": scenario})

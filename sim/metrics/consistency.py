@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 _ROUND_OFF = 1e-14  # of an eigenvalue, over the largest
 _AT_ONCE = 1_000_000  # numbers that are drawn together

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 _EXACT = 1e-12  # an error below is round-off
 

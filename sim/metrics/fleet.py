@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from models.aerial.mission import FlightMission
-from models.terrain.visibility import RadarTrack
-from sim.log import Recording
-from sim.metrics.flight import exposure, flown_clearance
-from sim.metrics.planning import FAILURES, REJECTIONS, solve_times
-from sim.signals import Array
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.terrain.visibility import RadarTrack
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.flight import exposure, flown_clearance
+from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, solve_times
 
 
 def arrival_times(recording: Recording, missions: Mapping[str, FlightMission]) -> dict[str, float]:

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from models.instants import SIMULTANEOUS
-from sim.log import Recording
-from sim.metrics.planning import FAILURES, REJECTIONS, solve_times
-from sim.signals import Array, Plan
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.interfaces.signals import Array, Plan
+from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, solve_times
 
 if TYPE_CHECKING:  # the compiled kernels take a while to import, and most that import this only read names
-    from models.aerial.mission import FlightMission
-    from models.terrain.visibility import RadarTrack
+    from mathnavi.models.aerial.mission import FlightMission
+    from mathnavi.models.terrain.visibility import RadarTrack
 
 
 class Bound(Protocol):
@@ -32,13 +32,13 @@ def references(t: Array, plans: Sequence[tuple[float, Plan]]) -> Array:
 
     Where a plan takes over it is still that of the plan before, so that the deviation which ends a plan counts.
     """
-    from models.aerial.dynamics import state_at
+    from mathnavi.models.aerial.dynamics import state_at
 
     out = np.full((len(t), 6), np.nan)
     ends = [*(start for start, _ in plans), math.inf][1:]  # none without a plan
     for k, ((adopted, plan), following) in enumerate(zip(plans, ends, strict=True)):
-        begun = t > adopted + SIMULTANEOUS if k else t > adopted - SIMULTANEOUS
-        flown = begun & (t <= following + SIMULTANEOUS)
+        begun = t > adopted + TIME_TOLERANCE if k else t > adopted - TIME_TOLERANCE
+        flown = begun & (t <= following + TIME_TOLERANCE)
         out[flown] = state_at(plan, t[flown])
     return out
 

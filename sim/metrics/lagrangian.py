@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from models.instants import SIMULTANEOUS
-from models.manifold.manifold import CutLocusError, Manifold
-from sim.log import Recording
-from sim.metrics.convergence import decay_rate
-from sim.signals import Array, Status
+from mathnavi.models.manifold.manifold import CutLocusError, Manifold
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.interfaces.signals import Array, Status
+from mathnavi.sim.metrics.convergence import decay_rate
 
 LAST = 0.25
 """of a run, by which convergence is judged"""
@@ -44,7 +44,7 @@ class VelocityErrors:
         """Of one vehicle's run, whose state is (x, v)."""
         estimates = recording.agents[name].estimates
         t = np.array([estimate.t for estimate in estimates])
-        truth = recording.truths[name][np.searchsorted(recording.t, t - SIMULTANEOUS)]
+        truth = recording.truths[name][np.searchsorted(recording.t, t - TIME_TOLERANCE)]
         x = np.array([estimate.x for estimate in estimates])
         found = np.array([estimate.status is not Status.INITIALISING for estimate in estimates], dtype=np.float64)
         return VelocityErrors.between(t, truth, x, found, manifold)
@@ -69,7 +69,7 @@ class VelocityErrors:
 
     def after(self, t: float) -> slice:
         """The estimates from t [s] on."""
-        return slice(int(np.searchsorted(self.t, t - SIMULTANEOUS)), None)
+        return slice(int(np.searchsorted(self.t, t - TIME_TOLERANCE)), None)
 
     @property
     def last(self) -> slice:
@@ -155,7 +155,7 @@ def tracking_figures(recording: Recording, name: str, manifold: Manifold, settle
     """
     t, angle = recording.t, angles_to_reference(recording, name, manifold)
     above = np.flatnonzero(angle > SETTLED)
-    late = t >= settled - SIMULTANEOUS
+    late = t >= settled - TIME_TOLERANCE
     return {
         "attitude_rms_rad": rms(angle[late]),
         "settled_at_s": float(t[above[-1]]) if len(above) and above[-1] < len(t) - 1 else None if len(above) else 0.0,
@@ -166,7 +166,7 @@ def _reference(recording: Recording, name: str, size: int) -> Array:
     """(n, size) the state that the plan in force holds at each look; NaN before the first plan."""
     reference = np.full((len(recording.t), size), np.nan)
     for adopted, plan in recording.agents[name].plans:
-        held = recording.t >= max(adopted, plan.t_start) - SIMULTANEOUS
+        held = recording.t >= max(adopted, plan.t_start) - TIME_TOLERANCE
         nearest = np.clip(np.searchsorted(plan.t, recording.t[held] - 0.5 * np.diff(plan.t[:2])[0]), 0, len(plan.t) - 1)
         reference[held] = plan.x[nearest]
     return reference

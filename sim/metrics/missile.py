@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from models.instants import SIMULTANEOUS
-from models.missile.coordinates import Coordinates
-from models.missile.dynamics import Body
-from models.missile.mission import MissileMission
-from models.missile.target import TargetMotion
-from sim.log import Recording
-from sim.metrics.planning import FAILURES, solve_times
-from sim.signals import Array, Plan
+from mathnavi.models.missile.coordinates import Coordinates
+from mathnavi.models.missile.dynamics import Body
+from mathnavi.models.missile.mission import MissileMission
+from mathnavi.models.missile.target import TargetMotion
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.interfaces.signals import Array, Plan
+from mathnavi.sim.metrics.planning import FAILURES, solve_times
 
 _ROUND_OFF = 1e-9  # relative excess of an input that does not count
 
@@ -73,7 +73,7 @@ def references(t: Array, plans: Sequence[tuple[float, Plan]], coordinates: Coord
     out = np.full((len(t), coordinates.state_size), np.nan)
     ends = [*(start for start, _ in plans), math.inf][1:]  # none without a plan
     for (adopted, plan), following in zip(plans, ends, strict=True):
-        flown = (t >= adopted - SIMULTANEOUS) & (t < following - SIMULTANEOUS)
+        flown = (t >= adopted - TIME_TOLERANCE) & (t < following - TIME_TOLERANCE)
         out[flown] = coordinates.state_at(plan, t[flown], body)
     return out
 

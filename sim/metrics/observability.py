@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.protocols import Plant
-from sim.signals import Array
+from mathnavi.sim.interfaces.protocols import Plant
+from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)

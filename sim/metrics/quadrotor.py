@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from models.quadrotor.dynamics import ATTITUDE, POSITION, VELOCITY
-from models.quadrotor.mission import QuadrotorMission
-from sim.log import Recording
-from sim.metrics.flight import Bound, flight_summary, references
-from sim.signals import Array
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, POSITION, VELOCITY
+from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.flight import Bound, flight_summary, references
 
 _FULL = 1e-3  # share of a rotor's greatest thrust: nearer to a bound it counts as saturated
 
 
 def point(x: Array) -> Array:
-    """(n, 6) position [m] and velocity [m/s] of states (n, 13) of ``models.quadrotor.dynamics``."""
+    """(n, 6) position [m] and velocity [m/s] of states (n, 13) of ``mathnavi.models.quadrotor.dynamics``."""
     return np.hstack([x[:, POSITION], x[:, VELOCITY]])
 
 

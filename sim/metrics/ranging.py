@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.instants import SIMULTANEOUS
-from models.unicycle.entity import RADIUS
-from models.unicycle.mission import RangingMission
-from sim.log import AgentRecorder, Recording
-from sim.metrics.consistency import normalised_error_squared
-from sim.signals import Array, Integers, Status
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.models.unicycle.entity import RADIUS
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.engine.log import AgentRecorder, Recording
+from mathnavi.sim.interfaces.signals import Array, Integers, Status
+from mathnavi.sim.metrics.consistency import normalised_error_squared
 
 POSITION, HEADING = 0.3, 0.2
 """[m], [rad] within which an estimate has converged"""
@@ -68,7 +68,7 @@ class Errors:
     @property
     def last(self) -> slice:
         """The looks by which convergence is judged."""
-        return slice(int(np.searchsorted(self.t, (1.0 - LAST) * self.t[-1] - SIMULTANEOUS)), None)
+        return slice(int(np.searchsorted(self.t, (1.0 - LAST) * self.t[-1] - TIME_TOLERANCE)), None)
 
     @property
     def converged(self) -> bool:
@@ -126,7 +126,7 @@ def ranging_summary(
 def _newest(recording: Recording, name: str) -> Integers:
     """(n,) the newest estimate at each look, -1 before the first."""
     valid = np.array([estimate.t for estimate in recording.agents[name].estimates])
-    newest: Integers = np.searchsorted(valid, recording.t + SIMULTANEOUS, side="right") - 1
+    newest: Integers = np.searchsorted(valid, recording.t + TIME_TOLERANCE, side="right") - 1
     return newest
 
 

@@ -13,18 +13,18 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from models.manifold.mission import LagrangianMission
-from models.manifold.sensors import PositionQuality
-from models.mechanism.entity import build_model
-from models.mechanism.system import MechanismSystem, heavier
-from sim.checks import check
-from sim.number_lists import NumberList
-from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, checked_sensors, load
-from sim.scenarios.experiment import Experiment
-from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, checked_speed, given_start, velocity_errors
-from sim.scenarios.task import Inputs
-from sim.signals import Array
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.mechanism.entity import build_model
+from mathnavi.models.mechanism.system import MechanismSystem, heavier
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.plugin.registry import PluginSpec, checked_sensors, load
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, checked_speed, given_start, velocity_errors
+from mathnavi.sim.scenarios.task import Inputs
 
 VEHICLE = "mechanism"
 
@@ -60,11 +60,11 @@ class ArmVelocity:
 
     @staticmethod
     def build(
-        config: ArmVelocityConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
-    ) -> Experiment:
+        config: ArmVelocityConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
+    ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for a model that is no mechanism of slides, hinges, balls."""
-        controller = controller or Part.of(load("controllers", ArmVelocity.controller))
-        estimator = estimator or Part.of(load("estimators", ArmVelocity.estimator))
+        controller = controller or PluginSpec.of(load("controllers", ArmVelocity.controller))
+        estimator = estimator or PluginSpec.of(load("estimators", ArmVelocity.estimator))
         model, real = _models(config)
         mission, truth = (
             LagrangianMission(MechanismSystem(each), config.reading, config.period, config.speed_max)
@@ -72,14 +72,14 @@ class ArmVelocity:
         )
         sensors = checked_sensors(estimator, mission)
         start = checked_speed(_start(config, mission), mission)
-        plant = MujocoPlant(real, {VEHICLE: Equipment(start, sensors)}, np.random.default_rng(seed))
+        plant = MujocoPlant(real, {VEHICLE: VehicleSetup(start, sensors)}, np.random.default_rng(seed))
         names, ranges = tuple(mission.system.inputs), real.actuator_ctrlrange
         bounds = np.where(real.actuator_ctrllimited[:, None], ranges, (-np.inf, np.inf))
         loop = Loop(
             "arm-velocity", VEHICLE, plant, mission, truth, {"mechanism": config.mechanism},
             inputs=Inputs(names, *bounds.T),
         )  # fmt: skip
-        return loop.experiment(config, seed, controller, estimator)
+        return loop.closed_loop(config, seed, controller, estimator)
 
     @staticmethod
     def errors(config: ArmVelocityConfig, x: Array, truth: Array) -> dict[str, Array]:

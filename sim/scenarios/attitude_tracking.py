@@ -10,20 +10,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from controllers.intrinsic.attitude import AttitudeReference, AttitudeTrackingConfig
-from models.manifold.constant_curvature import sphere
-from models.manifold.mission import LagrangianMission
-from models.manifold.sensors import PositionQuality
-from models.manifold.systems import RigidBody
-from sim.checks import check
-from sim.metrics.lagrangian import tracking_figures
-from sim.plugins import Part, checked_sensors, load
-from sim.scenarios.demands import Demand
-from sim.scenarios.experiment import Experiment
-from sim.scenarios.lagrangian import LagrangianFields, Loop, checked_speed, velocity_errors
-from sim.scenarios.sphere_observer import rigid_body_plant
-from sim.scenarios.task import Look, StageCost
-from sim.signals import Array
+from mathnavi.controllers.intrinsic.attitude import AttitudeReference, AttitudeTrackingConfig
+from mathnavi.models.manifold.constant_curvature import sphere
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.systems import RigidBody
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.lagrangian import tracking_figures
+from mathnavi.sim.plugin.registry import PluginSpec, checked_sensors, load
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.lagrangian import LagrangianFields, Loop, checked_speed, velocity_errors
+from mathnavi.sim.scenarios.requirements import Requirement
+from mathnavi.sim.scenarios.sphere_observer import rigid_body_plant
+from mathnavi.sim.scenarios.task import Look, StageCost
 
 VEHICLE = "body"
 
@@ -63,23 +63,26 @@ class AttitudeTrackingScenario:
 
     @staticmethod
     def build(
-        config: AttitudeTrackingFields, seed: int, controller: Part | None = None, estimator: Part | None = None
-    ) -> Experiment:
+        config: AttitudeTrackingFields,
+        seed: int,
+        controller: PluginSpec | None = None,
+        estimator: PluginSpec | None = None,
+    ) -> ClosedLoop:
         """The closed loop of one seed, from an attitude that is uniform among all."""
-        controller = controller or Part.of(load("controllers", AttitudeTrackingScenario.controller))
-        estimator = estimator or Part.of(load("estimators", AttitudeTrackingScenario.estimator))
+        controller = controller or PluginSpec.of(load("controllers", AttitudeTrackingScenario.controller))
+        estimator = estimator or PluginSpec.of(load("estimators", AttitudeTrackingScenario.estimator))
         mission = _mission(config)
         draws, noise = np.random.default_rng(seed).spawn(2)
         axis = draws.standard_normal(3)
         start = np.concatenate([sphere(3).draw(draws), config.speed * axis / np.linalg.norm(axis)])
         start = checked_speed(start, mission)
         plant = rigid_body_plant(VEHICLE, start, checked_sensors(estimator, mission), config.inertia, noise)
-        demand = Demand("attitude_rms_rad", most=config.attitude_tolerance)
+        requirement = Requirement("attitude_rms_rad", most=config.attitude_tolerance)
         loop = Loop(
-            "attitude-tracking", VEHICLE, plant, mission, mission, {"space": "body"}, tracking_figures, (demand,),
+            "attitude-tracking", VEHICLE, plant, mission, mission, {"space": "body"}, tracking_figures, (requirement,),
             cost=_angle_to_reference(controller, mission),
         )  # fmt: skip
-        return loop.experiment(config, seed, controller, estimator)
+        return loop.closed_loop(config, seed, controller, estimator)
 
     @staticmethod
     def errors(config: AttitudeTrackingFields, x: Array, truth: Array) -> dict[str, Array]:
@@ -87,7 +90,7 @@ class AttitudeTrackingScenario:
         return velocity_errors(_mission(config), x, truth)
 
 
-def _angle_to_reference(controller: Part, mission: LagrangianMission) -> StageCost | None:
+def _angle_to_reference(controller: PluginSpec, mission: LagrangianMission) -> StageCost | None:
     """L = theta^2 at the end of a step, theta [rad] the angle to the reference; None where the controller has none."""
     tracking, manifold = controller.config, mission.system.manifold
     if not isinstance(tracking, AttitudeTrackingConfig):

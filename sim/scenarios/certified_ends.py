@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable
 from typing import Protocol
 
-from models.terrain.height_field import HeightField
-from sim.scenarios.flight_parts import Point
-from sim.signals import Plan
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Plan
+from mathnavi.sim.scenarios.flight_parts import Point
 
 
 class Ends(Protocol):

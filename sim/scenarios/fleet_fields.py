@@ -12,13 +12,13 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from models.aerial.dynamics import CONTROL_TICKS, TICK
-from models.fleet.graph import Graph
-from sim.checks import check, check_names, check_rate
-from sim.fields import with_fields
-from sim.network import Air, DelayedLinks, LossyLinks, Network, Partition, partitioned
-from sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
-from sim.scenarios.information import ChangeFields
+from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
+from mathnavi.models.fleet.graph import Graph
+from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
+from mathnavi.sim.interfaces.checks import check, check_names, check_rate
+from mathnavi.sim.interfaces.fields import with_fields
+from mathnavi.sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
+from mathnavi.sim.scenarios.information import ChangeFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
 
@@ -53,7 +53,7 @@ class Radio:
         """Between these vehicles."""
         delays, losses = rng.spawn(2)
         network: Network = LossyLinks(
-            DelayedLinks(Air(names), *self.delay, delays), self.loss, self.duplication, losses
+            DelayedLinks(IdealNetwork(names), *self.delay, delays), self.loss, self.duplication, losses
         )
         half = frozenset(names[: len(names) // 2])
         return partitioned(network, [Partition(*self.partition, half)])

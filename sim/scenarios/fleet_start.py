@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from controllers.arrival.estimate import ArrivalEstimate
-from controllers.arrival.zone import Zone, checked_start
-from controllers.flight.certificate import TrackingBound
-from controllers.flight.certified import Certified
-from models.aerial.mission import FlightMission
-from sim.plugins import Part, checked_controller
-from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
-from sim.scenarios.flight_parts import Point, certified, check_above_ground, drawn_point, faulty
-from sim.signals import Estimate, Plan, PlanRequest
+from mathnavi.controllers.arrival.estimate import ArrivalEstimate
+from mathnavi.controllers.arrival.zone import Zone, checked_start
+from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
+from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
+from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
+from mathnavi.sim.scenarios.flight_parts import Point, certified, check_above_ground, drawn_point, faulty
 
 _DRAWS = 200
 
@@ -43,7 +43,7 @@ def zone_of(config: SimultaneousArrivalConfig, bound: TrackingBound) -> Zone:
 def started_fleet(
     config: SimultaneousArrivalConfig,
     common: FlightMission,
-    controller: Part,
+    controller: PluginSpec,
     rng: np.random.Generator,
     failing: np.random.Generator,
 ) -> dict[str, Vehicle]:
@@ -147,7 +147,7 @@ def _vehicle(
     name: str,
     mission: FlightMission,
     centre: Point,
-    controller: Part,
+    controller: PluginSpec,
     rng: np.random.Generator,
 ) -> Vehicle:
     check_above_ground(f"start of {name}", mission.start, mission)

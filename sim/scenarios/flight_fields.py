@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from models.aerial.dynamics import CONTROL_TICKS, TICK
-from sim.checks import check, check_rate
-from sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
-from sim.scenarios.information import ChangeFields, check_target_path
+from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
+from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
+from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
 
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 

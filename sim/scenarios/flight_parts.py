@@ -11,22 +11,22 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from controllers.flight.certificate import Certificate, TrackingBound
-from controllers.flight.certified import Certified
-from controllers.flight.planner import Retreat
-from models.aerial.dynamics import TICK
-from models.aerial.mission import EstimateQuality, FlightMission, GustModel
-from models.aerial.sensors import AccelerationSensor
-from models.sensor_faults import Dropout
-from models.terrain.height_field import HeightField
-from models.terrain.visibility import Radar
-from sim.checks import check, check_rate
-from sim.faults import CorruptedPlan, Delayed, FailingSolver
-from sim.input_bounds import input_bound
-from sim.plugins import Part, checked_controller, checked_quality, checked_sensors
-from sim.protocols import Planner, Sensor
-from sim.scenarios.task import Inputs, Look, Task
-from sim.signals import Array, Estimate, Plan, PlanRequest
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.planner import StopAndHover
+from mathnavi.models.aerial.dynamics import TICK
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from mathnavi.models.aerial.sensors import AccelerationSensor
+from mathnavi.models.sensor_faults import Dropout
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.visibility import Radar
+from mathnavi.sim.engine.faults import CorruptedPlan, Delayed, FailingSolver
+from mathnavi.sim.engine.input_bounds import input_bound
+from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.interfaces.protocols import Planner, Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
+from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_quality, checked_sensors
+from mathnavi.sim.scenarios.task import Inputs, Look, Task
 
 LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, and numbers begin to overflow
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
@@ -80,13 +80,13 @@ class Faults:
         check(self.gust_limit, "faults.gust_limit", 0.0, LARGEST, open_low=True)
 
 
-def wants_certificate(controller: Part) -> bool:
+def wants_certificate(controller: PluginSpec) -> bool:
     return bool(getattr(controller.plugin, "certified", True))
 
 
 def certified(planner: Planner, mission: FlightMission, bound: Any) -> Certified:
     certificate = Certificate.of(mission, bound)
-    return Certified(planner, partial(Retreat, period=planner.period), certificate, bound, mission.deadline_factor)
+    return Certified(planner, partial(StopAndHover, period=planner.period), certificate, bound, mission.deadline_factor)
 
 
 def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
@@ -112,7 +112,7 @@ def drawn_point(mission: FlightMission, heights: tuple[float, float], rng: np.ra
     return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*heights))
 
 
-def first_plan(mission: FlightMission, controller: Part) -> Plan:
+def first_plan(mission: FlightMission, controller: PluginSpec) -> Plan:
     """What the certified planner answers at the start; a planner without a certificate is held to it here too."""
     planner, tracker = checked_controller(controller, mission, TrackingBound)
     x = np.array([*mission.start, 0.0, 0.0, 0.0])
@@ -161,7 +161,7 @@ def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar
 
 
 def mission_but_ends(
-    config: FlightFields, terrain: HeightField, estimator: Part, radars: tuple[Radar, ...] = ()
+    config: FlightFields, terrain: HeightField, estimator: PluginSpec, radars: tuple[Radar, ...] = ()
 ) -> FlightMission:
     """The mission of a vehicle but for its start and target; ``radars`` are known from the start."""
     mission = bare_mission(config, terrain, radars)
@@ -180,7 +180,9 @@ def faulty(planner: Planner, faults: Faults, rngs: Sequence[np.random.Generator]
     return planner
 
 
-def mounted(estimator: Part, mission: FlightMission, faults: Faults, rng: np.random.Generator) -> tuple[Sensor, ...]:
+def mounted(
+    estimator: PluginSpec, mission: FlightMission, faults: Faults, rng: np.random.Generator
+) -> tuple[Sensor, ...]:
     """The sensors that an estimator asks for, and one of the acceleration, with their dropouts."""
     return with_dropouts((*checked_sensors(estimator, mission), AccelerationSensor()), faults, rng)
 
@@ -195,7 +197,7 @@ def with_dropouts(sensors: Sequence[Sensor], faults: Faults, rng: np.random.Gene
 
 
 def flight_task(
-    names: Sequence[str], acceleration_max: float, controller: Part, mission: Mapping[str, Any]
+    names: Sequence[str], acceleration_max: float, controller: PluginSpec, mission: Mapping[str, Any]
 ) -> Task | None:
     """Point masses that are commanded: L = sum |a|^2 + beta [m^2/s^4] of all vehicles, the running cost of (A.2).
 

@@ -6,11 +6,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from controllers.flight.certified import Certified
-from models.aerial.dynamics import TICK
-from sim.log import Recording
-from sim.protocols import Planner
-from sim.scenarios.demands import Demand, judged
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.models.aerial.dynamics import TICK
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.interfaces.protocols import Planner
+from mathnavi.sim.scenarios.requirements import Requirement, judged
 
 
 def longest_flight(duration: float, deadline_factor: float, speed_max: float, most: float) -> float:
@@ -40,7 +40,7 @@ def verdict(
     summary: Mapping[str, Any], due: float, clearance_min: float, speed_max: float
 ) -> tuple[dict[str, Any], bool]:
     """The summary of a flight, with what it falls short of, and whether it did what it should."""
-    in_time = [Demand("arrival_time_s", most=due)] if summary["arrived"] else []
-    safe = Demand("ground_contacts", most=0), Demand("min_clearance_m", least=clearance_min)
-    demands = [Demand("arrived", least=True), *in_time, *safe]
-    return judged(summary, demands, told=[Demand("speed_max_m_s", most=speed_max)])
+    in_time = [Requirement("arrival_time_s", most=due)] if summary["arrived"] else []
+    safe = Requirement("ground_contacts", most=0), Requirement("min_clearance_m", least=clearance_min)
+    requirements = [Requirement("arrived", least=True), *in_time, *safe]
+    return judged(summary, requirements, told=[Requirement("speed_max_m_s", most=speed_max)])

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from models.aerial.knowledge import RADARS, TARGET, TERRAIN
-from models.instants import SIMULTANEOUS
-from models.terrain.height_field import HeightField
-from models.terrain.hill import hills_of, with_hills
-from models.terrain.visibility import Radar, RadarTrack
-from sim.checks import check
-from sim.scenarios.flight_parts import Point
-from sim.signals import Array, Message
+from mathnavi.models.aerial.knowledge import RADARS, TARGET, TERRAIN
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.hill import hills_of, with_hills
+from mathnavi.models.terrain.visibility import Radar, RadarTrack
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.signals import Array, Message
+from mathnavi.sim.scenarios.flight_parts import Point
 
 _SOONEST = 0.1  # [s] between reports
 _LATEST = 36_000.0  # [s] of a target's path
@@ -184,5 +184,5 @@ def check_track(track: TargetTrack, period: float, check_place: Callable[[str, P
 
 def _reports(begin: float, end: float, period: float) -> Array:
     """(n,) [s] every ``period`` from ``begin``, before ``end``."""
-    count = max(0, math.ceil((end - begin) / period - SIMULTANEOUS))
+    count = max(0, math.ceil((end - begin) / period - TIME_TOLERANCE))
     return begin + period * np.arange(count, dtype=np.float64)

@@ -11,21 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from models.manifold.manifold import Manifold
-from models.manifold.mission import LagrangianMission
-from models.manifold.sensors import PositionQuality
-from sim.checks import check, check_rate
-from sim.cockpit import Agent
-from sim.log import Recording
-from sim.metrics.lagrangian import errors_of, lagrangian_summary
-from sim.number_lists import NumberList
-from sim.ode_plant import OdePlant
-from sim.plugins import Part, checked_controller, checked_estimator
-from sim.protocols import Plant
-from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment, recorded
-from sim.scenarios.task import Inputs, StageCost, Task, squared_error
-from sim.signals import Array
+from mathnavi.models.manifold.manifold import Manifold
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.ode_plant import OdePlant
+from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.interfaces.protocols import Plant
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.lagrangian import errors_of, lagrangian_summary
+from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
+from mathnavi.sim.scenarios.requirements import Requirement, judged
+from mathnavi.sim.scenarios.task import Inputs, StageCost, Task, squared_error
 
 TICK = 1e-3
 """[s] of the plants"""
@@ -76,11 +76,13 @@ class Loop:
     truth: LagrangianMission  # as it is
     told: Mapping[str, Any]  # beside the fields, for the drawings
     figures: Callable[[Recording, str, Manifold, float], dict[str, Any]] | None = None  # further ones of the summary
-    demands: tuple[Demand, ...] = ()  # of them, beside that of the velocity error
+    requirements: tuple[Requirement, ...] = ()  # of them, beside that of the velocity error
     inputs: Inputs | None = None  # with their bounds, where there are any
     cost: StageCost | None = None  # for whoever commands the inputs; that of the velocity error if not given
 
-    def experiment(self, fields: LagrangianFields, seed: int, controller: Part, estimator: Part) -> Experiment:
+    def closed_loop(
+        self, fields: LagrangianFields, seed: int, controller: PluginSpec, estimator: PluginSpec
+    ) -> ClosedLoop:
         """The closed loop of one seed."""
         planner, tracker = checked_controller(controller, self.mission)
         observer = checked_estimator(estimator, self.mission)
@@ -95,12 +97,12 @@ class Loop:
             if self.figures is not None:
                 figures |= self.figures(recording, self.vehicle, manifold, fields.settled)
             figures["escaped"] = bool(recording.t[-1] < fields.duration - 0.5 * TICK)
-            whole, found = Demand("escaped", most=False), Demand("velocity_rms", most=fields.tolerance)
-            return judged(figures, [whole, found, *self.demands])
+            whole, found = Requirement("escaped", most=False), Requirement("velocity_rms", most=fields.tolerance)
+            return judged(figures, [whole, found, *self.requirements])
 
         agent = Agent(observer, planner, tracker, len(self.mission.system.inputs))
         record = recorded(
-            self.name, "renders.lagrangian.drawing", seed, fields, controller, estimator,
+            self.name, "mathnavi.renders.lagrangian.drawing", seed, fields, controller, estimator,
             mission={
                 "manifold": manifold.name,
                 "states": self.truth.system.states,
@@ -111,7 +113,7 @@ class Loop:
         )  # fmt: skip
         inputs = self.inputs or Inputs.within(tuple(self.mission.system.inputs))
         task = Task({self.vehicle: inputs}, self.cost or self._velocity_error())
-        return Experiment(self.plant, {self.vehicle: agent}, fields.duration, finished, summarise, record, task=task)
+        return ClosedLoop(self.plant, {self.vehicle: agent}, fields.duration, finished, summarise, record, task=task)
 
     def _velocity_error(self) -> StageCost:
         """L = |Delta v|^2, Delta v as in Theorem D.2, in the components that the summary's ``velocity_rms`` is of."""

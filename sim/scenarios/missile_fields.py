@@ -6,9 +6,9 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
-from models.missile.coordinates import Coordinates
-from models.missile.dynamics import TICK
-from sim.checks import check, check_rate
+from mathnavi.models.missile.coordinates import Coordinates
+from mathnavi.models.missile.dynamics import TICK
+from mathnavi.sim.interfaces.checks import check, check_rate
 
 Point = tuple[float, float, float]
 

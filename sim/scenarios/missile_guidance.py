@@ -17,26 +17,26 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from models.angles import wrapped
-from models.missile.coordinates import COORDINATES, Coordinates
-from models.missile.dynamics import NOMINAL, TICK, Body
-from models.missile.entity import build_model
-from models.missile.mission import CASES, GustStrength, MissileMission, Place, Target
-from models.missile.sensors import StateNoise
-from models.missile.target import TargetMotion
-from models.sensor_faults import Dropout
-from sim.cockpit import Agent
-from sim.faults import ConstantWrench, Delayed, Disturbance, Disturbed, FailingSolver, Gusts
-from sim.log import Recording
-from sim.metrics.missile import cost, missile_summary
-from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
-from sim.protocols import Plant, Sensor
-from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment, recorded
-from sim.scenarios.missile_fields import Mismatch, MissileGuidanceConfig, Point
-from sim.scenarios.task import Inputs, Look, Task
-from sim.signals import Array, Estimate, Message, Plan, PlanRequest
+from mathnavi.models.angles import wrapped
+from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
+from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
+from mathnavi.models.missile.entity import build_model
+from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Place, Target
+from mathnavi.models.missile.sensors import StateNoise
+from mathnavi.models.missile.target import TargetMotion
+from mathnavi.models.sensor_faults import Dropout
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.faults import ConstantWrench, Delayed, Disturbance, Disturbed, FailingSolver, Gusts
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.protocols import Plant, Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
+from mathnavi.sim.metrics.missile import cost, missile_summary
+from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
+from mathnavi.sim.scenarios.missile_fields import Mismatch, MissileGuidanceConfig, Point
+from mathnavi.sim.scenarios.requirements import Requirement, judged
+from mathnavi.sim.scenarios.task import Inputs, Look, Task
 
 VEHICLE = "missile"
 _LONGEST = 600.0  # [s] of simulated time that is logged
@@ -51,11 +51,14 @@ class MissileGuidance:
 
     @staticmethod
     def build(
-        config: MissileGuidanceConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
-    ) -> Experiment:
+        config: MissileGuidanceConfig,
+        seed: int,
+        controller: PluginSpec | None = None,
+        estimator: PluginSpec | None = None,
+    ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for a mission that no first plan is found for."""
-        controller = controller or Part.of(load("controllers", MissileGuidance.controller))
-        estimator = estimator or Part.of(load("estimators", MissileGuidance.estimator))
+        controller = controller or PluginSpec.of(load("controllers", MissileGuidance.controller))
+        estimator = estimator or PluginSpec.of(load("estimators", MissileGuidance.estimator))
         sensing, gusting, losing, failing, delaying = np.random.default_rng(seed).spawn(5)
         truth = _target(config)
         mission = _mission(config, truth)
@@ -90,13 +93,13 @@ class MissileGuidance:
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
             figures = missile_summary(recording, VEHICLE, mission, truth, first.t_end, first.cost, seed, wall_seconds)
-            near = Demand("miss_m", most=config.miss_allowed)
-            turned = Demand("aspect_error_deg", most=config.aspect_allowed)
+            near = Requirement("miss_m", most=config.miss_allowed)
+            turned = Requirement("aspect_error_deg", most=config.aspect_allowed)
             return judged({"hit": not near.missed(figures), **figures}, [near, turned])
 
         record = _record(config, seed, controller, estimator, mission, truth)
         ended = _Referee(mission, truth).ended
-        return Experiment(plant, {VEHICLE: agent}, duration, ended, summarise, record, task=_task(mission))
+        return ClosedLoop(plant, {VEHICLE: agent}, duration, ended, summarise, record, task=_task(mission))
 
     @staticmethod
     def errors(config: MissileGuidanceConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -179,7 +182,7 @@ def _mission(config: MissileGuidanceConfig, truth: TargetMotion) -> MissileMissi
     )
 
 
-def _first_plan(mission: MissileMission, controller: Part) -> Plan:
+def _first_plan(mission: MissileMission, controller: PluginSpec) -> Plan:
     """What a fresh planner answers at the start: how long the flight should take."""
     planner, _ = checked_controller(controller, mission)
     plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None))
@@ -200,7 +203,7 @@ def _plant(
 ) -> Plant:
     """The true missile, with what disturbs it."""
     start = mission.coordinates.to_joints(mission.start_state)
-    equipment = Equipment(start, tuple(sensors), np.array(mission.input_max), config.actuator.delay)
+    equipment = VehicleSetup(start, tuple(sensors), np.array(mission.input_max), config.actuator.delay)
     body = MujocoPlant(_model(mission.coordinates, mission.input_max, config.mismatch), {VEHICLE: equipment}, sensing)
     gust = config.gust
     disturbances: list[Disturbance] = []
@@ -229,14 +232,14 @@ def _model(coordinates: Coordinates, input_max: tuple[float, ...], mismatch: Mis
 def _record(
     config: MissileGuidanceConfig,
     seed: int,
-    controller: Part,
-    estimator: Part,
+    controller: PluginSpec,
+    estimator: PluginSpec,
     mission: MissileMission,
     truth: TargetMotion,
 ) -> dict[str, Any]:
     """What config.json holds beside the versions; the mission is in the thesis' frame."""
     return recorded(
-        "missile-guidance", "renders.missile.drawing", seed, config, controller, estimator,
+        "missile-guidance", "mathnavi.renders.missile.drawing", seed, config, controller, estimator,
         mission={
             "dimension": mission.coordinates.name,
             "start": mission.start,

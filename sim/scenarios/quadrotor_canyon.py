@@ -11,10 +11,10 @@ a body of that reach: h_min is kept by every part of the vehicle, and ``min_clea
 or a little less. MuJoCo's ground is that of the map.
 
 **What the bound allows for.** Gusts as declared, a tenth more mass, a quarter more or less drag, and plans that take
-over unforeseen, for which a_max is reduced to what the rotors have the moments for (``controllers.quadrotor.turning``):
-some 2.3 m/s^2 in still air, 1.9 in gusts of .6. A weaker rotor or a greater mismatch is not in it. Where the tracker
-does not keep its bound, that is an event, the planner is based anew on the estimate, and where no plan is certified
-from there the loss of the guarantee is one.
+over unforeseen, for which a_max is reduced to what the rotors have the moments for
+(``mathnavi.controllers.quadrotor.turning``): some 2.3 m/s^2 in still air, 1.9 in gusts of .6. A weaker rotor or a
+greater mismatch is not in it. Where the tracker does not keep its bound, that is an event, the planner is based anew
+on the estimate, and where no plan is certified from there the loss of the guarantee is one.
 
 The vehicle follows the canyon because that is the shorter way: over the plateau it would have to climb and to descend.
 Nothing forbids that, and where a spur is in the way it may cross it, low, rather than go around.
@@ -31,24 +31,33 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from controllers.flight.certificate import TrackingBound
-from controllers.quadrotor.similarity import Similarity
-from models.aerial.mission import EstimateQuality
-from models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VELOCITY
-from models.quadrotor.entity import REACH, RotorDrive, build_model
-from models.quadrotor.mission import QuadrotorMission
-from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain, place_of
-from sim.cockpit import Agent
-from sim.faults import Disturbed, Gusts
-from sim.log import Recording
-from sim.metrics.quadrotor import point, quadrotor_summary
-from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, called, checked_controller, checked_estimator, checked_quality, checked_sensors, load
-from sim.protocols import Plant
-from sim.scenarios.certified_ends import certified_ends
-from sim.scenarios.experiment import Experiment, recorded
-from sim.scenarios.flight_parts import (
+from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.quadrotor.similarity import Similarity
+from mathnavi.models.aerial.mission import EstimateQuality
+from mathnavi.models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VELOCITY
+from mathnavi.models.quadrotor.entity import REACH, RotorDrive, build_model
+from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import load_terrain, place_of
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.faults import Disturbed, Gusts
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.protocols import Plant
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
+from mathnavi.sim.metrics.quadrotor import point, quadrotor_summary
+from mathnavi.sim.plugin.registry import (
+    PluginSpec,
+    called,
+    checked_controller,
+    checked_estimator,
+    checked_quality,
+    checked_sensors,
+    load,
+)
+from mathnavi.sim.scenarios.certified_ends import certified_ends
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
+from mathnavi.sim.scenarios.flight_parts import (
     Point,
     bare_mission,
     certified,
@@ -57,10 +66,9 @@ from sim.scenarios.flight_parts import (
     wants_certificate,
     with_dropouts,
 )
-from sim.scenarios.flight_verdict import due, longest_flight, verdict
-from sim.scenarios.quadrotor_fields import Mismatch, QuadrotorCanyonConfig
-from sim.scenarios.task import Inputs, Look, Task
-from sim.signals import Array, Estimate, Plan, PlanRequest, Status
+from mathnavi.sim.scenarios.flight_verdict import due, longest_flight, verdict
+from mathnavi.sim.scenarios.quadrotor_fields import Mismatch, QuadrotorCanyonConfig
+from mathnavi.sim.scenarios.task import Inputs, Look, Task
 
 VEHICLE = "vehicle"
 _LONGEST = 3600.0  # [s] of simulated time that is logged
@@ -82,16 +90,19 @@ class QuadrotorCanyon:
 
     @staticmethod
     def build(
-        config: QuadrotorCanyonConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
-    ) -> Experiment:
+        config: QuadrotorCanyonConfig,
+        seed: int,
+        controller: PluginSpec | None = None,
+        estimator: PluginSpec | None = None,
+    ) -> ClosedLoop:
         """The closed loop of one seed.
 
         Raises ValueError for a start or target below h_min, off the map or without an initial certificate, for bounds
         that gusts and noise leave nothing of, and for an unknown terrain; FileNotFoundError for a terrain file that is
         not there.
         """
-        controller = controller or Part.of(load("controllers", QuadrotorCanyon.controller))
-        estimator = estimator or Part.of(load("estimators", QuadrotorCanyon.estimator))
+        controller = controller or PluginSpec.of(load("controllers", QuadrotorCanyon.controller))
+        estimator = estimator or PluginSpec.of(load("estimators", QuadrotorCanyon.estimator))
         draws, sensing, failing, corrupting, delaying, gusting, losing = np.random.default_rng(seed).spawn(7)
         terrain = load_terrain(config.terrain)
         bare = _bare_mission(config, terrain, estimator)
@@ -111,14 +122,14 @@ class QuadrotorCanyon:
         planner = certified(flawed, flight, tracker.bound) if wants_certificate(controller) else flawed
         true = config.mismatch.vehicle
         carried = with_dropouts(checked_sensors(estimator, mission), faults, losing)
-        equipment = Equipment(mission.start_state, carried, drive=RotorDrive(true))
+        equipment = VehicleSetup(mission.start_state, carried, drive=RotorDrive(true))
         body = MujocoPlant(_model(terrain, config.mismatch), {VEHICLE: equipment}, sensing)
         plant: Plant = body
         if faults.gust_rms > 0.0:
             strength = true.mass * faults.gust_rms, faults.gust_time_constant, true.mass * faults.gust_limit
             plant = Disturbed(body, [Gusts(*strength, gusting)])
         # Sensors of its own: those of the flight may lose readings, and draw whether they do.
-        sound = Equipment(mission.start_state, checked_sensors(estimator, mission), drive=RotorDrive(true))
+        sound = VehicleSetup(mission.start_state, checked_sensors(estimator, mission), drive=RotorDrive(true))
         trial = MujocoPlant(_model(terrain, config.mismatch), {VEHICLE: sound}, np.random.default_rng(0))
         _check_estimates(controller, estimator, mission, trial, first)
         agent = Agent(checked_estimator(estimator, mission), planner, tracker, ROTOR_COUNT)
@@ -137,7 +148,7 @@ class QuadrotorCanyon:
         duration = longest_flight(2.0 * deadline, config.deadline_factor, config.speed_max, _LONGEST)
         record = _record(config, seed, controller, estimator, mission, terrain, tracker.bound)
         task = _task(mission, controller)
-        return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=task)
+        return ClosedLoop(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=task)
 
     @staticmethod
     def errors(config: QuadrotorCanyonConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -148,7 +159,7 @@ class QuadrotorCanyon:
 
 
 def _check_estimates(
-    controller: Part, estimator: Part, mission: QuadrotorMission, plant: MujocoPlant, plan: Plan
+    controller: PluginSpec, estimator: PluginSpec, mission: QuadrotorMission, plant: MujocoPlant, plan: Plan
 ) -> None:
     """ValueError for an estimator from whose estimates the tracker cannot fly."""
     _, tracker = checked_controller(controller, mission, TrackingBound)
@@ -175,7 +186,7 @@ def _raised(terrain: HeightField) -> HeightField:
     return terrain.inflated(REACH, REACH)
 
 
-def _bare_mission(config: QuadrotorCanyonConfig, terrain: HeightField, estimator: Part) -> QuadrotorMission:
+def _bare_mission(config: QuadrotorCanyonConfig, terrain: HeightField, estimator: PluginSpec) -> QuadrotorMission:
     """The mission but for its start and target."""
     mission = QuadrotorMission(bare_mission(config, _raised(terrain)))
     quality = checked_quality(estimator, mission, EstimateQuality)
@@ -186,7 +197,7 @@ def _between(mission: QuadrotorMission, start: Point, target: Point) -> Quadroto
     return dataclasses.replace(mission, flight=dataclasses.replace(mission.flight, start=start, target=target))
 
 
-def _first_plan(mission: QuadrotorMission, controller: Part) -> Plan:
+def _first_plan(mission: QuadrotorMission, controller: PluginSpec) -> Plan:
     """What the certified planner answers at the start; a planner without a certificate is held to it here too."""
     planner, tracker = checked_controller(controller, mission, TrackingBound)
     request = PlanRequest(0.0, 0.0, Estimate(0.0, mission.flight.start_state), None)
@@ -204,7 +215,7 @@ def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.G
     return x, y, float(_raised(terrain).height(x, y)) + above
 
 
-def _task(mission: QuadrotorMission, controller: Part) -> Task | None:
+def _task(mission: QuadrotorMission, controller: PluginSpec) -> Task | None:
     """Rotors that are commanded: L = |a|^2 + beta, the running cost of (A.2) for the point mass, at its own scale.
 
     a is the mean acceleration of the vehicle over a step, gusts included. None for a controller without a beta.
@@ -228,8 +239,8 @@ def _task(mission: QuadrotorMission, controller: Part) -> Task | None:
 def _record(
     config: QuadrotorCanyonConfig,
     seed: int,
-    controller: Part,
-    estimator: Part,
+    controller: PluginSpec,
+    estimator: PluginSpec,
     mission: QuadrotorMission,
     terrain: HeightField,
     bound: TrackingBound,
@@ -238,7 +249,7 @@ def _record(
     flight, place = mission.flight, place_of(config.terrain)
     resolved = dataclasses.replace(config, terrain=place, start=flight.start, target=flight.target)
     return recorded(
-        "quadrotor-canyon", "renders.quadrotor.drawing", seed, resolved, controller, estimator,
+        "quadrotor-canyon", "mathnavi.renders.quadrotor.drawing", seed, resolved, controller, estimator,
         terrain={"name": terrain.name, "path": place, "digest": terrain.digest},
         mission={
             "start": flight.start,

@@ -6,10 +6,10 @@ import dataclasses
 import math
 from dataclasses import dataclass, field
 
-from models.aerial.dynamics import TICK
-from models.quadrotor.dynamics import NOMINAL, Quadrotor
-from sim.checks import check, check_rate
-from sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
+from mathnavi.models.aerial.dynamics import TICK
+from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor
+from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
 
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 

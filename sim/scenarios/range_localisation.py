@@ -16,22 +16,22 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from models.field.curve import Curve
-from models.sensor_faults import Outage
-from models.unicycle.drives import DifferentialDrive, IdealDrive
-from models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
-from models.unicycle.mission import KnownStart, RangingMission
-from sim.cockpit import Agent
-from sim.log import Recording
-from sim.metrics.ranging import ranging_summary
-from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
-from sim.protocols import Sensor
-from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment, recorded
-from sim.scenarios.ranging_fields import RangeLocalisationConfig
-from sim.scenarios.task import Inputs, Task, squared_error
-from sim.signals import Array
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.sensor_faults import Outage
+from mathnavi.models.unicycle.drives import DifferentialDrive, IdealDrive
+from mathnavi.models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
+from mathnavi.models.unicycle.mission import KnownStart, RangingMission
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.ranging import ranging_summary
+from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
+from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig
+from mathnavi.sim.scenarios.requirements import Requirement, judged
+from mathnavi.sim.scenarios.task import Inputs, Task, squared_error
 
 VEHICLE = "robot"
 
@@ -52,11 +52,14 @@ class RangeLocalisation:
 
     @staticmethod
     def build(
-        config: RangeLocalisationConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
-    ) -> Experiment:
+        config: RangeLocalisationConfig,
+        seed: int,
+        controller: PluginSpec | None = None,
+        estimator: PluginSpec | None = None,
+    ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for a start outside the wall or too near to it."""
-        controller = controller or Part.of(load("controllers", RangeLocalisation.controller))
-        estimator = estimator or Part.of(load("estimators", RangeLocalisation.estimator))
+        controller = controller or PluginSpec.of(load("controllers", RangeLocalisation.controller))
+        estimator = estimator or PluginSpec.of(load("estimators", RangeLocalisation.estimator))
         drawing, telling, sensing = np.random.default_rng(seed).spawn(3)
         mission = _mission(config)
         start = config.start or _drawn_start(mission, controller, drawing)
@@ -75,10 +78,10 @@ class RangeLocalisation:
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
             summary = ranging_summary(recording, VEHICLE, mission, seed, wall_seconds)
-            return judged(summary, [Demand("converged", least=True), Demand("touched_wall", most=False)])
+            return judged(summary, [Requirement("converged", least=True), Requirement("touched_wall", most=False)])
 
         record = _record(dataclasses.replace(config, start=start), seed, controller, estimator, mission, pose)
-        return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=_task(mission))
+        return ClosedLoop(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=_task(mission))
 
     @staticmethod
     def errors(config: RangeLocalisationConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -116,7 +119,9 @@ def _pose(start: tuple[float, float, float]) -> Array:
     return np.array([start[0], start[1], math.radians(start[2])])
 
 
-def _drawn_start(mission: RangingMission, controller: Part, rng: np.random.Generator) -> tuple[float, float, float]:
+def _drawn_start(
+    mission: RangingMission, controller: PluginSpec, rng: np.random.Generator
+) -> tuple[float, float, float]:
     """A start from which the nominal path of the controller, if it declares one, keeps the margin; [m, m, deg]."""
     curve, margin = mission.curve, mission.margin
     nominal_path = getattr(controller.plugin, "nominal_path", None)
@@ -161,7 +166,7 @@ def _three(values: Array) -> tuple[float, float, float]:
     return a, b, c
 
 
-def _sensors(config: RangeLocalisationConfig, mission: RangingMission, estimator: Part) -> tuple[Sensor, ...]:
+def _sensors(config: RangeLocalisationConfig, mission: RangingMission, estimator: PluginSpec) -> tuple[Sensor, ...]:
     sensors = checked_sensors(estimator, mission)
     if not config.outage:
         return sensors
@@ -178,12 +183,12 @@ def _plant(
     model = _model(mission.curve, mission.angles, config.drive, config.friction)
     start = np.zeros(2 * model.nq)
     start[:3] = pose
-    equipment = Equipment(
+    equipment = VehicleSetup(
         start,
         sensors,
         np.array([mission.speed_max, mission.turn_rate_max]),
         drive=IdealDrive() if config.drive == "ideal" else DifferentialDrive(),
-        stands_on=(FLOOR,) if config.drive == "differential" else (),
+        ignored_contacts=(FLOOR,) if config.drive == "differential" else (),
     )
     return MujocoPlant(model, {VEHICLE: equipment}, rng)
 
@@ -196,14 +201,14 @@ def _model(curve: Curve, angles: tuple[float, ...], drive: DriveName, friction: 
 def _record(
     config: RangeLocalisationConfig,
     seed: int,
-    controller: Part,
-    estimator: Part,
+    controller: PluginSpec,
+    estimator: PluginSpec,
     mission: RangingMission,
     pose: Array,
 ) -> dict[str, Any]:
     """What config.json holds beside the versions; angles of the mission are in radians."""
     return recorded(
-        "range-localisation", "renders.ranging.drawing", seed, config, controller, estimator,
+        "range-localisation", "mathnavi.renders.ranging.drawing", seed, config, controller, estimator,
         mission={
             "field": mission.curve.name,
             "coefficients": mission.curve.coefficients,

@@ -10,11 +10,11 @@ from typing import Literal
 
 import numpy as np
 
-from models.field.curve import BEAN, EGG, Curve, ellipse
-from models.unicycle.entity import RADIUS, DriveName
-from models.unicycle.mission import TICK, OdometryQuality, RangeQuality
-from sim.checks import check
-from sim.number_lists import NumberList
+from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
+from mathnavi.models.unicycle.entity import RADIUS, DriveName
+from mathnavi.models.unicycle.mission import TICK, OdometryQuality, RangeQuality
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.number_lists import NumberList
 
 _HALF_AXES = (3.763, math.sqrt(2.0))
 _START_ERROR = (0.3, 0.3, 17.0)

@@ -17,23 +17,24 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from controllers.flight.certificate import TrackingBound
-from controllers.flight.certified import Certified
-from models.aerial.entity import build_model
-from models.aerial.mission import FlightMission
-from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain, place_of
-from sim.cockpit import Agent
-from sim.faults import Disturbance, Disturbed, Gusts, PositionJumps
-from sim.log import Recording
-from sim.metrics.flight import flight_summary
-from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, checked_controller, checked_estimator, load
-from sim.protocols import Plant
-from sim.scenarios.certified_ends import certified_ends
-from sim.scenarios.experiment import Experiment, recorded
-from sim.scenarios.flight_fields import SafeFlightConfig
-from sim.scenarios.flight_parts import (
+from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.models.aerial.entity import build_model
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import load_terrain, place_of
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.faults import Disturbance, Disturbed, Gusts, PositionJumps
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.protocols import Plant
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.flight import flight_summary
+from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, load
+from mathnavi.sim.scenarios.certified_ends import certified_ends
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
+from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
+from mathnavi.sim.scenarios.flight_parts import (
     certified,
     check_above_ground,
     drawn_point,
@@ -44,9 +45,8 @@ from sim.scenarios.flight_parts import (
     mounted,
     wants_certificate,
 )
-from sim.scenarios.flight_verdict import due, longest_flight, verdict
-from sim.scenarios.information import TargetTrack, check_track
-from sim.signals import Array
+from mathnavi.sim.scenarios.flight_verdict import due, longest_flight, verdict
+from mathnavi.sim.scenarios.information import TargetTrack, check_track
 
 VEHICLE = "vehicle"
 _LONGEST = 36_000.0  # [s] of simulated time that is logged
@@ -67,16 +67,16 @@ class SafeFlight:
 
     @staticmethod
     def build(
-        config: SafeFlightConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
-    ) -> Experiment:
+        config: SafeFlightConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
+    ) -> ClosedLoop:
         """The closed loop of one seed.
 
         Raises ValueError for a start or target below h_min, off the map or without an initial certificate, for an
         unknown terrain, and for a radar, a hill or a target's path off the map; FileNotFoundError for a terrain file
         that is not there.
         """
-        controller = controller or Part.of(load("controllers", SafeFlight.controller))
-        estimator = estimator or Part.of(load("estimators", SafeFlight.estimator))
+        controller = controller or PluginSpec.of(load("controllers", SafeFlight.controller))
+        estimator = estimator or PluginSpec.of(load("estimators", SafeFlight.estimator))
         draws, sensing, failing, corrupting, delaying, gusting, jumping, losing = np.random.default_rng(seed).spawn(8)
         charted = load_terrain(config.terrain)
         terrain = config.ground(charted)
@@ -108,7 +108,7 @@ class SafeFlight:
         at_rest = np.array([*mission.start, 0.0, 0.0, 0.0])
         body = MujocoPlant(
             _model(terrain, config.acceleration_max),
-            {VEHICLE: Equipment(at_rest, sensors, config.acceleration_max)},
+            {VEHICLE: VehicleSetup(at_rest, sensors, config.acceleration_max)},
             sensing,
         )
         disturbances: list[Disturbance] = []
@@ -138,7 +138,7 @@ class SafeFlight:
         record["mission"]["target_path"] = [(t, *place) for t, place in track.reported(config.report_period)]
         ends = {"start": mission.start, "target": mission.target}
         task = flight_task((VEHICLE,), config.acceleration_max, controller, ends)
-        return Experiment(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=task)
+        return ClosedLoop(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=task)
 
 
 @lru_cache(maxsize=2)
@@ -149,8 +149,8 @@ def _model(terrain: HeightField, acceleration_max: float) -> mujoco.MjModel:
 def _record(
     config: SafeFlightConfig,
     seed: int,
-    controller: Part,
-    estimator: Part,
+    controller: PluginSpec,
+    estimator: PluginSpec,
     mission: FlightMission,
     bound: Any,
 ) -> dict[str, Any]:
@@ -159,7 +159,7 @@ def _record(
     place = place_of(config.terrain)
     resolved = dataclasses.replace(config, terrain=place, start=mission.start, target=mission.target)
     return recorded(
-        "safe-flight", "renders.flight.drawing", seed, resolved, controller, estimator,
+        "safe-flight", "mathnavi.renders.flight.drawing", seed, resolved, controller, estimator,
         terrain={"name": terrain.name, "path": place, "digest": terrain.digest, "hills": config.uncharted},
         mission={
             "start": mission.start,

@@ -1,7 +1,7 @@
 """``simultaneous-arrival``: a fleet crosses real mountains, keeps apart, and arrives at one time (thesis A.8).
 
     sensors -> estimator -> Certified(faults(planner)) -> tracker -> MuJoCo        of each vehicle alone
-    plans, times of arrival <-> companion <-> network                              all that they know of each other
+    plans, times of arrival <-> coordinator <-> network                              all that they know of each other
 
 Each vehicle has its own slot on a ring about the target and a level of its own on which its stored plan crosses. The
 fleet's deadline is D = gamma max V_0, V_0 the duration of each vehicle's first plan.
@@ -18,24 +18,24 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from models.aerial.entity import build_model
-from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain, place_of
-from sim.cockpit import Agent
-from sim.faults import Disturbance, Disturbed, Gusts
-from sim.log import Recording
-from sim.metrics.fleet import fleet_summary
-from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, checked_estimator, load
-from sim.protocols import Plant
-from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment, recorded
-from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
-from sim.scenarios.fleet_start import Vehicle, started_fleet, zone_of
-from sim.scenarios.fleet_talk import companions, consensus_of
-from sim.scenarios.flight_parts import check_above_ground, flight_task, mission_but_ends, mounted
-from sim.scenarios.flight_verdict import longest_flight
-from sim.signals import Array
+from mathnavi.models.aerial.entity import build_model
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import load_terrain, place_of
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.faults import Disturbance, Disturbed, Gusts
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.protocols import Plant
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.fleet import fleet_summary
+from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
+from mathnavi.sim.scenarios.fleet_coordination import consensus_of, coordinators
+from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
+from mathnavi.sim.scenarios.fleet_start import Vehicle, started_fleet, zone_of
+from mathnavi.sim.scenarios.flight_parts import check_above_ground, flight_task, mission_but_ends, mounted
+from mathnavi.sim.scenarios.flight_verdict import longest_flight
+from mathnavi.sim.scenarios.requirements import Requirement, judged
 
 _LONGEST = 7200.0  # [s]
 
@@ -54,15 +54,18 @@ class SimultaneousArrival:
 
     @staticmethod
     def build(
-        config: SimultaneousArrivalConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
-    ) -> Experiment:
+        config: SimultaneousArrivalConfig,
+        seed: int,
+        controller: PluginSpec | None = None,
+        estimator: PluginSpec | None = None,
+    ) -> ClosedLoop:
         """The closed loop of one seed.
 
         Raises ValueError for starts or slots below h_min, off the map or too close to each other, and where no plans
         can be stored that keep apart; FileNotFoundError for a terrain file that is not there.
         """
-        controller = controller or Part.of(load("controllers", SimultaneousArrival.controller))
-        estimator = estimator or Part.of(load("estimators", SimultaneousArrival.estimator))
+        controller = controller or PluginSpec.of(load("controllers", SimultaneousArrival.controller))
+        estimator = estimator or PluginSpec.of(load("estimators", SimultaneousArrival.estimator))
         draws, sensing, failing, gusting, talking, ranking, losing = np.random.default_rng(seed).spawn(7)
         charted, names, consensus = load_terrain(config.terrain), config.names, consensus_of(config)
         terrain = config.ground(charted)
@@ -78,15 +81,15 @@ class SimultaneousArrival:
         duration = longest_flight(1.5 * deadline, config.deadline_factor, config.speed_max, _LONGEST)
         news = config.messages(charted, duration)
         agents, equipment = {}, {}
-        talkers = companions(config, fleet, consensus, zone, deadline, talking, ranking)
+        talkers = coordinators(config, fleet, consensus, zone, deadline, talking, ranking)
         for (name, vehicle), lost in zip(fleet.items(), losing.spawn(len(names)), strict=True):
             vehicle.planner.deadline = deadline
             sensors = mounted(estimator, vehicle.mission, config.faults, lost)
             start = np.array([*vehicle.mission.start, 0.0, 0.0, 0.0])
-            equipment[name] = Equipment(start, sensors, config.acceleration_max)
+            equipment[name] = VehicleSetup(start, sensors, config.acceleration_max)
             agents[name] = Agent(
                 checked_estimator(estimator, vehicle.mission), vehicle.planner, vehicle.tracker,
-                messages=news, companion=talkers[name], stored=vehicle.stored,
+                messages=news, coordinator=talkers[name], stored=vehicle.stored,
             )  # fmt: skip
         body = MujocoPlant(_model(terrain, names, config.acceleration_max), equipment, sensing)
         faults = config.faults
@@ -108,14 +111,14 @@ class SimultaneousArrival:
 
         def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
             summary = fleet_summary(recording, missions, radars, deadline, config.separation, seed, wall_seconds)
-            late = [Demand("arrival_time_s", most=deadline)] if summary["arrived"] else []
-            demands = [
-                Demand("arrived", least=True), *late, Demand("ground_contacts", most=0),
-                Demand("min_clearance_m", least=config.clearance_min),
-                Demand("separation_min_m", least=config.separation),
-                *([Demand("spread_s", most=config.spread)] if summary["arrived"] else []),
+            late = [Requirement("arrival_time_s", most=deadline)] if summary["arrived"] else []
+            requirements = [
+                Requirement("arrived", least=True), *late, Requirement("ground_contacts", most=0),
+                Requirement("min_clearance_m", least=config.clearance_min),
+                Requirement("separation_min_m", least=config.separation),
+                *([Requirement("spread_s", most=config.spread)] if summary["arrived"] else []),
             ]  # fmt: skip
-            return judged(summary, demands)
+            return judged(summary, requirements)
 
         record = _record(config, seed, controller, estimator, fleet, terrain, deadline)
         network = config.radio.network(names, talking)
@@ -124,7 +127,7 @@ class SimultaneousArrival:
             "target": next(iter(fleet.values())).centre,
         }
         task = flight_task(names, config.acceleration_max, controller, ends)
-        return Experiment(plant, agents, duration, finished, summarise, record, network, task)
+        return ClosedLoop(plant, agents, duration, finished, summarise, record, network, task)
 
 
 @lru_cache(maxsize=2)
@@ -135,8 +138,8 @@ def _model(terrain: HeightField, names: tuple[str, ...], acceleration_max: float
 def _record(
     config: SimultaneousArrivalConfig,
     seed: int,
-    controller: Part,
-    estimator: Part,
+    controller: PluginSpec,
+    estimator: PluginSpec,
     fleet: Mapping[str, Vehicle],
     terrain: HeightField,
     deadline: float,
@@ -146,7 +149,7 @@ def _record(
     place = place_of(config.terrain)
     resolved = dataclasses.replace(config, terrain=place, start=tuple(mission.start for mission in missions))
     return recorded(
-        "simultaneous-arrival", "renders.fleet.drawing", seed, resolved, controller, estimator,
+        "simultaneous-arrival", "mathnavi.renders.fleet.drawing", seed, resolved, controller, estimator,
         terrain={"name": terrain.name, "path": place, "digest": terrain.digest, "hills": config.uncharted},
         mission={
             "vehicles": {name: {"start": v.mission.start, "target": v.mission.target} for name, v in fleet.items()},

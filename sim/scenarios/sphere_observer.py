@@ -15,20 +15,20 @@ from typing import Literal, get_args
 import mujoco
 import numpy as np
 
-from models.manifold.constant_curvature import hyperbolic_space, sphere
-from models.manifold.mission import LagrangianMission
-from models.manifold.sensors import PositionQuality
-from models.manifold.systems import PointSystem, RigidBody, linear, printed
-from models.mechanism.entity import build_spec
-from sim.checks import check
-from sim.number_lists import NumberList
-from sim.ode_plant import OdePlant, OdeVehicle
-from sim.plant import Equipment, MujocoPlant
-from sim.plugins import Part, checked_sensors, load
-from sim.protocols import Plant, Sensor
-from sim.scenarios.experiment import Experiment
-from sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, checked_speed, given_start, velocity_errors
-from sim.signals import Array
+from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear, printed
+from mathnavi.models.mechanism.entity import build_spec
+from mathnavi.sim.engine.ode_plant import OdePlant, OdeVehicle
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.interfaces.protocols import Plant, Sensor
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.plugin.registry import PluginSpec, checked_sensors, load
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, checked_speed, given_start, velocity_errors
 
 VEHICLE = "body"
 SpaceName = Literal["body", "sphere", "hyperbolic-plane"]
@@ -83,11 +83,14 @@ class SphereObserver:
 
     @staticmethod
     def build(
-        config: SphereObserverConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
-    ) -> Experiment:
+        config: SphereObserverConfig,
+        seed: int,
+        controller: PluginSpec | None = None,
+        estimator: PluginSpec | None = None,
+    ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for a start off the space."""
-        controller = controller or Part.of(load("controllers", SphereObserver.controller))
-        estimator = estimator or Part.of(load("estimators", SphereObserver.estimator))
+        controller = controller or PluginSpec.of(load("controllers", SphereObserver.controller))
+        estimator = estimator or PluginSpec.of(load("estimators", SphereObserver.estimator))
         mission = config_mission(config)
         draws, noise = np.random.default_rng(seed).spawn(2)
         sensors = checked_sensors(estimator, mission)
@@ -99,7 +102,7 @@ class SphereObserver:
             plant = rigid_body_plant(VEHICLE, start, sensors, config.inertia, noise)
         told = {"space": config.space}
         loop = Loop("sphere-observer", VEHICLE, plant, mission, mission, told)
-        return loop.experiment(config, seed, controller, estimator)
+        return loop.closed_loop(config, seed, controller, estimator)
 
     @staticmethod
     def errors(config: SphereObserverConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -135,7 +138,7 @@ def rigid_body_plant(
     name: str, start: Array, sensors: tuple[Sensor, ...], inertia: float, rng: np.random.Generator
 ) -> MujocoPlant:
     """The rigid body in MuJoCo, with the inertia [kg m^2] about every axis."""
-    return MujocoPlant(_rigid_body(name, inertia), {name: Equipment(start, sensors)}, rng)
+    return MujocoPlant(_rigid_body(name, inertia), {name: VehicleSetup(start, sensors)}, rng)
 
 
 @lru_cache(maxsize=4)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.signals import Array, Estimate
+from mathnavi.sim.interfaces.signals import Array, Estimate
 
 
 @dataclass(frozen=True, eq=False)

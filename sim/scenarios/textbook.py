@@ -15,21 +15,21 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from models.textbook.camera_and_flags import camera_and_flags
-from models.textbook.library import SYSTEMS
-from models.textbook.mission import TICK, TextbookMission
-from models.textbook.system import System
-from sim.checks import check, check_rate
-from sim.cockpit import Agent
-from sim.log import Recording
-from sim.metrics.convergence import decay_rate
-from sim.number_lists import NumberList
-from sim.ode_plant import OdePlant, OdeVehicle
-from sim.plugins import Part, checked_controller, checked_estimator, checked_sensors, load
-from sim.scenarios.demands import Demand, judged
-from sim.scenarios.experiment import Experiment, recorded
-from sim.scenarios.task import Inputs, Task, squared_error
-from sim.signals import Array, Status
+from mathnavi.models.textbook.camera_and_flags import camera_and_flags
+from mathnavi.models.textbook.library import SYSTEMS
+from mathnavi.models.textbook.mission import TICK, TextbookMission
+from mathnavi.models.textbook.system import System
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.ode_plant import OdePlant, OdeVehicle
+from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.interfaces.signals import Array, Status
+from mathnavi.sim.metrics.convergence import decay_rate
+from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
+from mathnavi.sim.scenarios.requirements import Requirement, judged
+from mathnavi.sim.scenarios.task import Inputs, Task, squared_error
 
 VEHICLE = "system"
 SystemName = Literal["example-2-1", "example-2-2", "camera-and-flags", "krener-isidori", "kazantzis-kravaris"]
@@ -108,11 +108,11 @@ class TextbookObserver:
 
     @staticmethod
     def build(
-        config: TextbookConfig, seed: int, controller: Part | None = None, estimator: Part | None = None
-    ) -> Experiment:
+        config: TextbookConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
+    ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for an observer that is not made for the system."""
-        controller = controller or Part.of(load("controllers", TextbookObserver.controller))
-        estimator = estimator or Part.of(load("estimators", TextbookObserver.estimator))
+        controller = controller or PluginSpec.of(load("controllers", TextbookObserver.controller))
+        estimator = estimator or PluginSpec.of(load("estimators", TextbookObserver.estimator))
         mission = config.mission
         planner, tracker = checked_controller(controller, mission)
         observer = checked_estimator(estimator, mission)
@@ -130,7 +130,7 @@ class TextbookObserver:
         # L = |x^ - x|^2, the error of Definition 2.2, of which the root mean square is what a run is judged by.
         inputs = Inputs.within(config.observed.inputs)
         task = Task({VEHICLE: inputs}, squared_error(VEHICLE, config.observed.difference))
-        return Experiment(plant, {VEHICLE: agent}, config.duration, finished, summarise, record, task=task)
+        return ClosedLoop(plant, {VEHICLE: agent}, config.duration, finished, summarise, record, task=task)
 
     @staticmethod
     def errors(config: TextbookConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -175,14 +175,14 @@ def summary(
         "real_time_factor": float(recording.t[-1]) / wall_seconds,
         "seed": seed,
     }
-    return judged(figures, [Demand("error_rms", most=config.tolerance), Demand("escaped", most=False)])
+    return judged(figures, [Requirement("error_rms", most=config.tolerance), Requirement("escaped", most=False)])
 
 
-def _record(config: TextbookConfig, seed: int, controller: Part, estimator: Part) -> dict[str, Any]:
+def _record(config: TextbookConfig, seed: int, controller: PluginSpec, estimator: PluginSpec) -> dict[str, Any]:
     """What config.json holds beside the versions."""
     system = config.observed
     return recorded(
-        "textbook-observer", "renders.textbook.drawing", seed, config, controller, estimator,
+        "textbook-observer", "mathnavi.renders.textbook.drawing", seed, config, controller, estimator,
         mission={
             "title": system.title,
             "states": system.states,

@@ -1,4 +1,5 @@
-"""The parent's side of a child process that runs trials (``sim.sweep.serve``): time-outs, crashes, replacement.
+"""The parent's side of a child process that runs trials (``mathnavi.sim.sweep.serve``): time-outs, crashes,
+replacement.
 
 A trial runs in a process of its own making so that whatever a plug-in does ends that process and nothing else. The
 process is started as a program, not forked, so it can be had from any thread and inside Dask's workers, and it leads
@@ -20,11 +21,11 @@ from contextlib import ExitStack, suppress
 from multiprocessing import Pipe
 from threading import Lock
 
-from sim.store import Record
-from sim.sweep.serve import comparable
-from sim.sweep.trial import Trial
+from mathnavi.sim.records.store import Record
+from mathnavi.sim.sweep.serve import comparable
+from mathnavi.sim.sweep.trial import Trial
 
-START = "import sys; sys.path[:] = sys.argv[2:]; from sim.sweep.serve import main; main(int(sys.argv[1]))"
+START = "import sys; sys.path[:] = sys.argv[2:]; from mathnavi.sim.sweep.serve import main; main(int(sys.argv[1]))"
 # One thread each, so that children do not compete and no sum depends on the number of cores; and no order of a set
 # that differs from process to process.
 ENVIRONMENT = {

@@ -20,10 +20,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sim.store import Record
-from sim.sweep.child import RefusedError, Worker, module_path
-from sim.sweep.execution import Message
-from sim.sweep.trial import Trial
+from mathnavi.sim.records.store import Record
+from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
+from mathnavi.sim.sweep.execution import Message
+from mathnavi.sim.sweep.trial import Trial
 
 PATIENCE = 5.0  # [s] for the scheduler to answer
 HOW_TO_INSTALL = "a cluster needs the extra `cluster`: pip install -e '.[cluster]'"

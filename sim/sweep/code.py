@@ -11,7 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("controllers", "estimators", "models", "sim")  # what a result can depend on; renders draws afterwards
+PACKAGE = "mathnavi"
+FOLDERS = ("controllers", "estimators", "models", "sim")  # what a result can depend on; renders draws afterwards
 _DIGITS = 16  # of a digest
 
 
@@ -21,13 +22,13 @@ def code_version(*plugins: Any) -> str:
     Of another's package every Python file counts, of a module that lies in no package the one file. It is the code as
     it was when this process first asked.
     """
-    strangers = {plugin.__module__.partition(".")[0] for plugin in plugins} - set(PACKAGES)
+    strangers = {plugin.__module__.partition(".")[0] for plugin in plugins} - {PACKAGE}
     return "+".join((_own(), *(f"{name}-{_stranger(name)}" for name in sorted(strangers))))
 
 
 @cache
 def _own() -> str:
-    folders = [Path(folder) for name in PACKAGES for folder in importlib.import_module(name).__path__]
+    folders = [Path(folder) for name in FOLDERS for folder in importlib.import_module(f"{PACKAGE}.{name}").__path__]
     digest = _digest((folder.name, folder, file) for folder in folders for file in _files(folder))
     return f"{version('mathnavi')}+{digest}"
 

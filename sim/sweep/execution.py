@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 from typing import Protocol
 
-from sim.store import TRANSIENT, Ending, Record, Store, StoreError
-from sim.sweep.child import StoppedError, Worker, module_path
-from sim.sweep.trial import Trial, keys
+from mathnavi.sim.records.store import TRANSIENT, Ending, Record, Store, StoreError
+from mathnavi.sim.sweep.child import StoppedError, Worker, module_path
+from mathnavi.sim.sweep.trial import Trial, keys
 
 Message = Record | BaseException | None  # None: a worker waits until numba has compiled its kernels
 
@@ -87,7 +87,7 @@ def available_cores() -> int:
 def _backend(workers: int, cluster: str | None) -> Backend:
     if cluster is None:
         return LocalWorkers(workers)
-    from sim.sweep.cluster import DaskCluster  # Dask is an extra
+    from mathnavi.sim.sweep.cluster import DaskCluster  # Dask is an extra
 
     return DaskCluster(cluster)
 

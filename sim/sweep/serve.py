@@ -30,10 +30,10 @@ from typing import Any
 
 import numpy as np
 
-from sim.metrics.names import is_wall_clock
-from sim.store import Record, canonical_json
-from sim.sweep.compilation import compilation_reported
-from sim.sweep.trial import Trial
+from mathnavi.sim.records.figure_names import is_wall_clock
+from mathnavi.sim.records.store import Record, canonical_json
+from mathnavi.sim.sweep.compilation import compilation_reported
+from mathnavi.sim.sweep.trial import Trial
 
 Send = Callable[[str, Any], None]
 

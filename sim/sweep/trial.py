@@ -3,7 +3,7 @@
 A scenario may have a static ``inputs(config) -> dict[str, str]``: for each field, by its dotted name, that names a
 file, the digest of what is in the file. A digest depends on that field only. In the key it stands for the field.
 
-A trial may name a measure, a function at "package.module:function" that makes figures of the ``Outcome``, which holds
+A trial may name a measure, a function at "package.module:function" that makes figures of the ``RunResult``, which holds
 the whole log. They join the summary, and only they are kept of it.
 """
 
@@ -16,11 +16,11 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
-from sim.fields import leaf, plain, with_fields
-from sim.plugins import Part, load
-from sim.scenarios.experiment import Experiment, Outcome
-from sim.store import Record, canonical_json
-from sim.sweep.code import code_version
+from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
+from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.records.store import Record, canonical_json
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
+from mathnavi.sim.sweep.code import code_version
 
 LARGEST_SEED = 2**63 - 1  # that a store has room for
 
@@ -63,18 +63,18 @@ class Trial:
         """The content hash of scenario, parameters, seed and code."""
         return keys([self])[0]
 
-    def build(self) -> Experiment:
+    def build(self) -> ClosedLoop:
         """The closed loop, ready to run; ValueError as the scenario has it."""
         parts = (
-            Part(_plugin("controllers", self.controller), self.controller_config),
-            Part(_plugin("estimators", self.estimator), self.estimator_config),
+            PluginSpec(_plugin("controllers", self.controller), self.controller_config),
+            PluginSpec(_plugin("estimators", self.estimator), self.estimator_config),
         )
-        experiment: Experiment = _plugin("scenarios", self.scenario).build(self.config, self.seed, *parts)
-        return experiment
+        closed_loop: ClosedLoop = _plugin("scenarios", self.scenario).build(self.config, self.seed, *parts)
+        return closed_loop
 
-    def flown(self) -> Outcome:
+    def flown(self) -> RunResult:
         """What came of it, with the whole log."""
-        outcome: Outcome = self.build().run()
+        outcome: RunResult = self.build().run()
         return outcome
 
     def run(self) -> tuple[dict[str, Any], bool]:

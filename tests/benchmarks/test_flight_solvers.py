@@ -24,10 +24,10 @@ from benchmarks.flight_solvers import (
     measure,
     record,
 )
-from controllers.flight.problem import Problem, Solution
-from controllers.flight.reference import InteriorPoint
-from controllers.flight.sqp import CondensedSqp
-from sim.signals import Array
+from mathnavi.controllers.flight.problem import Problem, Solution
+from mathnavi.controllers.flight.reference import InteriorPoint
+from mathnavi.controllers.flight.sqp import CondensedSqp
+from mathnavi.sim.interfaces.signals import Array
 from tests.flight import mountains, save
 
 FEW = 4

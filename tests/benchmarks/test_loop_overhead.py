@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.loop_overhead import Arguments, Flight, bare_steps, dm_control_steps, fly
-from models.aerial.dynamics import CONTROL_TICKS, TICK
+from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from tests.flight import mountains, save
 
 SECONDS = 2.0

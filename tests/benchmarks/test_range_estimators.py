@@ -7,7 +7,15 @@ import pytest
 from rich.console import Console
 
 from benchmarks.range_estimators import Arguments, RangeFindings, run
-from sim.studies.range_costs import ALL_ALIVE, BANK_LOOP, EKF_LOOP, PARTICLE_LOOP, PLUGINS, costs, read
+from mathnavi.sim.studies.ranging.range_convergence.costs import (
+    ALL_ALIVE,
+    BANK_LOOP,
+    EKF_LOOP,
+    PARTICLE_LOOP,
+    PLUGINS,
+    costs,
+    read,
+)
 
 
 def test_every_repetition_times_every_estimator() -> None:

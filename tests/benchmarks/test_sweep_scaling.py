@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.sweep_scaling import OURS, POOL, Arguments, Course, SweepFindings, pooled, swept
-from sim.sweep.trial import Trial, trial
+from mathnavi.sim.sweep.trial import Trial, trial
 from tests.flight import START, above, mountains, save
 
 

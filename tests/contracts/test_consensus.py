@@ -13,12 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.fleet.graph import Graph
-from sim.network import Air, DelayedLinks, LossyLinks, Network
-from sim.plugins import Part, checked_consensus, load, names
-from sim.protocols import Consensus, ConsensusPlugin
-from sim.signals import Array, Message
-from sim.studies.consensus_talk import talked
+from mathnavi.models.fleet.graph import Graph
+from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network
+from mathnavi.sim.interfaces.protocols import Consensus, ConsensusPlugin
+from mathnavi.sim.interfaces.signals import Array, Message
+from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
+from mathnavi.sim.studies.fleet.consensus.exchange import talked
 from tests.fleet import NAMES, Shuffled, graphs, started, starts_for
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.consensus")}
@@ -32,16 +32,16 @@ def plugin(request: pytest.FixtureRequest) -> type[ConsensusPlugin]:
 
 
 def built(plugin: type[ConsensusPlugin], graph: Graph) -> dict[str, Consensus]:
-    return {name: checked_consensus(Part.of(plugin), graph.node(name)) for name in graph.names}
+    return {name: checked_consensus(PluginSpec.of(plugin), graph.node(name)) for name in graph.names}
 
 
-def spoken(plugin: type[ConsensusPlugin], graph: Graph, starts: Array, network: Network, rounds: int) -> Array:
+def outbox(plugin: type[ConsensusPlugin], graph: Graph, starts: Array, network: Network, rounds: int) -> Array:
     return talked(started(built(plugin, graph), starts), graph, network, rounds)
 
 
 def radio(graph: Graph, seed: int, loss: float, delay: float) -> Network:
     rng = np.random.default_rng(seed)
-    return LossyLinks(DelayedLinks(Air(graph.names), 0.0, delay, rng), loss, 0.3, rng)
+    return LossyLinks(DelayedLinks(IdealNetwork(graph.names), 0.0, delay, rng), loss, 0.3, rng)
 
 
 def test_the_built_in_ones_are_there() -> None:
@@ -71,7 +71,7 @@ def test_its_configuration_is_frozen_and_checks_itself(plugin: type[ConsensusPlu
 def test_all_agree_on_a_connected_graph_without_loss(plugin: type[ConsensusPlugin], graph: Graph, seed: int) -> None:
     starts = starts_for(graph, seed)
     scaled = Graph(graph.names, graph.weights / graph.algebraic_connectivity)
-    values = spoken(plugin, scaled, starts, Air(graph.names), 600)
+    values = outbox(plugin, scaled, starts, IdealNetwork(graph.names), 600)
     assert np.ptp(values[-1]) <= 0.05 * np.ptp(starts)
     assert np.ptp(values[-1]) <= 0.6 * np.ptp(values[300]) + 1e-9
 
@@ -81,7 +81,7 @@ def test_all_agree_on_a_connected_graph_without_loss(plugin: type[ConsensusPlugi
 def test_the_same_messages_give_the_same_values(
     plugin: type[ConsensusPlugin], graph: Graph, seed: int, loss: float, delay: float
 ) -> None:
-    one, other = (spoken(plugin, graph, starts_for(graph, seed), radio(graph, seed, loss, delay), 30) for _ in range(2))
+    one, other = (outbox(plugin, graph, starts_for(graph, seed), radio(graph, seed, loss, delay), 30) for _ in range(2))
     np.testing.assert_array_equal(one, other)
 
 
@@ -92,7 +92,7 @@ def test_the_order_in_which_the_messages_of_a_round_arrive_does_not_matter(
 ) -> None:
     starts = starts_for(graph, seed)
     one, other = (
-        spoken(plugin, graph, starts, Shuffled(radio(graph, seed, 0.0, delay), np.random.default_rng(order)), 30)
+        outbox(plugin, graph, starts, Shuffled(radio(graph, seed, 0.0, delay), np.random.default_rng(order)), 30)
         for order in range(2)
     )
     np.testing.assert_array_equal(one, other)
@@ -104,7 +104,7 @@ def test_where_it_says_so_the_values_stay_within_the_starts(
     plugin: type[ConsensusPlugin], graph: Graph, seed: int, loss: float, delay: float
 ) -> None:
     starts = starts_for(graph, seed)
-    values = spoken(plugin, graph, starts, radio(graph, seed, loss, delay), 30)
+    values = outbox(plugin, graph, starts, radio(graph, seed, loss, delay), 30)
     assert np.isfinite(values).all()
     if plugin.within_starts:
         assert starts.min() <= values.min()
@@ -142,8 +142,8 @@ def test_garbage_doubled_and_late_messages_raise_nothing_and_leave_a_finite_valu
             sender = data.draw(st.sampled_from(["a", "b", "c", "z"]))
             bad: list[Any] = [old, None, 3.0, Message(stamp, sender, "", payload), Message(old.t, old.sender, "", 7)]
             received.append(data.draw(st.sampled_from(bad)))
-        payloads = {"b": parts["b"].talk(t, received)}
-        payloads |= {name: parts[name].talk(t, []) for name in ("a", "c")}
+        payloads = {"b": parts["b"].exchange(t, received)}
+        payloads |= {name: parts[name].exchange(t, []) for name in ("a", "c")}
         told += [Message(t, name, "consensus", payload) for name, payload in payloads.items()]
         assert math.isfinite(parts["b"].value)
 
@@ -151,15 +151,15 @@ def test_garbage_doubled_and_late_messages_raise_nothing_and_leave_a_finite_valu
 def refused_for(part: Consensus, t: float, received: Sequence[Any]) -> int:
     """How many more messages are refused."""
     before = sum(part.refused.values())
-    part.talk(t, received)
+    part.exchange(t, received)
     return sum(part.refused.values()) - before
 
 
 def test_what_cannot_be_used_is_counted_by_why(plugin: type[ConsensusPlugin]) -> None:
     parts = started(built(plugin, LINE), [100.0, 120.0, 90.0])
-    payload = parts["a"].talk(0.0, [])
+    payload = parts["a"].exchange(0.0, [])
     part, t = parts["b"], 10.0
-    part.talk(t, [])
+    part.exchange(t, [])
     value = part.value
     assert refused_for(part, t + 0.1, [Message(t + 1e6, "a", "", payload)]) == 1
     assert part.refused["from the future"] == 1
@@ -177,5 +177,5 @@ def test_what_cannot_be_used_is_counted_by_why(plugin: type[ConsensusPlugin]) ->
 def test_a_vehicle_that_has_no_number_raises_nothing(plugin: type[ConsensusPlugin]) -> None:
     for number in (math.nan, math.inf, -math.inf):
         parts = started(built(plugin, LINE), [100.0, number, 90.0])
-        values = talked(parts, LINE, Air(LINE.names), 100)
+        values = talked(parts, LINE, IdealNetwork(LINE.names), 100)
         assert np.isfinite(values[2:]).all()

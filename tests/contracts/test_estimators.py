@@ -22,31 +22,31 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
-from models.aerial.dynamics import TICK, flow
-from models.aerial.mission import FlightMission, GustModel
-from models.manifold.attitude import nearer
-from models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space
-from models.manifold.mission import LagrangianMission
-from models.manifold.sensors import PositionQuality
-from models.manifold.system import LagrangianSystem
-from models.manifold.systems import PointSystem, RigidBody, linear
-from models.missile.coordinates import COORDINATES
-from models.missile.dynamics import TICK as MISSILE_TICK
-from models.missile.mission import CASES, MissileMission, Target
-from models.missile.sensors import StateNoise
-from models.quadrotor.mission import QuadrotorMission
-from models.terrain.height_field import HeightField
-from models.textbook.library import SYSTEMS
-from models.textbook.mission import TextbookMission
-from models.unicycle.drives import wheel_rates
-from models.unicycle.mission import TICK as RANGING_TICK
-from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
-from models.unicycle.patterns import figure_eight
-from sim.loop import whole_ticks
-from sim.observer_properties import ObserverProperties
-from sim.protocols import Estimator, EstimatorPlugin, Motion
-from sim.signals import Array, Estimate, Measurement, Status
+from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
+from mathnavi.models.aerial.dynamics import TICK, flow
+from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.manifold.attitude import nearer
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.system import LagrangianSystem
+from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear
+from mathnavi.models.missile.coordinates import COORDINATES
+from mathnavi.models.missile.dynamics import TICK as MISSILE_TICK
+from mathnavi.models.missile.mission import CASES, MissileMission, Target
+from mathnavi.models.missile.sensors import StateNoise
+from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.textbook.library import SYSTEMS
+from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.models.unicycle.drives import wheel_rates
+from mathnavi.models.unicycle.mission import TICK as RANGING_TICK
+from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.models.unicycle.patterns import figure_eight
+from mathnavi.sim.engine.loop import whole_ticks
+from mathnavi.sim.interfaces.observer_properties import ObserverProperties
+from mathnavi.sim.interfaces.protocols import Estimator, EstimatorPlugin, StateView
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 from tests.unicycle import STANDARD, Imagined
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.estimators")}
@@ -54,7 +54,7 @@ PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.estimator
 
 @dataclass(frozen=True)
 class Truth:
-    """A ``sim.protocols.Motion``."""
+    """A ``mathnavi.sim.interfaces.protocols.StateView``."""
 
     x: Array
     acceleration: Array
@@ -72,7 +72,7 @@ class Bench:
     start: Array  # (nx,) state
     input_at: Callable[[float], Array]  # t [s] -> u
     step: Callable[[Array, Array], Array]  # (x, u) -> x after a tick
-    motion: Callable[[Array, Array], Motion]  # (x, u) -> what the sensors see
+    motion: Callable[[Array, Array], StateView]  # (x, u) -> what the sensors see
     tolerance: Array  # (n,) largest error of a converged estimate
     stays: Array  # (n,) largest error of one that stays on the truth, without noise
     duration: float  # [s] of a flight

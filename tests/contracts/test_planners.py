@@ -18,25 +18,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-import models.missile.dynamics
-from controllers.exciting.motion import pose_on
-from controllers.textbook.input_signal import DrivenMission
-from models.aerial.dynamics import TICK, state_at
-from models.aerial.knowledge import RADARS
-from models.aerial.mission import FlightMission
-from models.manifold.mission import LagrangianMission
-from models.missile.mission import MissileMission, Target
-from models.quadrotor.mission import QuadrotorMission
-from models.terrain.visibility import Radar
-from models.textbook.library import SYSTEMS
-from models.textbook.mission import TextbookMission
-from models.textbook.system import System
-from models.unicycle.mission import RangingMission
-from sim.loop import whole_ticks
-from sim.protocols import ControllerPlugin, Planner
-from sim.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
+import mathnavi.models.missile.dynamics
+from mathnavi.controllers.active_sensing.motion import pose_on
+from mathnavi.controllers.textbook.input_signal import DrivenMission
+from mathnavi.models.aerial.dynamics import TICK, state_at
+from mathnavi.models.aerial.knowledge import RADARS
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.missile.mission import MissileMission, Target
+from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.models.terrain.visibility import Radar
+from mathnavi.models.textbook.library import SYSTEMS
+from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.models.textbook.system import System
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.engine.loop import whole_ticks
+from mathnavi.sim.interfaces.protocols import ControllerPlugin, Planner
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
 from tests import flight, quadrotor
-from tests.controllers.exciting import robots
+from tests.controllers.active_sensing import robots
 from tests.controllers.missile import flights
 
 PLUGINS = {
@@ -93,7 +93,7 @@ def missile_bench() -> Bench:
     nowhere[0] = -100.0  # flying backwards, which its attack angle has no value for
     return Bench(
         mission,
-        models.missile.dynamics.TICK,
+        mathnavi.models.missile.dynamics.TICK,
         start,
         (nowhere, np.full(len(start), math.nan)),
         Message(0.0, "target watch", "target", Target((700.0, 0.0, 0.0), (20.0, 0.0, 0.0))),

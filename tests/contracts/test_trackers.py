@@ -15,21 +15,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import models.missile.dynamics
-from controllers.exciting.motion import pose_on
-from controllers.textbook.input_signal import DrivenMission
-from models.aerial.dynamics import TICK, flow, state_at
-from models.aerial.mission import EstimateQuality, FlightMission, GustModel
-from models.manifold.mission import LagrangianMission
-from models.missile.mission import MissileMission
-from models.quadrotor.mission import QuadrotorMission
-from models.unicycle.mission import RangingMission
-from sim.faults import Gusts
-from sim.loop import whole_ticks
-from sim.protocols import ControllerPlugin, Tracker
-from sim.signals import Array, Estimate, Phase, Plan
+import mathnavi.models.missile.dynamics
+from mathnavi.controllers.active_sensing.motion import pose_on
+from mathnavi.controllers.textbook.input_signal import DrivenMission
+from mathnavi.models.aerial.dynamics import TICK, flow, state_at
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.missile.mission import MissileMission
+from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.engine.faults import Gusts
+from mathnavi.sim.engine.loop import whole_ticks
+from mathnavi.sim.interfaces.protocols import ControllerPlugin, Tracker
+from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan
 from tests import flight
-from tests.controllers.exciting import robots
+from tests.controllers.active_sensing import robots
 from tests.controllers.missile import flights
 
 PLUGINS = {
@@ -79,7 +79,7 @@ def missile_bench() -> Bench:
     def reference(plan: Plan, t: float) -> Array:
         return mission.coordinates.state_at(plan, t, mission.body)
 
-    return Bench(mission, flights.first_plan(mission), math.inf, reference, models.missile.dynamics.TICK, 1e-3)
+    return Bench(mission, flights.first_plan(mission), math.inf, reference, mathnavi.models.missile.dynamics.TICK, 1e-3)
 
 
 def ranging_bench() -> Bench:

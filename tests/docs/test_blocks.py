@@ -33,7 +33,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.cli import main
+from mathnavi.sim.commands.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"

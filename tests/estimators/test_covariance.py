@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.covariance import square_root
+from mathnavi.estimators.covariance import square_root
 
 seeds = st.integers(0, 2**32 - 1)
 

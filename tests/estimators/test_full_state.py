@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimators.full_state import FullState, FullStateConfig
-from models.aerial.dynamics import TICK, flow
-from models.aerial.mission import FlightMission, GustModel
-from models.terrain.height_field import HeightField
-from sim.signals import Array, Measurement, Status
+from mathnavi.estimators.full_state import FullState, FullStateConfig
+from mathnavi.models.aerial.dynamics import TICK, flow
+from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 
 X = np.array([500.0, 600.0, 700.0, 30.0, -20.0, 10.0])
 

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
-from estimators.kalman import AxisModel, Kalman, KalmanConfig, clipped_rms
-from models.aerial.dynamics import TICK, flow
-from models.aerial.mission import FlightMission, GustModel
-from models.terrain.height_field import HeightField
-from sim.signals import Array, Measurement, Status
+from mathnavi.estimators.kalman import AxisModel, Kalman, KalmanConfig, clipped_rms
+from mathnavi.models.aerial.dynamics import TICK, flow
+from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 
 OMEGA = 2.0  # [rad/s] of the tracker that closes the loop below
 

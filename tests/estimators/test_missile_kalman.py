@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators.missile_kalman import MissileKalman, MissileKalmanConfig, _disturbing_input, _transition
-from models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
-from models.missile.dynamics import NOMINAL
-from models.missile.mission import CASES, GustStrength, MissileMission, Target
-from models.missile.sensors import StateNoise
-from sim.signals import Array, Estimate, Measurement, Status
+from mathnavi.estimators.missile_kalman import MissileKalman, MissileKalmanConfig, _disturbing_input, _transition
+from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
+from mathnavi.models.missile.dynamics import NOMINAL
+from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Target
+from mathnavi.models.missile.sensors import StateNoise
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 PERIOD = 0.004  # [s]
 NOISE = StateNoise(position=1.0, velocity=0.5, angle=0.01, rate=0.01)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimators.quadrotor_state import QuadrotorState
-from models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, VELOCITY, at_rest, flow
-from models.quadrotor.mission import QuadrotorMission, QuadrotorStateSensor
-from sim.plant import Equipment, MujocoPlant
-from sim.protocols import Estimator
-from sim.signals import Measurement, Status
+from mathnavi.estimators.quadrotor_state import QuadrotorState
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, VELOCITY, at_rest, flow
+from mathnavi.models.quadrotor.mission import QuadrotorMission, QuadrotorStateSensor
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.protocols import Estimator
+from mathnavi.sim.interfaces.signals import Measurement, Status
 from tests.quadrotor import HIGH, PERIOD, built, flight_mission, plain
 
 MISSION = QuadrotorMission(flight_mission(plain(), (50.0, 50.0), (350.0, 350.0), position_noise=0.3))
@@ -49,7 +49,7 @@ def test_before_a_reading_it_is_where_the_mission_starts_with_its_nose_to_the_ta
 
 def test_a_sensor_in_mujoco_reads_the_state_with_its_noise() -> None:
     (sensor,) = QuadrotorState.sensors(CONFIG, MISSION)
-    plant = MujocoPlant(built(plain(), NOMINAL), {"quad": Equipment(X, (sensor,))}, np.random.default_rng(0))
+    plant = MujocoPlant(built(plain(), NOMINAL), {"quad": VehicleSetup(X, (sensor,))}, np.random.default_rng(0))
     readings = []
     for _ in range(400):
         readings.append(plant.sense("quad")[0].value - X)

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from models.angles import wrapped
-from models.unicycle import kernels
+from mathnavi.models.angles import wrapped
+from mathnavi.models.unicycle import kernels
 
 
 def test_whole_turns_are_taken_away_of_one_angle_and_of_many_as_compiled_code_does() -> None:

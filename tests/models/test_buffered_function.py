@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi
 import numpy as np
 
-from models.buffered_function import BufferedFunction
+from mathnavi.models.buffered_function import BufferedFunction
 
 X, Y = casadi.SX.sym("x", 2), casadi.SX.sym("y")
 SUM_AND_PRODUCT = casadi.Function("f", [X, Y], [X + Y, X * Y])

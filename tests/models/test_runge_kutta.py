@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.runge_kutta import FARTHEST, TOLERANCE, Flow, classical_step
+from mathnavi.models.runge_kutta import FARTHEST, TOLERANCE, Flow, classical_step
 
 NO_INPUT = np.empty(0)
 OSCILLATOR = Flow(lambda x, u: casadi.vertcat(x[1], -x[0]), 2, 0)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.sensor_faults import Dropout, Outage
-from models.unicycle.mission import RangeQuality, RangingMission
-from models.unicycle.sensors import RangeSensor
+from mathnavi.models.sensor_faults import Dropout, Outage
+from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.sensors import RangeSensor
 from tests.unicycle import STANDARD, Imagined
 
 MISSION = RangingMission(STANDARD, (-1.5, -0.8, 0.3), ranging=RangeQuality(0.05))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renders.flight.run_data import RunData, load_run
+from mathnavi.renders.flight.run_data import RunData, load_run
 from tests.renders.synthetic import ridges, write_synthetic_run
 
 
@@ -19,7 +19,7 @@ def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
     terrain = ridges()
     meta = json.dumps({"spacing_m": terrain.spacing, "name": terrain.name, "source": terrain.source})
     np.savez(folder / "ridges.npz", z=terrain.z.astype(np.float32), meta=meta)
-    from models.terrain.library import load_terrain
+    from mathnavi.models.terrain.library import load_terrain
 
     return write_synthetic_run(folder / "run", load_terrain(folder / "ridges.npz"), str(folder / "ridges.npz"))
 

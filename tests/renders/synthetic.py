@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from models.terrain.height_field import HeightField
-from sim.signals import Array, Phase
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Array, Phase
 
 TICK = 1.0 / 300.0
 PERIOD = 5.0 / 3.0

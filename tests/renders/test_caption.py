@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from renders.caption import RING_COLOURS, Caption, Label, Words
-from renders.film import Frame
-from renders.flight.caption import words
-from renders.flight.run_data import RunData
-from renders.palette import Part
+from mathnavi.renders.caption import RING_COLOURS, Caption, Label, Words
+from mathnavi.renders.film import Frame
+from mathnavi.renders.flight.caption import words
+from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.palette import SceneElement
 
 GREY = np.full((360, 640, 3), 128, np.uint8)
 
 
-def written(*labels: Label, legend: tuple[Part, ...] = (Part.FLOWN,)) -> np.ndarray:
+def written(*labels: Label, legend: tuple[SceneElement, ...] = (SceneElement.FLOWN,)) -> np.ndarray:
     said = Words(["title"], [("TIME", "1 s", "")], "", legend, "", 0.0, [], labels)
     return Caption(640, 360).write(GREY, said).astype(int)
 
@@ -39,7 +39,7 @@ def test_a_label_stays_in_the_picture() -> None:
 
 
 def test_a_target_has_its_rings_in_the_legend() -> None:
-    shown = written(legend=(Part.TARGET,))
+    shown = written(legend=(SceneElement.TARGET,))
     for colour in RING_COLOURS:
         assert (np.abs(shown - colour).max(axis=-1) < 12).sum() >= 10
 

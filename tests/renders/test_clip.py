@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from renders import clip
-from renders.caption import Caption, Label, Words
-from renders.clip import LAST_LOOK, write_clip
-from renders.drawing import drawing_of
-from renders.film import Frame
-from renders.palette import Part, Picture
-from sim.cli import main
-from sim.scenarios.textbook import TextbookConfig, TextbookObserver
+from mathnavi.renders import clip
+from mathnavi.renders.caption import Caption, Label, Words
+from mathnavi.renders.clip import LAST_LOOK, write_clip
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.film import Frame
+from mathnavi.renders.palette import Picture, SceneElement
+from mathnavi.sim.commands.cli import main
+from mathnavi.sim.scenarios.textbook import TextbookConfig, TextbookObserver
 
 GREY = np.full((360, 640, 3), 128, np.uint8)
 SMALL = {"width": 320, "height": 180, "fps": 4, "length": 1.0}
@@ -86,7 +86,7 @@ def test_bad_input_is_told_in_one_line(flags: str, told: str, folder: Path, caps
 # ---- what is written on it
 
 
-def written(*labels: Label, notice: str = "", legend: tuple[Part, ...] = (Part.FLOWN,)) -> np.ndarray:
+def written(*labels: Label, notice: str = "", legend: tuple[SceneElement, ...] = (SceneElement.FLOWN,)) -> np.ndarray:
     numbers = [(name, "1 s", "") for name in ("TIME", "HEIGHT", "SPEED")]
     said = Words(["a very long title"] * 3, numbers, "flying", legend, notice, 0.5, [0.1], labels)
     return Caption(640, 360, brief=True).write(GREY, said).astype(int)
@@ -98,7 +98,7 @@ def changed(picture: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def test_a_brief_caption_leaves_most_of_the_picture_free_and_has_all_of_its_legend() -> None:
-    few, all_parts = written(), written(legend=tuple(Part)[:12])
+    few, all_parts = written(), written(legend=tuple(SceneElement)[:12])
     rows, _ = changed(few, GREY)
     assert ((rows < 70) | (rows > 320)).all()
     assert len(rows) < 0.15 * 640 * 360

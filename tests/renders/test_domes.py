@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.terrain.visibility import Radar, RadarTrack
+from mathnavi.models.terrain.visibility import Radar, RadarTrack
 from tests import flight
 
 pytest.importorskip("mujoco")
 
 
 def test_a_dome_follows_its_radar_and_vanishes_with_it() -> None:
-    from renders.domes import add_domes, place_domes
-    from renders.landscape import landscape
+    from mathnavi.renders.domes import add_domes, place_domes
+    from mathnavi.renders.landscape import landscape
 
     ground = flight.mountains()
     track = RadarTrack(Radar(3000.0, 4000.0, 900.0, 1.0), 10.0, 60.0, (50.0, -20.0))

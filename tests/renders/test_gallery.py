@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from renders import clip, video
-from renders.gallery import __main__ as program
-from renders.gallery.table import HERE, MATHNAVI, README, Command, Entry, chosen, entries
-from sim.commands.arguments import Group, parse
-from sim.commands.order import read_order
-from sim.commands.render import Options as RenderOptions
-from sim.commands.run import Options as RunOptions
-from sim.plugins import names
+from mathnavi.renders import clip, video
+from mathnavi.renders.gallery import __main__ as program
+from mathnavi.renders.gallery.table import HERE, MATHNAVI, README, Command, Entry, chosen, entries
+from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.render import Options as RenderOptions
+from mathnavi.sim.commands.run import Options as RunOptions
+from mathnavi.sim.commands.run_request import read_order
+from mathnavi.sim.plugin.registry import names
 
 ENTRIES = entries(README.read_text(encoding="utf-8"))
 CLIPS = sorted(name for name in ENTRIES if name.endswith(".webp"))

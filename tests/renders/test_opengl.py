@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from renders import opengl
+from mathnavi.renders import opengl
 
 
 def test_users_choice_is_respected(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,8 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from renders import page
-from renders.page import Markup
+from mathnavi.renders import page
+from mathnavi.renders.page import Markup
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
 EVIL = '<img src="http://example.org/x.png" onerror="alert(1)"> & \'"'

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from renders.page import inline_svg
-from renders.statistics_figures import (
+from mathnavi.renders.page import inline_svg
+from mathnavi.renders.statistics_figures import (
     bands_figure,
     distribution_figure,
     medians_figure,
@@ -17,7 +17,7 @@ from renders.statistics_figures import (
     rates_figure_on,
     scatter_figure,
 )
-from sim.statistics import Band, median_band, rate
+from mathnavi.sim.records.statistics import Band, median_band, rate
 
 RNG = np.random.default_rng(0)
 

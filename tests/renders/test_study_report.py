@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from renders.claims import Claim
-from renders.study_report import StudyPage, Table, report, write_study_report
-from renders.terrain_view import Track
+from mathnavi.renders.study_report import StudyPage, Table, report, write_study_report
+from mathnavi.renders.terrain_view import Track
+from mathnavi.sim.records.claims import Claim
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 from tests.renders.synthetic import ridges
 

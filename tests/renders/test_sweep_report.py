@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from renders.sweep_data import Group, Sweep, format_numbers
-from renders.sweep_report import MOST_PANELS, report, write_sweep_report
-from renders.terrain_view import Track
-from sim.statistics import median_band, rate
-from sim.store import Record
+from mathnavi.renders.sweep_report import MOST_PANELS, report, write_sweep_report
+from mathnavi.renders.terrain_view import Track
+from mathnavi.sim.records.statistics import median_band, rate
+from mathnavi.sim.records.store import Record
+from mathnavi.sim.records.sweep_data import Group, Sweep, format_numbers
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 from tests.renders.synthetic import ridges
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.terrain.height_field import HeightField
-from renders import page
-from renders.relief import EXAGGERATION, relief
-from renders.terrain_view import MOST_NODES, Track, script, terrain_view
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.renders import page
+from mathnavi.renders.relief import EXAGGERATION, relief
+from mathnavi.renders.terrain_view import MOST_NODES, Track, script, terrain_view
 from tests.renders.reading import Page, check_stands_alone
 from tests.renders.synthetic import ridges
 

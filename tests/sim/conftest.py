@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.terrain.dem import write_npz
-from models.terrain.height_field import HeightField
-from sim.sweep import code
+from mathnavi.models.terrain.dem import write_npz
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.sweep import code
 
 
 @pytest.fixture(scope="session")

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from controllers.ocp.grid import Grid, uniform
-from controllers.ocp.replay import replayed
-from controllers.ocp.solution import Solution
-from controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
-from controllers.ocp.statement import OptimalControlProblem
-from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from controllers.ocp.transcriptions.scheme import Scheme
-from sim.signals import Array
+from mathnavi.controllers.ocp.grid import Grid, uniform
+from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.signals import Array
 
 HERMITE_SIMPSON = HermiteSimpson()
 

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import dataclasses
 
-from controllers.ocp.distribution import Equidistributed, NodeDistribution
-from controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
-from controllers.ocp.methods.gate import gated
-from controllers.ocp.methods.redistribution import redistributed
-from controllers.ocp.monitors import Monitor
-from controllers.ocp.replay import replayed
-from controllers.ocp.solution import Solution
-from controllers.ocp.solver import DEFAULT, Options, transcription
-from controllers.ocp.statement import OptimalControlProblem
-from controllers.ocp.transcriptions.scheme import Scheme
-from sim.signals import Array
+from mathnavi.controllers.ocp.distribution import Equidistributed, NodeDistribution
+from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
+from mathnavi.controllers.ocp.methods.gate import gated
+from mathnavi.controllers.ocp.methods.redistribution import redistributed
+from mathnavi.controllers.ocp.monitors import Monitor
+from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.controllers.ocp.solver import DEFAULT, Options, transcription
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.signals import Array
 
 EQUIDISTRIBUTED = Equidistributed()
 

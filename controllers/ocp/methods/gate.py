@@ -1,14 +1,14 @@
 """The replay gate: an adaptive solution is taken only where it replays no worse than the uniform one.
 
 Nodes that the optimiser may move are moved where the transcription's error hides; J then looks better than it is. The
-gate compares what both do in the true dynamics (see ``controllers.ocp.replay``).
+gate compares what both do in the true dynamics (see ``mathnavi.controllers.ocp.replay``).
 """
 
 from __future__ import annotations
 
 import dataclasses
 
-from controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solution import Outcome, Solution
 
 LEAST = 1e-8
 """a replay value that is good enough, however good the uniform solution is"""

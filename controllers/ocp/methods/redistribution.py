@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import dataclasses
 
-from controllers.ocp.grid import Grid, equidistributed, uniform
-from controllers.ocp.methods.direct import HERMITE_SIMPSON
-from controllers.ocp.methods.gate import gated
-from controllers.ocp.monitors import CURVATURE, Monitor
-from controllers.ocp.replay import replayed
-from controllers.ocp.solution import Outcome, Solution
-from controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
-from controllers.ocp.statement import OptimalControlProblem
-from controllers.ocp.transcriptions.scheme import Scheme
-from sim.signals import Array
+from mathnavi.controllers.ocp.grid import Grid, equidistributed, uniform
+from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON
+from mathnavi.controllers.ocp.methods.gate import gated
+from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor
+from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.signals import Array
 
 
 def redistribute(

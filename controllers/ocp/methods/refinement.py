@@ -13,16 +13,16 @@ import math
 
 import numpy as np
 
-from controllers.ocp.grid import split, uniform
-from controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
-from controllers.ocp.methods.gate import LEAST, gated
-from controllers.ocp.replay import replayed
-from controllers.ocp.residual import local_errors
-from controllers.ocp.solution import Solution, Timing
-from controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
-from controllers.ocp.statement import OptimalControlProblem
-from controllers.ocp.transcriptions.scheme import Scheme
-from sim.signals import Array
+from mathnavi.controllers.ocp.grid import split, uniform
+from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
+from mathnavi.controllers.ocp.methods.gate import LEAST, gated
+from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.residual import local_errors
+from mathnavi.controllers.ocp.solution import Solution, Timing
+from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.signals import Array
 
 
 def refine(

@@ -14,7 +14,7 @@ from functools import cache
 
 import casadi as ca
 
-from controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 
 PEAKS = ((3.0, 3.0, 12.0), (3.0, 6.0, 10.0), (3.0, 10.0, 6.0), (8.0, 15.0, 4.0))  # height, a, b
 START, END = (2.0, 1.0, 2.0, 1.0), (2.0, 3.0, 1.0, -2.0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 
 WALL = 1.0 / 9.0
 

@@ -13,7 +13,7 @@ from functools import cache
 
 import casadi as ca
 
-from controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 
 CART, POLE, LENGTH, GRAVITY = 1.0, 0.3, 0.5, 9.81  # [kg], [kg], [m], [m/s^2]
 

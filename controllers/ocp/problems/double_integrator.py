@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from functools import cache
 
-from controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 
 DISTANCE = 3.0
 

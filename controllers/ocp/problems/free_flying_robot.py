@@ -14,7 +14,7 @@ from functools import cache
 
 import casadi as ca
 
-from controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 
 ARM = 0.2
 

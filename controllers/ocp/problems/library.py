@@ -10,19 +10,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from controllers.ocp.problems.alp_rider import alp_rider
-from controllers.ocp.problems.brachistochrone import brachistochrone, brachistochrone_drop
-from controllers.ocp.problems.bryson_denham import bryson_denham
-from controllers.ocp.problems.cart_pole import cart_pole
-from controllers.ocp.problems.double_integrator import double_integrator_energy, double_integrator_time
-from controllers.ocp.problems.free_flying_robot import free_flying_robot
-from controllers.ocp.problems.goddard import goddard
-from controllers.ocp.problems.hypersensitive import hypersensitive, hypersensitive_short
-from controllers.ocp.problems.missile import OPTIMA, missile
-from controllers.ocp.problems.rayleigh import rayleigh
-from controllers.ocp.problems.tumour import tumour
-from controllers.ocp.problems.van_der_pol import van_der_pol
-from controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.problems.alp_rider import alp_rider
+from mathnavi.controllers.ocp.problems.brachistochrone import brachistochrone, brachistochrone_drop
+from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
+from mathnavi.controllers.ocp.problems.cart_pole import cart_pole
+from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_energy, double_integrator_time
+from mathnavi.controllers.ocp.problems.free_flying_robot import free_flying_robot
+from mathnavi.controllers.ocp.problems.goddard import goddard
+from mathnavi.controllers.ocp.problems.hypersensitive import hypersensitive, hypersensitive_short
+from mathnavi.controllers.ocp.problems.missile import OPTIMA, missile
+from mathnavi.controllers.ocp.problems.rayleigh import rayleigh
+from mathnavi.controllers.ocp.problems.tumour import tumour
+from mathnavi.controllers.ocp.problems.van_der_pol import van_der_pol
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
 
 
 @dataclass(frozen=True)

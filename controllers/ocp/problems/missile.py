@@ -13,9 +13,9 @@ from functools import cache
 
 import casadi as ca
 
-from controllers.ocp.statement import OptimalControlProblem, Statement
-from models.missile.dynamics import NOMINAL
-from models.missile.mission import CASES
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.models.missile.dynamics import NOMINAL
+from mathnavi.models.missile.mission import CASES
 
 
 @dataclass(frozen=True)

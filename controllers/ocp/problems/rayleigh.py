@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 
 
 @cache

@@ -13,7 +13,7 @@ from functools import cache
 
 import casadi as ca
 
-from controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 
 XI, B, D, G, MU = 0.084, 5.85, 0.00873, 0.15, 0.02  # ξ [1/day], b [1/day], d [1/(mm^2 day)], G, μ [1/day]
 MOST_DOSE, MOST_DRUG = 75.0, 15.0

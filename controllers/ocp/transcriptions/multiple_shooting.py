@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from controllers.ocp.transcriptions.scheme import Interval, Rates
+from mathnavi.controllers.ocp.transcriptions.scheme import Interval, Rates
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import Legendre
 
-from controllers.ocp.transcriptions.scheme import Interval, Rates, integral_weights
+from mathnavi.controllers.ocp.transcriptions.scheme import Interval, Rates, integral_weights
 
 
 @dataclass(frozen=True)

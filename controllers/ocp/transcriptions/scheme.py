@@ -18,7 +18,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 
 # (x, u, t) -> (x', L)
 Rates = Callable[[ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]]

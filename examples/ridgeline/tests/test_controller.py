@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from ridgeline.controller import Roadmap, RoadmapConfig
 
-from controllers.flight.certificate import Certificate
-from controllers.flight.tracker import tracking_bound
-from models.aerial.dynamics import state_at
-from models.aerial.knowledge import RADARS
-from models.aerial.mission import FlightMission
-from models.terrain.library import load_terrain
-from models.terrain.visibility import Radar
-from sim.plugins import Part
-from sim.scenarios.flight_parts import drawn_point
-from sim.scenarios.safe_flight import SafeFlight
-from sim.signals import Estimate, Message, Plan, PlanRequest
+from mathnavi.controllers.flight.certificate import Certificate
+from mathnavi.controllers.flight.tracker import tracking_bound
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.knowledge import RADARS
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.models.terrain.visibility import Radar
+from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.scenarios.flight_parts import drawn_point
+from mathnavi.sim.scenarios.safe_flight import SafeFlight
 
 WAY = (12_000.0, 14_000.0, 2924.0), (63_000.0, 62_000.0, 5258.0)  # over the Tian Shan
 BANDWIDTH = RoadmapConfig().bandwidth
@@ -47,7 +47,7 @@ def seconds_seen(plan: Plan, wanted: FlightMission, radar: Radar) -> int:
 @pytest.mark.parametrize(("terrain", "separation"), [("jacksboro", (0.3, 0.5)), ("tian_shan", (0.5, 0.7))])
 def test_a_mission_drawn_from_a_seed_arrives_in_time(terrain: str, separation: tuple[float, float]) -> None:
     config = SafeFlight.Config(terrain, drawn_separation=separation)
-    outcome = SafeFlight.build(config, seed=1, controller=Part.of(Roadmap)).run()
+    outcome = SafeFlight.build(config, seed=1, controller=PluginSpec.of(Roadmap)).run()
     assert outcome.success
     assert outcome.summary["plans_rejected"] == outcome.summary["solver_failures"] == 0
 

@@ -7,13 +7,13 @@ import pytest
 from ridgeline.controller import Roadmap
 from ridgeline.estimator import AlphaBetaGamma, AlphaBetaGammaConfig
 
-from models.aerial.dynamics import flow
-from models.aerial.mission import FlightMission, GustModel
-from models.terrain.height_field import HeightField
-from sim.plugins import Part, load
-from sim.scenarios.flight_parts import Faults, Noise
-from sim.scenarios.safe_flight import SafeFlight
-from sim.signals import Measurement
+from mathnavi.models.aerial.dynamics import flow
+from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Measurement
+from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.scenarios.flight_parts import Faults, Noise
+from mathnavi.sim.scenarios.safe_flight import SafeFlight
 
 
 def errors(noise: float, gust_rms: float, seconds: float) -> tuple[np.ndarray, np.ndarray]:
@@ -48,7 +48,9 @@ def test_in_flight_it_is_better_than_the_full_state_sensor_and_the_tracking_boun
     noisy = SafeFlight.Config("jacksboro", *way, noise=Noise(position=5.0), faults=Faults(gust_rms=0.5))
     deviation = {}
     for name, estimator in (("full", load("estimators", "full_state")), ("own", AlphaBetaGamma)):
-        outcome = SafeFlight.build(noisy, seed=3, controller=Part.of(Roadmap), estimator=Part.of(estimator)).run()
+        outcome = SafeFlight.build(
+            noisy, seed=3, controller=PluginSpec.of(Roadmap), estimator=PluginSpec.of(estimator)
+        ).run()
         assert outcome.success
         assert outcome.summary["tracking_breaches"] == 0
         arrays = outcome.arrays

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.arrival.clock import ClockConfig, ClockConsensus, ClockPayload
-from models.fleet.graph import Graph
-from sim.network import Air, DelayedLinks, Network
-from sim.signals import Array, Message
-from sim.studies.consensus_following import ClockCase, clocks_agree
-from sim.studies.consensus_talk import talked
+from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus, ClockPayload
+from mathnavi.models.fleet.graph import Graph
+from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, Network
+from mathnavi.sim.interfaces.signals import Array, Message
+from mathnavi.sim.studies.fleet.consensus.exchange import talked
+from mathnavi.sim.studies.fleet.consensus.following import ClockCase, clocks_agree
 from tests.fleet import NAMES
 
 PERIOD = 0.01
@@ -38,7 +38,7 @@ def test_a_delay_that_is_the_same_both_ways_drops_out(seed: int, delay: float) -
     rng = np.random.default_rng(seed)
     graph = Graph.random_connected(NAMES[:4], 0.3, rng)
     offsets = rng.uniform(-20.0, 20.0, 4)
-    air = DelayedLinks(Air(graph.names), delay, delay, rng)
+    air = DelayedLinks(IdealNetwork(graph.names), delay, delay, rng)
     shown = corrected(graph, offsets, np.zeros(4), air, 3.0) - 3.0
     assert np.ptp(shown) < 1e-5 * np.ptp(offsets)
     assert offsets.min() < shown.mean() < offsets.max()
@@ -55,7 +55,9 @@ def test_an_asymmetric_delay_leaves_half_of_its_difference_on_each_link() -> Non
 def test_agreeing_on_rates_takes_the_drift_out() -> None:
     graph, offsets, rates = Graph.complete(NAMES[:3]), np.array([0.0, 1.0, -2.0]), np.array([1e-3, -1e-3, 0.0])
     drifting, agreed = (
-        np.ptp(corrected(graph, offsets, rates, Air(graph.names), 10.0, scaling=4.0, rate_scaling=s, baseline=0.5))
+        np.ptp(
+            corrected(graph, offsets, rates, IdealNetwork(graph.names), 10.0, scaling=4.0, rate_scaling=s, baseline=0.5)
+        )
         for s in (0.0, 1.0)
     )
     assert drifting == pytest.approx(2e-3 / (4.0 * 3.0), rel=0.1)  # rho / (s lambda_2)
@@ -64,22 +66,22 @@ def test_agreeing_on_rates_takes_the_drift_out() -> None:
 
 def test_a_round_trip_that_took_too_long_or_came_before_it_was_sent_is_not_used() -> None:
     part = ClockConsensus(ClockConfig(memory=0.25), Graph.line(("a", "b")).node("a"))
-    part.talk(10.0, [])
+    part.exchange(10.0, [])
     for k, (sent, taken) in enumerate([(9.0, 10.04), (10.0, 9.9)]):
         t = 10.05 + 0.01 * k
-        part.talk(t, [Message(t - 0.01, "b", "", ClockPayload(5.0, 0.0, 1.0, {"a": (sent, taken)}))])
+        part.exchange(t, [Message(t - 0.01, "b", "", ClockPayload(5.0, 0.0, 1.0, {"a": (sent, taken)}))])
     assert part.refused == {"round trip": 2}
     assert part.value == 0.0
-    part.talk(10.1, [Message(10.09, "b", "", ClockPayload(5.0, 0.0, 1.0, {"a": (10.05, 10.07)}))])
+    part.exchange(10.1, [Message(10.09, "b", "", ClockPayload(5.0, 0.0, 1.0, {"a": (10.05, 10.07)}))])
     assert part.value > 0.0
 
 
 def test_a_clock_that_is_further_off_than_clocks_are_is_not_followed() -> None:
     part = ClockConsensus(ClockConfig(apart=60.0), Graph.line(("a", "b")).node("a"))
-    part.talk(1000.0, [])
+    part.exchange(1000.0, [])
     told = ClockPayload(0.0, 0.0, 1.0, {"a": (1000.0, 1000.0)})
-    part.talk(1000.1, [Message(1061.0, "b", "", told)])
-    part.talk(1000.2, [Message(900.0, "b", "", told)])
-    part.talk(1000.2, [Message(1000.1, "b", "", ClockPayload(math.nan, 0.0, 1.0, {}))])
+    part.exchange(1000.1, [Message(1061.0, "b", "", told)])
+    part.exchange(1000.2, [Message(900.0, "b", "", told)])
+    part.exchange(1000.2, [Message(1000.1, "b", "", ClockPayload(math.nan, 0.0, 1.0, {}))])
     assert part.refused == {"from the future": 1, "late": 1, "garbage": 1}
     assert part.value == 0.0

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.arrival.distance import Trajectory, clear, least_distance
-from sim.signals import Plan, Status
+from mathnavi.controllers.arrival.distance import Trajectory, clear, least_distance
+from mathnavi.sim.interfaces.signals import Plan, Status
 from tests.controllers.arrival.flights import arcs, hover, sampled_distances, straight
 
 SEEDS = st.integers(0, 2**32 - 1)

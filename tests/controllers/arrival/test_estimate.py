@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.arrival.estimate import ArrivalEstimate
-from models.aerial.dynamics import flow
-from sim.signals import Array, Phase, Plan
+from mathnavi.controllers.arrival.estimate import ArrivalEstimate
+from mathnavi.models.aerial.dynamics import flow
+from mathnavi.sim.interfaces.signals import Array, Phase, Plan
 
 TARGET = np.array([1000.0, 0.0, 100.0])
 

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.arrival.inbox import ConsensusPayload
-from controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
-from controllers.arrival.outlier import DELTA, is_outlier
-from models.fleet.graph import Graph
-from sim.network import Air, DelayedLinks, LossyLinks, Network
-from sim.signals import Array, Message
-from sim.studies.consensus_talk import talked
+from mathnavi.controllers.arrival.inbox import ConsensusPayload
+from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianConsensus
+from mathnavi.controllers.arrival.outlier import DELTA, is_outlier
+from mathnavi.models.fleet.graph import Graph
+from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network
+from mathnavi.sim.interfaces.signals import Array, Message
+from mathnavi.sim.studies.fleet.consensus.exchange import talked
 from tests.fleet import NAMES, graphs, laplacians, started, starts_for
 
 H = 1.0 / 60.0
@@ -24,7 +24,7 @@ scalings = st.floats(-2.0, 4.0).map(lambda exponent: 10.0**exponent)  # rounds f
 
 def rounds_of(graph: Graph, starts: Array, scaling: float, rounds: int = 12, network: Network | None = None) -> Array:
     parts = started(laplacians(graph, LaplacianConfig(scaling=scaling)), starts)
-    return talked(parts, graph, network or Air(graph.names), rounds)
+    return talked(parts, graph, network or IdealNetwork(graph.names), rounds)
 
 
 @settings(max_examples=40)
@@ -56,7 +56,7 @@ def test_with_loss_and_delay_all_stay_within_the_starts(
     graph: Graph, seed: int, scaling: float, loss: float, delay: float
 ) -> None:
     starts, rng = starts_for(graph, seed), np.random.default_rng(seed)
-    network = LossyLinks(DelayedLinks(Air(graph.names), 0.0, delay, rng), loss, 0.2, rng)
+    network = LossyLinks(DelayedLinks(IdealNetwork(graph.names), 0.0, delay, rng), loss, 0.2, rng)
     values = rounds_of(graph, starts, scaling, 25, network)
     assert starts.min() <= values.min()
     assert values.max() <= starts.max()
@@ -71,7 +71,7 @@ def test_compared_with_itself_then_it_keeps_the_average_and_is_unstable_beyond_t
         config = LaplacianConfig(scaling=s, own="then", memory=2.0 * bound)
         parts = started(laplacians(graph, config), [100.0, 120.0, 90.0, 105.0])
         delay = fraction * bound
-        air = DelayedLinks(Air(graph.names), delay, delay, np.random.default_rng(0))
+        air = DelayedLinks(IdealNetwork(graph.names), delay, delay, np.random.default_rng(0))
         values = talked(parts, graph, air, 600)
         np.testing.assert_allclose(values.mean(axis=1), values[0].mean(), atol=1e-6)
         last[fraction] = np.ptp(values[-60:])
@@ -82,10 +82,10 @@ def test_compared_with_itself_then_it_keeps_the_average_and_is_unstable_beyond_t
 def test_a_neighbour_that_falls_silent_is_forgotten() -> None:
     part = LaplacianConsensus(LaplacianConfig(memory=0.1), Graph.line(("a", "b")).node("a"))
     part.start(0.0)
-    part.talk(0.0, [])
+    part.exchange(0.0, [])
     moved = []
     for k in range(1, 20):
-        part.talk(k * H, [Message(0.0, "b", "", ConsensusPayload(10.0, 1.0))])
+        part.exchange(k * H, [Message(0.0, "b", "", ConsensusPayload(10.0, 1.0))])
         moved.append(part.value)
     assert moved[4] < moved[5] == moved[-1] < 10.0  # 6 rounds are .1 s
 
@@ -93,7 +93,7 @@ def test_a_neighbour_that_falls_silent_is_forgotten() -> None:
 def test_a_second_start_forgets_what_was_said_before() -> None:
     graph = Graph.line(("a", "b"))
     parts = started(laplacians(graph, LaplacianConfig()), [80.0, 100.0])
-    air = Air(graph.names)
+    air = IdealNetwork(graph.names)
     talked(parts, graph, air, 60)
     started(parts, [90.0, 70.0])
     again = talked(parts, graph, air, 60, begin=60 * H)
@@ -111,9 +111,9 @@ def test_who_is_an_outlier_does_not_depend_on_where_the_clock_begins(own: float,
     for zero in (0.0, now):
         part = LaplacianConsensus(LaplacianConfig(scaling=1e6), node)
         part.start(zero + own, zero)
-        part.talk(zero, [])
+        part.exchange(zero, [])
         for k in range(1, 40):
-            part.talk(zero + k * H, [Message(zero + k * H, "b", "", ConsensusPayload(zero + ratio * own, 1.0))])
+            part.exchange(zero + k * H, [Message(zero + k * H, "b", "", ConsensusPayload(zero + ratio * own, 1.0))])
         part.start(zero + own, zero + 1.0)
         found.append(part.outlier)
     if abs(abs((ratio * own - 1.0) / own - 1.0) - DELTA) > 1e-6:
@@ -127,7 +127,7 @@ def periods(owns: list[list[float]], rounds: int = 900) -> tuple[Array, dict[str
     """What the vehicles on a line hold after each planning period (k, 5)."""
     config = LaplacianConfig(period=1.0 / 600.0, scaling=100.0)
     parts = {name: LaplacianConsensus(config, LINE.node(name)) for name in LINE.names}
-    air, ends = Air(LINE.names), []
+    air, ends = IdealNetwork(LINE.names), []
     for k, own in enumerate(owns):
         started(parts, own)
         ends.append(talked(parts, LINE, air, rounds - 1, begin=k * rounds / 600.0)[-1])

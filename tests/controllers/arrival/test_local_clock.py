@@ -1,18 +1,18 @@
-"""A companion on a clock of its own says everything in corrected time, and nothing until the clocks agree."""
+"""A coordinator on a clock of its own says everything in corrected time, and nothing until the clocks agree."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from controllers.arrival.clock import ClockConfig, ClockConsensus
-from controllers.arrival.companion import FleetCompanion
-from controllers.arrival.local_clock import CLOCK, ClockedCompanion, LocalClock
-from controllers.arrival.maximum import Maximum, MaximumConfig
-from controllers.arrival.separation import TOPIC, Separation
-from controllers.arrival.zone import Zone
-from models.fleet.graph import Graph
-from sim.signals import Message, Phase, Plan
+from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus
+from mathnavi.controllers.arrival.coordinator import FleetCoordinator
+from mathnavi.controllers.arrival.local_clock import CLOCK, ClockedCoordinator, LocalClock
+from mathnavi.controllers.arrival.maximum import Maximum, MaximumConfig
+from mathnavi.controllers.arrival.separation import TOPIC, Separation
+from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.models.fleet.graph import Graph
+from mathnavi.sim.interfaces.signals import Message, Phase, Plan
 
 NAMES = ("a", "b")
 GRAPH = Graph.line(NAMES)
@@ -26,16 +26,16 @@ def resting(place: float, t: float = 0.0) -> Plan:
     return Plan(np.array([t, t + 50.0]), x, np.zeros((1, 3)), np.array([Phase.HOVER], np.int64))
 
 
-def clocked(name: str, place: float, settling: float) -> ClockedCompanion:
-    def companion(stored: Plan, ahead: float) -> FleetCompanion:
+def clocked(name: str, place: float, settling: float) -> ClockedCoordinator:
+    def coordinator(stored: Plan, ahead: float) -> FleetCoordinator:
         other = [each for each in NAMES if each != name]
         separation = Separation(name, other, Zone(10.0, clock_error=0.1), stored, np.random.default_rng(0))
         consensus = Maximum.build(MaximumConfig(period=PERIOD), GRAPH.node(name))
-        return FleetCompanion(separation, consensus, other, lambda plan, t: plan.t_end, 1.0, PERIOD)
+        return FleetCoordinator(separation, consensus, other, lambda plan, t: plan.t_end, 1.0, PERIOD)
 
     consensus = ClockConsensus(ClockConfig(period=PERIOD), GRAPH.node(name))
-    made = ClockedCompanion(
-        name, LocalClock(OFFSETS[name]), consensus, [n for n in NAMES if n != name], settling, 0.1, companion
+    made = ClockedCoordinator(
+        name, LocalClock(OFFSETS[name]), consensus, [n for n in NAMES if n != name], settling, 0.1, coordinator
     )
     made.adopted(0.0, resting(place))
     return made
@@ -43,7 +43,7 @@ def clocked(name: str, place: float, settling: float) -> ClockedCompanion:
 
 def talked(
     settling: float, until: float, proposed: Plan | None = None
-) -> tuple[dict[str, ClockedCompanion], list[tuple[float, Message]]]:
+) -> tuple[dict[str, ClockedCoordinator], list[tuple[float, Message]]]:
     """Two vehicles that hear each other at once, and all that was said."""
     both = {"a": clocked("a", 0.0, settling), "b": clocked("b", 500.0, settling)}
     boxes: dict[str, list[Message]] = {name: [] for name in NAMES}
@@ -51,9 +51,9 @@ def talked(
     for t in np.arange(0.0, until, PERIOD):
         if proposed is not None and abs(t - 5.0) < 1e-6:
             both["a"].propose(float(t), proposed)
-        spoken = {name: both[name].talk(float(t), boxes[name]) for name in NAMES}
+        outbox = {name: both[name].exchange(float(t), boxes[name]) for name in NAMES}
         boxes = {name: [] for name in NAMES}
-        for one in spoken.values():
+        for one in outbox.values():
             for receiver, message in one.messages:
                 boxes[receiver].append(message)
                 said.append((float(t), message))

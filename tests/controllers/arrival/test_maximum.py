@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.arrival.inbox import ConsensusPayload
-from controllers.arrival.maximum import Maximum, MaximumConfig, MaximumConsensus
-from models.fleet.graph import Graph
-from sim.network import Air, DelayedLinks, LossyLinks
-from sim.signals import Message
-from sim.studies.consensus_talk import talked
+from mathnavi.controllers.arrival.inbox import ConsensusPayload
+from mathnavi.controllers.arrival.maximum import Maximum, MaximumConfig, MaximumConsensus
+from mathnavi.models.fleet.graph import Graph
+from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks
+from mathnavi.sim.interfaces.signals import Message
+from mathnavi.sim.studies.fleet.consensus.exchange import talked
 from tests.fleet import Shuffled, graphs, maxima, started, starts_for
 
 
@@ -22,7 +22,7 @@ from tests.fleet import Shuffled, graphs, maxima, started, starts_for
 @given(graphs(), st.integers(0, 2**32 - 1))
 def test_all_know_the_maximum_after_the_diameter_whatever_the_order_of_messages(graph: Graph, seed: int) -> None:
     starts = starts_for(graph, seed)
-    air = Shuffled(Air(graph.names), np.random.default_rng(seed))
+    air = Shuffled(IdealNetwork(graph.names), np.random.default_rng(seed))
     values = talked(started(maxima(graph, math.inf), starts), graph, air, int(graph.diameter))
     reached = graph.hops[int(starts.argmax())]
     for k in range(len(values)):
@@ -33,7 +33,7 @@ def test_all_know_the_maximum_after_the_diameter_whatever_the_order_of_messages(
 @given(graphs(), st.integers(0, 2**32 - 1), st.floats(0.0, 0.5))
 def test_it_only_rises_and_arrives_in_spite_of_loss_delay_and_duplication(graph: Graph, seed: int, loss: float) -> None:
     starts, rng = starts_for(graph, seed), np.random.default_rng(seed)
-    network = LossyLinks(DelayedLinks(Air(graph.names), 0.0, 0.05, rng), loss, 0.3, rng)
+    network = LossyLinks(DelayedLinks(IdealNetwork(graph.names), 0.0, 0.05, rng), loss, 0.3, rng)
     values = talked(started(maxima(graph, math.inf), starts), graph, network, 150)
     assert (np.diff(values, axis=0) >= 0.0).all()
     assert (values[-1] == starts.max()).all()
@@ -42,7 +42,7 @@ def test_it_only_rises_and_arrives_in_spite_of_loss_delay_and_duplication(graph:
 def test_a_vehicle_above_the_deadline_is_an_outlier_that_moves_nobody_and_comes_back() -> None:
     graph = Graph.line(("a", "b", "c"))
     parts = started(maxima(graph, 100.0), [80.0, 130.0, 90.0])
-    air = Air(graph.names)
+    air = IdealNetwork(graph.names)
     assert parts["b"].value == 100.0  # capped, while it knows nothing of the others
     values = talked(parts, graph, air, 5)
     np.testing.assert_array_equal(values[-1], 90.0)  # through the outlier
@@ -57,9 +57,9 @@ def test_a_vehicle_above_the_deadline_is_an_outlier_that_moves_nobody_and_comes_
 def test_it_says_that_it_is_an_outlier() -> None:
     part = MaximumConsensus(MaximumConfig(), Graph.line(("a", "b")).node("a", deadline=100.0))
     part.start(101.0)
-    assert part.talk(0.0, []) == ConsensusPayload(None, 1.0, outlier=True)
+    assert part.exchange(0.0, []) == ConsensusPayload(None, 1.0, outlier=True)
     part.start(99.0)
-    assert part.talk(0.1, []) == ConsensusPayload(99.0, 1.0, outlier=False)
+    assert part.exchange(0.1, []) == ConsensusPayload(99.0, 1.0, outlier=False)
     part.start(70.0)
     assert part.value == 99.0  # it only rises
 
@@ -67,7 +67,7 @@ def test_it_says_that_it_is_an_outlier() -> None:
 def test_what_is_told_above_the_deadline_is_refused_and_counted() -> None:
     part = MaximumConsensus(MaximumConfig(), Graph.line(("a", "b")).node("a", deadline=100.0))
     part.start(80.0)
-    part.talk(1.0, [Message(0.5, "b", "", ConsensusPayload(100.5, 1.0))])
+    part.exchange(1.0, [Message(0.5, "b", "", ConsensusPayload(100.5, 1.0))])
     assert part.value == 80.0
     assert part.refused == {"beyond the deadline": 1}
 

@@ -13,12 +13,12 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from controllers.arrival.distance import Trajectory
-from controllers.arrival.separation import TOPIC, Answer, Proposal, Separation
-from controllers.arrival.zone import Zone, checked_start
-from models.aerial.dynamics import state_at
-from sim.network import Air, DelayedLinks, LossyLinks, Network, Partition, partitioned
-from sim.signals import Array, Message, Plan
+from mathnavi.controllers.arrival.distance import Trajectory
+from mathnavi.controllers.arrival.separation import TOPIC, Answer, Proposal, Separation
+from mathnavi.controllers.arrival.zone import Zone, checked_start
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
+from mathnavi.sim.interfaces.signals import Array, Message, Plan
 from tests.controllers.arrival.flights import hover, sampled_distances, straight, to_rest
 
 TICK, LEAD = 0.1, 2.0  # [s] the latter at most from a proposal to its start
@@ -48,7 +48,7 @@ class Vehicle:
     def act(self, t: float, network: Network, plan_now: bool) -> None:
         own = t + self.clock
         received = network.receive(self.name, t)
-        for receiver, message in self.separation.talk(own, received):
+        for receiver, message in self.separation.exchange(own, received):
             network.send(message, receiver, t)
         if self._next is not None and self._next.t_start <= own:
             if self.separation.admitted(self._id):
@@ -104,7 +104,7 @@ def test_current_plans_are_apart_for_ever_whatever_the_network_does(
     seed: int, count: int, loss: float, duplication: float, delay: float, cut: bool
 ) -> None:
     rng = np.random.default_rng(seed)
-    network: Network = LossyLinks(DelayedLinks(Air(names(count)), 0.0, delay, rng), loss, duplication, rng)
+    network: Network = LossyLinks(DelayedLinks(IdealNetwork(names(count)), 0.0, delay, rng), loss, duplication, rng)
     if cut:
         apart = frozenset(names(count)[: count // 2])
         network = partitioned(network, [Partition(1.0, 3.0, apart), Partition(4.0, 4.5, apart)])
@@ -124,7 +124,7 @@ def test_current_plans_are_apart_for_ever_whatever_the_network_does(
 
 def exchange(network: Network, vehicles: dict[str, Separation], t: float) -> None:
     for name, vehicle in vehicles.items():
-        for receiver, message in vehicle.talk(t, network.receive(name, t)):
+        for receiver, message in vehicle.exchange(t, network.receive(name, t)):
             network.send(message, receiver, t)
 
 
@@ -159,7 +159,7 @@ def rise(k: int, t: float = 5.0) -> Plan:
 
 @pytest.mark.parametrize("count", [1, 2, 6])
 def test_without_faults_and_conflicts_all_are_admitted_within_one_round_trip(count: int) -> None:
-    vehicles, network = lanes(count), DelayedLinks(Air(names(count)), 0.2, 0.2, np.random.default_rng(0))
+    vehicles, network = lanes(count), DelayedLinks(IdealNetwork(names(count)), 0.2, 0.2, np.random.default_rng(0))
     ids = {name: vehicle.propose(ahead(k)) for k, (name, vehicle) in enumerate(vehicles.items())}
     for t in (0.0, 0.2, 0.4):
         assert count == 1 or t == 0.0 or not any(vehicle.admitted(ids[name]) for name, vehicle in vehicles.items())
@@ -172,7 +172,7 @@ def test_with_15_peers_and_a_fifth_lost_a_proposal_is_nearly_always_admitted_wit
     admitted = 0
     for trial in range(40):
         vehicles = lanes(16, trial)
-        network = LossyLinks(DelayedLinks(Air(names(16)), 0.02, 0.1, rng), 0.2, 0.0, rng)
+        network = LossyLinks(DelayedLinks(IdealNetwork(names(16)), 0.02, 0.1, rng), 0.2, 0.0, rng)
         number = vehicles["v0"].propose(ahead(0))
         for t in np.arange(0.0, 5.0 / 3.0, 0.1):
             exchange(network, vehicles, float(t))
@@ -182,7 +182,7 @@ def test_with_15_peers_and_a_fifth_lost_a_proposal_is_nearly_always_admitted_wit
 
 @given(st.integers(0, 1000))
 def test_of_two_proposals_in_conflict_exactly_one_is_admitted(seed: int) -> None:
-    vehicles, network = lanes(2, seed), Air(names(2))
+    vehicles, network = lanes(2, seed), IdealNetwork(names(2))
     ids = {"v0": vehicles["v0"].propose(across(0, 1)), "v1": vehicles["v1"].propose(rise(1))}
     for t in (0.0, 0.1, 0.2, 0.3):
         exchange(network, vehicles, t)
@@ -191,7 +191,7 @@ def test_of_two_proposals_in_conflict_exactly_one_is_admitted(seed: int) -> None
 
 def test_of_many_in_conflict_each_gets_its_turn() -> None:
     """All want the same place, above; who got it leaves it again."""
-    vehicles, network, turns = lanes(5), Air(names(5)), set()
+    vehicles, network, turns = lanes(5), IdealNetwork(names(5)), set()
     for k in range(60):
         t = 10.0 * k
         ids = {name: vehicle.propose(hover_over(n, t)) for n, (name, vehicle) in enumerate(vehicles.items())}
@@ -212,16 +212,16 @@ def hover_over(n: int, t: float) -> Plan:
 
 
 def proposal_of(vehicle: Separation, t: float) -> dict[str, Message]:
-    return {to: m for to, m in vehicle.talk(t, []) if isinstance(m.payload, Proposal)}
+    return {to: m for to, m in vehicle.exchange(t, []) if isinstance(m.payload, Proposal)}
 
 
 def test_an_acknowledgement_of_a_withdrawn_proposal_is_void() -> None:
     vehicles = lanes(2)
     first = vehicles["v0"].propose(ahead(0))
-    answers = vehicles["v1"].talk(0.0, [proposal_of(vehicles["v0"], 0.0)["v1"]])
+    answers = vehicles["v1"].exchange(0.0, [proposal_of(vehicles["v0"], 0.0)["v1"]])
     vehicles["v0"].withdraw()
     second = vehicles["v0"].propose(across(0, 1))
-    vehicles["v0"].talk(0.1, [message for _, message in answers])
+    vehicles["v0"].exchange(0.1, [message for _, message in answers])
     assert first != second
     assert not vehicles["v0"].admitted(first)
     assert not vehicles["v0"].admitted(second)
@@ -233,15 +233,15 @@ def test_copies_get_the_same_answer_and_old_ones_none() -> None:
     old = proposal_of(vehicles["v0"], 0.0)["v1"]
     vehicles["v0"].propose(across(0, 1))
     new = proposal_of(vehicles["v0"], 0.1)["v1"]
-    once = vehicles["v1"].talk(0.2, [new, new])
+    once = vehicles["v1"].exchange(0.2, [new, new])
     assert [message.payload for _, message in once] == [Answer(2, True)]
     vehicles["v1"].propose(rise(1))  # in its way
-    again = vehicles["v1"].talk(0.3, [old, new, old])
+    again = vehicles["v1"].exchange(0.3, [old, new, old])
     assert [message.payload for _, message in again if isinstance(message.payload, Answer)] == [Answer(2, True)]
 
 
 def test_a_plan_in_the_way_of_what_is_flown_or_admitted_is_refused() -> None:
-    vehicles, network = lanes(3), Air(names(3))
+    vehicles, network = lanes(3), IdealNetwork(names(3))
     into = vehicles["v0"].propose(straight((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), 10.0, 5.0))  # onto v1
     for t in (0.0, 0.1, 0.2):
         exchange(network, vehicles, t)
@@ -261,7 +261,7 @@ def test_a_plan_in_the_way_of_what_is_flown_or_admitted_is_refused() -> None:
 
 
 def test_adoption_needs_every_acknowledgement_and_the_time() -> None:
-    vehicles, network = lanes(3), Air(names(3))
+    vehicles, network = lanes(3), IdealNetwork(names(3))
     with pytest.raises(ValueError, match="pending = None of v0; allowed"):
         vehicles["v0"].adopt(5.0)
     vehicles["v0"].propose(ahead(0))
@@ -282,7 +282,7 @@ def test_what_is_not_admitted_by_its_start_is_withdrawn() -> None:
     vehicle.propose(ahead(0))
     assert proposal_of(vehicle, 5.0)
     late = Message(4.0, "v1", TOPIC, Answer(1, True))
-    assert vehicle.talk(5.1, [late]) == []
+    assert vehicle.exchange(5.1, [late]) == []
     assert not vehicle.admitted(1)
     assert [each.kind for each in vehicle.events] == ["separation-late"]
 
@@ -296,15 +296,15 @@ def test_what_cannot_be_is_ignored_and_recorded() -> None:
         Message(np.nan, "v1", TOPIC, Answer(1, True)),
         Message(0.0, "v1", TOPIC, "yes"),
     ):
-        vehicle.talk(1.0, [message])
+        vehicle.exchange(1.0, [message])
         assert not vehicle.admitted(1)
         assert vehicle.events.pop().kind == "separation-ignored"
-    vehicle.talk(1.0, [Message(0.0, "v1", "radar", None)])
+    vehicle.exchange(1.0, [Message(0.0, "v1", "radar", None)])
     assert vehicle.events == []
 
 
 def test_a_vehicle_that_left_its_plan_says_so_and_is_checked_where_it_is() -> None:
-    vehicles, network = lanes(2), Air(names(2))
+    vehicles, network = lanes(2), IdealNetwork(names(2))
     vehicles["v1"].propose(ahead(1))
     vehicles["v1"].rebase(hover(lane(0, 3.0)))
     assert not vehicles["v1"].guaranteed

@@ -10,13 +10,13 @@ from functools import partial
 import numpy as np
 import pytest
 
-from controllers.flight.certificate import Certificate, TrackingBound, pass_time
-from controllers.flight.certified import Certified
-from controllers.flight.completion import ArcList, complete
-from controllers.flight.planner import Retreat, complete_by
-from models.aerial.dynamics import state_at
-from models.aerial.mission import FlightMission
-from sim.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, pass_time
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.completion import ArcList, complete
+from mathnavi.controllers.flight.planner import StopAndHover, complete_by
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
 from tests import flight
 
 BOUND = TrackingBound(2.0, 3.0, 1.0, 2.0)
@@ -36,7 +36,7 @@ def certificate(mission: FlightMission) -> Certificate:
 @pytest.fixture(scope="module")
 def good(certificate: Certificate, mission: FlightMission) -> Plan:
     """A plan that is certified: by completion, from the start at t = 0."""
-    return Retreat(certificate, PERIOD).plan(first_request(mission))
+    return StopAndHover(certificate, PERIOD).plan(first_request(mission))
 
 
 def first_request(mission: FlightMission) -> PlanRequest:
@@ -186,7 +186,7 @@ class Answers:
 
 
 def certified(certificate: Certificate, planner: Answers, factor: float = 1.3) -> Certified:
-    return Certified(planner, partial(Retreat, period=PERIOD), certificate, BOUND, factor)
+    return Certified(planner, partial(StopAndHover, period=PERIOD), certificate, BOUND, factor)
 
 
 def moved(plan: Plan, seconds: float) -> Plan:

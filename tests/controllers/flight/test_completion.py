@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.flight.completion import ArcList, complete, highest_ground
-from models.aerial.dynamics import flow
-from models.terrain.height_field import HeightField
-from sim.signals import Array, Phase, Plan
+from mathnavi.controllers.flight.completion import ArcList, complete, highest_ground
+from mathnavi.models.aerial.dynamics import flow
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Array, Phase, Plan
 from tests import flight
 
 CLEARANCE, SPEED, ACCELERATION = 50.0, 300.0, 40.0

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.flight.cost_to_go import (
+from mathnavi.controllers.flight.cost_to_go import (
     TARGET_LENGTH,
     FactoredCost,
     TerrainGrid,
@@ -20,10 +20,10 @@ from controllers.flight.cost_to_go import (
     threat_density,
     trilinear_cost,
 )
-from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain
-from models.terrain.visibility import Radar
-from sim.signals import Array
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.models.terrain.visibility import Radar
+from mathnavi.sim.interfaces.signals import Array
 from tests import flight
 
 RADAR = Radar(6500.0, 6000.0, 2500.0, 6.0)

@@ -16,20 +16,20 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from controllers.flight.certificate import Certificate
-from controllers.flight.certified import Certified
-from controllers.flight.completion import ArcList
-from controllers.flight.planner import Retreat, complete_by
-from controllers.flight.plugin import FlightConfig, SafeFlight
-from controllers.flight.tracker import CriticallyDamped, tracking_bound
-from estimators.full_state import FullState, FullStateConfig
-from models.aerial.dynamics import state_at
-from models.aerial.mission import FlightMission
-from sim.cockpit import Agent
-from sim.loop import simulate
-from sim.metrics.flight import flown_clearance
-from sim.protocols import Planner
-from sim.signals import Array, Phase, Plan, PlanRequest, Status
+from mathnavi.controllers.flight.certificate import Certificate
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.completion import ArcList
+from mathnavi.controllers.flight.planner import StopAndHover, complete_by
+from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.estimators.full_state import FullState, FullStateConfig
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.loop import simulate
+from mathnavi.sim.interfaces.protocols import Planner
+from mathnavi.sim.interfaces.signals import Array, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.metrics.flight import flown_clearance
 from tests import flight
 
 DT = 1.0 / 30.0  # [s] tick of the vehicle without MuJoCo
@@ -223,7 +223,9 @@ def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
 ) -> None:
     mission: FlightMission = dataclasses.replace(MISSION, deadline_factor=factor)
     planner, _ = SafeFlight.build(config, mission)
-    wrapped = Certified(Scripted(planner, script), partial(Retreat, period=planner.period), CERTIFICATE, BOUND, factor)
+    wrapped = Certified(
+        Scripted(planner, script), partial(StopAndHover, period=planner.period), CERTIFICATE, BOUND, factor
+    )
     watched = Watched(wrapped, factor)
     estimator = FullState(FullStateConfig(), mission)
     agent = Agent(estimator, watched, CriticallyDamped(DT, 0.8, BOUND))

@@ -13,22 +13,22 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from controllers.flight.certificate import Certificate, remainder
-from controllers.flight.certified import Certified
-from controllers.flight.planner import Retreat
-from controllers.flight.plugin import FlightConfig, SafeFlight
-from controllers.flight.tracker import CriticallyDamped, tracking_bound
-from estimators.full_state import FullState, FullStateConfig
-from models.aerial.dynamics import state_at
-from models.aerial.knowledge import RADARS, TARGET, TERRAIN
-from models.terrain.height_field import HeightField
-from models.terrain.hill import Hill, with_hills
-from models.terrain.visibility import Radar
-from sim.cockpit import Agent
-from sim.log import Recording
-from sim.loop import simulate
-from sim.metrics.flight import flown_clearance
-from sim.signals import Estimate, Message, Plan, PlanRequest, Status
+from mathnavi.controllers.flight.certificate import Certificate, remainder
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.planner import StopAndHover
+from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.estimators.full_state import FullState, FullStateConfig
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.knowledge import RADARS, TARGET, TERRAIN
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.hill import Hill, with_hills
+from mathnavi.models.terrain.visibility import Radar
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.loop import simulate
+from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest, Status
+from mathnavi.sim.metrics.flight import flown_clearance
 from tests import flight
 
 DT = 1.0 / 30.0  # [s] tick of the vehicle without MuJoCo
@@ -70,7 +70,7 @@ class Watched:
 def flown(news: Sequence[Message], ground: HeightField = MISSION.terrain) -> tuple[Recording, Watched, list[str]]:
     """The flight of a vehicle that is told ``news``, until it arrives, hits ``ground``, or for five minutes."""
     raw, _ = SafeFlight.build(FlightConfig(nodes=7), MISSION)
-    planner = Certified(raw, partial(Retreat, period=raw.period), CERTIFICATE, BOUND, FACTOR)
+    planner = Certified(raw, partial(StopAndHover, period=raw.period), CERTIFICATE, BOUND, FACTOR)
     watched = Watched(planner)
     agent = Agent(FullState(FullStateConfig(), MISSION), watched, CriticallyDamped(DT, 0.8, BOUND), messages=news)
     targets = [message.payload for message in news if message.topic == TARGET]
@@ -175,7 +175,7 @@ def certified(*answers: Plan | None) -> tuple[Certified, Plan]:
             return plan if answer is None else answer
 
     listed = Listed()
-    planner = Certified(listed, partial(Retreat, period=listed.period), CERTIFICATE, BOUND, FACTOR)
+    planner = Certified(listed, partial(StopAndHover, period=listed.period), CERTIFICATE, BOUND, FACTOR)
     first = PlanRequest(0.0, 0.0, Estimate(0.0, flight.at_rest(MISSION.start)), None)
     return planner, planner.plan(first)
 

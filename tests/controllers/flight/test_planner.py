@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controllers.flight import plugin
-from controllers.flight.certificate import Certificate, pass_time
-from controllers.flight.cost_to_go import REFERENCE_SPEED
-from controllers.flight.planner import RecedingHorizon, Solver
-from controllers.flight.plugin import FlightConfig, SafeFlight
-from controllers.flight.problem import Problem, Solution
-from controllers.flight.tracker import tracking_bound
-from models.aerial.dynamics import input_at, state_at
-from sim.protocols import Planner
-from sim.signals import Array, Estimate, Phase, Plan, PlanRequest
+from mathnavi.controllers.flight import plugin
+from mathnavi.controllers.flight.certificate import Certificate, pass_time
+from mathnavi.controllers.flight.cost_to_go import REFERENCE_SPEED
+from mathnavi.controllers.flight.planner import RecedingHorizon, Solver
+from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.problem import Problem, Solution
+from mathnavi.controllers.flight.tracker import tracking_bound
+from mathnavi.models.aerial.dynamics import input_at, state_at
+from mathnavi.sim.interfaces.protocols import Planner
+from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest
 from tests import flight
 
 MISSION = flight.mission()

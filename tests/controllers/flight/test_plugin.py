@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
 from tests import flight
 
 CONTROL = 1.0 / 60.0  # [s]

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.flight.problem import POINTS_ON_MANOEUVRE, Parameters, proportional
-from models.aerial.dynamics import flow
-from sim.signals import Array
+from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, Parameters, proportional
+from mathnavi.models.aerial.dynamics import flow
+from mathnavi.sim.interfaces.signals import Array
 
 SPEED, ACCELERATION = 300.0, 40.0
 lengths_of_arcs = st.lists(st.floats(0.05, 12.0), min_size=1, max_size=12).map(tuple)

@@ -9,14 +9,21 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controllers.flight import kernels, reference, sqp
-from controllers.flight.cost_to_go import factored_cost
-from controllers.flight.problem import Landscape, Parameters, Problem, Solution, Wanted, proportional
-from controllers.flight.reference import InteriorPoint
-from controllers.flight.sqp import CondensedSqp
-from models.terrain.height_field import HeightField
-from models.terrain.visibility import Radar
-from sim.signals import Array
+from mathnavi.controllers.flight import kernels, reference, sqp
+from mathnavi.controllers.flight.cost_to_go import factored_cost
+from mathnavi.controllers.flight.problem import (
+    LengthToGo,
+    Parameters,
+    PlanningEnvironment,
+    Problem,
+    Solution,
+    proportional,
+)
+from mathnavi.controllers.flight.reference import InteriorPoint
+from mathnavi.controllers.flight.sqp import CondensedSqp
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.visibility import Radar
+from mathnavi.sim.interfaces.signals import Array
 
 SPACING, NODES = 320.0, 97
 TARGET = (26_000.0, 24_000.0)  # [m]
@@ -37,11 +44,11 @@ def mountains() -> HeightField:
 
 
 @pytest.fixture(scope="module")
-def landscape() -> Landscape:
+def landscape() -> PlanningEnvironment:
     terrain = mountains()
     target = np.array([*TARGET, float(terrain.height(*TARGET)) + 200.0])
     radar = Radar(15_000.0, 14_000.0, 5_000.0, 3.0)
-    return Landscape.build(terrain, factored_cost(terrain, target, [radar], 33, 5))
+    return PlanningEnvironment.build(terrain, factored_cost(terrain, target, [radar], 33, 5))
 
 
 def uniform(arcs: int) -> tuple[float, ...]:
@@ -53,7 +60,7 @@ def stretched(arcs: int, horizon: float, ratio: float) -> tuple[float, ...]:
 
 
 def problem_at(
-    landscape: Landscape,
+    landscape: PlanningEnvironment,
     x: float,
     y: float,
     above: float,
@@ -66,7 +73,7 @@ def problem_at(
     return Problem(parameters, landscape, start)
 
 
-def held(landscape: Landscape, lengths: tuple[float, ...], distance: float) -> Problem:
+def held(landscape: PlanningEnvironment, lengths: tuple[float, ...], distance: float) -> Problem:
     """An exact arrival from ``distance`` [m] south-west of the target, flying towards it."""
     target = landscape.cost.target
     x, y = target[:2] - distance / np.sqrt(2.0)
@@ -78,10 +85,10 @@ def held(landscape: Landscape, lengths: tuple[float, ...], distance: float) -> P
 
 def timed(problem: Problem, share: float, **penalty: Any) -> Problem:
     """With a length to go at p_N that is this share of that at the start; ``penalty`` makes it one."""
-    return replace(problem, wanted=Wanted(share * float(problem.landscape.cost(problem.start[:3])[0]), **penalty))
+    return replace(problem, wanted=LengthToGo(share * float(problem.landscape.cost(problem.start[:3])[0]), **penalty))
 
 
-def some_problems(landscape: Landscape) -> list[Problem]:
+def some_problems(landscape: PlanningEnvironment) -> list[Problem]:
     rest, towards = np.zeros(3), np.array([180.0, 160.0, 0.0])
     return [
         problem_at(landscape, 3_000.0, 2_500.0, 300.0, rest),
@@ -134,7 +141,7 @@ def solved(outcome: Solution | str) -> Solution:
     return outcome
 
 
-def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: Landscape) -> None:
+def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: PlanningEnvironment) -> None:
     """The gradient of the kernels is the programme's, plus what its soft rows contribute at a zero step.
 
     Their Hessian leaves the terrain's curvature out, so only what a descent direction needs is asked of it.
@@ -163,7 +170,9 @@ def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: Lan
 
 
 @pytest.mark.parametrize("lengths", [uniform(6), stretched(6, 14.0, 1.3)], ids=["uniform", "stretched"])
-def test_the_balls_have_the_slope_and_the_curvature_of_norms(landscape: Landscape, lengths: tuple[float, ...]) -> None:
+def test_the_balls_have_the_slope_and_the_curvature_of_norms(
+    landscape: PlanningEnvironment, lengths: tuple[float, ...]
+) -> None:
     """With an exact arrival the Hessian is that of effort, climb rate and the balls, weighted by their multipliers."""
     rng, problem = np.random.default_rng(2), held(landscape, lengths, 2_200.0)
     n, looked = problem.arcs, len(problem.stencil.base) - 2
@@ -189,7 +198,7 @@ def test_the_balls_have_the_slope_and_the_curvature_of_norms(landscape: Landscap
 
 @pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
 def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_find(
-    landscape: Landscape, backend: reference.Backend
+    landscape: PlanningEnvironment, backend: reference.Backend
 ) -> None:
     condensed, interior = CondensedSqp(1e-6, 50), InteriorPoint(backend, 1e-6)
     for problem in some_problems(landscape):
@@ -201,7 +210,7 @@ def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_fin
 
 
 @pytest.mark.parametrize("share", [0.8, 0.9, 0.97])
-def test_a_length_to_go_that_is_wanted_is_had_where_it_can_be(landscape: Landscape, share: float) -> None:
+def test_a_length_to_go_that_is_wanted_is_had_where_it_can_be(landscape: PlanningEnvironment, share: float) -> None:
     """Within a few metres: sooner by flying faster, later by flying slower or about."""
     problem = timed(problem_at(landscape, 6_000.0, 9_000.0, 300.0, np.array([180.0, 160.0, 0.0]), uniform(12)), share)
     solution = solved(CondensedSqp().solve(problem, np.zeros(37)))
@@ -211,7 +220,7 @@ def test_a_length_to_go_that_is_wanted_is_had_where_it_can_be(landscape: Landsca
     assert float(landscape.cost(end)[0]) == pytest.approx(problem.wanted.length, abs=5.0)
 
 
-def test_a_warm_start_from_the_solution_finds_it_again(landscape: Landscape) -> None:
+def test_a_warm_start_from_the_solution_finds_it_again(landscape: PlanningEnvironment) -> None:
     problem = some_problems(landscape)[1]
     solver = InteriorPoint()
     first = solved(solver.solve(problem, np.zeros(3 * problem.arcs + 1)))
@@ -220,7 +229,7 @@ def test_a_warm_start_from_the_solution_finds_it_again(landscape: Landscape) -> 
     assert again.iterations <= first.iterations
 
 
-def test_the_bounds_hold_at_the_solutions(landscape: Landscape) -> None:
+def test_the_bounds_hold_at_the_solutions(landscape: PlanningEnvironment) -> None:
     for solver in (CondensedSqp(), InteriorPoint("ipopt"), InteriorPoint("fatrop")):
         for problem in some_problems(landscape):
             solution = solved(solver.solve(problem, np.zeros(3 * problem.arcs + 1)))
@@ -230,7 +239,7 @@ def test_the_bounds_hold_at_the_solutions(landscape: Landscape) -> None:
             assert np.linalg.norm(solution.accelerations, axis=1).max() <= 40.0 * (1.0 + 1e-4)
 
 
-def test_a_target_out_of_reach_gives_a_reason_not_an_exception(landscape: Landscape) -> None:
+def test_a_target_out_of_reach_gives_a_reason_not_an_exception(landscape: PlanningEnvironment) -> None:
     problem = held(landscape, uniform(3), 6_000.0)  # three arcs of 5/3 s at 300 m/s go 1500 m
     for solver in (CondensedSqp(), InteriorPoint("ipopt"), InteriorPoint("fatrop")):
         outcome = solver.solve(problem, np.zeros(3 * problem.arcs + 1))

@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.flight.certificate import Certificate
-from controllers.flight.certified import Certified
-from controllers.flight.completion import ArcList, complete
-from controllers.flight.planner import ARRIVAL, Retreat
-from controllers.flight.plugin import FlightConfig, SafeFlight
-from models.aerial.dynamics import state_at
-from sim.protocols import Planner
-from sim.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
+from mathnavi.controllers.flight.certificate import Certificate
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.completion import ArcList, complete
+from mathnavi.controllers.flight.planner import ARRIVAL, StopAndHover
+from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.sim.interfaces.protocols import Planner
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
 from tests import flight
 
 MISSION = flight.mission()
@@ -45,7 +45,7 @@ def arrival(
     raw, tracker = SafeFlight.build(config, MISSION)
     certificate = Certificate.of(MISSION, tracker.bound)
     planner = Certified(
-        FailsFrom(raw, fails_from), partial(Retreat, period=raw.period), certificate, tracker.bound, 4.0
+        FailsFrom(raw, fails_from), partial(StopAndHover, period=raw.period), certificate, tracker.bound, 4.0
     )
     current = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, flight.at_rest(MISSION.start)), None))
     t, told, plans = 0.0, None, [current]

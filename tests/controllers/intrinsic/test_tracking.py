@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.intrinsic.attitude import AttitudeReference, AttitudeTracking
-from controllers.intrinsic.joints import JointTracking
-from controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
-from models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
-from models.manifold.mission import LagrangianMission
-from models.manifold.systems import PointSystem, RigidBody, linear
-from models.mechanism.entity import build_model
-from models.mechanism.system import MechanismSystem
-from sim.signals import Array, Estimate, PlanRequest, Status
+from mathnavi.controllers.intrinsic.attitude import AttitudeReference, AttitudeTracking
+from mathnavi.controllers.intrinsic.joints import JointTracking
+from mathnavi.controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear
+from mathnavi.models.mechanism.entity import build_model
+from mathnavi.models.mechanism.system import MechanismSystem
+from mathnavi.sim.interfaces.signals import Array, Estimate, PlanRequest, Status
 
 GEARED = """<mujoco><worldbody><body><joint name="hinge" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body></worldbody>
 <actuator><motor joint="hinge" gear="100" ctrllimited="true" ctrlrange="-.2 .2"/></actuator></mujoco>"""

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from controllers.missile.autopilot import Autopilot
-from controllers.missile.feedback_linearisation import FeedbackLinearisation
-from controllers.missile.open_loop import OpenLoop
-from controllers.missile.tvlqr import TimeVaryingLQR, gains
-from models.missile.coordinates import PLANAR, SPATIAL, Coordinates
-from models.missile.dynamics import NOMINAL, Body
-from models.missile.mission import MissileMission, Target
-from sim.signals import Array, Estimate, Phase, Plan
+from mathnavi.controllers.missile.autopilot import Autopilot
+from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
+from mathnavi.controllers.missile.open_loop import OpenLoop
+from mathnavi.controllers.missile.tvlqr import TimeVaryingLQR, gains
+from mathnavi.models.missile.coordinates import PLANAR, SPATIAL, Coordinates
+from mathnavi.models.missile.dynamics import NOMINAL, Body
+from mathnavi.models.missile.mission import MissileMission, Target
+from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan
 from tests.controllers.missile.flights import deviation, first_plan, mission
 
 AUTOPILOTS: dict[str, Callable[[MissileMission], Autopilot]] = {

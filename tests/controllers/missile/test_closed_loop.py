@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.missile.plugin import MissileGuidance
-from sim.plugins import Part
-from sim.scenarios.missile_fields import MissileGuidanceConfig
-from sim.scenarios.missile_guidance import MissileGuidance as Scenario
-from sim.sweep.trial import trial
+from mathnavi.controllers.missile.plugin import MissileGuidance
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig
+from mathnavi.sim.scenarios.missile_guidance import MissileGuidance as Scenario
+from mathnavi.sim.sweep.trial import trial
 
 ROUGH = {
     **{"mismatch.mass": 1.1, "mismatch.inertia": 1.1, "mismatch.force": 0.95},
@@ -70,6 +70,8 @@ def test_in_space_pitch_and_yaw_planners_meet_a_target_that_moves_across() -> No
 
 def test_the_same_seed_gives_the_same_flight() -> None:
     config = MissileGuidanceConfig(case="FAST")
-    one, other = (Scenario.build(config, 3, Part.of(MissileGuidance, backend="fatrop")).run().arrays for _ in range(2))
+    one, other = (
+        Scenario.build(config, 3, PluginSpec.of(MissileGuidance, backend="fatrop")).run().arrays for _ in range(2)
+    )
     for name, array in one.items():
         np.testing.assert_array_equal(array, other[name], err_msg=name)

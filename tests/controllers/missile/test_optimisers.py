@@ -8,19 +8,19 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from controllers.missile.aim import Aim
-from controllers.missile.pitch_and_yaw import PitchAndYaw
-from controllers.missile.shooting import Failed
-from controllers.missile.trajectory import Optimiser, Trajectory
-from controllers.missile.whole import WholeFlight
-from controllers.ocp.distribution import Equidistributed, Fixed
-from controllers.ocp.methods.direct import solve
-from controllers.ocp.problems.missile import missile
-from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
-from models.missile.coordinates import PLANAR, SPATIAL
-from models.missile.dynamics import NOMINAL
-from models.missile.mission import CASES
-from sim.signals import Array
+from mathnavi.controllers.missile.aim import TerminalCondition
+from mathnavi.controllers.missile.pitch_and_yaw import PitchAndYaw
+from mathnavi.controllers.missile.shooting import Failed
+from mathnavi.controllers.missile.trajectory import Optimiser, Trajectory
+from mathnavi.controllers.missile.whole import WholeFlight
+from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.problems.missile import missile
+from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
+from mathnavi.models.missile.dynamics import NOMINAL
+from mathnavi.models.missile.mission import CASES
+from mathnavi.sim.interfaces.signals import Array
 from tests.controllers.missile.flights import INPUT_MAX
 
 DOWN = -0.5 * math.pi
@@ -41,8 +41,10 @@ def pitch_and_yaw(case: str) -> PitchAndYaw:
     return PitchAndYaw(CASES[case], NOMINAL, limits, limits, NODES, "fatrop", Fixed())
 
 
-def aim(x: float = 700.0, y: float = 0.0, z: float = 0.0, velocity: tuple[float, float, float] = (0, 0, 0)) -> Aim:
-    return Aim(np.array([x, y, z]), np.array(velocity, float), DOWN)
+def aim(
+    x: float = 700.0, y: float = 0.0, z: float = 0.0, velocity: tuple[float, float, float] = (0, 0, 0)
+) -> TerminalCondition:
+    return TerminalCondition(np.array([x, y, z]), np.array(velocity, float), DOWN)
 
 
 def level(case: str, heading: float = 0.0) -> Array:
@@ -52,7 +54,7 @@ def level(case: str, heading: float = 0.0) -> Array:
     return x
 
 
-def found(optimiser: Optimiser, start: Array, at: Aim, t: float = 0.0) -> Trajectory:
+def found(optimiser: Optimiser, start: Array, at: TerminalCondition, t: float = 0.0) -> Trajectory:
     flight = optimiser.optimise(t, start, at)
     assert isinstance(flight, Trajectory), flight
     return flight
@@ -78,7 +80,7 @@ def test_the_pitch_plane_is_the_problem_of_the_design_study(case: str) -> None:
     ],
 )
 def test_a_flight_starts_where_it_should_joins_and_ends_on_the_target(
-    make: Callable[[str], Optimiser], start: Array, at: Aim
+    make: Callable[[str], Optimiser], start: Array, at: TerminalCondition
 ) -> None:
     flight = found(make("SM2"), start, at)
     coordinates = PLANAR if len(start) == 6 else SPATIAL

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.missile.planes import inputs_between, split, together
-from controllers.missile.shooting import Solved
-from controllers.missile.trajectory import flown
-from models.missile.coordinates import PLANAR, SPATIAL
-from models.missile.dynamics import Body
-from sim.signals import Array
+from mathnavi.controllers.missile.planes import inputs_between, split, together
+from mathnavi.controllers.missile.shooting import Solved
+from mathnavi.controllers.missile.trajectory import flown
+from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
+from mathnavi.models.missile.dynamics import Body
+from mathnavi.sim.interfaces.signals import Array
 
 BODY = Body(axial_inertia=30.0)  # thick enough for the products of inertia to matter
 

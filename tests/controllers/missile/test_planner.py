@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.missile.aim import Aim
-from controllers.missile.feedback_linearisation import FeedbackLinearisation
-from controllers.missile.planner import MissilePlanner
-from controllers.missile.shooting import Failed
-from controllers.missile.trajectory import Trajectory, flown
-from models.missile.coordinates import PLANAR, SPATIAL
-from models.missile.mission import MissileMission, Target
-from sim.cockpit import Agent
-from sim.loop import simulate
-from sim.protocols import Planner
-from sim.signals import Array, Estimate, Message, Plan, PlanRequest, Status
+from mathnavi.controllers.missile.aim import TerminalCondition
+from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
+from mathnavi.controllers.missile.planner import MissilePlanner
+from mathnavi.controllers.missile.shooting import Failed
+from mathnavi.controllers.missile.trajectory import Trajectory, flown
+from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
+from mathnavi.models.missile.mission import MissileMission, Target
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.loop import simulate
+from mathnavi.sim.interfaces.protocols import Planner
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from tests.controllers.missile.flights import built, deviation, miss, mission
 
 PERIOD = 0.1
@@ -28,10 +28,10 @@ class Scripted:
     """An optimiser that notes what it is asked and fails when it is told to."""
 
     def __init__(self) -> None:
-        self.asked: list[tuple[float, Array, Aim]] = []
+        self.asked: list[tuple[float, Array, TerminalCondition]] = []
         self.fails = False
 
-    def optimise(self, t: float, start: Array, aim: Aim) -> Trajectory | Failed:
+    def optimise(self, t: float, start: Array, aim: TerminalCondition) -> Trajectory | Failed:
         self.asked.append((t, start.copy(), aim))
         if self.fails:
             return Failed("it was told to", infeasible=False)

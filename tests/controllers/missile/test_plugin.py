@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from controllers.missile.plugin import MissileConfig, MissileGuidance
-from controllers.ocp.solver import transcription
-from models.missile.coordinates import SPATIAL
-from sim.signals import Estimate, PlanRequest
+from mathnavi.controllers.missile.plugin import MissileConfig, MissileGuidance
+from mathnavi.controllers.ocp.solver import transcription
+from mathnavi.models.missile.coordinates import SPATIAL
+from mathnavi.sim.interfaces.signals import Estimate, PlanRequest
 from tests.controllers.missile.flights import built, first_plan, mission
 
 

@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.missile.aim import Aim
-from controllers.missile.guess import pitch_guess
-from controllers.missile.problem import guidance_problem, weights
-from controllers.missile.shooting import Failed, Shooting, Solved, mean_between
-from controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
-from models.missile.coordinates import PLANAR
-from models.missile.dynamics import NOMINAL
-from models.missile.mission import CASES
+from mathnavi.controllers.missile.aim import TerminalCondition
+from mathnavi.controllers.missile.guess import pitch_guess
+from mathnavi.controllers.missile.problem import guidance_problem, weights
+from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved, mean_between
+from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
+from mathnavi.models.missile.coordinates import PLANAR
+from mathnavi.models.missile.dynamics import NOMINAL
+from mathnavi.models.missile.mission import CASES
 from tests.controllers.missile.flights import INPUT_MAX, mission
 
-AIM = Aim(np.array([700.0, 0.0, 0.0]), np.zeros(3), -0.5 * np.pi)
+AIM = TerminalCondition(np.array([700.0, 0.0, 0.0]), np.zeros(3), -0.5 * np.pi)
 NODES = 15
 
 

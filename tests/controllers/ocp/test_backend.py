@@ -8,15 +8,15 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from controllers import compilation
-from controllers.ocp.backend import Backend, NumericalSolver, Options
-from controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
-from controllers.ocp.nlp import programme
-from controllers.ocp.problems.missile import missile
-from controllers.ocp.solution import Outcome, Solution
-from controllers.ocp.solver import transcription
-from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers import compilation
+from mathnavi.controllers.ocp.backend import Backend, NumericalSolver, Options
+from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
+from mathnavi.controllers.ocp.nlp import programme
+from mathnavi.controllers.ocp.problems.missile import missile
+from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solver import transcription
+from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 
 NODES = 12
 COMPILED = pytest.mark.skipif(compilation.compiler() is None, reason="there is no C compiler named cc")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controllers.ocp.distribution import (
+from mathnavi.controllers.ocp.distribution import (
     EquidistantHorizon,
     Equidistributed,
     Fixed,
@@ -13,20 +13,20 @@ from controllers.ocp.distribution import (
     FrontLoaded,
     FunctionalMinimised,
 )
-from controllers.ocp.methods.direct import solve
-from controllers.ocp.methods.equidistribution import distribute
-from controllers.ocp.methods.gate import gated
-from controllers.ocp.methods.redistribution import redistribute
-from controllers.ocp.methods.refinement import refine
-from controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
-from controllers.ocp.problems.missile import missile
-from controllers.ocp.residual import local_errors
-from controllers.ocp.solution import Outcome, Solution
-from controllers.ocp.solver import transcription
-from controllers.ocp.statement import OptimalControlProblem, Statement
-from controllers.ocp.transcriptions.euler import Euler
-from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.equidistribution import distribute
+from mathnavi.controllers.ocp.methods.gate import gated
+from mathnavi.controllers.ocp.methods.redistribution import redistribute
+from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
+from mathnavi.controllers.ocp.problems.missile import missile
+from mathnavi.controllers.ocp.residual import local_errors
+from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solver import transcription
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 
 
 def coasting(longest: float) -> OptimalControlProblem:

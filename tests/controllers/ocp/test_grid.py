@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.ocp import grid as grids
-from controllers.ocp.grid import Grid
+from mathnavi.controllers.ocp import grid as grids
+from mathnavi.controllers.ocp.grid import Grid
 
 
 @given(n=st.integers(2, 30), ratio=st.floats(0.7, 1.4))

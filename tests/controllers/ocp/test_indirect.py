@@ -8,10 +8,10 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controllers.ocp.indirect import solve_indirect
-from controllers.ocp.methods.direct import solve
-from controllers.ocp.problems.missile import missile
-from controllers.ocp.statement import Statement
+from mathnavi.controllers.ocp.indirect import solve_indirect
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.problems.missile import missile
+from mathnavi.controllers.ocp.statement import Statement
 
 
 def test_the_minimum_energy_transfer_is_found_exactly() -> None:

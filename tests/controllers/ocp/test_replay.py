@@ -8,12 +8,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controllers.ocp.methods.direct import solve
-from controllers.ocp.replay import replayed
-from controllers.ocp.solution import Outcome, Solution
-from controllers.ocp.statement import OptimalControlProblem, Statement
-from controllers.ocp.transcriptions.euler import Euler
-from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 
 
 def problem_with(rate: float, upper: float = 10.0) -> OptimalControlProblem:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controllers.ocp.methods.direct import solve
-from controllers.ocp.methods.redistribution import redistribute, redistributed
-from controllers.ocp.problems.double_integrator import double_integrator_energy
-from controllers.ocp.problems.hypersensitive import hypersensitive_short
-from controllers.ocp.problems.library import PROBLEMS
-from controllers.ocp.residual import RESIDUAL, cost_errors, local_errors
-from controllers.ocp.solution import Outcome
-from controllers.ocp.transcriptions.euler import Euler
-from controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
-from controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
+from mathnavi.controllers.ocp.problems.double_integrator import double_integrator_energy
+from mathnavi.controllers.ocp.problems.hypersensitive import hypersensitive_short
+from mathnavi.controllers.ocp.problems.library import PROBLEMS
+from mathnavi.controllers.ocp.residual import RESIDUAL, cost_errors, local_errors
+from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 
 
 def test_a_polynomial_solution_leaves_no_residual() -> None:

@@ -6,15 +6,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controllers.ocp.backend import Options
-from controllers.ocp.grid import uniform
-from controllers.ocp.methods.direct import solve
-from controllers.ocp.problems.missile import missile
-from controllers.ocp.solution import Outcome
-from controllers.ocp.solver import transcription
-from controllers.ocp.statement import OptimalControlProblem, Statement
-from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.backend import Options
+from mathnavi.controllers.ocp.grid import uniform
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.problems.missile import missile
+from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.controllers.ocp.solver import transcription
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 
 SHOOTING = MultipleShooting(1)
 

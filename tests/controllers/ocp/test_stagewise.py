@@ -8,16 +8,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
-from controllers.ocp.nlp import Programme, programme
-from controllers.ocp.problems.missile import missile
-from controllers.ocp.statement import OptimalControlProblem, Statement
-from controllers.ocp.transcriptions.euler import Euler
-from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
-from controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
-from controllers.ocp.transcriptions.scheme import Scheme
-from sim.signals import Array
+from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
+from mathnavi.controllers.ocp.nlp import Programme, programme
+from mathnavi.controllers.ocp.problems.missile import missile
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.signals import Array
 
 
 def constrained() -> OptimalControlProblem:

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from controllers.ocp.statement import Statement, StatementError
+from mathnavi.controllers.ocp.statement import Statement, StatementError
 
 
 def double_integrator() -> tuple[Statement, ca.SX, ca.SX, ca.SX]:

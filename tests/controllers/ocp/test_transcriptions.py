@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from controllers.ocp.grid import stretched, uniform
-from controllers.ocp.methods.direct import solve
-from controllers.ocp.statement import OptimalControlProblem, Statement
-from controllers.ocp.transcriptions.euler import Euler
-from controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
-from controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
-from controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto, legendre_gauss_lobatto
-from controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
-from controllers.ocp.transcriptions.trapezoid import Trapezoid
+from mathnavi.controllers.ocp.grid import stretched, uniform
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
+from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto, legendre_gauss_lobatto
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
+from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 
 SCHEMES = [
     Euler(),

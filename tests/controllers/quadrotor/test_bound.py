@@ -7,16 +7,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from controllers.flight.completion import ArcList
-from controllers.quadrotor.bound import Loop, tracking_bound
-from controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
-from models.aerial.dynamics import state_at
-from models.aerial.mission import FlightMission, GustModel
-from models.quadrotor.dynamics import NOMINAL, Quadrotor, at_rest
-from models.quadrotor.entity import RotorDrive
-from sim.faults import ConstantWrench, Gusts
-from sim.plant import Equipment, MujocoPlant
-from sim.signals import Array, Phase
+from mathnavi.controllers.flight.completion import ArcList
+from mathnavi.controllers.quadrotor.bound import Loop, tracking_bound
+from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor, at_rest
+from mathnavi.models.quadrotor.entity import RotorDrive
+from mathnavi.sim.engine.faults import ConstantWrench, Gusts
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.signals import Array, Phase
 from tests.quadrotor import PERIOD, TICKS, built, estimate_of, flight_mission, flown, hovering, plain, turning
 
 CONFIG = TrackerConfig()
@@ -77,7 +77,7 @@ def test_the_bound_is_kept_by_plans_that_take_over_unforeseen(rough: bool) -> No
     rng, high = np.random.default_rng(0), np.array([200.0, 200.0, 900.0])
     true = dataclasses.replace(NOMINAL, mass=1.1 * NOMINAL.mass, motor_lag=1.15 * NOMINAL.motor_lag)
     true = true if rough else NOMINAL
-    equipment = {"quad": Equipment(at_rest(high), drive=RotorDrive(true))}
+    equipment = {"quad": VehicleSetup(at_rest(high), drive=RotorDrive(true))}
     plant = MujocoPlant(built(plain(), true), equipment, np.random.default_rng(0))
     gusts = Gusts(true.mass * GUSTS.rms, GUSTS.time_constant, true.mass * GUSTS.limit, rng)
     tracker = GeometricTracker(PERIOD, CONFIG, NOMINAL, bound)

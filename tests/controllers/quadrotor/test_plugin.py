@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.flight.certificate import Certificate
-from controllers.flight.certified import Certified
-from controllers.flight.planner import Retreat
-from controllers.quadrotor.plugin import QuadrotorConfig, QuadrotorFlight
-from estimators.quadrotor_state import QuadrotorState
-from models.aerial.dynamics import state_at
-from models.aerial.mission import GustModel
-from models.quadrotor.dynamics import NOMINAL, POSITION, VELOCITY, Quadrotor
-from models.quadrotor.entity import RotorDrive
-from models.quadrotor.mission import QuadrotorMission
-from sim.faults import Disturbed, Gusts
-from sim.loop import Agent, simulate
-from sim.plant import Equipment, MujocoPlant
-from sim.protocols import Plant
+from mathnavi.controllers.flight.certificate import Certificate
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.planner import StopAndHover
+from mathnavi.controllers.quadrotor.plugin import QuadrotorConfig, QuadrotorFlight
+from mathnavi.estimators.quadrotor_state import QuadrotorState
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.mission import GustModel
+from mathnavi.models.quadrotor.dynamics import NOMINAL, POSITION, VELOCITY, Quadrotor
+from mathnavi.models.quadrotor.entity import RotorDrive
+from mathnavi.models.quadrotor.mission import QuadrotorMission
+from mathnavi.sim.engine.faults import Disturbed, Gusts
+from mathnavi.sim.engine.loop import Agent, simulate
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.protocols import Plant
 from tests.quadrotor import built, flight_mission, hills
 
 
@@ -34,9 +34,9 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> d
     raw, tracker = QuadrotorFlight.build(QuadrotorConfig(), mission)
     bound = tracker.bound  # type: ignore[attr-defined]
     certificate = Certificate.of(flight, bound)
-    planner = Certified(raw, partial(Retreat, period=raw.period), certificate, bound, flight.deadline_factor)
+    planner = Certified(raw, partial(StopAndHover, period=raw.period), certificate, bound, flight.deadline_factor)
     config = QuadrotorState.Config()
-    equipment = Equipment(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))
+    equipment = VehicleSetup(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))
     body = MujocoPlant(built(flight.terrain, true), {"quad": equipment}, sensing)
     m = true.mass
     plant: Plant = body

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from controllers.quadrotor.kernels import target_at
-from controllers.quadrotor.reference import ReferenceFilter, deviation
-from models.aerial.dynamics import state_at
-from models.aerial.kernels import arc_at
-from sim.signals import Array, Plan
+from mathnavi.controllers.quadrotor.kernels import target_at
+from mathnavi.controllers.quadrotor.reference import ReferenceFilter, deviation
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.kernels import arc_at
+from mathnavi.sim.interfaces.signals import Array, Plan
 from tests.quadrotor import HIGH, plan_of, turning
 
 OMEGA = 9.0

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.quadrotor.similarity import Similarity, SimilarPlanner
-from models.aerial.dynamics import flow
-from models.terrain.visibility import Radar
-from sim.signals import Estimate, Message, Plan, PlanRequest, Status
+from mathnavi.controllers.quadrotor.similarity import Similarity, SimilarPlanner
+from mathnavi.models.aerial.dynamics import flow
+from mathnavi.models.terrain.visibility import Radar
+from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest, Status
 from tests.flight import assert_well_formed
 from tests.quadrotor import flight_mission, hills, turning
 

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from controllers.quadrotor.kernels import attitude_error, attitude_of, rates_of, rotation
-from controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
-from models.quadrotor.dynamics import ATTITUDE, NOMINAL, RATE, VELOCITY, Quadrotor, at_rest
-from models.quadrotor.entity import tilt
-from sim.faults import ConstantWrench
-from sim.protocols import Tracker
-from sim.signals import Array, Estimate
+from mathnavi.controllers.quadrotor.kernels import attitude_error, attitude_of, rates_of, rotation
+from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
+from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, RATE, VELOCITY, Quadrotor, at_rest
+from mathnavi.models.quadrotor.entity import tilt
+from mathnavi.sim.engine.faults import ConstantWrench
+from mathnavi.sim.interfaces.protocols import Tracker
+from mathnavi.sim.interfaces.signals import Array, Estimate
 from tests.quadrotor import ANY_BOUND, HIGH, PERIOD, estimate_of, flown, hovering, plan_of, turning
 
 unit = st.tuples(*[st.floats(-1.0, 1.0)] * 4).map(np.array).filter(lambda q: np.linalg.norm(q) > 0.1)

@@ -7,10 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from controllers.quadrotor.reference import ReferenceFilter
-from controllers.quadrotor.tracker import TrackerConfig
-from controllers.quadrotor.turning import greatest_acceleration, turning_peak
-from models.quadrotor.dynamics import NOMINAL
+from mathnavi.controllers.quadrotor.reference import ReferenceFilter
+from mathnavi.controllers.quadrotor.tracker import TrackerConfig
+from mathnavi.controllers.quadrotor.turning import greatest_acceleration, turning_peak
+from mathnavi.models.quadrotor.dynamics import NOMINAL
 from tests.quadrotor import PERIOD, plan_of
 
 CONFIG = TrackerConfig()

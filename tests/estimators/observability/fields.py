@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from estimators.observability.range_outputs import RangeOutputs
-from models.field.curve import BEAN, EGG, Curve, ellipse
+from mathnavi.estimators.observability.range_outputs import RangeOutputs
+from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
 
 ELLIPSE = ellipse(3.763, math.sqrt(2.0))
 CIRCLE = ellipse(2.0, 2.0)

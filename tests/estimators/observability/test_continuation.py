@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.observability.continuation import End, Equations, trace_curve
-from sim.signals import Array
+from mathnavi.estimators.observability.continuation import End, Equations, trace_curve
+from mathnavi.sim.interfaces.signals import Array
 
 
 def sphere_and_plane(radius: float, height: float) -> Equations:

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
-from estimators.observability.continuation import End, TracedCurve
-from estimators.observability.feasible_set import FeasibleSet, feasible_set
-from estimators.observability.range_outputs import RangeOutputs
-from models.field.curve import Curve
-from sim.signals import Array
+from mathnavi.estimators.observability.continuation import End, TracedCurve
+from mathnavi.estimators.observability.feasible_set import FeasibleSet, feasible_set
+from mathnavi.estimators.observability.range_outputs import RangeOutputs
+from mathnavi.models.field.curve import Curve
+from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.observability.fields import (
     BEAN,
     CIRCLE,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimators.observability.indistinguishable import indistinguishable_states, small_time
-from estimators.observability.range_outputs import motion_under, pose_difference
-from models.field.curve import Curve
-from models.unicycle.patterns import figure_eight
+from mathnavi.estimators.observability.indistinguishable import indistinguishable_states, small_time
+from mathnavi.estimators.observability.range_outputs import motion_under, pose_difference
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.patterns import figure_eight
 from tests.estimators.observability.fields import CIRCLE, EGG, ELLIPSE, sensors
 
 EIGHT = motion_under(lambda t: figure_eight(t, 0.5, 8.0), 4.0, 12)

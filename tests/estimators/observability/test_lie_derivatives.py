@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.observability.lie_derivatives import ControlAffineSystem, codistribution, rank, singular_values
-from estimators.observability.range_outputs import RangeOutputs
-from estimators.observability.range_system import range_system, ray_ends
-from models.field.curve import Curve
-from models.textbook.camera_and_flags import camera_and_flags
-from sim.signals import Array
+from mathnavi.estimators.observability.lie_derivatives import ControlAffineSystem, codistribution, rank, singular_values
+from mathnavi.estimators.observability.range_outputs import RangeOutputs
+from mathnavi.estimators.observability.range_system import range_system, ray_ends
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.textbook.camera_and_flags import camera_and_flags
+from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.observability.fields import BEAN, CIRCLE, CURVES, ELLIPSE, THESIS, THESIS_START, sensors
 
 

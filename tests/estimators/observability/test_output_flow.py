@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.observability.continuation import trace_curve
-from estimators.observability.feasible_set import FeasibleSet, feasible_set
-from estimators.observability.output_flow import equal_rates, intersection, mismatch
-from estimators.observability.range_outputs import RangeOutputs, motion_under, pose_difference
-from models.field.curve import Curve
-from sim.signals import Array
+from mathnavi.estimators.observability.continuation import trace_curve
+from mathnavi.estimators.observability.feasible_set import FeasibleSet, feasible_set
+from mathnavi.estimators.observability.output_flow import equal_rates, intersection, mismatch
+from mathnavi.estimators.observability.range_outputs import RangeOutputs, motion_under, pose_difference
+from mathnavi.models.field.curve import Curve
+from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.observability.fields import CIRCLE, EGG, ELLIPSE, THESIS, THESIS_START, sensors
 
 TURNING = (0.5, 0.5)

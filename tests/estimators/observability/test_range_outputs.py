@@ -9,10 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.observability.range_outputs import STILL, RangeOutputs, different_poses, motion_under, pose_difference
-from models.field.curve import Curve
-from models.unicycle.mission import RangingMission
-from models.unicycle.patterns import figure_eight
+from mathnavi.estimators.observability.range_outputs import (
+    STILL,
+    RangeOutputs,
+    different_poses,
+    motion_under,
+    pose_difference,
+)
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.patterns import figure_eight
 from tests.estimators.observability.fields import BEAN, CURVES, ELLIPSE, THESIS, THESIS_START, sensors
 from tests.ranging import driven
 

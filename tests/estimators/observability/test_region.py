@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimators.observability.region import Criterion, converges, exact_run, region_of_convergence
-from models.unicycle.mission import RangingMission
-from sim.signals import Array, Estimate, Measurement
+from mathnavi.estimators.observability.region import Criterion, converges, exact_run, region_of_convergence
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from tests.estimators.observability.fields import ELLIPSE
 from tests.ranging import driven, eight
 

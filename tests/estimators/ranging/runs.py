@@ -8,12 +8,12 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from estimators.ranging.kalman_kernels import expected_ranges
-from models.field.curve import Curve
-from models.unicycle.kernels import moved
-from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
-from sim.protocols import Estimator
-from sim.signals import Array, Estimate, Measurement
+from mathnavi.estimators.ranging.kalman_kernels import expected_ranges
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.sim.interfaces.protocols import Estimator
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven, eight
 

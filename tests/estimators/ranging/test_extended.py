@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from estimators.ranging.extended import RangeEkf, RangeEkfConfig
-from sim.metrics.consistency import consistency
-from sim.signals import Array
+from mathnavi.estimators.ranging.extended import RangeEkf, RangeEkfConfig
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.consistency import consistency
 from tests.estimators.ranging.runs import START, Run, misplaced, mission, nees, reference, steps_of, told
 
 RUNS = 15

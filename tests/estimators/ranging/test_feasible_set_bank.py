@@ -10,11 +10,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pytest
 
-from estimators.ranging.bank_kernels import condition_each, drop
-from estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
-from models.field.curve import BEAN, Curve
-from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
-from sim.signals import Array, Estimate, Status
+from mathnavi.estimators.ranging.bank_kernels import condition_each, drop
+from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
+from mathnavi.models.field.curve import BEAN, Curve
+from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from tests.estimators.ranging.runs import with_ranges
 from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven

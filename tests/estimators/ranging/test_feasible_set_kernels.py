@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given, settings
 
-from estimators.ranging.feasible_set_kernels import farthest_points, project, pushed, solved
-from models.field.curve import Curve
-from models.unicycle.mission import RangingMission
+from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed, solved
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.mission import RangingMission
 from tests.estimators.ranging.walls import FIELD, angles, clear_pose, seeds, walls
 
 

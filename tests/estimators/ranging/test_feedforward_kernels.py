@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from estimators.ranging.feedforward_kernels import LEAST_DENOMINATOR, rho_dot_rate, s_rate, stay
-from estimators.ranging.observer import FEED_FORWARDS, FeedForward
-from models.field.curve import Curve
-from models.unicycle.kernels import moved
-from sim.signals import Array
+from mathnavi.estimators.ranging.feedforward_kernels import LEAST_DENOMINATOR, rho_dot_rate, s_rate, stay
+from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import (
     FIELD,
     angles,

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimators.ranging.extended import RangeEkf
-from estimators.ranging.particle import RangeParticle
-from estimators.ranging.unscented import RangeUkf
-from models.field.curve import BEAN
-from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
-from sim.protocols import Estimator
-from sim.signals import Array, Measurement, Status
+from mathnavi.estimators.ranging.extended import RangeEkf
+from mathnavi.estimators.ranging.particle import RangeParticle
+from mathnavi.estimators.ranging.unscented import RangeUkf
+from mathnavi.models.field.curve import BEAN
+from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.sim.interfaces.protocols import Estimator
+from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 from tests.estimators.ranging.runs import (
     START,
     Run,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from estimators.ranging.kalman_kernels import (
+from mathnavi.estimators.ranging.kalman_kernels import (
     _square_trace,
     condition,
     expected_range,
@@ -16,9 +16,9 @@ from estimators.ranging.kalman_kernels import (
     predict,
     step_within,
 )
-from models.field.curve import Curve
-from models.unicycle.kernels import moved
-from sim.signals import Array
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, angles, clear_pose, seeds, walls
 
 OPEN = 1e300  # a gate that refuses nothing

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.special import erfc
 
-from estimators.ranging.model import (
+from mathnavi.estimators.ranging.model import (
     Gate,
     RangeModel,
     chi_square_gate,
 )
-from models.field.curve import Curve
-from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
-from sim.signals import Measurement
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.sim.interfaces.signals import Measurement
 from tests.estimators.ranging.walls import FIELD, WALLS
 
 LIMIT = chi_square_gate(1e-4)

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
-from models.field.curve import BEAN
-from models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
-from sim.signals import Estimate, Measurement, Status
+from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
+from mathnavi.models.field.curve import BEAN
+from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.sim.interfaces.signals import Estimate, Measurement, Status
 from tests.estimators.ranging.walls import FIELD, SENSORS
 from tests.ranging import Step, driven, still
 

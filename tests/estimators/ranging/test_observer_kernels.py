@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from estimators.ranging.observer_kernels import corrected, descent
-from estimators.ranging.symbolic_output_flow import output_flow
-from models.field.curve import Curve
-from sim.signals import Array
+from mathnavi.estimators.ranging.observer_kernels import corrected, descent
+from mathnavi.estimators.ranging.symbolic_output_flow import output_flow
+from mathnavi.models.field.curve import Curve
+from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import (
     FIELD,
     angles,

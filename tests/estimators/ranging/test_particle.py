@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from estimators.ranging.particle import RangeParticle, RangeParticleConfig
-from models.unicycle.mission import OdometryQuality, RangingMission
-from sim.signals import Array
+from mathnavi.estimators.ranging.particle import RangeParticle, RangeParticleConfig
+from mathnavi.models.unicycle.mission import OdometryQuality, RangingMission
+from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.runs import START, Run, mission, steps_of, told
 
 

@@ -10,10 +10,10 @@ from filterpy.monte_carlo import resampling
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.ranging.particle_kernels import mode, propagate, resampled, roughen, weigh
-from models.field.curve import BEAN, Curve
-from models.unicycle.kernels import moved
-from sim.signals import Array
+from mathnavi.estimators.ranging.particle_kernels import mode, propagate, resampled, roughen, weigh
+from mathnavi.models.field.curve import BEAN, Curve
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, angles, seeds, walls
 
 RADIUS, STARTS = 0.4, 16

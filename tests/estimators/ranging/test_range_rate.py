@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
-from estimators.ranging.range_rate_kernels import centre_fit, innovated, measured
-from models.field.curve import Curve
-from models.unicycle.kernels import moved
-from sim.signals import Array
+from mathnavi.estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
+from mathnavi.estimators.ranging.range_rate_kernels import centre_fit, innovated, measured
+from mathnavi.models.field.curve import Curve
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, WALLS
 
 DT = 0.01  # [s]

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from estimators.ranging.unscented import RangeUkf, RangeUkfConfig
-from sim.metrics.consistency import consistency
+from mathnavi.estimators.ranging.unscented import RangeUkf, RangeUkfConfig
+from mathnavi.sim.metrics.consistency import consistency
 from tests.estimators.ranging.runs import START, misplaced, mission, nees, reference, steps_of, told
 
 

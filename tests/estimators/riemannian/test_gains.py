@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import Gains
 
 LAWS = [
     Gains(2.0, 0.7),

@@ -8,15 +8,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from estimators.riemannian.gains import Gains
-from estimators.riemannian.plugin import RiemannianObserver
-from estimators.riemannian.sampled import SampledObserver
-from models.manifold.mission import LagrangianMission
-from models.manifold.sensors import POSITION
-from models.mechanism.entity import build_model
-from models.mechanism.names import MechanismName
-from models.mechanism.system import MechanismSystem, heavier
-from sim.signals import Array, Measurement
+from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.plugin import RiemannianObserver
+from mathnavi.estimators.riemannian.sampled import SampledObserver
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.sensors import POSITION
+from mathnavi.models.mechanism.entity import build_model
+from mathnavi.models.mechanism.names import MechanismName
+from mathnavi.models.mechanism.system import MechanismSystem, heavier
+from mathnavi.sim.interfaces.signals import Array, Measurement
 
 PERIOD, OMEGA = 1e-3, 30.0
 

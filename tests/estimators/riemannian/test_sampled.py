@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from estimators.riemannian.continuous import ContinuousObserver
-from estimators.riemannian.gains import CurvatureName, Gains
-from estimators.riemannian.sampled import SampledObserver
-from models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
-from models.manifold.systems import PointSystem, linear
-from sim.metrics.lagrangian import errors_of
-from sim.signals import Array
+from mathnavi.estimators.riemannian.continuous import ContinuousObserver
+from mathnavi.estimators.riemannian.gains import CurvatureName, Gains
+from mathnavi.estimators.riemannian.sampled import SampledObserver
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
+from mathnavi.models.manifold.systems import PointSystem, linear
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.lagrangian import errors_of
 
 SPACES = [sphere(3), hyperbolic_space(2), flat_space(2)]
 spaces = pytest.mark.parametrize("space", SPACES, ids=lambda space: space.name)

@@ -7,20 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from estimators.riemannian.plugin import RiemannianObserver
-from estimators.velocity.extended import LagrangianEkf
-from estimators.velocity.filtered_differences import FilteredDifferences
-from estimators.velocity.high_gain import HighGain
-from estimators.velocity.unscented import LagrangianUkf
-from models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
-from models.manifold.mission import LagrangianMission
-from models.manifold.sensors import PositionQuality
-from models.manifold.system import LagrangianSystem
-from models.manifold.systems import PointSystem, RigidBody, linear
-from sim.ode_plant import OdeMotion
-from sim.protocols import Estimator, Motion
-from sim.signals import Array, Estimate, Measurement
-from sim.tuning import RecordedCall
+from mathnavi.estimators.riemannian.plugin import RiemannianObserver
+from mathnavi.estimators.velocity.extended import LagrangianEkf
+from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences
+from mathnavi.estimators.velocity.high_gain import HighGain
+from mathnavi.estimators.velocity.unscented import LagrangianUkf
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.manifold.system import LagrangianSystem
+from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear
+from mathnavi.sim.engine.ode_plant import OdeMotion
+from mathnavi.sim.interfaces.protocols import Estimator, StateView
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
+from mathnavi.sim.metrics.tuning import RecordedCall
 
 PLUGINS: Mapping[str, Any] = {
     "filtered_differences": FilteredDifferences,
@@ -75,7 +75,7 @@ def recorded(
     x, u, calls = start, np.zeros(len(system.inputs)), []
     for k in range(round(duration / mission.period) + 1):
         t = k * mission.period
-        motion: Motion = Seen(x)
+        motion: StateView = Seen(x)
         y = sensor.read(motion, rng)
         read = () if y is None else (Measurement("position", t, y),)
         calls.append(RecordedCall(t, read, u, x))

@@ -4,15 +4,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from estimators.velocity.readings import Persistence, SpeedGate, reading_variance
-from models.manifold.mission import LagrangianMission
-from models.manifold.sensors import PositionQuality
-from models.mechanism.system import MechanismSystem
+from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, reading_variance
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.models.mechanism.system import MechanismSystem
 from tests.estimators.velocity.runs import mission_of, moving
 
 
 def test_what_is_refused_ten_times_in_a_row_is_believed_from_then_on() -> None:
-    persistence = Persistence()
+    persistence = OutlierCounter()
     assert persistence.admits(True)
     assert [persistence.admits(False) for _ in range(12)] == [False] * 10 + [True] * 2
     assert persistence.admits(True)

@@ -3,12 +3,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimators.velocity.error_state import Propagation
-from estimators.velocity.extended import linearised
-from estimators.velocity.state_errors import StateErrors
-from estimators.velocity.unscented import Unscented
-from models.manifold.constant_curvature import sphere
-from sim.signals import Array
+from mathnavi.estimators.velocity.error_state import Propagation
+from mathnavi.estimators.velocity.extended import linearised
+from mathnavi.estimators.velocity.state_errors import StateErrors
+from mathnavi.estimators.velocity.unscented import Unscented
+from mathnavi.models.manifold.constant_curvature import sphere
+from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.velocity.runs import SYSTEMS, moving
 
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimators.velocity.filtered_differences import FilteredDifferences, FilteredDifferencesConfig
-from models.manifold.manifold import Manifold
-from sim.signals import Estimate, Measurement, Status
-from sim.tuning import RecordedCall
+from mathnavi.estimators.velocity.filtered_differences import FilteredDifferences, FilteredDifferencesConfig
+from mathnavi.models.manifold.manifold import Manifold
+from mathnavi.sim.interfaces.signals import Estimate, Measurement, Status
+from mathnavi.sim.metrics.tuning import RecordedCall
 from tests.estimators.velocity.runs import (
     FILTERS,
     MODELLED,

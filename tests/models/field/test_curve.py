@@ -12,9 +12,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from models.field.curve import BEAN, EGG, Coefficients, Curve, ellipse
-from models.field.kernels import curve_bend, curve_point, curve_tangent, range_gradient
-from sim.signals import Array
+from mathnavi.models.field.curve import BEAN, EGG, Coefficients, Curve, ellipse
+from mathnavi.models.field.kernels import curve_bend, curve_point, curve_tangent, range_gradient
+from mathnavi.sim.interfaces.signals import Array
 
 STANDARD = ellipse(3.763, math.sqrt(2.0))
 CURVES = {"ellipse": STANDARD, "egg": EGG, "bean": BEAN}

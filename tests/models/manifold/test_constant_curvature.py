@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from models.manifold.attitude import Attitude, ambient, body_rate, product
-from models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
-from models.manifold.manifold import CutLocusError, is_beyond
-from models.runge_kutta import Flow
+from mathnavi.models.manifold.attitude import Attitude, ambient, body_rate, product
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
+from mathnavi.models.manifold.manifold import CutLocusError, is_beyond
+from mathnavi.models.runge_kutta import Flow
 
 SPACES = [build(n) for n in (2, 3, 5) for build in (sphere, hyperbolic_space, flat_space)]
 spaces = pytest.mark.parametrize("space", SPACES, ids=lambda space: space.name)

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.manifold.constant_curvature import ConstantCurvature, sphere
-from models.manifold.two_point import TwoPoint
-from sim.signals import Array
-from sim.studies.contraction import table_d_1
-from sim.studies.riemannian_identities import Place, residuals
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature, sphere
+from mathnavi.models.manifold.two_point import TwoPoint
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.studies.riemannian.contraction import table_d_1
+from mathnavi.sim.studies.riemannian.sphere.identities import Place, residuals
 
 PLACES = st.builds(Place, st.sampled_from([2, 3, 5]), st.sampled_from([1.0, -1.0]), st.integers(0, 2**32 - 1))
 

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.mechanism.entity import build_model
-from models.mechanism.names import MechanismName
-from sim.plant import Equipment, MujocoPlant
+from mathnavi.models.mechanism.entity import build_model
+from mathnavi.models.mechanism.names import MechanismName
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 
 STRANGER = """<mujoco model="stranger"><compiler angle="degree"/><option timestep=".004" gravity="0 0 -2"/>
 <visual><map znear=".5"/></visual><asset><material name="m" rgba="1 0 0 1"/></asset><worldbody>{floor}
@@ -80,7 +80,7 @@ def test_what_has_no_name_in_a_file_gets_one(tmp_path: Path) -> None:
     assert [model.joint(j).name for j in range(2)] == ["it/joint_0_", "it/joint_0"]
     assert model.actuator(0).name == "it/actuator_0"
     assert {model.body(int(b)).name for b in model.jnt_bodyid} == {"it/body_1", "it/body_2"}
-    plant = MujocoPlant(model, {"it": Equipment(np.zeros(4))}, np.random.default_rng(0))
+    plant = MujocoPlant(model, {"it": VehicleSetup(np.zeros(4))}, np.random.default_rng(0))
     assert plant.state_names("it")[0] == "position_joint_0_ [rad]"
 
 

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
-from models.missile.dynamics import TICK, Body
-from models.missile.entity import build_model, build_spec
+from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
+from mathnavi.models.missile.dynamics import TICK, Body
+from mathnavi.models.missile.entity import build_model, build_spec
 
 both = pytest.mark.parametrize("coordinates", COORDINATES.values(), ids=COORDINATES)
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
-from models.missile.mission import CASES, GustStrength, MissileMission, Target
-from models.missile.sensors import FullStateSensor, StateNoise
-from models.missile.target import TargetMotion
-from sim.signals import Array
+from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
+from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Target
+from mathnavi.models.missile.sensors import FullStateSensor, StateNoise
+from mathnavi.models.missile.target import TargetMotion
+from mathnavi.sim.interfaces.signals import Array
 from tests.models.missile.test_dynamics import drawn
 
 MISSION = MissileMission((120.0, 0.0, 0.0, 0.0, 0.0, -10.0), Target((700.0, 0.0, 0.0)), CASES["SM"])
@@ -20,7 +20,7 @@ MISSION = MissileMission((120.0, 0.0, 0.0, 0.0, 0.0, -10.0), Target((700.0, 0.0,
 
 @dataclass
 class Moving:
-    """A ``sim.protocols.Motion``."""
+    """A ``mathnavi.sim.interfaces.protocols.StateView``."""
 
     x: Array
     acceleration: Array

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.quadrotor.dynamics import (
+from mathnavi.models.quadrotor.dynamics import (
     ATTITUDE,
     NOMINAL,
     RATE,
@@ -20,7 +20,7 @@ from models.quadrotor.dynamics import (
     flow,
     rigid_dynamics,
 )  # fmt: skip
-from sim.signals import Array
+from mathnavi.sim.interfaces.signals import Array
 from tests.models.quadrotor.rotors import rotor_thrusts
 from tests.quadrotor import HIGH, built, plain
 

@@ -8,18 +8,18 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.aerial.dynamics import TICK
-from models.quadrotor.dynamics import NOMINAL, ROTORS, at_rest
-from models.quadrotor.entity import REACH, RotorDrive, build_model, build_spec, tilt
-from models.terrain.height_field import HeightField
-from sim.plant import Equipment, MujocoPlant
+from mathnavi.models.aerial.dynamics import TICK
+from mathnavi.models.quadrotor.dynamics import NOMINAL, ROTORS, at_rest
+from mathnavi.models.quadrotor.entity import REACH, RotorDrive, build_model, build_spec, tilt
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from tests.models.quadrotor.rotors import rotor_thrusts
 from tests.quadrotor import HIGH, built, hills, plain
 
 
 def test_the_file_states_the_nominal_vehicle() -> None:
     """Whatever entity.py sets of it is what is written there."""
-    from models.quadrotor import entity
+    from mathnavi.models.quadrotor import entity
 
     written = mujoco.MjModel.from_xml_path(str(entity._XML))
     model = build_model(plain(), ("quad",))
@@ -71,7 +71,7 @@ def test_the_physics_is_that_of_the_flight_tick() -> None:
 def test_a_model_that_has_just_been_made_hovers() -> None:
     model = build_model(plain(), ("one", "two"), {"one": NOMINAL, "two": dataclasses.replace(NOMINAL, mass=2.0)})
     starts = {"one": at_rest(HIGH), "two": at_rest(HIGH + 5.0)}
-    plant = MujocoPlant(model, {name: Equipment(x) for name, x in starts.items()}, np.random.default_rng(0))
+    plant = MujocoPlant(model, {name: VehicleSetup(x) for name, x in starts.items()}, np.random.default_rng(0))
     plant.step({}, 300)
     for name, x in starts.items():
         np.testing.assert_allclose(plant.state(name), x, atol=1e-9)
@@ -79,7 +79,7 @@ def test_a_model_that_has_just_been_made_hovers() -> None:
 
 def test_a_drive_turns_thrusts_asked_for_into_thrusts_that_lag() -> None:
     plant = MujocoPlant(
-        built(plain(), NOMINAL), {"quad": Equipment(at_rest(HIGH), drive=RotorDrive())}, np.random.default_rng(0)
+        built(plain(), NOMINAL), {"quad": VehicleSetup(at_rest(HIGH), drive=RotorDrive())}, np.random.default_rng(0)
     )
     before, asked = NOMINAL.hover_thrust, np.array([0.0, 4.0, 99.0, -3.0])
     plant.step({"quad": asked}, 9)
@@ -93,7 +93,7 @@ def test_it_touches_the_ground_with_its_skids_and_says_so() -> None:
     ground = float(terrain.height(200.0, 200.0))
     start = at_rest(np.array([200.0, 200.0, ground + 1.0]))
     plant = MujocoPlant(
-        built(terrain, NOMINAL), {"quad": Equipment(start, drive=RotorDrive())}, np.random.default_rng(0)
+        built(terrain, NOMINAL), {"quad": VehicleSetup(start, drive=RotorDrive())}, np.random.default_rng(0)
     )
     events = []
     while not events and plant.t < 2.0:

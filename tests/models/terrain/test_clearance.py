@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.terrain.height_field import HeightField
-from models.terrain.kernels import arc_clearance, height_at
-from sim.signals import Array
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.kernels import arc_clearance, height_at
+from mathnavi.sim.interfaces.signals import Array
 
 SPACING = 100.0
 ROWS, COLUMNS = 7, 9

@@ -13,9 +13,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image, TiffImagePlugin
 
-from models.terrain import dem
-from models.terrain.dem import import_dem, metres_per_degree, read_hgt, read_npz, write_npz
-from models.terrain.height_field import HeightField
+from mathnavi.models.terrain import dem
+from mathnavi.models.terrain.dem import import_dem, metres_per_degree, read_hgt, read_npz, write_npz
+from mathnavi.models.terrain.height_field import HeightField
 
 METRE, FOOT = 9001, 9002
 

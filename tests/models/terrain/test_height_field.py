@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.terrain.height_field import HeightField
+from mathnavi.models.terrain.height_field import HeightField
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from models.terrain.hill import Hill, with_hills
+from mathnavi.models.terrain.hill import Hill, with_hills
 from tests import flight
 
 

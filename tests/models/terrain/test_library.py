@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.terrain import library
-from models.terrain.dem import write_npz
-from models.terrain.height_field import HeightField
-from models.terrain.library import GROUP, load_terrain, terrain_names
+from mathnavi.models.terrain import library
+from mathnavi.models.terrain.dem import write_npz
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import GROUP, load_terrain, terrain_names
 
 
 def test_tian_shan_has_the_size_and_heights_it_is_said_to_have() -> None:

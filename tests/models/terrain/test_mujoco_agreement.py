@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.terrain.height_field import HeightField
+from mathnavi.models.terrain.height_field import HeightField
 
 TOLERANCE = 1e-2  # [m]
 

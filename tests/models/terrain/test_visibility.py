@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.terrain.height_field import HeightField
-from models.terrain.visibility import Radar, RadarTrack
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.visibility import Radar, RadarTrack
 from tests import flight
 
 RIDGE = HeightField(np.array([[0.0, 0.0, 100.0, 0.0, 0.0]] * 5), 100.0)  # runs north at x = 200 m

@@ -9,9 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.field.arena import SENSOR_HEIGHT
-from models.unicycle.entity import RADIUS, DriveName, build_model
-from models.unicycle.mission import TICK
+from mathnavi.models.field.arena import SENSOR_HEIGHT
+from mathnavi.models.unicycle.entity import RADIUS, DriveName, build_model
+from mathnavi.models.unicycle.mission import TICK
 from tests.unicycle import STANDARD
 
 both = pytest.mark.parametrize("drive", ["ideal", "differential"])

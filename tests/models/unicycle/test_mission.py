@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.field.curve import BEAN, ellipse
-from models.unicycle.mission import KnownStart, RangingMission
-from sim.signals import Array
+from mathnavi.models.field.curve import BEAN, ellipse
+from mathnavi.models.unicycle.mission import KnownStart, RangingMission
+from mathnavi.sim.interfaces.signals import Array
 from tests.unicycle import STANDARD
 
 SENSORS = (-0.5 * math.pi, -0.25 * math.pi)

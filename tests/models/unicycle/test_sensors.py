@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from models.unicycle.mission import OdometryQuality, RangeQuality, RangingMission
-from models.unicycle.sensors import RangeSensor, WheelOdometry
-from sim.protocols import Motion
-from sim.signals import Array
+from mathnavi.models.unicycle.mission import OdometryQuality, RangeQuality, RangingMission
+from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
+from mathnavi.sim.interfaces.protocols import StateView
+from mathnavi.sim.interfaces.signals import Array
 from tests.unicycle import STANDARD, Imagined
 
 SENSORS = (-0.5 * math.pi, -0.25 * math.pi, 0.3)
@@ -93,7 +93,7 @@ class Nowhere:
 
 
 def test_a_ray_that_meets_nothing_is_lost() -> None:
-    motion: Motion = Nowhere(np.zeros(3), np.zeros(3))
+    motion: StateView = Nowhere(np.zeros(3), np.zeros(3))
     reading = RangeSensor(2, RangeQuality(), 7.0, 100.0).read(motion, np.random.default_rng(0))
     np.testing.assert_array_equal(reading, np.nan)
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from renders.fleet.run_data import FleetRun, load_run
-from sim.scenarios.fleet_fields import SimultaneousArrivalConfig
-from sim.scenarios.simultaneous_arrival import SimultaneousArrival
+from mathnavi.renders.fleet.run_data import FleetRun, load_run
+from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
+from mathnavi.sim.scenarios.simultaneous_arrival import SimultaneousArrival
 from tests import flight
 
 

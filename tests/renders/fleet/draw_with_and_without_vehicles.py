@@ -6,13 +6,13 @@ import sys
 
 import numpy as np
 
-from renders.opengl import choose_backend
+from mathnavi.renders.opengl import choose_backend
 
 choose_backend()
 
-from renders.fleet.run_data import load_run  # noqa: E402
-from renders.fleet.scene import Scene  # noqa: E402
-from renders.fleet.storyboard import CAMERAS  # noqa: E402
+from mathnavi.renders.fleet.run_data import load_run  # noqa: E402
+from mathnavi.renders.fleet.scene import Scene  # noqa: E402
+from mathnavi.renders.fleet.storyboard import CAMERAS  # noqa: E402
 
 MOMENTS = {"overview": 0.4, "top": 0.5, "arrival": 0.9}
 

@@ -14,19 +14,19 @@ import numpy as np
 import pytest
 from matplotlib.colors import rgb_to_hsv
 
-from renders import opengl, video
-from renders.drawing import drawing_of
-from renders.film import Frame
-from renders.fleet import drawing
-from renders.fleet.caption import words
-from renders.fleet.report import report
-from renders.fleet.run_data import FleetRun
-from renders.palette import VEHICLES, vehicle_colour
-from renders.report import write_report
-from renders.run_log import described
-from renders.video import write_video
-from sim.metrics.names import label
-from sim.signals import Array
+from mathnavi.renders import opengl, video
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.film import Frame
+from mathnavi.renders.fleet import drawing
+from mathnavi.renders.fleet.caption import words
+from mathnavi.renders.fleet.report import report
+from mathnavi.renders.fleet.run_data import FleetRun
+from mathnavi.renders.palette import VEHICLES, vehicle_colour
+from mathnavi.renders.report import write_report
+from mathnavi.renders.video import write_video
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.figure_names import label
+from mathnavi.sim.records.run_log import described
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from renders.film import Frame
-from renders.fleet.caption import words
-from renders.fleet.run_data import FleetRun, load_run
-from renders.fleet.storyboard import CAMERAS, highlight, notices, shots, storyboard
-from renders.run_log import read_log
-from sim.signals import Array
+from mathnavi.renders.film import Frame
+from mathnavi.renders.fleet.caption import words
+from mathnavi.renders.fleet.run_data import FleetRun, load_run
+from mathnavi.renders.fleet.storyboard import CAMERAS, highlight, notices, shots, storyboard
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.run_log import read_log
 
 
 def test_the_run_is_that_of_the_summary(fleet_run: FleetRun) -> None:

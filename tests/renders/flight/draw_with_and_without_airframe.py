@@ -6,13 +6,13 @@ import sys
 
 import numpy as np
 
-from renders.opengl import choose_backend
+from mathnavi.renders.opengl import choose_backend
 
 choose_backend()
 
-from renders.flight.run_data import load_run  # noqa: E402
-from renders.flight.scene import Scene  # noqa: E402
-from renders.flight.storyboard import CAMERAS  # noqa: E402
+from mathnavi.renders.flight.run_data import load_run  # noqa: E402
+from mathnavi.renders.flight.scene import Scene  # noqa: E402
+from mathnavi.renders.flight.storyboard import CAMERAS  # noqa: E402
 
 
 def main(run_dir: str, out: str) -> None:

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from renders import opengl
-from renders.flight.run_data import RunData
-from renders.relief import relief, resampled
-from renders.video import draw, write_still, write_video
+from mathnavi.renders import opengl
+from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.relief import relief, resampled
+from mathnavi.renders.video import draw, write_still, write_video
 from tests.renders.synthetic import ridges
 
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
@@ -100,7 +100,7 @@ def test_odd_sizes_and_missing_runs_are_refused_before_anything_is_written(run_d
 
 @needs_opengl
 def test_failure_of_the_process_that_draws_is_told_in_its_own_words(run: RunData, tmp_path: Path) -> None:
-    from renders.film import Frame
+    from mathnavi.renders.film import Frame
 
     with pytest.raises(RuntimeError, match="does not exist"):
         next(iter(draw(tmp_path / "gone", [Frame(0.0, "top", 0.0, 0.0)], 64, 36, 0)))

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renders import figures
-from renders.flight.report import report
-from renders.flight.run_data import RunData
-from renders.page import inline_svg
-from renders.report import write_report
-from renders.run_log import described
-from sim.metrics.names import label
-from sim.signals import Event
+from mathnavi.renders import figures
+from mathnavi.renders.flight.report import report
+from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.page import inline_svg
+from mathnavi.renders.report import write_report
+from mathnavi.sim.interfaces.signals import Event
+from mathnavi.sim.records.figure_names import label
+from mathnavi.sim.records.run_log import described
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 from tests.renders.synthetic import ridges
 

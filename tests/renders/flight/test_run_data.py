@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renders.flight.run_data import RunData, load_run, plan_arcs
+from mathnavi.renders.flight.run_data import RunData, load_run, plan_arcs
 
 
 def test_state_agrees_with_the_log_at_every_tick_and_stays_at_its_ends(run: RunData) -> None:

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from renders.flight.run_data import RunData
-from renders.flight.storyboard import notices, shots, storyboard
-from sim.signals import Event
+from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.flight.storyboard import notices, shots, storyboard
+from mathnavi.sim.interfaces.signals import Event
 
 
 @pytest.mark.parametrize("direction", ["tour", "chase", "overview", "top"])

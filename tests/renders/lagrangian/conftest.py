@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from models.manifold.sensors import PositionQuality
-from renders.lagrangian.run_data import LagrangianRun, load_run
-from sim.plugins import Part, load
-from sim.scenarios.arm_velocity import ArmVelocity
-from sim.scenarios.attitude_tracking import AttitudeTrackingScenario
-from sim.scenarios.sphere_observer import SphereObserver
+from mathnavi.models.manifold.sensors import PositionQuality
+from mathnavi.renders.lagrangian.run_data import LagrangianRun, load_run
+from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.scenarios.arm_velocity import ArmVelocity
+from mathnavi.sim.scenarios.attitude_tracking import AttitudeTrackingScenario
+from mathnavi.sim.scenarios.sphere_observer import SphereObserver
 
 SHORT = {"duration": 1.2, "settled": 0.8, "rate": 250.0}
 MADE: Mapping[str, tuple[Any, dict[str, Any]]] = {
@@ -34,7 +34,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("lagrangian")
     for name, (scenario, fields) in MADE.items():
         scenario.build(scenario.Config(**fields), 3).run().write(folder / name)
-    differences = Part.of(load("estimators", "filtered_differences"))
+    differences = PluginSpec.of(load("estimators", "filtered_differences"))
     SphereObserver.build(SphereObserver.Config(**SHORT), 3, estimator=differences).run().write(folder / "differences")
     return {name: folder / name for name in (*MADE, "differences")}
 

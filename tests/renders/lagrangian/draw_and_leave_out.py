@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from renders.opengl import choose_backend
+from mathnavi.renders.opengl import choose_backend
 
 choose_backend()
 
-from renders.lagrangian.run_data import LagrangianRun, load_run  # noqa: E402
-from renders.lagrangian.scene import Scene  # noqa: E402
-from sim.signals import Array  # noqa: E402
+from mathnavi.renders.lagrangian.run_data import LagrangianRun, load_run  # noqa: E402
+from mathnavi.renders.lagrangian.scene import Scene  # noqa: E402
+from mathnavi.sim.interfaces.signals import Array  # noqa: E402
 
 MOMENT = 0.3  # [s] the estimate is still off
 

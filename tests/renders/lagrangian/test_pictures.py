@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from renders import opengl, video
-from renders.film import Frame
-from renders.lagrangian.caption import words
-from renders.lagrangian.drawing import painter
-from renders.lagrangian.panel import Panel
-from renders.lagrangian.run_data import LagrangianRun
-from renders.palette import Part
-from renders.video import write_still, write_video
-from sim.signals import Array
+from mathnavi.renders import opengl, video
+from mathnavi.renders.film import Frame
+from mathnavi.renders.lagrangian.caption import words
+from mathnavi.renders.lagrangian.drawing import painter
+from mathnavi.renders.lagrangian.panel import Panel
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.palette import SceneElement
+from mathnavi.renders.video import write_still, write_video
+from mathnavi.sim.interfaces.signals import Array
 
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
 POINTS = ("sphere", "hyperbolic-plane")
@@ -140,8 +140,8 @@ def test_the_caption_says_what_is_known(runs: dict[str, LagrangianRun]) -> None:
 
 def test_the_legend_names_what_there_is_to_see(runs: dict[str, LagrangianRun]) -> None:
     legends = {name: set(words(run, Frame(0.5, "panel", 0.0, 0.0), []).legend) for name, run in runs.items()}
-    assert legends["sphere"] == {Part.TRUE_PATH, Part.ESTIMATE, Part.GEODESIC}
-    assert legends["tracking"] - legends["body"] == {Part.REFERENCE}
-    assert legends["body"] - legends["arm"] == {Part.GEODESIC}
+    assert legends["sphere"] == {SceneElement.TRUE_PATH, SceneElement.ESTIMATE, SceneElement.GEODESIC}
+    assert legends["tracking"] - legends["body"] == {SceneElement.REFERENCE}
+    assert legends["body"] - legends["arm"] == {SceneElement.GEODESIC}
     alone = words(runs["body"], Frame(0.5, "scene", 0.0, 0.0), []).legend
-    assert legends["body"] - set(alone) == {Part.GEODESIC}  # the globe is in the panel
+    assert legends["body"] - set(alone) == {SceneElement.GEODESIC}  # the globe is in the panel

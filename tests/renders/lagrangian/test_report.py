@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renders import opengl
-from renders.lagrangian import figures
-from renders.lagrangian.names import with_unit
-from renders.lagrangian.report import report
-from renders.lagrangian.run_data import LagrangianRun
-from renders.report import write_report
-from sim.metrics.names import SUMMARY_GROUPS, label
+from mathnavi.renders import opengl
+from mathnavi.renders.lagrangian import figures
+from mathnavi.renders.lagrangian.names import with_unit
+from mathnavi.renders.lagrangian.report import report
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.report import write_report
+from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, label
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
 UNGROUPED = {"seed", "version", "real_time_factor", "shortfall"}

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renders.drawing import drawing_of
-from renders.lagrangian.run_data import REACH, LagrangianRun, load_run
-from renders.lagrangian.storyboard import verdict
-from sim.metrics.lagrangian import rms
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.lagrangian.run_data import REACH, LagrangianRun, load_run
+from mathnavi.renders.lagrangian.storyboard import verdict
+from mathnavi.sim.metrics.lagrangian import rms
 
 ALL = ("body", "sphere", "hyperbolic-plane", "tracking", "arm", "cart", "differences")
 

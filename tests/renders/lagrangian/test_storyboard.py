@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from renders.lagrangian.run_data import LagrangianRun
-from renders.lagrangian.storyboard import highlight, notices, shots, storyboard, verdict
+from mathnavi.renders.lagrangian.run_data import LagrangianRun
+from mathnavi.renders.lagrangian.storyboard import highlight, notices, shots, storyboard, verdict
 
 
 @pytest.mark.parametrize("name", ["body", "tracking", "arm", "silent"])

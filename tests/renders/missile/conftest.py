@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from renders.missile.run_data import MissileRun, load_run
+from mathnavi.renders.missile.run_data import MissileRun, load_run
 from tests.missile import fly
 
 

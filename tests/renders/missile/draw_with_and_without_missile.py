@@ -6,13 +6,13 @@ import sys
 
 import numpy as np
 
-from renders.opengl import choose_backend
+from mathnavi.renders.opengl import choose_backend
 
 choose_backend()
 
-from renders.missile.run_data import load_run  # noqa: E402
-from renders.missile.scene import Scene  # noqa: E402
-from renders.missile.storyboard import CAMERAS  # noqa: E402
+from mathnavi.renders.missile.run_data import load_run  # noqa: E402
+from mathnavi.renders.missile.scene import Scene  # noqa: E402
+from mathnavi.renders.missile.storyboard import CAMERAS  # noqa: E402
 
 
 def main(run_dir: str, out: str) -> None:

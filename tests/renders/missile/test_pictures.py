@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from renders import opengl, video
-from renders.missile import figures
-from renders.missile.ground import PIXELS, ground_picture
-from renders.missile.report import report
-from renders.missile.run_data import MissileRun
-from renders.missile.storyboard import closing
-from renders.report import write_report
-from renders.run_log import described
-from renders.video import write_still, write_video
-from sim.metrics.names import label
+from mathnavi.renders import opengl, video
+from mathnavi.renders.missile import figures
+from mathnavi.renders.missile.ground import PIXELS, ground_picture
+from mathnavi.renders.missile.report import report
+from mathnavi.renders.missile.run_data import MissileRun
+from mathnavi.renders.missile.storyboard import closing
+from mathnavi.renders.report import write_report
+from mathnavi.renders.video import write_still, write_video
+from mathnavi.sim.records.figure_names import label
+from mathnavi.sim.records.run_log import described
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
@@ -141,7 +141,7 @@ def test_the_figures_show_what_was_flown_however_small(missile_run: MissileRun) 
 
 @pytest.mark.parametrize("run", ["missile_run", "spatial_run"])
 def test_the_last_shot_has_target_and_missile_in_the_picture(run: str, request: pytest.FixtureRequest) -> None:
-    from renders.missile.cameras import OPTICS, target_view  # imports mujoco
+    from mathnavi.renders.missile.cameras import OPTICS, target_view  # imports mujoco
 
     flown: MissileRun = request.getfixturevalue(run)
     tangent = np.tan(np.radians(OPTICS["target"].field_of_view) / 2.0)

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from renders.drawing import drawing_of
-from renders.missile import drawing
-from renders.missile.run_data import MissileRun, load_run
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.missile import drawing
+from mathnavi.renders.missile.run_data import MissileRun, load_run
 
 
 def test_the_world_has_z_up_and_the_path_ends_on_the_target(missile_run: MissileRun) -> None:

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import pytest
 
-from renders.missile.run_data import MissileRun
-from renders.missile.storyboard import CAMERAS, closing, notices, shots, storyboard, verdict
-from sim.signals import Event
+from mathnavi.renders.missile.run_data import MissileRun
+from mathnavi.renders.missile.storyboard import CAMERAS, closing, notices, shots, storyboard, verdict
+from mathnavi.sim.interfaces.signals import Event
 
 
 @pytest.mark.parametrize("direction", ["tour", *CAMERAS])

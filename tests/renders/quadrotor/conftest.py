@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from renders.quadrotor.run_data import QuadrotorRun, load_run
-from sim.scenarios.quadrotor_canyon import QuadrotorCanyon
-from sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig
+from mathnavi.renders.quadrotor.run_data import QuadrotorRun, load_run
+from mathnavi.sim.scenarios.quadrotor_canyon import QuadrotorCanyon
+from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig
 
 START, TARGET = (300.0, 275.0, 1232.0), (246.0, 288.0, 1246.0)  # onto a spur of canyon 0
 

@@ -6,13 +6,13 @@ import sys
 
 import numpy as np
 
-from renders.opengl import choose_backend
+from mathnavi.renders.opengl import choose_backend
 
 choose_backend()
 
-from renders.quadrotor.run_data import load_run  # noqa: E402
-from renders.quadrotor.scene import NEAR_GROUP, Scene  # noqa: E402
-from renders.quadrotor.storyboard import CAMERAS  # noqa: E402
+from mathnavi.renders.quadrotor.run_data import load_run  # noqa: E402
+from mathnavi.renders.quadrotor.scene import NEAR_GROUP, Scene  # noqa: E402
+from mathnavi.renders.quadrotor.storyboard import CAMERAS  # noqa: E402
 
 
 def main(run_dir: str, out: str) -> None:

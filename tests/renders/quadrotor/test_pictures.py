@@ -13,20 +13,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.quadrotor.dynamics import ATTITUDE
-from renders import opengl
-from renders.drawing import drawing_of
-from renders.film import Frame
-from renders.quadrotor import drawing
-from renders.quadrotor.caption import words
-from renders.quadrotor.inset import Inset
-from renders.quadrotor.report import report
-from renders.quadrotor.run_data import QuadrotorRun, load_run
-from renders.quadrotor.storyboard import CAMERAS, storyboard
-from renders.report import write_report
-from renders.run_log import described
-from sim.metrics.names import label
-from sim.signals import Event
+from mathnavi.models.quadrotor.dynamics import ATTITUDE
+from mathnavi.renders import opengl
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.film import Frame
+from mathnavi.renders.quadrotor import drawing
+from mathnavi.renders.quadrotor.caption import words
+from mathnavi.renders.quadrotor.inset import Inset
+from mathnavi.renders.quadrotor.report import report
+from mathnavi.renders.quadrotor.run_data import QuadrotorRun, load_run
+from mathnavi.renders.quadrotor.storyboard import CAMERAS, storyboard
+from mathnavi.renders.report import write_report
+from mathnavi.sim.interfaces.signals import Event
+from mathnavi.sim.records.figure_names import label
+from mathnavi.sim.records.run_log import described
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)

@@ -12,12 +12,12 @@ from typing import Literal
 
 import numpy as np
 
-from models.unicycle.mission import RangingMission
-from sim.plugins import Part
-from sim.protocols import Sensor
-from sim.scenarios.experiment import Outcome
-from sim.scenarios.ranging_fields import Noise
-from sim.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.ranging_fields import Noise
 from tests.localisation import Reckoning, run
 
 SILENT = 0.1  # [s] at first
@@ -81,8 +81,8 @@ class Believer:
         return {"hypotheses": hypotheses, "scores": scores, "nis": np.array([2.0, 2.0]), "covariance": covariance}
 
 
-def believed(kind: str = "bank", duration: float = 4.0, **fields: object) -> Outcome:
+def believed(kind: str = "bank", duration: float = 4.0, **fields: object) -> RunResult:
     """A run with faultless wheels from a start that is told exactly."""
     noise = Noise(odometry_noise=(0.0, 0.0), odometry_bias=0.0, dropout=0.1)
     told = {"start": START, "start_known": True, "start_error": (0.0, 0.0, 0.0)}
-    return run(estimator=Part.of(Believer, kind=kind), duration=duration, **{"noise": noise, **told, **fields})
+    return run(estimator=PluginSpec.of(Believer, kind=kind), duration=duration, **{"noise": noise, **told, **fields})

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from renders.ranging.run_data import RangingRun, load_run
+from mathnavi.renders.ranging.run_data import RangingRun, load_run
 from tests.renders.ranging.believers import believed
 
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from renders.opengl import choose_backend
+from mathnavi.renders.opengl import choose_backend
 
 choose_backend()
 
-from renders.ranging.run_data import RangingRun, load_run  # noqa: E402
-from renders.ranging.scene import ABOVE, ROBOT_GROUP, Scene  # noqa: E402
-from renders.ranging.storyboard import CAMERAS  # noqa: E402
-from sim.signals import Array  # noqa: E402
+from mathnavi.renders.ranging.run_data import RangingRun, load_run  # noqa: E402
+from mathnavi.renders.ranging.scene import ABOVE, ROBOT_GROUP, Scene  # noqa: E402
+from mathnavi.renders.ranging.storyboard import CAMERAS  # noqa: E402
+from mathnavi.sim.interfaces.signals import Array  # noqa: E402
 from tests.renders.ranging.believers import ELSEWHERE  # noqa: E402
 
 EARLY = 0.2  # [s] the estimate is well off

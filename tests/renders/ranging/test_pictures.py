@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from renders import opengl, video
-from renders.film import Frame
-from renders.palette import Part
-from renders.ranging.caption import words
-from renders.ranging.run_data import RangingRun
-from renders.ranging.storyboard import CAMERAS
-from renders.video import write_still, write_video
-from sim.signals import Array
+from mathnavi.renders import opengl, video
+from mathnavi.renders.film import Frame
+from mathnavi.renders.palette import SceneElement
+from mathnavi.renders.ranging.caption import words
+from mathnavi.renders.ranging.run_data import RangingRun
+from mathnavi.renders.ranging.storyboard import CAMERAS
+from mathnavi.renders.video import write_still, write_video
+from mathnavi.sim.interfaces.signals import Array
 
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
 
@@ -145,6 +145,12 @@ def test_the_caption_says_what_is_believed(
 
 def test_the_legend_names_what_there_is_to_see(bank_run: RangingRun, observer_run: RangingRun) -> None:
     bank, observer = (set(words(run, Frame(0.5, "top", 0.0, 0.0), []).legend) for run in (bank_run, observer_run))
-    assert bank - observer == {Part.HYPOTHESIS, Part.SPREAD}
-    assert observer - bank == {Part.BELIEVED}
-    assert {Part.DRIVEN, Part.ESTIMATE, Part.RAY, Part.LOST_RAY, Part.IMAGE} <= bank & observer
+    assert bank - observer == {SceneElement.HYPOTHESIS, SceneElement.SPREAD}
+    assert observer - bank == {SceneElement.BELIEVED}
+    assert {
+        SceneElement.DRIVEN,
+        SceneElement.ESTIMATE,
+        SceneElement.RAY,
+        SceneElement.LOST_RAY,
+        SceneElement.IMAGE,
+    } <= bank & observer

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from models.field.curve import ellipse
-from renders import opengl
-from renders.ranging import figures
-from renders.ranging.field_figure import field_figure
-from renders.ranging.report import report
-from renders.ranging.run_data import RangingRun
-from renders.report import write_report
-from renders.run_log import described
-from sim.metrics.names import label
+from mathnavi.models.field.curve import ellipse
+from mathnavi.renders import opengl
+from mathnavi.renders.ranging import figures
+from mathnavi.renders.ranging.field_figure import field_figure
+from mathnavi.renders.ranging.report import report
+from mathnavi.renders.ranging.run_data import RangingRun
+from mathnavi.renders.report import write_report
+from mathnavi.sim.records.figure_names import label
+from mathnavi.sim.records.run_log import described
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
 

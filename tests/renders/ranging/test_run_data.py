@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.field.curve import BEAN
-from renders.drawing import drawing_of
-from renders.ranging import drawing
-from renders.ranging.run_data import RangingRun, load_run
-from sim.signals import Status
+from mathnavi.models.field.curve import BEAN
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.ranging import drawing
+from mathnavi.renders.ranging.run_data import RangingRun, load_run
+from mathnavi.sim.interfaces.signals import Status
 from tests.renders.ranging.believers import CALM, ELSEWHERE, LOSS, LOWEST, OFF, SILENT, START
 
 

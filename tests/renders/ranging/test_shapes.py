@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.field.curve import BEAN, EGG, Curve, ellipse
-from models.unicycle.entity import RADIUS
-from renders.ranging import shapes
-from renders.ranging.floor import INSIDE, OUTSIDE, extent, floor_picture, pale
+from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
+from mathnavi.models.unicycle.entity import RADIUS
+from mathnavi.renders.ranging import shapes
+from mathnavi.renders.ranging.floor import INSIDE, OUTSIDE, extent, floor_picture, pale
 
 coordinates, headings = st.floats(-5.0, 5.0), st.floats(-10.0, 10.0)
 sizes = st.floats(0.01, 2.0)

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from renders.ranging.run_data import RangingRun
-from renders.ranging.storyboard import (
+from mathnavi.renders.ranging.run_data import RangingRun
+from mathnavi.renders.ranging.storyboard import (
     AFTERWARDS,
     CAMERAS,
     LATEST,
@@ -21,7 +21,7 @@ from renders.ranging.storyboard import (
     storyboard,
     verdict,
 )
-from sim.signals import Event
+from mathnavi.sim.interfaces.signals import Event
 from tests.renders.ranging.believers import LOSS, LOWEST, SILENT
 
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from renders.drawing import drawing_of
-from renders.film import Frame
-from renders.report import write_report
-from renders.textbook.board import shown
-from renders.textbook.drawing import painter, storyboard
-from renders.textbook.run_data import TextbookRun, load_run
-from renders.textbook.storyboard import notices
-from renders.video import write_still
-from sim.scenarios.textbook import TextbookConfig, TextbookObserver
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.film import Frame
+from mathnavi.renders.report import write_report
+from mathnavi.renders.textbook.board import shown
+from mathnavi.renders.textbook.drawing import painter, storyboard
+from mathnavi.renders.textbook.run_data import TextbookRun, load_run
+from mathnavi.renders.textbook.storyboard import notices
+from mathnavi.renders.video import write_still
+from mathnavi.sim.scenarios.textbook import TextbookConfig, TextbookObserver
 
 SYSTEMS = ("example-2-1", "camera-and-flags", "kazantzis-kravaris")
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from models.terrain.height_field import HeightField
-from sim.environments.commanded import Commanded
-from sim.environments.dm import Environment
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.environments.dm import Environment
+from mathnavi.sim.environments.episode_runner import EpisodeRunner
 from tests.flight import save
 
 SCENARIOS = (
@@ -47,8 +47,8 @@ def fields(scenario: str) -> Mapping[str, Any]:
 
 
 @cache
-def commanded(scenario: str) -> Commanded:
-    return Commanded(scenario, 1, fields=fields(scenario))
+def commanded(scenario: str) -> EpisodeRunner:
+    return EpisodeRunner(scenario, 1, fields=fields(scenario))
 
 
 def environment(scenario: str, seed: int = 1) -> Environment:

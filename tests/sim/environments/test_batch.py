@@ -7,20 +7,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.environments.batch import load
-from sim.fields import with_fields
-from sim.loop import Loop
-from sim.plugins import load as plugin
-from sim.scenarios.experiment import Experiment
-from sim.signals import Array
+from mathnavi.sim.engine.loop import Loop
+from mathnavi.sim.environments.batch import load
+from mathnavi.sim.interfaces.fields import with_fields
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.plugin.registry import load as plugin
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from tests.sim.environments import missions
 
 N, K = 2, 12
 
 
-def flown(experiment: Experiment, commands: Array) -> Array:
+def flown(closed_loop: ClosedLoop, commands: Array) -> Array:
     """(K + 1, n, nx) by the loop's plant, commands (K, n, nu)."""
-    loop, names = Loop(experiment.plant, experiment.agents, experiment.duration), list(experiment.agents)
+    loop, names = Loop(closed_loop.plant, closed_loop.agents, closed_loop.duration), list(closed_loop.agents)
     loop.observe()
     states = [np.array([loop.truths[name] for name in names])]
     for held in commands:
@@ -46,14 +46,14 @@ def test_every_run_is_that_of_the_loops_plant(scenario: str, fields: dict[str, A
     fields = {**missions.fields(scenario), **fields}
     rollouts = load(scenario, seed=1, threads=2, **fields)
     config = with_fields(plugin("scenarios", scenario).Config(), fields)
-    experiments = [plugin("scenarios", scenario).build(config, 1) for _ in range(N)]
-    nu = [agent.input_size for agent in experiments[0].agents.values()]
+    closed_loops = [plugin("scenarios", scenario).build(config, 1) for _ in range(N)]
+    nu = [agent.input_size for agent in closed_loops[0].agents.values()]
     rows = (len(nu),) if len(nu) > 1 else ()
     commands = np.random.default_rng(0).uniform(-largest, largest, (N, K, *rows, nu[0]))
     states = rollouts.states(np.repeat(rollouts.start[None], N, axis=0), commands)
     assert states.shape == (N, K + 1, *rollouts.start.shape)
-    for run, held, experiment in zip(states, commands, experiments, strict=True):
-        again = flown(experiment, held.reshape(K, len(nu), nu[0]))
+    for run, held, closed_loop in zip(states, commands, closed_loops, strict=True):
+        again = flown(closed_loop, held.reshape(K, len(nu), nu[0]))
         np.testing.assert_array_equal(run.reshape(again.shape), again)
 
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from dm_env import specs, test_utils
 
-from controllers.flight import plugin as flight_plugin
-from sim.environments.dm import Environment, load
-from sim.fields import with_fields
-from sim.loop import simulate
-from sim.plugins import load as plugin
+from mathnavi.controllers.flight import plugin as flight_plugin
+from mathnavi.sim.engine.loop import simulate
+from mathnavi.sim.environments.dm import Environment, load
+from mathnavi.sim.interfaces.fields import with_fields
+from mathnavi.sim.plugin.registry import load as plugin
 from tests.sim.environments import missions
 
 STILL = np.zeros(3)
@@ -41,10 +41,10 @@ def test_the_commands_of_a_run_lead_to_the_estimates_of_the_run(scenario: str) -
     seen = [environment.reset()]
     config = with_fields(plugin("scenarios", scenario).Config(), missions.fields(scenario))
     own = plugin("scenarios", scenario).build(config, 1).task.mission  # drawn from the environment's seed
-    experiment = plugin("scenarios", scenario).build(dataclasses.replace(config, **own), environment.episode_seed)
+    closed_loop = plugin("scenarios", scenario).build(dataclasses.replace(config, **own), environment.episode_seed)
     duration = 30 * missions.commanded(scenario).period
-    run = simulate(experiment.plant, experiment.agents, duration, network=experiment.network)
-    names = list(experiment.agents)
+    run = simulate(closed_loop.plant, closed_loop.agents, duration, network=closed_loop.network)
+    names = list(closed_loop.agents)
     for k in range(30):
         commands = [run.agents[name].commands[k] for name in names]
         seen.append(environment.step(np.array(commands) if len(names) > 1 else commands[0]))

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from sim.environments.gym import ScenarioEnv
-from sim.environments.registration import identifier
-from sim.plugins import names
+from mathnavi.sim.environments.gym import ScenarioEnv
+from mathnavi.sim.environments.registration import identifier
+from mathnavi.sim.plugin.registry import names
 from tests.sim.environments import missions
 
 ADVICE = ("is infinity", "is -infinity", "recommend using a symmetric and normalized space", "Not able to test")
@@ -22,7 +22,7 @@ ADVICE = ("is infinity", "is -infinity", "recommend using a symmetric and normal
 
 @pytest.mark.parametrize("scenario", missions.SCENARIOS)
 def test_every_scenario_passes_the_checker_of_gymnasium(scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim.environments.gym.Commanded", lambda *_: missions.commanded(scenario))
+    monkeypatch.setattr("mathnavi.sim.environments.gym.EpisodeRunner", lambda *_: missions.commanded(scenario))
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         check_env(ScenarioEnv(scenario))
@@ -61,8 +61,8 @@ def test_without_gymnasium_one_error_says_how_to_install_it_and_dm_env_works() -
         "import sys, importlib.util as util; find = util.find_spec\n"
         "util.find_spec = lambda name, *more: None if name == 'gymnasium' else find(name, *more)\n"
         "sys.modules['gymnasium'] = None\n"
-        "from sim.environments.dm import load\n"
-        "import sim.environments.gym"
+        "from mathnavi.sim.environments.dm import load\n"
+        "import mathnavi.sim.environments.gym"
     )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False).stderr
     assert told.strip().splitlines()[-1].endswith("pip install 'gymnasium>=1.4,<1.5'")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.metrics.consistency import consistency, normalised_error_squared, root_mean_square
+from mathnavi.sim.metrics.consistency import consistency, normalised_error_squared, root_mean_square
 
 RUNS, DEGREES, REPEATS = 40, 3, 2000
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.metrics.convergence import decay_rate
+from mathnavi.sim.metrics.convergence import decay_rate
 
 T = np.linspace(0.0, 10.0, 1001)
 

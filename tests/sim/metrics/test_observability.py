@@ -8,15 +8,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from models.aerial.dynamics import TICK
-from models.aerial.entity import build_model
-from models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
-from models.sensor_faults import Dropout
-from models.terrain.height_field import HeightField
-from sim.faults import Disturbed, Gusts
-from sim.metrics.observability import EmpiricalGramian, empirical_gramian
-from sim.plant import Equipment, MujocoPlant
-from sim.protocols import Plant, Sensor
+from mathnavi.models.aerial.dynamics import TICK
+from mathnavi.models.aerial.entity import build_model
+from mathnavi.models.aerial.sensors import AccelerationSensor, FullStateSensor, PositionSensor
+from mathnavi.models.sensor_faults import Dropout
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.engine.faults import Disturbed, Gusts
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.protocols import Plant, Sensor
+from mathnavi.sim.metrics.observability import EmpiricalGramian, empirical_gramian
 
 START = np.array([1000.0, 1000.0, 500.0, 10.0, -5.0, 0.0])
 NAMES = tuple(f"{what}_{axis} [{unit}]" for what, unit in (("position", "m"), ("velocity", "m/s")) for axis in "xyz")
@@ -31,7 +31,7 @@ def model() -> mujoco.MjModel:
 
 def plant(*sensors: Sensor, gust: float = 0.0) -> Plant:
     rng, gusting = np.random.default_rng(3).spawn(2)
-    body = MujocoPlant(model(), {"uav": Equipment(START, sensors)}, rng)
+    body = MujocoPlant(model(), {"uav": VehicleSetup(START, sensors)}, rng)
     return Disturbed(body, [Gusts(gust, 3.0, 4.0, gusting)]) if gust else body
 
 

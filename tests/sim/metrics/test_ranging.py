@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from models.unicycle.mission import RangingMission
-from sim.log import AgentRecorder, Recording
-from sim.metrics.names import SUMMARY_GROUPS, is_wall_clock, label
-from sim.metrics.ranging import Errors, ranging_summary, rms
-from sim.signals import Array, Estimate, Status
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.engine.log import AgentRecorder, Recording
+from mathnavi.sim.interfaces.signals import Array, Estimate, Status
+from mathnavi.sim.metrics.ranging import Errors, ranging_summary, rms
+from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, is_wall_clock, label
 from tests.localisation import run
 from tests.unicycle import STANDARD
 

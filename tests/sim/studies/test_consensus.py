@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from sim.studies.consensus_claims import WITHIN, off_average
-from sim.studies.consensus_following import FAR, OutlierCase, with_outlier
-from sim.studies.consensus_runs import SLOW, DelayCase, LinkCase, RateCase, delayed, over_links, rate_on
-from sim.studies.consensus_talk import H, disagreement, graph_of, laplacians, names_of, slope
+from mathnavi.sim.studies.fleet.consensus.claims import WITHIN, off_average
+from mathnavi.sim.studies.fleet.consensus.exchange import H, disagreement, graph_of, laplacians, names_of, slope
+from mathnavi.sim.studies.fleet.consensus.following import FAR, OutlierCase, with_outlier
+from mathnavi.sim.studies.fleet.consensus.runs import SLOW, DelayCase, LinkCase, RateCase, delayed, over_links, rate_on
 
 
 def test_in_short_rounds_the_rate_is_the_connectivity_and_in_long_ones_it_is_not() -> None:

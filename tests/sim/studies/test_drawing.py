@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
-from sim.studies.drawing import paths_on_map
-from sim.studies.heat_map import DARK, LIGHT, heat_map, readable_on
-from sim.studies.study import VEHICLE
+from mathnavi.sim.studies.framework.drawing import paths_on_map
+from mathnavi.sim.studies.framework.heat_map import DARK, LIGHT, heat_map, readable_on
+from mathnavi.sim.studies.framework.study import VEHICLE
 from tests.flight import mountains
 
 CHANNELS = st.floats(0.0, 1.0)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from models.textbook.example_2_1 import EXAMPLE_2_1
-from models.textbook.example_2_2 import EXAMPLE_2_2
-from sim.studies.introduction_examples import expected_exponent, unseen_directions
-from sim.studies.introduction_measures import example_2_2, in_coordinates, predicted
-from sim.sweep.trial import trial
+from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
+from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2
+from mathnavi.sim.studies.introduction.examples.measures import example_2_2, in_coordinates, predicted
+from mathnavi.sim.studies.introduction.examples.study import expected_exponent, unseen_directions
+from mathnavi.sim.sweep.trial import trial
 
 
 def test_a_linear_equation_is_predicted() -> None:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from models.terrain.height_field import HeightField
-from sim.signals import Phase, Plan
-from sim.studies import cost_to_go, literal_planner, run_time, study, threat
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.signals import Phase, Plan
+from mathnavi.sim.studies import cost_to_go, literal_planner, run_time, study, threat
 
 SPIKE = HeightField(np.pad([[400.0]], 10), 100.0, "spike")  # in the middle of 2 km of plain
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controllers.ocp.methods.direct import solve
-from controllers.ocp.problems.bryson_denham import bryson_denham
-from controllers.ocp.problems.missile import missile
-from sim.studies.monitors import BOOKS, FAILED, MONITORS, NAMES, NO_MISS, _claim, _figure, _measured
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
+from mathnavi.controllers.ocp.problems.missile import missile
+from mathnavi.sim.studies.nodes.monitors import BOOKS, FAILED, MONITORS, NAMES, NO_MISS, _claim, _figure, _measured
 
 
 def test_every_problem_is_known() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.studies.observability_maps import (
+from mathnavi.sim.studies.ranging.observability.maps import (
     FAMILIES,
     HALF_AXES,
     MARGIN,

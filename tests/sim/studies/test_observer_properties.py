@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.store import Record
-from sim.studies.property_measures import Decay, OnTruth, decay, ranging_drift
-from sim.studies.property_verdicts import STAYS, Evidence, verdicts
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.records.store import Record
+from mathnavi.sim.studies.introduction.observer_properties.measures import Decay, OnTruth, decay, ranging_drift
+from mathnavi.sim.studies.introduction.observer_properties.verdicts import STAYS, Evidence, verdicts
 
 T = np.linspace(0.0, 10.0, 1001)
 SOUND = ObserverProperties(Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.LOCAL, Domain.GLOBAL)

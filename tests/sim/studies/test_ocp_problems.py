@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from controllers.ocp.methods.direct import solve
-from controllers.ocp.problems.library import PROBLEMS
-from controllers.ocp.solution import Outcome
-from sim.studies.ocp_problems import (
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.problems.library import PROBLEMS
+from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.sim.studies.nodes.ocp_problems import (
     ADAPTIVE,
     METHODS,
     OcpProblemsConfig,

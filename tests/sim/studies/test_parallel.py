@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from sim.store import Store
-from sim.studies.parallel import computed
-from sim.studies.study import Setup
-from sim.sweep.execution import Progress
+from mathnavi.sim.records.store import Store
+from mathnavi.sim.studies.framework.parallel import computed
+from mathnavi.sim.studies.framework.study import Setup
+from mathnavi.sim.sweep.execution import Progress
 
 LATE = 60.0  # [s]
 

@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.unicycle.kernels import moved
-from sim.studies import range_observer_runs as runs
-from sim.studies.observability_maps import SENSORS, STANDARD
-from sim.studies.range_observer import PRINTED_START, SETS
-from sim.studies.range_observer_claims import Evidence, falls
-from sim.studies.range_observer_identities import complex_step, identities
-from sim.studies.range_observer_runs import START, Gains, ThesisRun
-from sim.studies.range_observer_watched import Verdict, watched
+from mathnavi.models.unicycle.kernels import moved
+from mathnavi.sim.studies import range_observer_runs as runs
+from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
+from mathnavi.sim.studies.ranging.range_observer.claims import Evidence, falls
+from mathnavi.sim.studies.ranging.range_observer.identities import complex_step, identities
+from mathnavi.sim.studies.ranging.range_observer.runs import START, Gains, ThesisRun
+from mathnavi.sim.studies.ranging.range_observer.study import PRINTED_START, SETS
+from mathnavi.sim.studies.ranging.range_observer.watched import Verdict, watched
 
 OURS, PRINT = Gains("s", 5.0, 1.0), Gains("none", 5.0, 1.0)
 STEP = 1e-4  # [s]

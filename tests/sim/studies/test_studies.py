@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from models.terrain.dem import write_npz
-from models.terrain.height_field import HeightField
-from sim.plugins import load
-from sim.scenarios.experiment import Outcome
-from sim.store import Record, Store
-from sim.studies.missile_flights import CASES, KINDS, OTHERS, PAIRS, some
-from sim.studies.study import Findings, Setup, on_terrain, write_findings
-from sim.sweep import execution, serve
-from sim.sweep.child import StoppedError
-from sim.sweep.trial import Trial
+from mathnavi.models.terrain.dem import write_npz
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.plugin.registry import load
+from mathnavi.sim.records.store import Record, Store
+from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, on_terrain, write_findings
+from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, some
+from mathnavi.sim.sweep import execution, serve
+from mathnavi.sim.sweep.child import StoppedError
+from mathnavi.sim.sweep.trial import Trial
 
 SMALLEST: dict[str, dict[str, int]] = {
     "horizon": {"seeds": 1},
@@ -168,18 +168,18 @@ class Here:
 
 
 @pytest.fixture(scope="module")
-def outcomes() -> dict[str, Outcome]:
+def outcomes() -> dict[str, RunResult]:
     """What has been flown so far, by the key of a trial without a measure."""
     return {}
 
 
 @pytest.fixture
-def flown_once(outcomes: dict[str, Outcome], monkeypatch: pytest.MonkeyPatch) -> None:
+def flown_once(outcomes: dict[str, RunResult], monkeypatch: pytest.MonkeyPatch) -> None:
     """Missions are flown here, and each once: a study flies its missions for their records, and some for their paths
     again; and several studies compare with the same mission.
     """
 
-    def flown(trial: Trial) -> Outcome:
+    def flown(trial: Trial) -> RunResult:
         key = replace(trial, measure="").key
         if key not in outcomes:
             outcomes[key] = trial.build().run()
@@ -201,18 +201,18 @@ def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path) -> No
     config = plugin.Config(**SMALLEST[name])
     with Store.open(tmp_path / "trials.db") as store:
         setup = Setup(hills if on_terrain(plugin) else None, store)
-        findings: Findings = plugin.run(config, setup)
+        findings: StudyResult = plugin.run(config, setup)
         write_findings(tmp_path, name, plugin.title, findings, setup, f"mathnavi study {name}")
         flown = store.keys()
         if name not in TIMED | COMPUTED:
-            again: Findings = plugin.run(config, setup)
+            again: StudyResult = plugin.run(config, setup)
             assert store.keys() == flown  # nothing is flown twice
             assert [claim.measured for claim in again.claims] == [claim.measured for claim in findings.claims]
     assert_claims(name, findings)
     assert_files(tmp_path, name, findings, "hills" if on_terrain(plugin) else None)
 
 
-def assert_claims(name: str, findings: Findings) -> None:
+def assert_claims(name: str, findings: StudyResult) -> None:
     """They are those that the study is there for, and each tells all that a ledger needs."""
     assert {claim.id for claim in findings.claims} == CLAIMS[name]
     for claim in findings.claims:
@@ -224,7 +224,7 @@ def assert_claims(name: str, findings: Findings) -> None:
     assert {claim: holds[claim] for claim in known} == known
 
 
-def assert_files(folder: Path, name: str, findings: Findings, terrain: str | None) -> None:
+def assert_files(folder: Path, name: str, findings: StudyResult, terrain: str | None) -> None:
     """NAME.csv, NAME.json, NAME.png and NAME.html hold what was found."""
     rows = list(csv.DictReader((folder / f"{name}.csv").open(encoding="utf-8")))
     assert len(rows) == len(findings.rows) > 0

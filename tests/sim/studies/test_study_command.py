@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 import pytest
 from matplotlib.figure import Figure
 
-from renders.claims import Claim
-from renders.study_report import Table
-from sim.cli import main
-from sim.commands import study
-from sim.studies.study import Findings, Setup, StudyError
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.commands import study
+from mathnavi.sim.commands.cli import main
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.studies.framework.study import Setup, StudyError, StudyResult
 
 HERE = "tests.sim.studies.test_study_command"
 
@@ -36,12 +36,12 @@ class Tiny:
     holds = True
 
     @classmethod
-    def run(cls, config: TinyConfig, setup: Setup) -> Findings:
+    def run(cls, config: TinyConfig, setup: Setup) -> StudyResult:
         figure = Figure()
         figure.add_subplot().plot([0.0, config.count])
         claim = Claim("tiny.count", cls.kind, "It counts.", "nowhere", "some", str(config.count), cls.holds)
         rows = [{"count": config.count}]
-        return Findings(
+        return StudyResult(
             ["It counted."], rows, [Table("Counts", ("count",), [(str(config.count),)])], figure, "", [claim]
         )
 
@@ -56,7 +56,7 @@ class Deceived(Anywhere):
     """A study that asks for the terrain that it said it does not need."""
 
     @classmethod
-    def run(cls, config: TinyConfig, setup: Setup) -> Findings:
+    def run(cls, config: TinyConfig, setup: Setup) -> StudyResult:
         raise AssertionError(setup.ground.name)
 
 
@@ -76,7 +76,7 @@ class Speechless(Tiny):
     """A study that cannot say anything."""
 
     @classmethod
-    def run(cls, config: TinyConfig, setup: Setup) -> Findings:
+    def run(cls, config: TinyConfig, setup: Setup) -> StudyResult:
         raise StudyError("seed 3 crashed")
 
 

@@ -15,11 +15,11 @@ from typing import Any
 
 import pytest
 
-from sim.store import Store
-from sim.sweep import cluster
-from sim.sweep.child import RefusedError
-from sim.sweep.cluster import check
-from sim.sweep.execution import run_trials
+from mathnavi.sim.records.store import Store
+from mathnavi.sim.sweep import cluster
+from mathnavi.sim.sweep.child import RefusedError
+from mathnavi.sim.sweep.cluster import check
+from mathnavi.sim.sweep.execution import run_trials
 from tests.sim.sweep.test_execution import TIMEOUT, coins
 
 distributed = pytest.importorskip("distributed")
@@ -68,7 +68,7 @@ def test_what_ends_before_an_interrupt_is_stored_and_the_rest_is_called_off(dask
 
 
 def test_a_worker_with_other_sources_ends_the_sweep(dask: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim.sweep.trial.code_version", lambda *_: "as it was")
+    monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "as it was")
     with Store.open(tmp_path / "store.db") as store:
         with pytest.raises(RefusedError, match=r"other sources or files.*restart the workers of the cluster"):
             run_trials(coins(2), store, cluster=dask.scheduler_address)
@@ -83,7 +83,7 @@ def children(dask: Any) -> set[int]:
         with suppress(OSError):
             state, parent = stat.read_text().rpartition(")")[2].split()[:2]
             command = stat.with_name("cmdline").read_bytes()
-            if int(parent) in workers and state != "Z" and b"sim.sweep.serve" in command:
+            if int(parent) in workers and state != "Z" and b"mathnavi.sim.sweep.serve" in command:
                 found.add(int(stat.parent.name))
     return found
 

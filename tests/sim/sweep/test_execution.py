@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.store import Record, Store, StoreError
-from sim.sweep import code
-from sim.sweep.child import RefusedError, Worker, module_path
-from sim.sweep.execution import Progress, run_trials
-from sim.sweep.trial import Trial, keys, trial
+from mathnavi.sim.records.store import Record, Store, StoreError
+from mathnavi.sim.sweep import code
+from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
+from mathnavi.sim.sweep.execution import Progress, run_trials
+from mathnavi.sim.sweep.trial import Trial, keys, trial
 from tests.sim.sweep.scenarios import SLOW, Coin
 
 COIN = "tests.sim.sweep.scenarios:Coin"
@@ -137,7 +137,7 @@ def test_records_name_files_as_they_were_asked_for(
     for file in files:
         file.mkdir()
     monkeypatch.setattr(Coin, "inputs", staticmethod(lambda config: {"marks": "the same"}), raising=False)
-    monkeypatch.setattr("sim.sweep.trial.code_version", lambda *_: "any")
+    monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "any")
     one, other = (coins(1, marks=str(file))[0] for file in files)
     assert one.key == other.key
     store.add(one.record(one.key, "ok", True))
@@ -180,7 +180,7 @@ def test_bad_arguments_are_refused(store: Store, arguments: dict[str, Any], mess
 
 
 def test_sources_that_changed_meanwhile_end_the_sweep(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim.sweep.trial.code_version", lambda *_: "as it was")
+    monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "as it was")
     with pytest.raises(RefusedError, match="other sources or files"):
         run_trials(coins(3), store)
     assert not store.keys()
@@ -236,8 +236,8 @@ def is_running(pid: int) -> bool:
 
 PARENT = """
 import sys
-from sim.store import Store
-from sim.sweep.execution import run_trials
+from mathnavi.sim.records.store import Store
+from mathnavi.sim.sweep.execution import run_trials
 from tests.sim.sweep.test_execution import coins
 with Store.open(sys.argv[1]) as store:
     run_trials(coins(4, marks=sys.argv[2], hang_at=(0, 1, 2, 3)), store, workers=2)

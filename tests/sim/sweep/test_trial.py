@@ -14,12 +14,12 @@ from typing import Any
 
 import pytest
 
-from models.terrain.dem import write_npz
-from models.terrain.height_field import HeightField
-from models.terrain.library import load_terrain
-from sim.plugins import load
-from sim.sweep.code import code_version
-from sim.sweep.trial import LARGEST_SEED, Trial, keys, trial
+from mathnavi.models.terrain.dem import write_npz
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.sim.plugin.registry import load
+from mathnavi.sim.sweep.code import code_version
+from mathnavi.sim.sweep.trial import LARGEST_SEED, Trial, keys, trial
 from tests.sim.sweep.scenarios import Coin, CoinConfig
 
 COIN = "tests.sim.sweep.scenarios:Coin"
@@ -53,7 +53,7 @@ def test_a_whole_number_is_the_number_it_stands_for() -> None:
 
 def test_other_code_makes_another_key(monkeypatch: pytest.MonkeyPatch) -> None:
     before = trial(COIN).key
-    monkeypatch.setattr("sim.sweep.trial.code_version", lambda *_: "another")
+    monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "another")
     assert trial(COIN).key != before
 
 
@@ -164,7 +164,7 @@ def test_what_cannot_be_stored_is_told() -> None:
 
 
 def test_the_code_version_tells_whose_sources_it_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from sim.scenarios.safe_flight import SafeFlight
+    from mathnavi.sim.scenarios.safe_flight import SafeFlight
 
     assert code_version() == code_version(SafeFlight)
     assert code_version().count("+") == 1

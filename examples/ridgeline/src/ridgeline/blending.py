@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.flight.completion import ArcList
-from sim.signals import Array, Phase
+from mathnavi.controllers.flight.completion import ArcList
+from mathnavi.sim.interfaces.signals import Array, Phase
 
 SLOWER = 0.85  # by which a leg without room is slowed down
 

@@ -14,16 +14,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.flight.certificate import Certificate, remainder
-from controllers.flight.tracker import CriticallyDamped, tracking_bound
-from models.aerial.dynamics import state_at
-from models.aerial.knowledge import Knowledge
-from models.aerial.mission import FlightMission
+from mathnavi.controllers.flight.certificate import Certificate, remainder
+from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.protocols import Planner, Tracker
+from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 from ridgeline.blending import SLOWER, fitting, flight
 from ridgeline.roadmap import Air, Routes, lattice
-from sim.checks import check, check_positive
-from sim.protocols import Planner, Tracker
-from sim.signals import Array, Plan, PlanRequest, Status
 
 ATTEMPTS = 40  # at slowing down
 

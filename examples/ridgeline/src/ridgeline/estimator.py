@@ -23,12 +23,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from models.aerial.mission import EstimateQuality, FlightMission
-from models.aerial.sensors import PositionSensor
-from models.instants import SIMULTANEOUS
-from sim.checks import check_positive
-from sim.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from sim.signals import Array, Estimate, Measurement, Status
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
+from mathnavi.models.aerial.sensors import PositionSensor
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 FREQUENCIES = 400  # at which the corrections are looked at
 
@@ -116,7 +116,7 @@ class AlphaBetaGamma:
     def _predict(self, t: float, command: Array) -> None:
         """From the filter's time to t [s] with the input held."""
         h = 0.0 if self._t is None else t - self._t
-        if h > SIMULTANEOUS:
+        if h > TIME_TOLERANCE:
             F, B = motion(h, self._tau)
             self._x = F @ self._x + np.outer(B, command)
         self._t = t
@@ -124,7 +124,7 @@ class AlphaBetaGamma:
     def _status(self, t: float) -> Status:
         if self._t_fix == -math.inf:
             return Status.INITIALISING
-        return Status.OK if t - self._t_fix <= self._timeout + SIMULTANEOUS else Status.LOST
+        return Status.OK if t - self._t_fix <= self._timeout + TIME_TOLERANCE else Status.LOST
 
 
 def gains(config: AlphaBetaGammaConfig, mission: FlightMission) -> Array:

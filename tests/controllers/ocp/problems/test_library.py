@@ -9,12 +9,12 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
-from controllers.ocp import problems
-from controllers.ocp.methods.refinement import refine
-from controllers.ocp.problems.hypersensitive import hypersensitive, hypersensitive_short
-from controllers.ocp.problems.library import MISSILES, PROBLEMS, KnownOptimum
-from controllers.ocp.solution import Outcome
-from sim.signals import Array
+from mathnavi.controllers.ocp import problems
+from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.problems.hypersensitive import hypersensitive, hypersensitive_short
+from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, KnownOptimum
+from mathnavi.controllers.ocp.solution import Outcome
+from mathnavi.sim.interfaces.signals import Array
 
 ALL = PROBLEMS | MISSILES
 EASY = (

@@ -1,0 +1,195 @@
+"""What a robot will learn from inputs, and how long they keep it within the wall, compiled.
+
+An input is followed over N nodes x_j, h apart, of which it is held for the first n; then the robot rests. With
+F_j = d x_j / d x_0, and every sensor being read h / dt times between two nodes, dt the time between readings, the error
+at the last node is expected to have the covariance
+
+    F_N (P^-1 + sum_j F_j' H_j' (h / dt) R_j^-1 H_j F_j)^-1 F_N',    H_j = d rho / d x at x_j,   R_j = diag(var rho_i),
+
+which no process noise widens. A ray that misses the wall, or grazes it, tells nothing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from mathnavi.models.field.kernels import cast_ray, curve_bend, curve_tangent, is_inside, range_gradient
+from mathnavi.models.unicycle.kernels import moved, moved_slopes
+from mathnavi.sim.interfaces.signals import Array, Integers
+
+_HALVINGS = 20  # of the way from a pose to one that is too near to the wall
+_ROUNDING = 1e-9  # [m]
+
+
+@njit(cache=True, nogil=True)
+def expected_covariance(
+    coefficients: Array,
+    polyline: Array,
+    angles: Array,
+    noise: Array,
+    pose: Array,
+    P: Array,
+    u: Array,
+    held: int,
+    node: float,
+    nodes: int,
+    readings: float,
+) -> tuple[Array, Array]:
+    """The pose (3,) and the covariance (3, 3) at the last of ``nodes``, for an input u (2,) held for ``held`` of them.
+
+    ``noise`` (2,) is (relative, absolute) of a range, ``node`` h [s], ``readings`` h / dt.
+    """
+    x, F, information = pose, np.eye(3), inverse(P)
+    for j in range(nodes):
+        u_1, u_2 = (u[0], u[1]) if j < held else (0.0, 0.0)
+        step, _ = moved_slopes(x, u_1, u_2, node)
+        F, x = step @ F, moved(x, u_1, u_2, node)
+        for i in range(len(angles)):
+            beta = x[2] + angles[i]
+            rho, s = cast_ray(coefficients, polyline, x[0], x[1], beta)
+            h_1, h_2, h_3 = range_gradient(coefficients, s, rho, beta)
+            if math.isfinite(h_1 + h_2 + h_3):
+                row = h_1 * F[0] + h_2 * F[1] + h_3 * F[2]
+                information += (readings / ((noise[0] * rho) ** 2 + noise[1] ** 2)) * np.outer(row, row)
+    return x, F @ inverse(information) @ F.T
+
+
+@njit(cache=True, nogil=True)
+def expected_traces(
+    coefficients: Array,
+    polyline: Array,
+    angles: Array,
+    noise: Array,
+    pose: Array,
+    P: Array,
+    inputs: Array,
+    held: Integers,
+    node: float,
+    nodes: int,
+    readings: float,
+) -> Array:
+    """(m,) traces of the expected covariance after each of ``inputs`` (m, 2), held for ``held`` (m,) nodes."""
+    traces = np.empty(len(inputs))
+    for m in range(len(inputs)):
+        _, covariance = expected_covariance(
+            coefficients, polyline, angles, noise, pose, P, inputs[m], held[m], node, nodes, readings
+        )
+        traces[m] = np.trace(covariance)
+    return traces
+
+
+@njit(cache=True, nogil=True)
+def smallest_singular_values(coefficients: Array, polyline: Array, angles: Array, pose: Array, inputs: Array) -> Array:
+    """(m,) of [d rho / dx; d rho_dot / dx] (2 l, 3) at a pose (3,) under each of ``inputs`` (m, 2) [m/s, rad/s]."""
+    values = np.empty(len(inputs))
+    for m in range(len(inputs)):
+        rows = np.zeros((2 * len(angles), 3))
+        for i in range(len(angles)):
+            beta = pose[2] + angles[i]
+            rho, s = cast_ray(coefficients, polyline, pose[0], pose[1], beta)
+            h_1, h_2, h_3 = range_gradient(coefficients, s, rho, beta)
+            if math.isfinite(h_1 + h_2 + h_3):
+                rows[2 * i, 0], rows[2 * i, 1], rows[2 * i, 2] = h_1, h_2, h_3
+                rows[2 * i + 1] = range_rate_gradient(coefficients, s, rho, beta, pose[2], inputs[m])
+        values[m] = math.sqrt(max(0.0, np.linalg.eigvalsh(rows.T @ rows)[0]))
+    return values
+
+
+@njit(cache=True, nogil=True)
+def range_rate_gradient(coefficients: Array, s: float, rho: float, beta: float, phi: float, u: Array) -> Array:
+    """d rho_dot / d (x_1, x_2, phi) (3,) of a ray along ``beta`` [rad] that ends at theta(s), under an input u (2,).
+
+    With t = theta'(s), e = (cos beta, sin beta) and D = e x t,
+
+        rho_dot = (u_1 (t_1 sin phi - t_2 cos phi) + rho u_2 e . t) / D,
+
+    in which s and rho move with the pose as (C.4) has it: D ds = e x dx + rho d phi.
+    """
+    t_1, t_2 = curve_tangent(coefficients, s)
+    b_1, b_2 = curve_bend(coefficients, s)
+    e_1, e_2, c, sn = math.cos(beta), math.sin(beta), math.cos(phi), math.sin(phi)
+    D, dot = e_1 * t_2 - e_2 * t_1, e_1 * t_1 + e_2 * t_2
+    rate = (u[0] * (t_1 * sn - t_2 * c) + rho * u[1] * dot) / D
+    # By s, by rho and by phi alone.
+    by_s = (u[0] * (b_1 * sn - b_2 * c) + rho * u[1] * (e_1 * b_1 + e_2 * b_2) - rate * (e_1 * b_2 - e_2 * b_1)) / D
+    by_rho = u[1] * dot / D
+    by_phi = (u[0] * (t_1 * c + t_2 * sn) + rho * u[1] * D + rate * dot) / D
+    s_slope = np.array([-e_2 / D, e_1 / D, rho / D])
+    rho_slope = np.array([-t_2 / D, t_1 / D, rho * dot / D])
+    slope: Array = by_s * s_slope + by_rho * rho_slope + by_phi * np.array([0.0, 0.0, 1.0])
+    return slope
+
+
+@njit(cache=True, nogil=True)
+def nodes_within(
+    coefficients: Array, polyline: Array, poses: Array, margin: float, inputs: Array, node: float, nodes: int
+) -> Integers:
+    """(m,) for how many of ``nodes`` each of ``inputs`` (m, 2) may be held, if the robot is at any of ``poses`` (n, 3).
+
+    None of these comes nearer to the wall than ``margin`` [m], or than it is where it is nearer already.
+    """
+    least = np.empty(len(poses))
+    for i in range(len(poses)):
+        least[i] = min(margin, clearance(coefficients, polyline, poses[i, 0], poses[i, 1])) - _ROUNDING
+    kept = np.full(len(inputs), nodes)
+    for m in range(len(inputs)):
+        for i in range(len(poses)):
+            x = poses[i]
+            for j in range(kept[m]):
+                x = moved(x, inputs[m, 0], inputs[m, 1], node)
+                if clearance(coefficients, polyline, x[0], x[1]) < least[i]:
+                    kept[m] = j
+                    break
+    return kept
+
+
+@njit(cache=True, nogil=True)
+def sigma_poses(coefficients: Array, polyline: Array, pose: Array, P: Array, deviations: float, margin: float) -> Array:
+    """(7, 3) a pose and those k ``deviations`` from it along the axes of its covariance P (3, 3).
+
+    One that is nearer to the wall than ``margin`` [m], and than the pose itself, is drawn back to where it is not.
+    """
+    margin = min(margin, clearance(coefficients, polyline, pose[0], pose[1]))
+    values, axes = np.linalg.eigh(P)
+    poses = np.empty((7, 3))
+    poses[0] = pose
+    for i in range(6):
+        away = deviations * math.sqrt(max(0.0, values[i // 2])) * axes[:, i // 2] * (1.0 - 2.0 * (i % 2))
+        low, high = 0.0, 1.0
+        if clearance(coefficients, polyline, pose[0] + away[0], pose[1] + away[1]) >= margin:
+            low = 1.0
+        else:
+            for _ in range(_HALVINGS):
+                middle = 0.5 * (low + high)
+                if clearance(coefficients, polyline, pose[0] + middle * away[0], pose[1] + middle * away[1]) >= margin:
+                    low = middle
+                else:
+                    high = middle
+        poses[1 + i] = pose + low * away
+    return poses
+
+
+@njit(cache=True, nogil=True)
+def clearance(coefficients: Array, polyline: Array, x_1: float, x_2: float) -> float:
+    """[m] from a point to the nearest point of the polyline; negative outside the wall."""
+    square = math.inf
+    for k in range(len(polyline) - 1):
+        d_1, d_2 = polyline[k, 0] - x_1, polyline[k, 1] - x_2
+        square = min(square, d_1 * d_1 + d_2 * d_2)
+    distance = math.sqrt(square)
+    return distance if is_inside(coefficients, polyline, x_1, x_2) else -distance
+
+
+@njit(cache=True, nogil=True)
+def inverse(M: Array) -> Array:
+    """Of a symmetric positive semidefinite (3, 3) but nought, after 1e-12 of its trace was added to its diagonal."""
+    tiny = 1e-12 * (M[0, 0] + M[1, 1] + M[2, 2])
+    a, b, c = M[0, 0] + tiny, M[0, 1], M[0, 2]
+    d, e, f = M[1, 1] + tiny, M[1, 2], M[2, 2] + tiny
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    D, E, G = a * f - c * c, b * c - a * e, a * d - b * b
+    inverted: Array = np.array([[A, B, C], [B, D, E], [C, E, G]]) / (a * A + b * B + c * C)
+    return inverted

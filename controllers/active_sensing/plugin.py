@@ -1,0 +1,151 @@
+"""The plug-in ``exciting``: drives a robot with range sensors so that its estimator learns where it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from mathnavi.controllers.active_sensing.active import Active
+from mathnavi.controllers.active_sensing.belief_from_estimates import BeliefFromEstimates
+from mathnavi.controllers.active_sensing.candidate_search import CandidateSearch, Criterion
+from mathnavi.controllers.active_sensing.circle import Circle
+from mathnavi.controllers.active_sensing.containment import Containment
+from mathnavi.controllers.active_sensing.figure_eight import FigureEight
+from mathnavi.controllers.active_sensing.input_sequence import ExplorationPolicy
+from mathnavi.controllers.active_sensing.open_loop import OpenLoop, Pattern, path
+from mathnavi.controllers.active_sensing.planner import ExcitingPlanner
+from mathnavi.controllers.active_sensing.random_inputs import RandomInputs
+from mathnavi.controllers.active_sensing.reference import Reference
+from mathnavi.controllers.active_sensing.singular_value import SingularValue
+from mathnavi.controllers.active_sensing.still import Still
+from mathnavi.controllers.active_sensing.straight import Straight
+from mathnavi.controllers.active_sensing.then_track import ThenTrack
+from mathnavi.controllers.active_sensing.tracker import PathTracker
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.protocols import Planner, Tracker
+from mathnavi.sim.interfaces.signals import Array
+
+ModeName = Literal["active", "singular-value", "random", "figure-eight", "circle", "straight", "still"]
+ReferenceName = Literal["none", "figure-eight", "circle"]
+
+_LONGEST = 600.0  # [s] of a cycle or a horizon
+_MOST_NODES = 1000
+_FASTEST = 0.2  # bandwidth times control period
+
+
+@dataclass(frozen=True)
+class ActiveSensingConfig:
+    """Fields of ``--planner``."""
+
+    mode: ModeName = "active"
+    """how the estimator is excited: by the input that teaches it most, or by a pattern"""
+    then: ReferenceName = "none"
+    """the path about the field's centre that is kept as soon as the estimate is sure"""
+    speed: float = 0.5
+    """of a pattern or path [m/s]"""
+    cycle: float = 8.0
+    """once through a pattern or path [s]"""
+    period: float = 0.2
+    """from one decision to the next [s]"""
+    horizon: float = 1.0
+    """how far ahead a decision looks [s]"""
+    nodes: int = 10
+    """of the horizon, at which ranges are expected and the wall is kept away from"""
+    deviations: float = 3.0
+    """standard deviations of the estimate that are kept from the wall beside the margin"""
+    deviation: float = 0.1
+    """least standard deviation in every direction of an estimate that does not say its own [m, rad]"""
+    sure_position: float = 0.05
+    """largest standard deviation of the position of a sure estimate [m]"""
+    sure_heading: float = 0.05
+    """standard deviation of the heading of a sure estimate [rad]"""
+    bandwidth: float = 2.0
+    """of the tracker on a path [rad/s]"""
+    seed: int = 1
+    """of random inputs"""
+
+    def __post_init__(self) -> None:
+        check_positive(
+            self, "speed", "cycle", "period", "horizon", "deviation", "sure_position", "sure_heading", "bandwidth"
+        )
+        for name in ("cycle", "horizon"):
+            if getattr(self, name) > _LONGEST:
+                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: at most {_LONGEST:g} s")
+        check(self.deviations, "deviations", 0.0)
+        if not 1 <= self.nodes <= _MOST_NODES:
+            raise ValueError(f"nodes = {self.nodes!r}; allowed: 1 to {_MOST_NODES}")
+        if self.seed < 1:
+            raise ValueError(f"seed = {self.seed!r}; allowed: a whole number >= 1")
+        if self.period > self.horizon:
+            raise ValueError(f"period = {self.period!r}; allowed: at most the horizon, {self.horizon:g} s")
+        for name, kind in (("mode", ModeName), ("then", ReferenceName)):
+            if getattr(self, name) not in get_args(kind):
+                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: {', '.join(get_args(kind))}")
+        if self.then != "none" and self.mode not in CRITERIA:
+            raise ValueError(
+                f"then = {self.then!r} with mode = {self.mode!r}, which looks at nothing; allowed with a mode that "
+                f"keeps inside: {', '.join(CRITERIA)}"
+            )
+
+
+PATTERNS: Mapping[str, Callable[[ActiveSensingConfig], Pattern]] = {
+    "figure-eight": lambda config: FigureEight(config.speed, config.cycle),
+    "circle": lambda config: Circle(config.speed, config.cycle),
+    "straight": lambda config: Straight(config.speed, config.cycle),
+    "still": lambda config: Still(),
+}
+"""Modes that look at nothing."""
+
+CRITERIA: Mapping[str, Callable[[ActiveSensingConfig, RangingMission], Criterion]] = {
+    "active": lambda config, mission: Active(mission, config.horizon, config.nodes),
+    "singular-value": lambda config, mission: SingularValue(mission),
+    "random": lambda config, mission: RandomInputs(np.random.default_rng(config.seed)),
+}
+"""Modes that look where they drive."""
+
+
+class ActiveSensing:
+    """Excites an estimator of a robot with range sensors, and then, if asked to, keeps a path."""
+
+    Config = ActiveSensingConfig
+
+    @staticmethod
+    def build(config: ActiveSensingConfig, mission: RangingMission) -> tuple[Planner, Tracker]:
+        fastest = _FASTEST / mission.period
+        if config.bandwidth > fastest:
+            raise ValueError(f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s")
+        tracker = PathTracker(mission, config.bandwidth, config.speed)
+        beliefs = BeliefFromEstimates(config.deviation, config.horizon)
+        planner = ExcitingPlanner(_excitation(config, mission), _period(config, mission), beliefs)
+        if config.then == "none":
+            return planner, tracker
+        reference = Reference(PATTERNS[config.then](config), mission)
+        return ThenTrack(planner, reference, config.sure_position, config.sure_heading, config.horizon), tracker
+
+    @staticmethod
+    def nominal_path(config: ActiveSensingConfig, mission: RangingMission, start: Array) -> Array:
+        """(n, 3) poses [m, m, rad] that a start (3,) leads to whatever is seen: a cycle of a pattern, or the start."""
+        if config.mode in CRITERIA:
+            return start[None, :]
+        return path(PATTERNS[config.mode](config), start, mission.period)
+
+
+def _period(config: ActiveSensingConfig, mission: RangingMission) -> float:
+    """[s] of the planner; ValueError if it is not a whole number of the mission's periods."""
+    count = round(config.period / mission.period)
+    if abs(count * mission.period - config.period) > 1e-9:
+        raise ValueError(
+            f"period = {config.period!r}; allowed: a whole number of the robot's periods of {mission.period:g} s"
+        )
+    return count * mission.period
+
+
+def _excitation(config: ActiveSensingConfig, mission: RangingMission) -> ExplorationPolicy:
+    if config.mode in PATTERNS:
+        return OpenLoop(PATTERNS[config.mode](config), mission, config.horizon)
+    containment = Containment(mission, config.horizon, config.nodes, config.deviations)
+    return CandidateSearch(CRITERIA[config.mode](config, mission), containment, mission, config.horizon / config.nodes)

@@ -1,6 +1,0 @@
-"""When two times are the same."""
-
-from __future__ import annotations
-
-SIMULTANEOUS = 1e-9
-"""[s] two times closer than this are the same"""

@@ -1,0 +1,6 @@
+"""When two times are the same."""
+
+from __future__ import annotations
+
+TIME_TOLERANCE = 1e-9
+"""[s] two times closer than this are the same"""

@@ -1,0 +1,55 @@
+"""The command line ``mathnavi``.
+
+Exit codes: 0 the mission did what it should, 1 it ran and did not, 2 bad input: one line on standard error that names
+the field, its value and what is allowed, or the usage where there is no command at all. A command's module is imported
+when it is called, so that help is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Callable, Sequence
+
+from mathnavi.sim.commands.errors import INTERRUPTED, PIPE_CLOSED, BadInputError
+from mathnavi.sim.commands.known import COMMANDS
+from mathnavi.sim.interfaces.checks import allowed_for
+
+USAGE = "usage: mathnavi COMMAND ...\n       mathnavi --version\n\n{}\n\nmathnavi COMMAND --help explains a command."
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; the result is the exit code."""
+    # Small matrices only: on a busy machine the threads of a linear-algebra library wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if not arguments or arguments[0] in ("-h", "--help"):
+        usage = USAGE.format("\n".join(f"  {name:12}{purpose}" for name, (_, purpose) in COMMANDS.items()))
+        print(usage, file=sys.stdout if arguments else sys.stderr)
+        return 0 if arguments else 2
+    if arguments[0] == "--version":
+        from importlib.metadata import version  # takes as long to import as all else here
+
+        print(f"mathnavi {version('mathnavi')}")
+        return 0
+    try:
+        code = _command(arguments[0])(arguments[1:])
+        sys.stdout.flush()  # so that a reader that has gone is told of here
+        return code
+    except BadInputError as error:
+        print(f"mathnavi: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # whoever read the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return PIPE_CLOSED
+    except KeyboardInterrupt:
+        print("mathnavi: interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _command(name: str) -> Callable[[Sequence[str]], int]:
+    if name not in COMMANDS:
+        raise BadInputError(f"COMMAND = {name!r} is not known; {allowed_for(name, list(COMMANDS))}")
+    command: Callable[[Sequence[str]], int] = importlib.import_module(COMMANDS[name][0]).main
+    return command

@@ -1,0 +1,60 @@
+"""A run's config.json, read back for ``run --from``."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mathnavi.sim.commands.errors import BadInputError
+from mathnavi.sim.interfaces.fields import instance, of_type
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """What is needed to run again."""
+
+    path: Path
+    scenario: str
+    seed: int
+    fields: dict[str, Any]
+    controller: str
+    controller_fields: dict[str, Any]
+    estimator: str
+    estimator_fields: dict[str, Any]
+    terrain_path: str | None  # as it was given
+    terrain_digest: str | None
+
+    @staticmethod
+    def read(folder: Path) -> RunConfig:
+        """The configuration of the run in ``folder``."""
+        path = folder / "config.json"
+        if not path.is_file():
+            raise BadInputError(f"--from = {folder}: there is no {path}; allowed: the folder of a run")
+        try:
+            saved = json.loads(path.read_text(encoding="utf-8"))
+            parts = {}
+            for kind in ("controller", "estimator"):
+                parts[kind] = of_type(str, saved[kind]["name"], f"{kind}.name")
+                parts[f"{kind}_fields"] = of_type(dict, saved[kind]["fields"], f"{kind}.fields")
+            return RunConfig(
+                path=path,
+                scenario=of_type(str, saved["scenario"], "scenario"),
+                seed=of_type(int, saved["seed"], "seed"),
+                fields=of_type(dict, saved["fields"], "fields"),
+                terrain_path=saved.get("terrain", {}).get("path"),
+                terrain_digest=saved.get("terrain", {}).get("digest"),
+                **parts,
+            )
+        except KeyError as error:
+            raise BadInputError(f"{path}: {error.args[0]} is missing; allowed: what `mathnavi run` writes") from None
+        except (ValueError, TypeError, AttributeError) as error:
+            raise BadInputError(f"{path}: not the configuration of a run ({error})") from None
+
+    def restored(self, config: type, fields: dict[str, Any], where: str) -> Any:
+        """The frozen dataclass ``config`` with the saved fields."""
+        try:
+            return instance(config, fields, where)
+        except ValueError as error:
+            raise BadInputError(f"{self.path}: {error}") from None

@@ -1,0 +1,247 @@
+"""One agent of the loop with what it remembers between ticks: estimate, plan, and what others said.
+
+A vehicle that flies among others has a coordinator, which talks to theirs over the network. A plan of such a vehicle is
+proposed as soon as it is there, and takes over only if the coordinator admits it at its start; the plan before, which
+leads to rest, stays otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.log import AgentRecorder
+from mathnavi.sim.engine.network import Network
+from mathnavi.sim.interfaces.protocols import Coordinator, Estimator, Planner, Tracker
+from mathnavi.sim.interfaces.signals import (
+    Array,
+    Estimate,
+    Measurement,
+    Message,
+    Outbox,
+    Plan,
+    PlanRequest,
+    Status,
+    where_raised,
+)
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Agent:
+    """What flies one vehicle: it sees measurements and messages, never the truth."""
+
+    estimator: Estimator
+    planner: Planner
+    tracker: Tracker
+    input_size: int = 3
+    messages: Sequence[Message] = ()  # delivered at their own times
+    coordinator: Coordinator | None = None  # of a vehicle among others
+    stored: Plan | None = None  # flown from the start; without one the first plan is, as soon as it is there
+
+
+@dataclass
+class AgentRunner:
+    """One agent with what it remembers between ticks."""
+
+    name: str
+    agent: Agent
+    estimator_ticks: int
+    planner_ticks: int
+    tracker_ticks: int
+    coordinator_ticks: int  # 0 without a coordinator
+    network: Network
+    record: AgentRecorder
+    command: Array
+    inbox: list[Measurement] = field(default_factory=list)
+    undelivered: list[Message] = field(default_factory=list)
+    delivered: list[Message] = field(default_factory=list)
+    pending: list[Plan] = field(default_factory=list)
+    estimate: Estimate | None = None
+    plan: Plan | None = None
+    usable: bool = True  # the tracker's last command
+    estimating: bool = True  # the estimator's last answer was usable
+
+    def look(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
+        """Do what falls due at tick k; ``row`` is that of the log."""
+        if self.plan is None and self.agent.stored is not None:
+            self._take_over(t, self.agent.stored)
+        self.observe(row, k, t, readings)
+        if self.estimate is not None:
+            self._act(k, t, self.estimate)
+        self.record.command(row, self.command)
+
+    def observe(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
+        """Take in what the sensors read, and estimate if it falls due."""
+        self.record.measurements(row, readings)
+        self.inbox.extend(readings)
+        if k % self.estimator_ticks == 0:
+            self._estimate(t)
+
+    def obey(self, row: int, command: Array) -> None:
+        """Take a command (nu,) from outside, which stays until the next one."""
+        self.command = command
+        self.record.command(row, command)
+
+    def _act(self, k: int, t: float, estimate: Estimate) -> None:
+        if self.agent.coordinator is not None and k % self.coordinator_ticks == 0:
+            self._exchange(t)
+        if k % self.planner_ticks == 0:
+            self._adopt(t)
+            self._ask(t, estimate)
+            self._adopt(t)
+        else:
+            self._alarm(t, estimate)
+        if self.plan is not None and k % self.tracker_ticks == 0:
+            self._track(t, estimate, self.plan)
+
+    def _estimate(self, t: float) -> None:
+        """The estimator's answer, or what is left of the last one where it cannot be used."""
+        try:
+            estimate = self.agent.estimator.update(t, self.inbox, self.command)
+            complaint = _unusable(estimate, self.estimate)
+        except (Exception, SystemExit) as error:
+            complaint = f"{type(error).__name__}: {error}{where_raised(error)}"
+        self.inbox = []
+        if not complaint:
+            self.estimate = estimate
+        elif self.estimate is not None:
+            self.estimate = replace(self.estimate, status=Status.LOST)
+        if complaint and self.estimating:
+            self.record.event(t, "estimate-unusable", complaint)
+        self.estimating = not complaint
+        if self.estimate is not None:
+            self.record.estimate(self.estimate)
+
+    def _of_coordinator(self, t: float, call: Callable[[Coordinator], T], otherwise: T) -> T:
+        """What the coordinator answers; ``otherwise`` where there is none, and where it raises, which is on record."""
+        if self.agent.coordinator is None:
+            return otherwise
+        try:
+            return call(self.agent.coordinator)
+        except Exception as error:
+            self.record.event(t, "coordinator-raised", f"{type(error).__name__}: {error}{where_raised(error)}")
+            return otherwise
+
+    def _exchange(self, t: float) -> None:
+        """What has come in, and what is to be said to whom; a coordinator that raises has said nothing."""
+        received = self.network.receive(self.name, t)
+        outbox = self._of_coordinator(t, lambda coordinator: coordinator.exchange(t, received), Outbox())
+        for receiver, message in outbox.messages:
+            self.network.send(message, receiver, t)
+        for kind, told in outbox.events:
+            self.record.event(t, kind, told)
+        self.undelivered = sorted([*self.undelivered, *outbox.planner_messages], key=lambda each: each.t)
+
+    def _deliver(self, t: float) -> list[Message]:
+        """What falls due, for the planner's next request; each is on record."""
+        due = []
+        while self.undelivered and self.undelivered[0].t <= t + TIME_TOLERANCE:
+            message = self.undelivered.pop(0)
+            due.append(message)
+            told = f": {message.payload:.10g}" if isinstance(message.payload, float) else ""
+            self.record.event(t, "message", f"{message.topic} from {message.sender}{told}")
+        self.delivered += due
+        return due
+
+    def _alarm(self, t: float, estimate: Estimate) -> None:
+        """Between two planning instants: whether what is told now asks for another plan at once."""
+        alarmed = getattr(self.agent.planner, "alarmed", None)
+        if alarmed is None or self.plan is None or not self.undelivered or self.undelivered[0].t > t + TIME_TOLERANCE:
+            return
+        request = PlanRequest(t, t, estimate, self.plan, tuple(self._deliver(t)))
+        try:
+            plan = alarmed(request)
+        except (Exception, SystemExit) as error:
+            plan = Plan.raised(error)
+        if plan is None:
+            return
+        self.record.asked(plan)
+        if plan.ok:
+            self.pending = [plan]  # what was to take over next starts on the plan that is given up
+            self._of_coordinator(t, lambda coordinator: coordinator.propose(t, plan), None)
+            self._adopt(t)
+        else:
+            self._refused(t, plan, plan.status, plan.message)
+
+    def _ask(self, t: float, estimate: Estimate) -> None:
+        self._deliver(t)
+        t_start = t + self.agent.planner.period if self.plan is not None else t
+        request = PlanRequest(t, t_start, estimate, self.plan, tuple(self.delivered))
+        try:
+            plan = self.agent.planner.plan(request)
+            if not isinstance(plan, Plan):
+                raise TypeError(f"plan() returned {type(plan).__name__}; allowed: Plan")
+        except (Exception, SystemExit) as error:  # a recorded failure, not the end of the flight
+            plan = Plan.raised(error)
+        self.delivered = []
+        self.record.asked(plan)
+        if plan.ok:
+            self.pending.append(plan)
+            if self.plan is not None:
+                self._of_coordinator(t, lambda coordinator: coordinator.propose(t, plan), None)
+        else:
+            self._refused(t, plan, plan.status, plan.message)
+
+    def _adopt(self, t: float) -> None:
+        waiting: list[Plan] = []
+        for plan in self.pending:
+            if plan.t_start > t + TIME_TOLERANCE:
+                waiting.append(plan)
+            elif not plan.ready <= plan.t_start + TIME_TOLERANCE:  # NaN is late too
+                self._refused(t, plan, Status.LATE, f"ready at {plan.ready:.3f} s for a start at {plan.t_start:.3f} s")
+            elif not self._admitted(t, plan):
+                self._refused(t, plan, Status.NOT_ADMITTED, "")
+            else:
+                self._take_over(t, plan)
+        self.pending = waiting
+
+    def _admitted(self, t: float, plan: Plan) -> bool:
+        """Whether the others leave room for it; the first plan, which nobody was told of, has no others to ask."""
+        if self.agent.coordinator is None or self.plan is None:
+            return True
+        return self._of_coordinator(t, lambda coordinator: coordinator.admits(t, plan), otherwise=False)
+
+    def _take_over(self, t: float, plan: Plan) -> None:
+        self.plan = plan
+        self.record.adopted(t, plan)
+        self._of_coordinator(t, lambda coordinator: coordinator.adopted(t, plan), None)
+        for note in plan.notes:
+            self.record.event(t, note, plan.message)
+
+    def _refused(self, t: float, plan: Plan, status: Status, message: str) -> None:
+        self.record.event(t, status.name.lower().replace("_", "-"), message or status.value)
+        for note in plan.notes:
+            self.record.event(t, note, message)
+
+    def _track(self, t: float, estimate: Estimate, plan: Plan) -> None:
+        try:
+            command = np.asarray(self.agent.tracker.command(t, estimate, plan), dtype=float)
+            # The square of a command is finite if the command is, short of a length of 1e154.
+            usable = command.shape == self.command.shape and math.isfinite(command.dot(command))
+            complaint = "" if usable else f"{command!r}"
+        except (Exception, SystemExit) as error:
+            usable, complaint = False, f"{type(error).__name__}: {error}"
+        if usable:
+            self.command = command
+        elif self.usable:
+            self.record.event(t, "command-unusable", f"{complaint}; the last usable command is held")
+        self.usable = usable
+
+
+def _unusable(estimate: Any, before: Estimate | None) -> str:
+    """What is wrong with an estimator's answer, "" for nothing."""
+    if not isinstance(estimate, Estimate):
+        return f"update() returned {type(estimate).__name__}; allowed: Estimate"
+    x = np.asarray(estimate.x)
+    if x.ndim != 1 or (before is not None and x.shape != before.x.shape):
+        allowed = "(nx,)" if before is None else f"{before.x.shape}, as before"
+        return f"the estimate's state has shape {x.shape}; allowed: {allowed}"
+    finite = np.isfinite(x).all() and math.isfinite(estimate.t)
+    return "" if finite else f"the estimate is {x.tolist()} at {estimate.t!r} s; allowed: finite numbers"

@@ -1,0 +1,204 @@
+"""What a run leaves behind: arrays over time, events, and the times its solvers took.
+
+Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m; the newest, NaN where none),
+``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``.
+A single vehicle is logged without a prefix, a fleet's arrays as ``VEHICLE.truth.x``. Wall-clock figures are kept
+apart from the arrays, so that the same seed gives the same log bit for bit.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mathnavi.sim.interfaces.protocols import Plant
+from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Measurement, Plan, Status
+
+
+@dataclass
+class AgentRecorder:
+    """The log of one agent while it runs."""
+
+    name: str
+    events: list[Event]
+    commands: Array  # (n, nu)
+    readings: dict[str, Array]  # (n, m) by sensor
+    estimates: list[Estimate] = field(default_factory=list)
+    plans: list[tuple[float, Plan]] = field(default_factory=list)  # (adopted at, plan)
+    requests: int = 0
+    solve_ms: list[float] = field(default_factory=list)
+
+    def event(self, t: float, kind: str, message: str = "") -> None:
+        self.events.append(Event(t, self.name, kind, message))
+
+    def measurements(self, k: int, readings: Sequence[Measurement]) -> None:
+        for reading in readings:
+            self.readings[reading.name][k] = reading.value
+
+    def estimate(self, estimate: Estimate) -> None:
+        before = self.estimates[-1].status if self.estimates else Status.OK
+        if before is not estimate.status:
+            self.event(estimate.t, "estimator-status", f"{estimate.status.name.lower()}: {estimate.status.value}")
+        self.estimates.append(estimate)
+
+    def asked(self, plan: Plan) -> None:
+        self.requests += 1
+        if math.isfinite(plan.solve_ms):
+            self.solve_ms.append(plan.solve_ms)
+
+    def adopted(self, t: float, plan: Plan) -> None:
+        self.plans.append((t, plan))
+
+    def command(self, k: int, command: Array) -> None:
+        self.commands[k] = command
+
+    def arrays(self, length: int) -> dict[str, Array]:
+        """The agent's arrays, truncated to ``length`` ticks."""
+        out = {"command.u": self.commands[:length]}
+        out |= {f"measurement.{name}": values[:length] for name, values in self.readings.items()}
+        if self.estimates:
+            out["estimate.t"] = np.array([estimate.t for estimate in self.estimates])
+            out["estimate.x"] = np.array([estimate.x for estimate in self.estimates])
+            for name in sorted(set.intersection(*(set(estimate.extra) for estimate in self.estimates))):
+                out[f"estimate.{name}"] = np.array([estimate.extra[name] for estimate in self.estimates])
+        return out | self._plan_arrays()
+
+    def _plan_arrays(self) -> dict[str, Array]:
+        plans = [plan for _, plan in self.plans]
+        if not plans:
+            return {}
+        # One row per breakpoint; the last of each plan holds no input.
+        padded = [np.vstack([plan.u, np.full((1, plan.u.shape[1]), np.nan)]) for plan in plans]
+        return {
+            "plan.offsets": np.concatenate([[0], np.cumsum([len(plan.t) for plan in plans])]),
+            "plan.t": np.concatenate([plan.t for plan in plans]),
+            "plan.x": np.vstack([plan.x for plan in plans]),
+            "plan.u": np.vstack(padded),
+            "plan.phase": np.concatenate([np.append(plan.phase, -1) for plan in plans]),
+            "plan.adopted": np.array([t for t, _ in self.plans]),
+            "plan.cost": np.array([plan.cost for plan in plans]),
+        }
+
+
+@dataclass
+class Recording:
+    """The log of a run. ``arrays()`` is what log.npz holds."""
+
+    t: Array  # (n,) [s]
+    truths: dict[str, Array]  # (n, nx) by vehicle
+    agents: dict[str, AgentRecorder]
+    events: list[Event]
+    state_names: dict[str, tuple[str, ...]]
+    length: int = 0
+
+    @staticmethod
+    def begin(plant: Plant, input_sizes: Mapping[str, int], length: int) -> Recording:
+        """An empty log with room for ``length`` ticks."""
+        events: list[Event] = []
+        agents = {
+            name: AgentRecorder(
+                name,
+                events,
+                np.zeros((length, size)),
+                {sensor: np.full((length, m), np.nan) for sensor, m in plant.sensor_sizes(name).items()},
+            )
+            for name, size in input_sizes.items()
+        }
+        truths = {name: np.zeros((length, plant.state(name).size)) for name in plant.names}
+        names = {name: plant.state_names(name) for name in plant.names}
+        return Recording(np.zeros(length), truths, agents, events, names)
+
+    def truth(self, k: int, t: float, truths: Mapping[str, Array]) -> None:
+        self.t[k] = t
+        for name, x in truths.items():
+            self.truths[name][k] = x
+        self.length = k + 1
+
+    def end(self) -> Recording:
+        """Truncate to what was flown."""
+        self.t = self.t[: self.length]
+        self.truths = {name: x[: self.length] for name, x in self.truths.items()}
+        return self
+
+    def arrays(self) -> dict[str, Array]:
+        out = {"t": self.t}
+        for name, truth in self.truths.items():
+            prefix = "" if len(self.truths) == 1 else f"{name}."
+            out[f"{prefix}truth.x"] = truth
+            if name in self.agents:
+                out |= {f"{prefix}{key}": value for key, value in self.agents[name].arrays(self.length).items()}
+        return out
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all."""
+    descriptor, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+        os.chmod(scratch, 0o644)
+        os.replace(scratch, path)
+    except BaseException:
+        Path(scratch).unlink(missing_ok=True)
+        raise
+
+
+def _jsonable(value: Any) -> Any:
+    """``value`` with what JSON cannot say (NaN, infinity) as null."""
+    if isinstance(value, Mapping):
+        return {str(key): _jsonable(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_jsonable(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return _jsonable(value.tolist())
+    if isinstance(value, np.generic):
+        return _jsonable(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def write_json(path: Path, value: Any) -> None:
+    """``value`` as JSON, whole or not at all."""
+    write_text(path, json.dumps(_jsonable(value), indent=2) + "\n")
+
+
+def versions() -> dict[str, str]:
+    """What a run depends on, by name."""
+    packages = ("mathnavi", "mujoco", "numpy", "casadi")
+    return {name: version(name) for name in packages} | {"python": platform.python_version()}
+
+
+def write_run(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any], recording: Recording) -> None:
+    """Write a run's folder, summary.json last, so that a summary means a whole run."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "summary.json").unlink(missing_ok=True)
+    arrays = recording.arrays()
+    scratch = folder / ".log.npz.partial"
+    try:
+        with scratch.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **arrays)
+        os.replace(scratch, folder / "log.npz")
+    finally:
+        scratch.unlink(missing_ok=True)
+    shapes = {name: {"shape": list(value.shape), "dtype": str(value.dtype)} for name, value in arrays.items()}
+    write_json(folder / "log.json", {"arrays": shapes, "states": recording.state_names, "time": "t [s]"})
+    events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]
+    write_text(folder / "events.jsonl", "".join(json.dumps(_jsonable(event)) + "\n" for event in events))
+    write_json(folder / "config.json", {**config, "versions": versions()})
+    write_json(folder / "summary.json", {**summary, "version": version("mathnavi")})

@@ -1,0 +1,166 @@
+"""The closed loop, for one vehicle or many.
+
+    sensors -> estimator -> planner (slow) -> tracker (fast) -> actuators
+
+Each part runs at its own rate, a whole number of physics ticks. The loop looks, and logs, at the greatest common
+divisor of these; the ticks between two looks are one step of the plant with the inputs held. A plan asked for at t
+takes over at its own start time, one planning period later, if it is at hand by then; until then, and whenever there is
+none, the vehicle flies the last plan that was adopted, which leads to rest. The loop knows protocols only: it never
+asks what a plan is for.
+
+``simulate`` runs it from beginning to end. A ``Loop`` is stepped from outside, by whoever commands the actuators in the
+place of planner and tracker: the sensors, the estimators, the disturbances and the looks are those of a flight.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.agent_runner import Agent, AgentRunner
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.network import IdealNetwork, Network
+from mathnavi.sim.interfaces.protocols import Plant
+from mathnavi.sim.interfaces.signals import Array
+
+
+def whole_ticks(period: float, dt: float, what: str) -> int:
+    """``period`` [s] as a number of ticks of ``dt`` [s]; ValueError if it is not a whole positive number of them."""
+    ticks = round(period / dt) if math.isfinite(period) else 0
+    if ticks < 1 or abs(ticks * dt - period) > TIME_TOLERANCE * max(1.0, ticks):
+        raise ValueError(f"{what} = {period!r} s is not a whole number of physics ticks of {dt!r} s")
+    return ticks
+
+
+def _rates(name: str, agent: Agent, dt: float) -> tuple[int, int, int, int]:
+    """Ticks between calls of the estimator, the planner, the tracker and the coordinator; 0 for one that is not there.
+
+    ValueError if the planner or the tracker would be given an estimate of an earlier tick.
+    """
+    estimator = whole_ticks(agent.estimator.period, dt, f"{name}: the estimator's period")
+    planner = whole_ticks(agent.planner.period, dt, f"{name}: the planner's period")
+    tracker = whole_ticks(agent.tracker.period, dt, f"{name}: the tracker's period")
+    for part, ticks, period in (
+        ("planner", planner, agent.planner.period),
+        ("tracker", tracker, agent.tracker.period),
+    ):
+        if ticks % estimator:
+            raise ValueError(
+                f"{name}: the estimator's period = {agent.estimator.period!r} s leaves the {part} with old estimates; "
+                f"allowed: a whole fraction of the {part}'s period, {period!r} s"
+            )
+    coordinator = agent.coordinator
+    talks = 0 if coordinator is None else whole_ticks(coordinator.period, dt, f"{name}: the coordinator's period")
+    return estimator, planner, tracker, talks
+
+
+class Loop:
+    """The loop between two looks: ``look`` or ``observe``, then ``advance``, until ``over``.
+
+    ``t`` [s] and ``truths``, (nx,) by vehicle, are those of the last look; ``recording`` holds all looks so far.
+    """
+
+    def __init__(
+        self, plant: Plant, agents: Mapping[str, Agent], duration: float, network: Network | None = None
+    ) -> None:
+        """From the plant's present time for ``duration`` [s]. ``network`` carries what coordinators say.
+
+        Raises ValueError if an agent has no vehicle, a rate is not a whole number of ticks, or an estimator is slower
+        than the parts that use it.
+        """
+        if unknown := sorted(set(agents) - set(plant.names)):
+            raise ValueError(f"agents {unknown} have no vehicle; the plant has {list(plant.names)}")
+        dt = plant.dt
+        self._steps = whole_ticks(duration, dt, "duration")
+        self._plant, self._names = plant, plant.names
+        rates = {name: _rates(name, agent, dt) for name, agent in agents.items()}
+        self.stride = math.gcd(*(ticks for of_agent in rates.values() for ticks in of_agent)) or 1
+        """ticks between two looks; gcd() is 0: no agents"""
+        rows = -(-self._steps // self.stride) + 1
+        self.recording = Recording.begin(plant, {name: agent.input_size for name, agent in agents.items()}, rows)
+        carrier = IdealNetwork(list(agents)) if network is None else network
+        self.runners = {
+            name: AgentRunner(
+                name,
+                agent,
+                *rates[name],
+                carrier,
+                self.recording.agents[name],
+                np.zeros(agent.input_size),
+                undelivered=sorted(agent.messages, key=lambda message: message.t),
+            )
+            for name, agent in agents.items()
+        }
+        self._each = tuple(self.runners.values())
+        self._row = self._tick = 0
+        self.t = plant.t
+        self.truths: dict[str, Array] = {}
+
+    @property
+    def over(self) -> bool:
+        """Whether the duration has passed."""
+        return self._tick == self._steps
+
+    def look(self) -> None:
+        """Sensors and estimators, and what the agents do."""
+        row, k, t = self._begin()
+        for runner in self._each:
+            runner.look(row, k, t, self._plant.sense(runner.name))
+
+    def observe(self) -> None:
+        """Sensors and estimators only; what acts until the next look is left to ``command``."""
+        row, k, t = self._begin()
+        for runner in self._each:
+            runner.observe(row, k, t, self._plant.sense(runner.name))
+
+    def command(self, name: str, u: Array) -> None:
+        """The input (nu,) of a vehicle from this look on, in the place of its tracker's; kept until the next one."""
+        self.runners[name].obey(self._row, u)
+
+    def advance(self) -> None:
+        """One step of the plant under the commands, to the next look."""
+        commands = {runner.name: runner.command for runner in self._each}
+        ticks = min(self.stride, self._steps - self._tick)
+        self.recording.events.extend(self._plant.step(commands, ticks))
+        self._tick += ticks
+        self._row += 1
+
+    def _begin(self) -> tuple[int, int, float]:
+        """Log the truth; the row of the log, the tick, and the time [s]."""
+        plant = self._plant
+        t = self.t = plant.t
+        self.truths = {name: plant.state(name) for name in self._names}
+        self.recording.truth(self._row, t, self.truths)
+        return self._row, self._tick, t
+
+
+def simulate(
+    plant: Plant,
+    agents: Mapping[str, Agent],
+    duration: float,
+    finished: Callable[[float, Mapping[str, Array]], bool] | None = None,
+    progress: Callable[[float], None] | None = None,
+    network: Network | None = None,
+) -> Recording:
+    """Run the loop from the plant's present time for at most ``duration`` [s], or until ``finished(t, truths)``.
+
+    ``finished`` is the referee: it sees the truth and belongs to the scenario, not to a controller. ``progress`` is
+    told the simulated time once a simulated second. ``network`` carries what coordinators say, at once if none is
+    given.
+
+    Raises ValueError if an agent has no vehicle, a rate is not a whole number of ticks, or an estimator is slower
+    than the parts that use it.
+    """
+    loop = Loop(plant, agents, duration, network)
+    told = -math.inf  # [s]
+    while True:
+        loop.look()
+        if loop.over or (finished is not None and finished(loop.t, loop.truths)):
+            return loop.recording.end()
+        loop.advance()
+        if progress is not None and loop.t >= told + 1.0:
+            told = loop.t
+            progress(told)

@@ -1,0 +1,218 @@
+"""A plant whose physics is an ordinary differential equation x' = f(x, u): what has no body.
+
+Between two readings the state follows the solution to a stated error (``mathnavi.models.runge_kutta``); ticks only say
+when sensors may be read. A solution that leaves every bound in finite time ends its vehicle: that is an event,
+"escaped", at the time of it. Kept is the state at the last tick before; from then on nothing moves and no sensor is
+read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from mathnavi.sim.engine.sensing import mounted
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Event, Measurement
+
+_ROUND_OFF = 1e-9  # [ticks]
+
+
+class Law(Protocol):
+    """The law of motion of a vehicle of nx states, nu inputs and ny outputs."""
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """(nx,) name and unit of each component of the state, "x_1 [m]" for one."""
+        ...
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """(nu,) name and unit of each component of the input."""
+        ...
+
+    def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
+        """The state (nx,) after dt [s] with u (nu,) held, and dt; a shorter time if the solution escapes before."""
+        ...
+
+    def rate(self, x: Array, u: Array) -> Array:
+        """x' (nx,)."""
+        ...
+
+    def output(self, x: Array, u: Array) -> Array:
+        """y = h(x, u) (ny,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class OdeVehicle:
+    """What a scenario gives a vehicle."""
+
+    law: Law
+    start: Array  # (nx,) the state at t = 0
+    sensors: tuple[Sensor, ...] = ()
+
+
+class OdeMotion:
+    """A ``mathnavi.sim.interfaces.protocols.StateView``."""
+
+    def __init__(self, law: Law) -> None:
+        self._law = law
+        self.state = np.zeros(len(law.states))
+        self.u = np.zeros(len(law.inputs))  # held since the last step began
+
+    @property
+    def x(self) -> Array:
+        """(nx,) the state, a copy."""
+        return self.state.copy()
+
+    @property
+    def acceleration(self) -> Array:
+        """The second half of x', which are the accelerations where x = (positions, velocities)."""
+        return self._law.rate(self.state, self.u)[len(self.state) // 2 :]
+
+    def sensed(self, name: str) -> Array:
+        """ "output" is h(x, u) (ny,); ValueError for another name."""
+        if name != "output":
+            raise ValueError(f"an ODE has no sensor {name!r}; allowed: 'output'")
+        return self._law.output(self.state, self.u)
+
+
+class _Vehicle:
+    """One vehicle while it moves."""
+
+    def __init__(self, name: str, given: OdeVehicle, dt: float, rng: np.random.Generator) -> None:
+        self.name, self.law = name, given.law
+        self.motion = OdeMotion(given.law)
+        self.sensors = mounted(name, given.sensors, dt, rng)
+        self.readings: list[Measurement] = []  # since the last look
+        self.escaped: float | None = None  # [s]
+        self.place(given.start, "start")
+
+    def place(self, state: Array, what: str) -> None:
+        x, n = np.array(state, dtype=np.float64), len(self.law.states)
+        if x.shape != (n,) or not np.isfinite(x).all():
+            raise ValueError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {n} finite numbers")
+        self.motion.state, self.escaped = x, None
+
+    def command(self, t: float, command: Array | None) -> None:
+        u = np.zeros(len(self.law.inputs)) if command is None else np.array(command, dtype=np.float64)
+        if u.shape != self.motion.u.shape or not np.isfinite(u).all():
+            allowed = f"{len(self.law.inputs)} finite numbers"
+            raise ValueError(f"vehicle {self.name!r}: command = {u.tolist()} at {t:.3f} s; allowed: {allowed}")
+        self.motion.u = u
+
+    def advance(self, tick: int, ticks: int, dt: float) -> Event | None:
+        """Move on from a tick by so many; the event, if the solution escapes on the way."""
+        if self.escaped is not None:
+            return None
+        x, u = self.motion.state, self.motion.u
+        after, reached = self.law.reach(x, u, ticks * dt)
+        if reached < ticks * dt:
+            whole = int(reached / dt + _ROUND_OFF)  # ticks before the escape
+            self.motion.state = self.law.reach(x, u, whole * dt)[0]
+            self.escaped = tick * dt + reached
+            where = np.array2string(self.motion.state, precision=4)
+            return Event(self.escaped, self.name, "escaped", f"leaves every bound; {where} at the tick before")
+        self.motion.state = after
+        return None
+
+    def read(self, tick: int, dt: float, *, looking: bool) -> None:
+        """Read the sensors that fall due at a tick."""
+        for each in self.sensors if self.escaped is None else ():
+            if each.due(tick, looking):
+                value = each.sensor.read(self.motion, each.rng)
+                if value is not None:
+                    self.readings.append(Measurement(each.sensor.name, tick * dt, value))
+
+
+class OdePlant:
+    """Vehicles that each obey an ODE, behind ``mathnavi.sim.interfaces.protocols.Plant``."""
+
+    def __init__(self, vehicles: Mapping[str, OdeVehicle], dt: float, rng: np.random.Generator) -> None:
+        """The plant at t = 0 with ticks of dt [s]; each sensor draws from a stream of its own, spawned from ``rng``.
+
+        ValueError if there is no vehicle, a start does not fit its law, or the rate of a sensor is not a whole number
+        of ticks.
+        """
+        if not vehicles:
+            raise ValueError("a plant needs at least one vehicle")
+        self.dt = dt
+        self._tick = 0
+        self._vehicles = {
+            name: _Vehicle(name, vehicle, dt, generator)
+            for (name, vehicle), generator in zip(vehicles.items(), rng.spawn(len(vehicles)), strict=True)
+        }
+
+    @property
+    def t(self) -> float:
+        return self._tick * self.dt
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self._vehicles)
+
+    def state(self, name: str) -> Array:
+        return self._vehicle(name).motion.x
+
+    def state_names(self, name: str) -> tuple[str, ...]:
+        return self._vehicle(name).law.states
+
+    def sensor_sizes(self, name: str) -> dict[str, int]:
+        return {sensor.name: sensor.size for sensor in self.sensors(name)}
+
+    def sensors(self, name: str) -> tuple[Sensor, ...]:
+        return tuple(each.sensor for each in self._vehicle(name).sensors)
+
+    def escaped(self, name: str) -> float | None:
+        """[s] when the vehicle left every bound; None if it has not."""
+        return self._vehicle(name).escaped
+
+    def sense(self, name: str) -> Sequence[Measurement]:
+        vehicle = self._vehicle(name)
+        vehicle.read(self._tick, self.dt, looking=True)
+        readings, vehicle.readings = vehicle.readings, []
+        return readings
+
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
+        """ValueError: what has no body cannot be pushed."""
+        raise ValueError(f"vehicle {name!r} is an ODE without a body; allowed: no forces on it")
+
+    def displace(self, name: str, offset: Array) -> None:
+        """ValueError: what has no body has no place; ``place`` sets its state."""
+        raise ValueError(f"vehicle {name!r} is an ODE without a body; allowed: no displacement of it")
+
+    def place(self, name: str, state: Array) -> None:
+        self._vehicle(name).place(state, "state")
+
+    def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
+        """Advance by so many ticks with inputs held; a vehicle without a command gets nought. The event is "escaped".
+
+        ValueError for a command that does not fit or is not finite.
+        """
+        events: list[Event] = []
+        for vehicle in self._vehicles.values():
+            vehicle.readings.clear()
+            vehicle.command(self.t, commands.get(vehicle.name))
+            begin, end = self._tick, self._tick + ticks
+            for tick in (*self._due(vehicle, begin, end), end):
+                if (event := vehicle.advance(begin, tick - begin, self.dt)) is not None:
+                    events.append(event)
+                if tick < end:
+                    vehicle.read(tick, self.dt, looking=False)
+                begin = tick
+        self._tick += ticks
+        return events
+
+    def _due(self, vehicle: _Vehicle, begin: int, end: int) -> list[int]:
+        """The ticks in between at which a sensor of the vehicle is read."""
+        return [k for k in range(begin + 1, end) if any(each.due(k, looking=False) for each in vehicle.sensors)]
+
+    def _vehicle(self, name: str) -> _Vehicle:
+        try:
+            return self._vehicles[name]
+        except KeyError:
+            raise ValueError(f"the plant has no vehicle {name!r}; it has {list(self._vehicles)}") from None

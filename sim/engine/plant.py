@@ -1,0 +1,351 @@
+"""A plant whose physics is MuJoCo: named vehicles in one compiled model, with their sensors.
+
+A vehicle NAME is everything in the model whose name starts with ``NAME/``: its joints are its state, (qpos, qvel), as
+``mathnavi.sim.interfaces.joint_states`` has it, and its actuators, in the order of the model, its input, unless a
+drive stands in between. The plant steps the ``mujoco.MjModel`` itself and counts ticks in whole numbers, so that time
+does not drift.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from mathnavi.sim.engine.input_bounds import input_bound
+from mathnavi.sim.engine.loop import whole_ticks
+from mathnavi.sim.engine.mujoco_sensors import OwnSensors
+from mathnavi.sim.engine.sensing import mounted
+from mathnavi.sim.interfaces.joint_states import FREE, SIZES, SLIDE, quaternions, state_names, with_unit_quaternions
+from mathnavi.sim.interfaces.protocols import ActuatorModel, Sensor
+from mathnavi.sim.interfaces.signals import Array, Event, Measurement
+
+_GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
+
+
+@dataclass(frozen=True)
+class VehicleSetup:
+    """What a scenario gives a vehicle."""
+
+    start: Array  # (nx,) the state at t = 0
+    sensors: tuple[Sensor, ...] = ()
+    input_max: float | Array = math.inf  # on the Euclidean norm of the input, or (nu,) on the magnitude of each one
+    delay: float = 0.0  # [s] from a command to what the actuators do
+    drive: ActuatorModel | None = None  # None: the input is that of the actuators
+    ignored_contacts: tuple[str, ...] = ()  # geoms that it touches as a matter of course, which is no event
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where a vehicle is in MuJoCo's arrays, and how its input gets there: for whoever steps the model otherwise."""
+
+    q: slice  # of qpos
+    v: slice  # of qvel
+    actuators: slice  # of ctrl
+    input_size: int  # nu
+    bounded: Callable[[Array], tuple[Array, str]]  # what an input (nu,) is brought back to
+    drive: ActuatorModel | None  # None: the input is that of the actuators
+    delay: int  # [ticks]
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """A ``mathnavi.sim.interfaces.protocols.StateView``: views that follow the simulation."""
+
+    q: Array  # (nq,) joint positions
+    v: Array  # (nv,) joint velocities
+    acceleration: Array  # (nv,) joint accelerations over the last tick, disturbances included
+    sensed: Callable[[str], Array]  # the present reading of one of MuJoCo's sensors, by its name
+
+    @property
+    def x(self) -> Array:
+        """(nq + nv,) the state, a copy."""
+        return np.concatenate((self.q, self.v))
+
+
+class _Vehicle:
+    """One vehicle's views into the simulation."""
+
+    def __init__(
+        self,
+        name: str,
+        equipment: VehicleSetup,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        rng: np.random.Generator,
+        sensed: Callable[[str], Array],
+    ) -> None:
+        self.name = name
+        joints = [j for j in range(model.njnt) if model.joint(j).name.startswith(f"{name}/")]
+        actuators = [i for i in range(model.nu) if model.actuator(i).name.startswith(f"{name}/")]
+        if not joints:
+            known = sorted({model.joint(j).name.partition("/")[0] for j in range(model.njnt)})
+            raise ValueError(f"the model has no vehicle {name!r}; it has {known}")
+        kinds = [int(model.jnt_type[j]) for j in joints]
+        positions, velocities = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        q = _slice(joints, int(positions[0]), int(positions[-1]) + SIZES[kinds[-1]][0])
+        v = _slice(joints, int(velocities[0]), int(velocities[-1]) + SIZES[kinds[-1]][1])
+        self.motion = JointMotion(data.qpos[q], data.qvel[v], data.qacc[v], sensed)
+        control = _slice(actuators, actuators[0], actuators[-1] + 1) if actuators else slice(0)
+        self.actuators = data.ctrl[control]
+        self.drive = equipment.drive
+        self.control = np.zeros(self.drive.input_size) if self.drive else self.actuators  # the input that acts
+        self.wrench = data.xfrc_applied[int(model.jnt_bodyid[joints[0]])]  # force and torque, world frame
+        self.slides: list[tuple[int, Array]] = []  # where in q, and along which axis: a free joint begins with three
+        self.slide_rates: list[int] = []
+        for j, kind in zip(joints, kinds, strict=True):
+            axes = {SLIDE: model.jnt_axis[j : j + 1].copy(), FREE: np.eye(3)}.get(kind, np.empty((0, 3)))
+            first, rate = int(model.jnt_qposadr[j]) - q.start, int(model.jnt_dofadr[j]) - v.start
+            self.slides += [(first + k, axis) for k, axis in enumerate(axes)]
+            self.slide_rates += [rate + k for k in range(len(axes))]
+        self.quaternions = quaternions(model, joints)
+        self.geoms = frozenset(
+            g for g in range(model.ngeom) if model.body(int(model.geom_bodyid[g])).name.startswith(f"{name}/")
+        )
+        self.ignored_contacts = frozenset(equipment.ignored_contacts)
+        self.state_names = state_names(model, joints)
+        self.place(equipment.start, "start")
+        self.bounded = input_bound(name, equipment.input_max, len(self.control))
+        self.delay = whole_ticks(equipment.delay, float(model.opt.timestep), "delay") if equipment.delay != 0.0 else 0
+        self.layout = Layout(q, v, control, len(self.control), self.bounded, self.drive, self.delay)
+        self.underway: deque[tuple[int, Array]] = deque()  # (tick from which it acts, input), where there is a delay
+        self.sensors = mounted(name, equipment.sensors, float(model.opt.timestep), rng)
+        self.readings: list[Measurement] = []  # since the last look
+        self.touched: frozenset[str] = frozenset()  # what it touches now
+        self.contacts = 0
+        self.clipped = False
+        self.disturbed = False
+
+    def place(self, state: Array, what: str) -> None:
+        """Set the joints; ValueError for a state that does not fit them, a quaternion not of length 1 for one."""
+        x, nq, size = np.asarray(state, dtype=np.float64), len(self.motion.q), len(self.state_names)
+        if x.shape != (size,) or not np.isfinite(x).all():
+            raise ValueError(f"vehicle {self.name!r}: {what} = {x.tolist()}; allowed: {size} finite numbers")
+        q = with_unit_quaternions(x[:nq], self.quaternions, f"vehicle {self.name!r}: {what}")
+        self.motion.q[:], self.motion.v[:] = q, x[nq:]
+
+
+class MujocoPlant:
+    """Vehicles of a compiled MuJoCo model behind ``mathnavi.sim.interfaces.protocols.Plant``."""
+
+    def __init__(self, model: mujoco.MjModel, vehicles: Mapping[str, VehicleSetup], rng: np.random.Generator) -> None:
+        """The plant at t = 0; each sensor draws from a stream of its own, spawned from ``rng``.
+
+        Raises ValueError if a vehicle is not in the model, its start does not fit its joints, or the rate of a sensor
+        is not a whole number of ticks.
+        """
+        if not vehicles:
+            raise ValueError("a plant needs at least one vehicle")
+        self.model, self.data = model, mujoco.MjData(model)
+        self.dt = float(model.opt.timestep)
+        self._ticks = 0
+        self._sensors = OwnSensors(model, self.data)
+        generators = rng.spawn(len(vehicles))
+        self._vehicles = {
+            name: _Vehicle(name, equipment, model, self.data, generator, partial(self._sensors.read, name))
+            for (name, equipment), generator in zip(vehicles.items(), generators, strict=True)
+        }
+        self._names = tuple(self._vehicles)
+        self._touching = False  # any vehicle anything
+        self._read_between: dict[int, tuple[_Vehicle, ...]] = {}
+        self._owner = {geom: vehicle for vehicle in self._vehicles.values() for geom in vehicle.geoms}
+        self._driven = [(vehicle, vehicle.drive) for vehicle in self._vehicles.values() if vehicle.drive is not None]
+        self._expected = _expected_contacts(model, self._vehicles.values())
+        mujoco.mj_forward(model, self.data)
+
+    @property
+    def t(self) -> float:
+        return self._ticks * self.dt
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self._names
+
+    def state(self, name: str) -> Array:
+        return self._vehicle(name).motion.x
+
+    def state_names(self, name: str) -> tuple[str, ...]:
+        return self._vehicle(name).state_names
+
+    def sensor_sizes(self, name: str) -> dict[str, int]:
+        return {each.sensor.name: each.sensor.size for each in self._vehicle(name).sensors}
+
+    def sensors(self, name: str) -> tuple[Sensor, ...]:
+        return tuple(each.sensor for each in self._vehicle(name).sensors)
+
+    def layout(self, name: str) -> Layout:
+        """Where a vehicle is in the arrays of ``model`` and ``data``."""
+        return self._vehicle(name).layout
+
+    def contacts(self, name: str) -> int:
+        """How often the vehicle has begun to touch something."""
+        return self._vehicle(name).contacts
+
+    def sense(self, name: str) -> Sequence[Measurement]:
+        vehicle = self._vehicle(name)
+        self._read(vehicle, looking=True)
+        readings, vehicle.readings = vehicle.readings, []
+        return readings
+
+    def _read(self, vehicle: _Vehicle, *, looking: bool) -> None:
+        """Read the sensors that fall due at this tick."""
+        for each in vehicle.sensors:
+            if each.due(self._ticks, looking):
+                value = each.sensor.read(vehicle.motion, each.rng)
+                if value is not None:
+                    vehicle.readings.append(Measurement(each.sensor.name, self._ticks * self.dt, value))
+
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
+        vehicle = self._vehicle(name)
+        vehicle.wrench[:3] += force
+        if torque is not None:
+            vehicle.wrench[3:] += torque
+        vehicle.disturbed = True
+
+    def displace(self, name: str, offset: Array) -> None:
+        vehicle = self._vehicle(name)
+        for i, axis in vehicle.slides:
+            vehicle.motion.q[i] += float(axis @ offset)
+        self._sensors.passed()
+
+    def place(self, name: str, state: Array) -> None:
+        self._vehicle(name).place(state, "state")
+        self._sensors.passed()
+        mujoco.mj_forward(self.model, self.data)  # what sensors read is that of the new place
+        self._sensors.passed()
+
+    def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
+        """Advance by so many ticks with inputs and forces held; a vehicle without a command gets none.
+
+        An input beyond its bound is brought back to it. That, and every contact, is an event when it begins:
+        "input-clipped", "ground-contact", "vehicle-contact", "contact". Where actuators are late, an input acts from so
+        many ticks later on; until the first one arrives there is none.
+        """
+        events: list[Event] = []
+        for vehicle in self._vehicles.values():
+            command = commands.get(vehicle.name)
+            control = np.zeros_like(vehicle.control) if command is None else self._bounded(vehicle, command, events)
+            if vehicle.delay:
+                vehicle.underway.append((self._ticks + vehicle.delay, control.copy()))
+            else:
+                vehicle.control[:] = control
+        late = tuple(vehicle for vehicle in self._vehicles.values() if vehicle.delay)
+        # Looks of one rate fall on multiples of it, where there is little to read in between.
+        between = self._between(ticks) if self._ticks % ticks == 0 else tuple(self._vehicles.values())
+        for vehicle in between:
+            vehicle.readings.clear()
+        model, data, sensors = self.model, self.data, self._sensors
+        for left in range(ticks - 1, -1, -1):
+            for vehicle in late:
+                while vehicle.underway and vehicle.underway[0][0] <= self._ticks:
+                    vehicle.control[:] = vehicle.underway.popleft()[1]
+            for vehicle, drive in self._driven:
+                motion = vehicle.motion
+                drive.act(vehicle.control, motion.q, motion.v, vehicle.actuators, self.dt)
+            mujoco.mj_step(model, data)
+            self._ticks += 1
+            sensors.passed()
+            if (data.ncon and not self._as_expected()) or self._touching:
+                self._touch(events)
+            if left:
+                for vehicle in between:
+                    self._read(vehicle, looking=False)
+        data.time = self._ticks * self.dt
+        for vehicle in self._vehicles.values():
+            if vehicle.disturbed:
+                vehicle.wrench[:] = 0.0
+                vehicle.disturbed = False
+        return events
+
+    def _between(self, ticks: int) -> tuple[_Vehicle, ...]:
+        """The vehicles with sensors to be read within steps of so many ticks; the rest is left to sense()."""
+        if ticks not in self._read_between:
+            vehicles = self._vehicles.values()
+            self._read_between[ticks] = tuple(v for v in vehicles if any(m.every % ticks for m in v.sensors))
+        return self._read_between[ticks]
+
+    def _vehicle(self, name: str) -> _Vehicle:
+        try:
+            return self._vehicles[name]
+        except KeyError:
+            raise ValueError(f"the plant has no vehicle {name!r}; it has {list(self._names)}") from None
+
+    def _bounded(self, vehicle: _Vehicle, command: Array, events: list[Event]) -> Array:
+        """The command within its bound."""
+        if command.shape != vehicle.control.shape:
+            raise ValueError(
+                f"vehicle {vehicle.name!r}: the command has shape {command.shape}; allowed: {vehicle.control.shape}"
+            )
+        if not math.isfinite(command.dot(command)):
+            raise ValueError(
+                f"vehicle {vehicle.name!r}: the command {command.tolist()} at {self.t:.3f} s is not finite"
+            )
+        control, clipped = vehicle.bounded(command)
+        if clipped and not vehicle.clipped:
+            events.append(Event(self.t, vehicle.name, "input-clipped", clipped))
+        vehicle.clipped = bool(clipped)
+        return control
+
+    def _as_expected(self) -> bool:
+        """Whether there is no contact but of vehicles with what they stand on."""
+        if self._expected is None:
+            return False
+        pairs = self.data.contact.geom
+        return bool(self._expected[pairs[:, 0], pairs[:, 1]].all())
+
+    def _touch(self, events: list[Event]) -> None:
+        """Contacts that began with this tick."""
+        touching: dict[str, dict[str, str]] = {name: {} for name in self._names}  # vehicle -> what it touches -> kind
+        for contact in self.data.contact:
+            pair = int(contact.geom1), int(contact.geom2)
+            for own, other in (pair, pair[::-1]):
+                owner, stranger = self._owner.get(own), self._owner.get(other)
+                if owner is None or owner is stranger or self.model.geom(other).name in owner.ignored_contacts:
+                    continue
+                if stranger is not None:
+                    touching[owner.name][stranger.name] = "vehicle-contact"
+                else:
+                    ground = int(self.model.geom_type[other]) in _GROUND
+                    touching[owner.name][self.model.geom(other).name] = "ground-contact" if ground else "contact"
+        for vehicle in self._vehicles.values():
+            now = touching[vehicle.name]
+            for thing in sorted(now.keys() - vehicle.touched):
+                slides = [i for i, _ in vehicle.slides]  # joints that turn tell nothing of its place
+                where = np.round(vehicle.motion.q[slides], 1).tolist()
+                speed = float(np.linalg.norm(vehicle.motion.v[vehicle.slide_rates]))
+                message = f"touches {thing} at {where} with {speed:.1f} m/s"
+                events.append(Event(self.t, vehicle.name, now[thing], message))
+                vehicle.contacts += 1
+            vehicle.touched = frozenset(now)
+        self._touching = any(touching.values())
+
+
+def _expected_contacts(model: mujoco.MjModel, vehicles: Iterable[_Vehicle]) -> NDArray[np.bool_] | None:
+    """(ngeom, ngeom) which pairs of geoms touch as a matter of course; None where nothing does."""
+    expected = np.zeros((model.ngeom, model.ngeom), dtype=bool)
+    for vehicle in vehicles:
+        own = sorted(vehicle.geoms)
+        for name in vehicle.ignored_contacts:
+            ground = _geom(model, vehicle.name, name)
+            expected[own, ground] = expected[ground, own] = True
+    return expected if expected.any() else None
+
+
+def _geom(model: mujoco.MjModel, vehicle: str, name: str) -> int:
+    try:
+        return int(model.geom(name).id)
+    except KeyError:
+        raise ValueError(f"vehicle {vehicle!r}: ignored_contacts: there is no geom {name!r} in the model") from None
+
+
+def _slice(indices: Sequence[int], first: int, end: int) -> slice:
+    """From ``first`` to ``end``: a view into MuJoCo's arrays; ValueError if the indices do not lie together."""
+    if list(indices) != list(range(indices[0], indices[-1] + 1)):
+        raise ValueError(f"the joints or actuators of a vehicle do not lie together in the model: {list(indices)}")
+    return slice(first, end)

@@ -1,0 +1,124 @@
+"""A finished run as a plant, so that the loop can run another estimator over what was measured and commanded.
+
+Truth, readings and inputs are the recorded ones at every look, whatever is commanded now.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.engine.sensing import every
+from mathnavi.sim.interfaces.protocols import Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Measurement, Phase, Plan, PlanRequest
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedRun:
+    """What a log holds of the run of one vehicle at n looks."""
+
+    t: Array  # (n,) [s]
+    x: Array  # (n, nx) the truth
+    u: Array  # (n, nu) held from each look to the next
+    readings: Mapping[str, Array]  # (n, m) by sensor, NaN where none fell due since the last look
+    state_names: tuple[str, ...]  # (nx,)
+
+
+class RecordedPlant:
+    """One vehicle's finished run, behind ``mathnavi.sim.interfaces.protocols.Plant``."""
+
+    def __init__(self, name: str, run: RecordedRun, dt: float, sensors: Sequence[Sensor]) -> None:
+        """The plant at the first look of ``run``, with ticks of dt [s] and the readings of ``sensors``.
+
+        ValueError if the looks are not at whole ticks, a sensor's readings are not in the run or of another length, or
+        some of them may not be because it is read more often than the loop looked.
+        """
+        self.dt = dt
+        self._name, self._run, self._sensors = name, run, tuple(sensors)
+        self._ticks = np.rint(run.t / dt).astype(np.int64)  # of the looks
+        if not np.array_equal(self._ticks * dt, run.t):
+            raise ValueError(f"the run was looked at between physics ticks; allowed: at multiples of {dt:g} s")
+        apart = int(np.diff(self._ticks).max(initial=1))
+        self._every = [every(sensor, dt) for sensor in sensors]
+        for sensor, ticks in zip(sensors, self._every, strict=True):
+            kept = {key: values.shape[1] for key, values in run.readings.items()}
+            if kept.get(sensor.name) != sensor.size:
+                told = ", ".join(f"{key} ({size})" for key, size in kept.items()) or "nothing"
+                raise ValueError(f"it reads {sensor.name} ({sensor.size}), and the run measured {told}")
+            if 0 < ticks < apart:
+                raise ValueError(
+                    f"it reads {sensor.name} every {ticks * dt:g} s, and of what came between two looks, "
+                    f"{apart * dt:g} s apart, the run has the last"
+                )
+        self._row = 0
+
+    @property
+    def t(self) -> float:
+        return float(self._run.t[self._row])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self._name,)
+
+    def state(self, name: str) -> Array:
+        x: Array = self._run.x[self._row].copy()
+        return x
+
+    def state_names(self, name: str) -> tuple[str, ...]:
+        return self._run.state_names
+
+    def sensor_sizes(self, name: str) -> dict[str, int]:
+        return {sensor.name: sensor.size for sensor in self._sensors}
+
+    def sensors(self, name: str) -> tuple[Sensor, ...]:
+        return self._sensors
+
+    def sense(self, name: str) -> Sequence[Measurement]:
+        """The readings of this look in order of time, those of one time in the order of the sensors."""
+        now = int(self._ticks[self._row])
+        before = int(self._ticks[self._row - 1]) if self._row else -1
+        read: list[tuple[int, Measurement]] = []
+        for sensor, ticks in zip(self._sensors, self._every, strict=True):
+            due = now - now % ticks if ticks else now
+            value = self._run.readings[sensor.name][self._row]
+            if due > before and not np.isnan(value).all():
+                read.append((due, Measurement(sensor.name, due * self.dt, value.copy())))
+        return [measurement for _, measurement in sorted(read, key=lambda pair: pair[0])]
+
+    def apply_wrench(self, name: str, force: Array, torque: Array | None = None) -> None:
+        raise ValueError("what is over cannot be pushed; allowed: no forces")
+
+    def displace(self, name: str, offset: Array) -> None:
+        raise ValueError("what is over cannot be moved; allowed: no displacement")
+
+    def place(self, name: str, state: Array) -> None:
+        raise ValueError("what is over cannot be moved; allowed: no other state")
+
+    def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
+        """To the next look, which has to be so many ticks away."""
+        away = int(self._ticks[self._row + 1] - self._ticks[self._row])
+        if ticks != away:
+            raise ValueError(f"the next look is {away} ticks away; allowed: a step of so many, not of {ticks}")
+        self._row += 1
+        return ()
+
+
+class RecordedInputs:
+    """A planner and a tracker that give the inputs of a finished run again."""
+
+    def __init__(self, run: RecordedRun, period: float) -> None:
+        """``period`` [s] from one look to the next."""
+        self.period = period
+        self._run = run
+
+    def plan(self, request: PlanRequest) -> Plan:
+        """The tracker needs one; what it says does not matter."""
+        ends, nothing = np.array([request.t_start, request.t_start + self.period]), np.empty((2, 0))
+        return Plan(ends, nothing, nothing[:1], np.array([int(Phase.OPTIMISED)], dtype=np.int64))
+
+    def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        held: Array = self._run.u[int(np.searchsorted(self._run.t, t - TIME_TOLERANCE))].copy()
+        return held

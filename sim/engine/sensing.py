@@ -1,0 +1,47 @@
+"""The sensors that a vehicle carries, with what a plant needs to read each when it falls due."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mathnavi.sim.engine.loop import whole_ticks
+from mathnavi.sim.interfaces.protocols import Sensor
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """A sensor on a vehicle."""
+
+    sensor: Sensor
+    every: int  # ticks from one reading to the next; 0: whenever the loop looks
+    rng: np.random.Generator  # of its own
+
+    def due(self, tick: int, looking: bool) -> bool:
+        """Whether it is read at a tick, at which the loop may be looking."""
+        return tick % self.every == 0 if self.every else looking
+
+
+def mounted(vehicle: str, sensors: Sequence[Sensor], dt: float, rng: np.random.Generator) -> list[Mounted]:
+    """The sensors of a vehicle in a plant with ticks of dt [s], each with a stream of its own, spawned from ``rng``.
+
+    ValueError if two have one name, or the period of one is not a whole number of ticks.
+    """
+    if len({sensor.name for sensor in sensors}) != len(sensors):
+        raise ValueError(f"vehicle {vehicle!r} carries two sensors of one name: {[s.name for s in sensors]}")
+    generators = rng.spawn(len(sensors))
+    return [
+        Mounted(sensor, every(sensor, dt), generator) for sensor, generator in zip(sensors, generators, strict=True)
+    ]
+
+
+def every(sensor: Sensor, dt: float) -> int:
+    """Ticks of dt [s] from one reading to the next, 0 for a sensor without a rate; ValueError for a broken number."""
+    if sensor.rate is None:
+        return 0
+    if not (math.isfinite(sensor.rate) and sensor.rate > 0.0):
+        raise ValueError(f"sensor {sensor.name!r}: rate = {sensor.rate!r} Hz; allowed: a finite rate > 0")
+    return whole_ticks(1.0 / sensor.rate, dt, f"the period of sensor {sensor.name!r} at {sensor.rate!r} Hz")

@@ -1,0 +1,64 @@
+"""What MuJoCo's joints contribute to a state (q, v): slide and hinge one number each, a ball 4, 3, a free one 7, 6.
+
+q of a ball joint is a unit quaternion (w, x, y, z), v its rate [rad/s] in the frame of the body it carries. A free
+joint is a position [m] in the world frame before such a quaternion, and a velocity [m/s] there before such a rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from mathnavi.sim.interfaces.signals import Array
+
+SLIDE, HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
+BALL, FREE = int(mujoco.mjtJoint.mjJNT_BALL), int(mujoco.mjtJoint.mjJNT_FREE)
+SIZES = {SLIDE: (1, 1), HINGE: (1, 1), BALL: (4, 3), FREE: (7, 6)}
+"""of a joint's part of q and of v"""
+
+_OFF = 1e-6  # of a quaternion's length from 1 that is rounding, a float's at the worst
+_UNIT = {SLIDE: "m", HINGE: "rad"}
+
+
+def state_names(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[str, ...]:
+    """Name and unit of each component of (q, v) of these joints; the name of the vehicle, before a "/", is left out."""
+    positions, velocities = [], []
+    for j in joints:
+        full, kind = model.joint(j).name, int(model.jnt_type[j])
+        name = full.partition("/")[2] or full or str(j)
+        if kind == FREE:
+            positions += [f"position_{name}_{axis} [m]" for axis in "xyz"]
+            velocities += [f"velocity_{name}_{axis} [m/s]" for axis in "xyz"]
+            positions += [f"attitude_{name}_{axis} [-]" for axis in "wxyz"]
+            velocities += [f"rate_{name}_{axis} [rad/s]" for axis in "xyz"]
+        elif kind == BALL:
+            positions += [f"position_{name}_{axis} [-]" for axis in "wxyz"]
+            velocities += [f"velocity_{name}_{axis} [rad/s]" for axis in "xyz"]
+        else:
+            positions.append(f"position_{name} [{_UNIT[kind]}]")
+            velocities.append(f"velocity_{name} [{_UNIT[kind]}/s]")
+    return (*positions, *velocities)
+
+
+def quaternions(model: mujoco.MjModel, joints: Sequence[int]) -> tuple[slice, ...]:
+    """Where the balls and free joints among these, which lie together in the model, have their quaternions in q."""
+    first = int(model.jnt_qposadr[joints[0]])
+    before = {BALL: 0, FREE: 3}  # numbers of the joint that come before its quaternion
+    kinds = [(j, int(model.jnt_type[j])) for j in joints]
+    at = [int(model.jnt_qposadr[j]) - first + before[kind] for j, kind in kinds if kind in before]
+    return tuple(slice(k, k + 4) for k in at)
+
+
+def with_unit_quaternions(q: Array, where: Sequence[slice], what: str) -> Array:
+    """q with its quaternions brought to length 1 from where rounding had put them; ValueError if they were not near."""
+    if not where:
+        return q
+    q = q.copy()
+    for each in where:
+        length = float(np.linalg.norm(q[each]))
+        if not abs(length - 1.0) <= _OFF:
+            raise ValueError(f"{what} = {q.tolist()} has a quaternion of length {length:.9g}; allowed: 1")
+        q[each] /= length
+    return q

@@ -1,0 +1,166 @@
+"""The vocabulary of the loop: what flows from sensors to actuators.
+
+    sensors --Measurement--> estimator --Estimate--> planner --Plan--> tracker --command u--> plant
+
+Every signal is immutable and carries the time it is valid at. This module imports numpy only, so that a model, a
+planner and an observer can speak of the same things without knowing each other.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+
+
+class Status(Enum):
+    """How an estimate or a plan came out; the value is the message for the user."""
+
+    OK = "ok"
+    INITIALISING = "the estimator has not seen enough measurements yet"
+    LOST = "the estimator has lost its sensors"
+    SOLVER_FAILED = "the solver did not converge"
+    INFEASIBLE = "the optimisation problem has no feasible point"
+    RAISED = "the planner raised an exception"
+    NOT_FINITE = "the plan contains NaN or infinity"
+    MALFORMED = "the plan's arrays do not fit together, or its arcs do not join"
+    LATE = "the plan was not at hand when it should have started"
+    WRONG_START = "the plan does not start on the plan that is being flown"
+    LOW_CLEARANCE = "the plan comes closer to the ground than allowed"
+    OFF_MAP = "the plan leaves the map"
+    BOUNDS = "the plan exceeds the speed or acceleration bound"
+    DEADLINE = "the plan ends after the deadline"
+    NO_ARRIVAL = "the plan does not come to rest at the target"
+    NOT_ADMITTED = "the plan was not acknowledged by every other vehicle when it should have started"
+
+
+class Phase(IntEnum):
+    """What an arc of a plan is for."""
+
+    OPTIMISED = 0
+    MANOEUVRE = 1
+    HOVER = 2
+    CLIMB = 3
+    CRUISE = 4
+    DESCENT = 5
+
+
+def where_raised(error: BaseException) -> str:
+    """The line that raised, as " (FILE:LINE)"; "" where that is not known."""
+    last = traceback.extract_tb(error.__traceback__)[-1:]
+    return "".join(f" ({frame.filename}:{frame.lineno})" for frame in last)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One reading of one sensor."""
+
+    name: str
+    t: float  # [s]
+    value: Array  # (m,) in the sensor's unit and frame
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What the estimator believes at time ``t``."""
+
+    t: float  # [s]
+    x: Array  # (nx,) state
+    covariance: Array | None = None  # (nx, nx)
+    status: Status = Status.OK
+    extra: Mapping[str, Array] = field(default_factory=lambda: NOTHING)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The whole future, to rest or onto the target, as arcs with constant input stamped in absolute time.
+
+    Arc k holds the input ``u[k]`` over [t[k], t[k+1]] and starts at the state ``x[k]``; ``x[-1]`` is the state of
+    rest in which the vehicle stays, or that in which it meets its target. A plan whose ``status`` is not ``OK`` is a
+    recorded failure and is never flown; its arrays may be empty.
+    """
+
+    t: Array  # (K + 1,) [s] absolute, increasing
+    x: Array  # (K + 1, nx) state at t
+    u: Array  # (K, nu) input over [t[k], t[k + 1]]
+    phase: Integers  # (K,) values of Phase
+    status: Status = Status.OK
+    message: str = ""  # details behind the status
+    ready: float = -np.inf  # [s] simulated time at which the plan is at hand
+    cost: float = np.nan  # the planner's objective
+    solve_ms: float = np.nan  # thread CPU time of the optimisation; wall-clock figures stay out of the log
+    notes: tuple[str, ...] = ()  # kinds of further events to record when the plan is adopted, "rebased" for one
+
+    @property
+    def ok(self) -> bool:
+        return self.status is Status.OK
+
+    @property
+    def t_start(self) -> float:
+        return float(self.t[0])
+
+    @property
+    def t_end(self) -> float:
+        return float(self.t[-1])
+
+    @staticmethod
+    def failure(status: Status, message: str = "", *, ready: float = -np.inf, solve_ms: float = np.nan) -> Plan:
+        """A plan that is not there, and why."""
+        nothing = np.empty((0, 0))
+        return Plan(np.empty(0), nothing, nothing, np.empty(0, np.int64), status, message, ready, solve_ms=solve_ms)
+
+    @staticmethod
+    def raised(error: BaseException) -> Plan:
+        """What stands in for the answer of a planner that raised."""
+        return Plan.failure(Status.RAISED, f"{type(error).__name__}: {error}{where_raised(error)}")
+
+
+@dataclass(frozen=True)
+class Message:
+    """Something a planner is told while it flies: a radar switched on, a target that moved."""
+
+    t: float  # [s] when it is delivered
+    sender: str
+    topic: str
+    payload: Any
+
+
+@dataclass(frozen=True)
+class Outbox:
+    """What a coordinator has to say at one time."""
+
+    messages: tuple[tuple[str, Message], ...] = ()  # (receiver, message), for the network
+    planner_messages: tuple[Message, ...] = ()  # for the vehicle's own planner: an arrival time that was agreed on
+    events: tuple[tuple[str, str], ...] = ()  # (kind, message), for the log
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """What a planner is asked: a plan that starts at ``t_start`` on the plan being flown."""
+
+    t: float  # [s] now
+    t_start: float  # [s] when the answer takes over: one planning period ahead, or now if there is no plan yet
+    estimate: Estimate
+    current: Plan | None  # the plan being flown; None before the first
+    messages: tuple[Message, ...] = ()  # delivered since the last request
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something worth a line in events.jsonl."""
+
+    t: float  # [s]
+    agent: str
+    kind: str
+    message: str = ""

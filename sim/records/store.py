@@ -1,0 +1,353 @@
+"""A store of trials: one SQLite file that survives the death of whoever writes it, and that plain ``sqlite3`` reads.
+
+    trials(key, scenario, seed, code, status, success, parameters, summary, error)     one row a trial
+    timings(key, figure, value)                                                        what depends on the clock
+
+``key`` is the content hash of scenario, resolved parameters, seed and code version. ``parameters`` and ``summary`` are
+JSON. No figure in ``trials`` depends on the time, on the load of the machine or on the number of workers, so two sweeps
+of the same trials leave the same table, with one exception: that a trial timed out, or crashed for want of memory, may
+be the machine's doing. Such trials may be run again, and their rows replaced.
+
+SQLite's rollback journal is kept on purpose: between commits the one file is the whole store, which may be copied,
+moved to a network drive or read where nothing may be written. Every commit waits for the disk.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from mathnavi.sim.engine.log import write_text
+from mathnavi.sim.interfaces.fields import flattened, plain
+
+APPLICATION = 0x6D6E6176  # "mnav", in the header of the file: what kind of database it is
+SCHEMA = 1
+STATUSES = ("ok", "raised", "crashed", "timed-out")
+TRANSIENT = ("crashed", "timed-out")  # statuses that may be another one the next time
+TABLES = {
+    "trials": ("key", "scenario", "seed", "code", "status", "success", "parameters", "summary", "error"),
+    "timings": ("key", "figure", "value"),
+}
+CREATE = f"""
+CREATE TABLE trials (
+    key TEXT PRIMARY KEY,
+    scenario TEXT NOT NULL,
+    seed INTEGER NOT NULL,
+    code TEXT NOT NULL,
+    status TEXT NOT NULL CHECK (status IN {STATUSES}),
+    success INTEGER CHECK (success IN (0, 1)),
+    parameters TEXT NOT NULL,
+    summary TEXT NOT NULL,
+    error TEXT
+) WITHOUT ROWID;
+CREATE TABLE timings (
+    key TEXT NOT NULL REFERENCES trials (key),
+    figure TEXT NOT NULL,
+    value REAL,
+    PRIMARY KEY (key, figure)
+) WITHOUT ROWID;
+"""
+INSERT = f"""
+INSERT INTO trials VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET
+    status = excluded.status, success = excluded.success, summary = excluded.summary, error = excluded.error,
+    parameters = excluded.parameters
+WHERE ? AND trials.status IN {TRANSIENT}
+"""
+PATIENCE = 60.0  # [s] to wait for another process that is writing
+
+_NOT_FINITE = re.compile(r'"(?:[^"\\]|\\.)*"|-?Infinity|NaN')  # strings are matched so that they stay as they are
+_AS_JSON = {"Infinity": "9e999", "-Infinity": "-9e999", "NaN": "null"}
+
+
+class StoreError(RuntimeError):
+    """A store that was usable and no longer is: the disk is full, or it may no longer be written."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One trial: what was asked, and how it ended."""
+
+    key: str
+    scenario: str
+    parameters: dict[str, Any]  # config, controller {name, fields}, estimator {name, fields}, inputs
+    seed: int
+    code: str  # version
+    status: str  # "ok": it ran to its end; "raised", "crashed" or "timed-out": it did not
+    success: bool | None  # whether the mission did what it should; None where it did not run to its end
+    summary: dict[str, Any]
+    timings: dict[str, float | None] = field(default_factory=dict)
+    error: str | None = None
+
+    @cached_property
+    def fields(self) -> dict[str, Any]:
+        """The parameters by the names that the command line has for them: "faults.gust_rms", "planner.nodes"."""
+        named = flattened(self.parameters.get("config", {}))
+        for part, prefix in (("controller", "planner."), ("estimator", "estimator.")):
+            entry = self.parameters.get(part, {})
+            named |= {part: entry.get("name"), **flattened(entry.get("fields", {}), prefix)}
+        return named
+
+
+class Ending(NamedTuple):
+    """How a trial ended, as in its record."""
+
+    status: str
+    success: bool | None
+
+
+def canonical_json(value: Any) -> str:
+    """``value`` as JSON, always the same text for the same value.
+
+    An infinity is a number too large for a double, which every reader takes for one; NaN is null.
+    """
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, default=_plain)
+    if "NaN" in text or "Infinity" in text:
+        return _NOT_FINITE.sub(lambda found: _AS_JSON.get(found[0], found[0]), text)
+    return text
+
+
+def _plain(value: Any) -> Any:
+    made = plain(value)
+    if made is value:
+        raise TypeError(f"{value!r} of type {type(value).__name__} cannot be stored; allowed: what JSON can say")
+    return made
+
+
+class Store:
+    """An open store. It belongs to the thread that opened it."""
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self.path = path
+        self._connection = connection
+
+    @staticmethod
+    def open(path: Path | str) -> Store:
+        """The store at ``path`` for reading and writing; it is made where there is no such file, with its folder.
+
+        ValueError for a file that is no store, a store of another schema, and one that cannot be written; they are
+        left as they are.
+        """
+        path = Path(path)
+        with _opening(path):
+            found = path.exists()
+            made = [folder for folder in path.parents if not folder.exists()]
+        try:
+            with _opening(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                store = Store(path, _connect(path, "rwc"))
+            with store._closed_on_error():
+                if not store._created():
+                    store._check()
+                    store._try_to_write()
+            return store
+        except BaseException:
+            with suppress(OSError):  # nothing is left of what was begun
+                if not found and path.stat().st_size == 0:
+                    path.unlink()
+            with suppress(OSError):
+                for folder in made:
+                    folder.rmdir()
+            raise
+
+    @staticmethod
+    def existing(path: Path | str) -> Store:
+        """The store that is at ``path``, to be read; ValueError as for ``open``, and where there is none."""
+        path = Path(path)
+        with _opening(path):
+            if not path.is_file():
+                raise ValueError(f"{path}: no such file; allowed: a store that `mathnavi sweep` has written")
+            store = Store(path, _connect(path, "rw"))
+        with store._closed_on_error():
+            store._check()
+        return store
+
+    def close(self) -> None:
+        self._connection.close()
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def add(self, *records: Record, retried: bool = False) -> None:
+        """Commit records, all or none, before this returns.
+
+        A key that the store has stays as it is; one whose trial timed out or crashed is replaced if ``retried``.
+        StoreError if they cannot be written. What was committed before stays readable.
+        """
+        with self._errors_named(), self._transaction():
+            for record in records:
+                success = None if record.success is None else int(record.success)
+                parameters, summary = canonical_json(record.parameters), canonical_json(record.summary)
+                row = (record.key, record.scenario, record.seed, record.code, record.status, success, parameters)
+                before = self._connection.total_changes
+                self._connection.execute(INSERT, (*row, summary, record.error, retried))
+                if self._connection.total_changes > before:
+                    self._connection.execute("DELETE FROM timings WHERE key = ?", (record.key,))
+                    self._connection.executemany(
+                        "INSERT INTO timings VALUES (?, ?, ?)",
+                        [(record.key, figure, value) for figure, value in record.timings.items()],
+                    )
+
+    def keys(self) -> set[str]:
+        """The keys of all trials."""
+        return set(self.endings())
+
+    def endings(self) -> dict[str, Ending]:
+        """How every trial ended, by its key."""
+        with self._errors_named():
+            rows = self._connection.execute("SELECT key, status, success FROM trials")
+            return {key: Ending(status, None if success is None else bool(success)) for key, status, success in rows}
+
+    def records(self, keys: Iterable[str] | None = None) -> list[Record]:
+        """The trials with these keys, in their order; all of them in the order of their keys if none are given.
+
+        KeyError for a key that the store does not have.
+        """
+        if keys is None:
+            keys = sorted(self.keys())
+        with self._errors_named():
+            return [self._record(key) for key in keys]
+
+    def export_csv(self, path: Path) -> None:
+        """Write one line a trial: parameters and figures as columns, ordered by key. The file is whole or not there."""
+        records = self.records()
+        rows = [_row(record) for record in records]
+        columns = list(dict.fromkeys(name for row in rows for name in row)) or list(TABLES["trials"])
+        text = io.StringIO()
+        writer = csv.DictWriter(text, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        write_text(path, text.getvalue())
+
+    def export_jsonl(self, path: Path) -> None:
+        """Write one JSON object a trial, ordered by key. The file is whole or not there."""
+        names = [entry.name for entry in fields(Record)]
+        objects = ({name: getattr(record, name) for name in names} for record in self.records())
+        write_text(path, "".join(f"{canonical_json(each)}\n" for each in objects))
+
+    def _record(self, key: str) -> Record:
+        row = self._connection.execute(f"SELECT {', '.join(TABLES['trials'])} FROM trials WHERE key = ?", (key,))
+        values = row.fetchone()
+        if values is None:
+            raise KeyError(key)
+        named = dict(zip(TABLES["trials"], values, strict=True))
+        success = None if named["success"] is None else bool(named["success"])
+        figures = self._connection.execute("SELECT figure, value FROM timings WHERE key = ? ORDER BY figure", (key,))
+        loaded = {name: json.loads(named[name]) for name in ("parameters", "summary")}
+        return Record(**{**named, **loaded, "success": success, "timings": dict(figures.fetchall())})
+
+    def _created(self) -> bool:
+        """Whether the file was empty; then it is a store now."""
+        with _opening(self.path), self._transaction():
+            if self.path.stat().st_size > 0:
+                return False
+            for statement in filter(str.strip, CREATE.split(";")):
+                self._connection.execute(statement)
+            # Both stand in the file's header, so a store that was half made when its maker died is none at all.
+            self._connection.execute(f"PRAGMA application_id = {APPLICATION}")
+            self._connection.execute(f"PRAGMA user_version = {SCHEMA}")
+            return True
+
+    def _check(self) -> None:
+        with _opening(self.path):
+            if self._pragma("application_id") != APPLICATION:
+                raise ValueError(f"{self.path}: a database of something else; allowed: a store of trials or a new file")
+            if (schema := self._pragma("user_version")) != SCHEMA:
+                raise ValueError(f"{self.path}: a store of schema {schema}; allowed: schema {SCHEMA}")
+            for table, columns in TABLES.items():
+                found = tuple(row[1] for row in self._connection.execute(f"PRAGMA table_info({table})"))
+                if found != columns:
+                    raise ValueError(
+                        f"{self.path}: its table {table} has the columns {', '.join(found) or 'of no table'}; "
+                        f"allowed: {', '.join(columns)}"
+                    )
+            if (fault := self._connection.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
+                raise ValueError(f"{self.path}: a damaged store ({fault}); allowed: a whole one")
+
+    def _try_to_write(self) -> None:
+        """Begin a change, which needs the file and a journal beside it, and take it back."""
+        with _opening(self.path):
+            self._connection.execute("BEGIN IMMEDIATE")
+            self._connection.execute(f"PRAGMA user_version = {SCHEMA}")
+            self._connection.execute("ROLLBACK")
+
+    def _pragma(self, name: str) -> int:
+        return int(self._connection.execute(f"PRAGMA {name}").fetchone()[0])
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            self._connection.execute("COMMIT")
+        except BaseException:
+            if self._connection.in_transaction:  # SQLite itself may have rolled back
+                self._connection.execute("ROLLBACK")
+            raise
+
+    @contextmanager
+    def _closed_on_error(self) -> Iterator[None]:
+        try:
+            yield
+        except BaseException:
+            self.close()
+            raise
+
+    @contextmanager
+    def _errors_named(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise StoreError(f"{self.path}: {error}") from error
+
+
+def _connect(path: Path, mode: str) -> sqlite3.Connection:
+    address = f"{path.absolute().as_uri()}?mode={mode}"
+    return sqlite3.connect(address, uri=True, timeout=PATIENCE, isolation_level=None)
+
+
+@contextmanager
+def _opening(path: Path) -> Iterator[None]:
+    """What goes wrong while a store is opened is the fault of what was given."""
+    try:
+        yield
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}; allowed: a file in a folder that can be made") from error
+    except sqlite3.Error as error:
+        raise ValueError(f"{path}: {error}; allowed: a store of trials that can be written, or a new file") from error
+
+
+def _row(record: Record) -> dict[str, Any]:
+    """The cells of a trial by column."""
+    row: dict[str, Any] = {
+        "key": record.key,
+        "scenario": record.scenario,
+        "seed": record.seed,
+        "status": record.status,
+        "success": _cell(record.success),
+    }
+    columns: tuple[tuple[str, Mapping[str, Any]], ...] = (
+        ("parameters", record.fields),
+        ("summary", flattened(record.summary)),
+        ("timings", record.timings),
+    )
+    for kind, cells in columns:
+        for name, value in cells.items():
+            row[f"{kind}.{name}" if name in row else name] = _cell(value)
+    return row | {"code": record.code, "error": record.error}
+
+
+def _cell(value: Any) -> Any:
+    """Numbers and texts as they are, nothing as nothing, the rest as JSON."""
+    return value if value is None or type(value) in (int, float, str) else canonical_json(value)

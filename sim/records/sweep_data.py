@@ -1,0 +1,267 @@
+"""The records of a sweep as its report needs them: in groups, with a rate for each kind of event and a median for each
+figure, for any scenario.
+
+Trials are grouped by the values of the fields that were varied. A field with many numeric values, or with another one
+for every seed, is continuous: it makes no groups but bins. Of a summary, truth values become rates and numbers medians;
+what a flight calls ``min_clearance_m`` and ``clearance_min`` is a clearance and h_min, what it must not fall below.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from itertools import groupby
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, label
+from mathnavi.sim.records.statistics import Band, Rate, rate, supported_band
+from mathnavi.sim.records.store import Record
+
+MOST_LISTED = 12  # values of a numeric field that still make groups
+MOST_BINS, LEAST_IN_BIN = 8, 10  # bins of a continuous field, and trials in each of several
+SMALL = 1e-3  # a number below which has a power of ten
+CLEARANCE, CLEARANCE_BOUND = "min_clearance_m", "clearance_min"
+PATH, STRAIGHT, PATH_RATIO = "path_length_m", "straight_line_m", "path_over_straight_line"
+# What matters first; the rest of a summary follows in its own order.
+KEY_FIGURES = (
+    CLEARANCE, "spread_s", "separation_min_m", "arrival_time_s", PATH_RATIO, "control_effort",
+    "miss_m", "aspect_error_deg", "impact_speed_m_s", "cost",
+    "radar_exposure_s", "fallback_steps", "tracking_error_max_m",
+)  # fmt: skip
+
+Test = Callable[[Record], bool | None]  # whether an event happened in a trial; None where the trial cannot say
+
+
+@dataclass(frozen=True)
+class Group:
+    """Records that belong together."""
+
+    name: str
+    values: tuple[object, ...]  # of the fields that make the groups
+    records: Sequence[Record]
+
+    def rate(self, happened: Test) -> Rate | None:
+        """Of an event among the trials that can say; None without any."""
+        known = [event for record in self.records if (event := happened(record)) is not None]
+        return rate(sum(known), len(known)) if known else None
+
+    def band(self, key: str) -> Band | None:
+        """Of a figure among the trials that have it, always from the same resamples; None without any.
+
+        An infinite value, such as the clearance of who has left the map, is a value.
+        """
+        known = figures(self.records, key)
+        known = known[~np.isnan(known)]
+        return supported_band(known, np.random.default_rng(0)) if len(known) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Records, and the names of the fields that were varied, as ``Record.fields`` has them.
+
+    Raises ValueError where there are no records, and for a field that no record has.
+    """
+
+    records: Sequence[Record]
+    varied: Sequence[str]
+
+    def __post_init__(self) -> None:
+        if not self.records:
+            raise ValueError("records: none; allowed: at least one")
+        known = {name for record in self.records for name in record.fields}
+        if unknown := [name for name in self.varied if name not in known]:
+            raise ValueError(f"varied = {unknown[0]!r}; allowed: {', '.join(sorted(known))}")
+
+    @cached_property
+    def continuous(self) -> list[str]:
+        """The varied fields that make no groups: numbers of many values, or of another value for every seed."""
+        return [name for name in self.varied if _all(values := self.values(name)) and self._is_spread(values)]
+
+    @cached_property
+    def listed(self) -> list[str]:
+        """The varied fields that make groups."""
+        return [name for name in self.varied if name not in self.continuous]
+
+    @cached_property
+    def groups(self) -> list[Group]:
+        """By the values of ``listed``, in order; a single one without such a field."""
+        return grouped(self.records, self.listed) if self.listed else [Group("all trials", (), self.records)]
+
+    @cached_property
+    def events(self) -> dict[str, Test]:
+        """The kinds of events that have rates, by name."""
+        tests: dict[str, Test] = {
+            "success": lambda record: record.success is True,
+            "recorded failure": lambda record: record.status != "ok",
+        }
+        flights: dict[str, Test] = {
+            "below h_min": _too_low, "nearer to each other than allowed": _too_near, "late or not arrived": _late,
+        }  # fmt: skip
+        tests |= {kind: happened for kind, happened in flights.items() if any(map(_can_say(happened), self.records))}
+        for key in self._keys:
+            values = [record.summary[key] for record in self.records if record.summary.get(key) is not None]
+            if not values:
+                continue
+            if all(isinstance(value, bool) for value in values):
+                tests[label(key)[0]] = partial(_positive, key)
+            elif key in SUMMARY_GROUPS["safety"] and all(isinstance(value, int) for value in values):
+                tests[f"any {label(key)[0]}"] = partial(_positive, key)
+        return tests
+
+    @cached_property
+    def figures(self) -> list[str]:
+        """The keys of the summary's numbers that are not the same everywhere, those that matter most first."""
+        order = dict.fromkeys([*KEY_FIGURES, *(key for keys in SUMMARY_GROUPS.values() for key in keys), *self._keys])
+        found = []
+        for key in order:
+            values = {record.summary.get(key) for record in self.records} - {None}
+            if (len(values) > 1 and _all(values)) or (key == PATH_RATIO and {PATH, STRAIGHT} <= set(self._keys)):
+                found.append(key)
+        return found
+
+    @cached_property
+    def timings(self) -> list[str]:
+        """The keys of what was measured with a clock."""
+        return list(dict.fromkeys(key for record in self.records for key in record.timings))
+
+    def values(self, name: str) -> list[Any]:
+        """Of a field, one a record."""
+        return [_hashable(record.fields.get(name)) for record in self.records]
+
+    def bins(self, name: str) -> list[Group]:
+        """The records by a continuous field, in order, with equally many in each bin as far as equal values allow.
+
+        A bin's ``values`` are the least and the greatest of the field in it.
+        """
+        ordered = sorted(self.records, key=lambda record: record.fields[name])
+        size = max(LEAST_IN_BIN, math.ceil(len(ordered) / MOST_BINS))
+        parts: list[list[Record]] = [[]]
+        for _, same in groupby(ordered, key=lambda record: record.fields[name]):
+            if len(parts[-1]) >= size:
+                parts.append([])
+            parts[-1] += same
+        if len(parts) > 1 and len(parts[-1]) < LEAST_IN_BIN:
+            rest = parts.pop()
+            parts[-1] += rest
+        found = []
+        for part in parts:
+            low, high = part[0].fields[name], part[-1].fields[name]
+            title = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
+            found.append(Group(f"{title} (n = {len(part)})", (low, high), part))
+        return found
+
+    def _is_spread(self, values: Sequence[float]) -> bool:
+        seeds: dict[float, set[int]] = {}
+        for value, record in zip(values, self.records, strict=True):
+            seeds.setdefault(value, set()).add(record.seed)
+        # A value that is listed is flown with the seeds of the others, one that is drawn with a seed of its own.
+        alone = [min(some) for some in seeds.values() if len(some) == 1]
+        drawn = 2 * len(alone) > len(seeds) > 1 and len(set(alone)) == len(alone)
+        return drawn or len(seeds) > MOST_LISTED
+
+    @cached_property
+    def _keys(self) -> list[str]:
+        return list(dict.fromkeys(key for record in self.records for key in record.summary))
+
+
+def grouped(records: Iterable[Record], names: Sequence[str]) -> list[Group]:
+    """Records by the values of fields, in order of those."""
+    found: dict[tuple[Any, ...], list[Record]] = {}
+    for record in records:
+        found.setdefault(tuple(_hashable(record.fields.get(name)) for name in names), []).append(record)
+    ordered = sorted(found.items(), key=lambda item: [_order(value) for value in item[0]])
+    short = [name.rpartition(".")[2].replace("_", " ") for name in names]
+    return [
+        Group(
+            ", ".join(f"{name} {format_value(value)}" for name, value in zip(short, values, strict=True)), values, some
+        )
+        for values, some in ordered
+    ]
+
+
+def figures(records: Sequence[Record], key: str) -> Array:
+    """(n,) A figure of each record, from its summary or its timings, or the ratio of two; NaN where there is none."""
+    if key == PATH_RATIO:
+        ratio: Array = figures(records, PATH) / figures(records, STRAIGHT)
+        return ratio
+    found = (record.timings.get(key) if key in record.timings else record.summary.get(key) for record in records)
+    return np.array([np.nan if value is None else float(value) for value in found])
+
+
+def format_value(value: object) -> str:
+    """The value of a field, to be read."""
+    if isinstance(value, float):
+        return f"{value:g}"
+    if isinstance(value, (tuple, list)):
+        return f"({', '.join(map(format_value, value))})"
+    return str(value)
+
+
+def format_numbers(*values: float) -> list[str]:
+    """Numbers of one kind: four digits of the largest and enough to tell them apart; whole ones as they are."""
+    finite = [value for value in values if math.isfinite(value)]
+    largest = max(map(abs, finite), default=0.0)
+    if 0.0 < largest < SMALL:
+        return [f"{value:.3g}" for value in values]
+    spread = max(finite, default=0.0) - min(finite, default=0.0)
+    digits = [3 - math.floor(math.log10(largest))] if largest else [0]
+    digits += [1 - math.floor(math.log10(spread))] if spread else []
+    decimals = max(0, *digits)
+    return [f"{value:,.0f}" if float(value).is_integer() else f"{value:,.{decimals}f}" for value in values]
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """Whether a value is a number; a truth value is none."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def shared(records: Sequence[Record]) -> Mapping[str, Any]:
+    """The fields that are the same in all records."""
+    first = records[0].fields
+    return {name: value for name, value in first.items() if all(r.fields.get(name) == value for r in records)}
+
+
+def _all(values: Iterable[object]) -> bool:
+    return all(is_number(value) for value in values)
+
+
+def _positive(key: str, record: Record) -> bool | None:
+    value = record.summary.get(key)
+    return None if value is None else value > 0
+
+
+def _too_low(record: Record) -> bool | None:
+    bound = record.fields.get(CLEARANCE_BOUND)
+    if bound is None or CLEARANCE not in record.summary:
+        return None
+    clearance = record.summary[CLEARANCE]
+    return clearance is None or bool(clearance < bound)  # what is no number is no proof of a clearance
+
+
+def _too_near(record: Record) -> bool | None:
+    least, allowed = record.summary.get("separation_min_m"), record.summary.get("separation_allowed_m")
+    return None if least is None or allowed is None else bool(least < allowed)
+
+
+def _late(record: Record) -> bool | None:
+    if not {"arrived", "arrival_time_s", "deadline_s"} <= record.summary.keys():
+        return None
+    return not record.summary["arrived"] or bool(record.summary["arrival_time_s"] > record.summary["deadline_s"])
+
+
+def _can_say(happened: Test) -> Callable[[Record], bool]:
+    return lambda record: happened(record) is not None
+
+
+def _hashable(value: Any) -> Any:
+    return tuple(map(_hashable, value)) if isinstance(value, (list, tuple)) else value
+
+
+def _order(value: object) -> tuple[bool, float, str]:
+    """Numbers before words."""
+    return (not is_number(value), float(value) if is_number(value) else 0.0, str(value))

@@ -1,0 +1,89 @@
+"""What the vehicles of a fleet say to each other: a coordinator for each, on a clock in common or on its own."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus
+from mathnavi.controllers.arrival.coordinator import FleetCoordinator
+from mathnavi.controllers.arrival.local_clock import ClockedCoordinator, LocalClock
+from mathnavi.controllers.arrival.separation import Separation
+from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.models.fleet.graph import Graph
+from mathnavi.sim.interfaces.protocols import Coordinator
+from mathnavi.sim.interfaces.signals import Plan
+from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
+from mathnavi.sim.scenarios.fleet_fields import TALK, SimultaneousArrivalConfig
+from mathnavi.sim.scenarios.fleet_start import Vehicle
+
+_SHORTEST_MEMORY = 0.25  # [s]
+
+
+def coordinators(
+    config: SimultaneousArrivalConfig,
+    fleet: Mapping[str, Vehicle],
+    consensus: PluginSpec,
+    zone: Zone,
+    deadline: float,
+    talking: np.random.Generator,
+    ranking: np.random.Generator,
+) -> dict[str, Coordinator]:
+    """Of every vehicle; ValueError for a graph that cannot be."""
+    graph = config.network_graph(talking.spawn(1)[0])
+    *ranks, ticking = ranking.spawn(len(fleet) + 1)
+    made: dict[str, Coordinator] = {}
+    for (name, vehicle), rank in zip(fleet.items(), ranks, strict=True):
+        talker = partial(_talker, name, list(fleet), vehicle, zone, graph, deadline, consensus, rank)
+        if config.clocks.agree:
+            made[name] = talker(vehicle.stored, 0.0)
+            continue
+        clock = LocalClock(
+            float(ticking.uniform(-config.clocks.offset, config.clocks.offset)),
+            float(ticking.uniform(-config.clocks.drift, config.clocks.drift)),
+        )
+        memory = max(_SHORTEST_MEMORY, 4.0 * TALK + 2.0 * config.radio.delay[1])
+        clocks = ClockConsensus(ClockConfig(period=TALK, memory=memory), graph.node(name))
+        made[name] = ClockedCoordinator(
+            name, clock, clocks, graph.neighbours(name), config.clocks.settling, config.clocks.error, talker
+        )
+    return made
+
+
+def consensus_of(config: SimultaneousArrivalConfig) -> PluginSpec:
+    """By what the fleet agrees on a time; ValueError for a plug-in that agrees on none, or a field that it refuses."""
+    plugin = load("consensus", config.consensus)
+    if not plugin.within_starts:
+        fitting = [name for name in names("consensus") if load("consensus", name).within_starts]
+        raise ValueError(
+            f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
+            f"allowed: {', '.join(fitting)}, or another that says within_starts"
+        )
+    return PluginSpec(plugin, config.consensus_config(plugin))
+
+
+def _talker(
+    name: str,
+    names: list[str],
+    vehicle: Vehicle,
+    zone: Zone,
+    graph: Graph,
+    deadline: float,
+    consensus: PluginSpec,
+    rng: np.random.Generator,
+    stored: Plan,
+    ahead: float,
+) -> FleetCoordinator:
+    """What talks of plans and arrivals in a time that is ``ahead`` [s] of the simulation's."""
+    separation = Separation(name, [other for other in names if other != name], zone, stored, rng)
+    node: Any = dataclasses.replace(
+        graph.node(name, vehicle.planner.period, deadline + ahead), clock_error=zone.clock_error
+    )
+    return FleetCoordinator(
+        separation, checked_consensus(consensus, node), graph.neighbours(name), vehicle.estimate,
+        vehicle.planner.period, TALK,
+    )  # fmt: skip

@@ -1,0 +1,326 @@
+"""Figures B.2, B.5, B.6 and B.7: the missile's dive on uniform and on adaptive grids.
+
+The print gives neither the objective nor its numbers, only curves. Here the cases of
+``mathnavi.controllers.ocp.problems.missile`` stand for it, FAST first, whose dive looks most like Figure B.5. The
+control error is the relative L2 distance, over the controls' scales and in fractions of T, to a Hermite-Simpson
+solution on 301 uniform nodes, which itself is held against Pontryagin's conditions; the miss is where the control
+takes the missile in the true dynamics, against where the transcription believes it to be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from mathnavi.controllers.ocp.distribution import Equidistributed, Free
+from mathnavi.controllers.ocp.indirect import solve_indirect
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.equidistribution import distribute
+from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
+from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, Monitor
+from mathnavi.controllers.ocp.problems.missile import OPTIMA, missile
+from mathnavi.controllers.ocp.replay import replayed
+from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.solver import transcription
+from mathnavi.controllers.ocp.transcriptions.euler import Euler
+from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
+from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.nodes.missile_nodes.figures import nodes_figure
+
+NODES = (10, 15, 20, 25, 30, 35, 40, 50)
+SCHEMES: tuple[Scheme, ...] = (Euler(), Trapezoid(), HermiteSimpson())
+METHODS = ("uniform", "equidistributed", "redistributed, arclength", "redistributed, curvature",
+           "redistributed, local error")  # fmt: skip
+_FRACTIONS = np.linspace(0.0, 1.0, 2001)
+Key = tuple[str, str, int, str]  # case, transcription, N, method
+Rows = Mapping[Key, Mapping[str, Any]]
+_LOOK = "SM3"  # whose node densities are those of Figure B.5
+
+
+@dataclass(frozen=True)
+class MissileNodesConfig:
+    """How much is solved."""
+
+    repeats: int = 5
+    """solves of which the median time is taken"""
+    cases: int = 2
+    """how many of FAST, SM2, SM3, SM are solved on every grid"""
+    grids: int = 8
+    """how many of N = 10, 15, 20, 25, 30, 35, 40, 50"""
+    reference_nodes: int = 301
+    """of the uniform solution that the others are compared with"""
+    indirect: int = len(OPTIMA)
+    """how many cases are solved by Pontryagin's conditions too"""
+
+    def __post_init__(self) -> None:
+        check_counts(self)
+        for name in ("cases", "indirect"):
+            if (count := getattr(self, name)) > len(OPTIMA):
+                raise ValueError(f"{name} = {count}; allowed: a whole number from 1 to {len(OPTIMA)}")
+        if not 5 <= self.grids <= len(NODES):  # the claims speak of N = 15 to 30
+            raise ValueError(f"grids = {self.grids}; allowed: a whole number from 5 to {len(NODES)}")
+
+
+PATH = Monitor(
+    "arclength of the path",
+    lambda solution, tau, epsilon: np.sqrt(epsilon + (solution.scaled_derivative(tau, 1)[:, 4:6] ** 2).sum(axis=1)),
+    lambda mesh, epsilon: ca.sqrt(mesh.count**2 * ca.sumsqr(mesh.chord[4:6]) + epsilon * mesh.relative_width**2),
+    epsilon=0.01,
+)
+
+
+class MissileNodes:
+    """Uniform and adaptive grids for the missile (Figures B.2, B.5, B.6, B.7)."""
+
+    Config = MissileNodesConfig
+    quick = MissileNodesConfig(repeats=1, cases=1, grids=5)
+    title = "Nodes that know where to be: the missile's dive"
+    on_terrain = False
+
+    @staticmethod
+    def run(config: MissileNodesConfig, setup: Setup) -> StudyResult:
+        cases = ("FAST", "SM2", "SM3", "SM")[: config.cases]
+        nodes = NODES[: config.grids]
+        references = {case: solve(missile(case), config.reference_nodes) for case in OPTIMA}
+        rows = [
+            row
+            for case in cases
+            for scheme in SCHEMES
+            for n in nodes
+            for row in _rows(case, scheme, n, references[case], config.repeats)
+        ]
+        table = {(row["case"], row["scheme"], row["N"], row["method"]): row for row in rows}
+        look = _even_along_the_path()
+        gate = distribute(missile("SM2"), 20, Free(), scheme=Euler())
+        indirect = {case: _against_pontryagin(references[case]) for case in list(OPTIMA)[: config.indirect]}
+        return StudyResult(
+            summary=(
+                f"The cases {', '.join(cases)} on N = {nodes[0]} to {nodes[-1]} nodes by three transcriptions and "
+                f"{len(METHODS)} ways to place the nodes. Times are wall-clock medians of {config.repeats} solves with "
+                "IPOPT from the same coarse guess, replay left out; those of an adaptive method contain the uniform "
+                "solve that it starts from.",
+                _densities(*look),
+            ),
+            rows=rows,
+            tables=(_ratios(table, cases), _indirect_table(indirect, config.reference_nodes)),
+            figure=nodes_figure(look, table, cases[0], nodes, METHODS),
+            caption="(a) Paths with N = 50 (Figure B.5). (b) Control error against N (B.6). (c) Time against N (B.7), "
+            "(d) Its mean and largest with uniform nodes, over cases and transcriptions (B.2).",
+            claims=(*_targets(table, indirect, config.reference_nodes, gate), *_printed(table, cases, nodes)),
+        )
+
+
+def control_error(solution: Solution, reference: Solution) -> float:
+    """Relative L2 distance of the controls over their scales, in fractions of T."""
+    scale = solution.problem.control_scale
+    u = solution.control(_FRACTIONS * solution.duration) / scale
+    v = reference.control(_FRACTIONS * reference.duration) / scale
+    return float(np.sqrt(((u - v) ** 2).sum() / (v**2).sum()))
+
+
+def miss(solution: Solution) -> float:
+    """[m] between where the replay ends and where the transcription does, in the pitch plane."""
+    if solution.replay is None:
+        return float("nan")
+    return float(np.hypot(*(solution.replay.end - solution.x[-1])[4:6]))
+
+
+def _solved(case: str, scheme: Scheme, n: int, method: str) -> Solution:
+    problem = missile(case)
+    match method:
+        case "uniform":
+            return solve(problem, n, scheme=scheme)
+        case "equidistributed":
+            return distribute(problem, n, scheme=scheme)
+        case _:
+            monitors = {monitor.name: monitor for monitor in (ARCLENGTH, CURVATURE, LOCAL_ERROR)}
+            return redistribute(problem, n, monitors[method.removeprefix("redistributed, ")], scheme=scheme)
+
+
+def _rows(case: str, scheme: Scheme, n: int, reference: Solution, repeats: int) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = []
+    for method in METHODS:
+        solutions = [_solved(case, scheme, n, method) for _ in range(repeats)]
+        solution = solutions[0]
+        rows.append(
+            {
+                "case": case,
+                "scheme": scheme.name,
+                "N": n,
+                "method": method,
+                "status": solution.status.name.lower(),
+                "control_error": control_error(solution, reference),
+                "miss_m": miss(solution),
+                "J": solution.cost,
+                "J_replayed": solution.replay.cost if solution.replay else float("nan"),
+                "T_s": solution.duration,
+                "iterations": solution.iterations,
+                "solve_ms": float(np.median([s.timing.solve_ms for s in solutions])),
+            }
+        )
+    return rows
+
+
+def _against_pontryagin(direct: Solution) -> dict[str, float]:
+    """How far the direct solution is from the boundary-value one."""
+    found = solve_indirect(direct)
+    scale = direct.problem.control_scale
+    off = (direct.control(found.t) - found.u) / scale
+    return {
+        "converged": float(found.converged),
+        "T_s": found.duration,
+        "duration_error_s": abs(direct.duration - found.duration),
+        "control_error": float(np.sqrt((off**2).sum() / ((found.u / scale) ** 2).sum())),
+        "hamiltonian_spread": float(np.ptp(found.hamiltonian)),
+    }
+
+
+def _ratio(table: Rows, key: tuple[str, str, int, str], of: str) -> float:
+    """An adaptive method's figure over that of the uniform grid."""
+    case, scheme, n, _ = key
+    return float(table[key][of] / table[case, scheme, n, "uniform"][of])
+
+
+def _targets(
+    table: Rows,
+    indirect: Mapping[str, Mapping[str, float]],
+    nodes: int,
+    gate: Solution,
+) -> list[Claim]:
+    fast = ("FAST", HermiteSimpson().name, 15)
+    worst_time = max(row["duration_error_s"] for row in indirect.values())
+    worst_control = max(row["control_error"] for row in indirect.values())
+    solved = all(row["converged"] for row in indirect.values())
+    claims = [
+        Claim(
+            "missile.indirect", "target", "The direct solution is the one that Pontryagin's conditions give.",
+            "1.1.1", f"uniform Hermite-Simpson, N = {nodes}: T to 1e-6 s, u to 1e-3 relative, every case",
+            f"T to {worst_time:.1e} s, u to {worst_control:.1e}",
+            solved and worst_time <= 1e-6 and worst_control <= 1e-3,
+        )
+    ]  # fmt: skip
+    for name, method, most_error, most_miss in (
+        ("missile.redistribute", "redistributed, curvature", 0.3, 0.1),
+        ("missile.equidistribute", "equidistributed", 0.65, 0.2),
+    ):
+        error, missed = (_ratio(table, (*fast, method), of) for of in ("control_error", "miss_m"))
+        status = table[(*fast, method)]["status"]
+        claims.append(
+            Claim(
+                name, "target", f"{method.capitalize()}: far more accurate than uniform nodes at the same N.",
+                "B.3, B.4", f"FAST, N = 15, of uniform: control error <= {most_error:g}, miss <= {most_miss:g}",
+                f"{error:.2f} and {missed:.3f} ({status})",
+                status == "optimal" and error <= most_error and missed <= most_miss,
+            )
+        )  # fmt: skip
+    claims.append(
+        Claim(
+            "missile.gate", "target", "An optimiser that may move the nodes freely hides its error, and is found out.",
+            "B.3", "forward Euler with free nodes, SM2, N = 20: refused by the replay gate", f"{gate.message}",
+            gate.status is Outcome.REFUSED,
+        )
+    )  # fmt: skip
+    return claims
+
+
+def _printed(table: Rows, cases: Sequence[str], nodes: Sequence[int]) -> list[Claim]:
+    def ratios(scheme: Scheme, method: str, of: str) -> Array:
+        return np.array([_ratio(table, (case, scheme.name, n, method), of) for case in cases for n in nodes])
+
+    better = {scheme.name: ratios(scheme, "equidistributed", "control_error") for scheme in SCHEMES}
+    slower = ratios(HermiteSimpson(), "equidistributed", "solve_ms")
+    monitors = {name: ratios(HermiteSimpson(), name, "control_error") for name in METHODS[2:]}
+    errors = [table[cases[0], HermiteSimpson().name, n, "equidistributed"]["control_error"] for n in nodes]
+    return [
+        Claim(
+            "B.more-accurate", "printed", "At a given N, distributing the nodes improves accuracy.", "Figure B.6, B.4",
+            "control error below that of uniform nodes at every N and by every transcription",
+            "ratio of control errors, equidistributed by scaled arclength: "
+            + "; ".join(f"{name} {r.min():.2f} to {r.max():.2f}" for name, r in better.items())
+            + " (1 where the replay gate refuses)",
+            bool(all((r < 1.0).all() for r in better.values())),
+        ),
+        Claim(
+            "B.no-extra-time", "printed", "It does not bring any increase in the average computational time.",
+            "Figure B.7, B.4", "mean time at most that of uniform nodes",
+            f"{slower.mean():.1f} times on average ({slower.min():.1f} to {slower.max():.1f})",
+            bool(slower.mean() <= 1.0),
+        ),
+        Claim(
+            "B.arclength-best", "printed", "The arclength monitor is the most efficient among all choices.", "B.3",
+            "least control error after one redistribution, on average",
+            "; ".join(f"{name.split(', ')[1]} {r.mean():.2f} of uniform" for name, r in monitors.items()),
+            bool(monitors["redistributed, arclength"].mean() <= min(r.mean() for r in monitors.values())),
+        ),
+        Claim(
+            "B.minimum-at-25", "printed", "The approximation error is least at N = 25.", "Figure B.6, B.4",
+            "a minimum at N = 25", f"{errors[0]:.1e} at N = {nodes[0]}, {errors[nodes.index(25)]:.1e} at 25, "
+            f"{errors[-1]:.1e} at {nodes[-1]}: "
+            + ("it falls with every N" if all(a > b for a, b in pairwise(errors)) else "it does not fall with every N"),
+            int(np.argmin(errors)) == nodes.index(25),
+        ),
+    ]  # fmt: skip
+
+
+def _even_along_the_path() -> tuple[Solution, Solution]:
+    """The two grids of Figure B.5, the adaptive one whatever the replay gate says of it."""
+    problem, n = missile(_LOOK), 50
+    even = solve(problem, n)
+    programme = transcription(problem, HermiteSimpson(), n, Equidistributed(PATH))
+    return even, replayed(programme.solve(even, redistributed(even, n, PATH)))
+
+
+def _densities(even: Solution, adaptive: Solution) -> str:
+    """Nodes for each 100 m of path, as B.4 counts them."""
+
+    def counts(solution: Solution) -> Array:
+        steps = np.hypot(*np.diff(solution.x[:, 4:6], axis=0).T)
+        return np.asarray(100.0 / steps, float)
+
+    a, b = counts(even), counts(adaptive)
+    assert even.replay is not None
+    assert adaptive.replay is not None
+    verdict = "would refuse" if adaptive.replay.value > even.replay.value else "accepts"
+    return (
+        f"Nodes for each 100 m of path in the case {_LOOK}, N = 50: {a.min():.1f} to {a.max():.1f} uniform (print: 5 "
+        f"to 13), {b.min():.1f} to {b.max():.1f} equidistributed by the path's arclength (print: 7), a grid that "
+        f"the replay gate {verdict}: {adaptive.replay.value:.1e} against {even.replay.value:.1e}."
+    )
+
+
+def _ratios(table: Rows, cases: Sequence[str]) -> Table:
+    columns = ("case", "transcription", "N", "uniform", *METHODS[1:])
+    rows = []
+    for case in cases:
+        for scheme in SCHEMES:
+            for n in (15, 20, 25, 30):
+                base = table[case, scheme.name, n, "uniform"]
+                cells = []
+                for method in METHODS[1:]:
+                    key = (case, scheme.name, n, method)
+                    refused = table[key]["status"] == "refused"
+                    error, missed = (_ratio(table, key, of) for of in ("control_error", "miss_m"))
+                    cells.append("refused" if refused else f"{error:.2f} / {missed:.3f}")
+                start = f"{base['control_error']:.1e} / {base['miss_m']:.2g} m"
+                rows.append((case, scheme.name, str(n), start, *cells))
+    return Table("Control error / replay miss: uniform, and the others as shares of it", columns, rows)
+
+
+def _indirect_table(indirect: Mapping[str, Mapping[str, float]], nodes: int) -> Table:
+    columns = ("case", "T, independent [s]", "T, Pontryagin [s]", "|T - T_direct| [s]", "control error", "spread of H")
+    rows = [
+        (case, f"{OPTIMA[case].duration:.6g}", f"{row['T_s']:.9f}", f"{row['duration_error_s']:.1e}",
+         f"{row['control_error']:.1e}", f"{row['hamiltonian_spread']:.1e}")
+        for case, row in indirect.items()
+    ]  # fmt: skip
+    return Table(f"Direct (Hermite-Simpson, N = {nodes}) beside the boundary-value solution", columns, rows)

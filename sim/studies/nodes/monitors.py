@@ -1,0 +1,240 @@
+"""Monitor functions side by side (B.3): where each puts the same number of nodes, and what that is worth.
+
+N nodes, Hermite-Simpson, one and three redistributions of the uniform solution, without the replay gate. Two figures as
+ratios to the uniform solution at the same N: the control error, the relative L2 distance of the controls over their
+scales to a solution on many nodes, and the miss of the replay in the true dynamics. The print claims that the arclength
+is the most efficient of the monitor functions.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
+from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
+from mathnavi.controllers.ocp.problems.library import MISSILES, PROBLEMS, KnownOptimum
+from mathnavi.controllers.ocp.residual import RESIDUAL
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.renders.figures import STYLE, canvas
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.studies.framework.heat_map import heat_map
+from mathnavi.sim.studies.framework.parallel import computed
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
+from mathnavi.sim.studies.nodes.missile_nodes.study import control_error
+
+ROUNDS = (1, 3)
+LEAST_MISS = 1e-9  # scaled: where the uniform solution replays better than this, there is no ratio to speak of
+FAILED, NO_MISS = "failed", "no miss"  # what stands where there is no ratio
+BOOKS = PROBLEMS | MISSILES
+NAMES = (
+    "missile, FAST", "missile, SM2", "hypersensitive, short", "Bryson-Denham", "van der Pol", "cart-pole",
+    "brachistochrone", "Goddard",
+)  # fmt: skip
+
+
+def _raw_arclength(solution: Solution, tau: Array, epsilon: float) -> Array:
+    """w = sqrt(ε + |x'|^2) with the states in their own units."""
+    rates = solution.scaled_derivative(tau, 1) * solution.problem.state_scale
+    w: Array = np.sqrt(epsilon + (rates**2).sum(axis=1))
+    return w
+
+
+def _control_arclength(solution: Solution, tau: Array, epsilon: float) -> Array:
+    """w = sqrt(ε + |u~'|^2), u~ = u over its scale: what a user may give who wants the control well resolved."""
+    step = 1e-4
+    ends = [np.clip(tau + side * step, 0.0, 1.0) for side in (-0.5, 0.5)]
+    u_0, u_1 = (solution.control(end * solution.duration) / solution.problem.control_scale for end in ends)
+    w: Array = np.sqrt(epsilon + (((u_1 - u_0) / (ends[1] - ends[0])[:, None]) ** 2).sum(axis=1))
+    return w
+
+
+MONITORS = (
+    ARCLENGTH,
+    Monitor("arclength, SI units", _raw_arclength, None, epsilon=0.01),
+    CURVATURE,
+    LOCAL_ERROR,
+    RESIDUAL,
+    Monitor("arclength of the control", _control_arclength, None, epsilon=0.01),
+    UNIFORM,
+)
+
+
+@dataclass(frozen=True)
+class MonitorsConfig:
+    """How much is solved."""
+
+    nodes: int = 20
+    """nodes"""
+    reference_nodes: int = 301
+    """nodes of the solution that the controls are compared with"""
+    problems: int = len(NAMES)
+    """how many of the problems"""
+
+    def __post_init__(self) -> None:
+        if self.nodes < 4:
+            raise ValueError(f"nodes = {self.nodes}; allowed: a whole number >= 4")
+        if self.reference_nodes < 5 * self.nodes:
+            raise ValueError(f"reference_nodes = {self.reference_nodes}; allowed: at least five times the nodes")
+        if not 1 <= self.problems <= len(NAMES):
+            raise ValueError(f"problems = {self.problems}; allowed: a whole number from 1 to {len(NAMES)}")
+
+
+class Monitors:
+    """Monitor functions on the missile and on problems of the literature (B.3)."""
+
+    Config = MonitorsConfig
+    quick = MonitorsConfig(reference_nodes=151)
+    title = "Monitor functions"
+    on_terrain = False
+
+    @staticmethod
+    def run(config: MonitorsConfig, setup: Setup) -> StudyResult:
+        names = NAMES[: config.problems]
+        measure = partial(_measured, nodes=config.nodes, reference_nodes=config.reference_nodes)
+        rows = [row for some in computed(setup, measure, names) for row in some]
+        return StudyResult(
+            summary=(
+                f"N = {config.nodes}, Hermite-Simpson; after one and after three redistributions, without the replay "
+                "gate. Ratios to the uniform solution at the same N; the reference of the controls has "
+                f"{config.reference_nodes} nodes. 'Arclength of the control' is a monitor function that is given from "
+                "outside, in the few lines that a user would write.",
+            ),
+            rows=rows,
+            tables=(_table(rows),),
+            figure=_figure(rows, names, config.nodes),
+            caption="Errors over those of the uniform grid with as many nodes: blue is better, red is worse. Grey: the "
+            "solve failed, or there is no miss to compare with, as the dynamics are linear.",
+            claims=(_claim(rows, names),),
+        )
+
+
+def _measured(name: str, nodes: int, reference_nodes: int) -> list[dict[str, Any]]:
+    """A row for each monitor function and number of redistributions; the first is the uniform grid's own."""
+    known: KnownOptimum = BOOKS[name]
+    problem = known.problem()
+    even = solve(problem, nodes)
+    reference = redistribute(problem, reference_nodes, LOCAL_ERROR, rounds=3, guess=even)
+    rows = [_row(name, "uniform grid", 0, even, even, reference)]
+    for monitor in MONITORS:
+        current = even
+        for done in range(1, max(ROUNDS) + 1):
+            if current.ok:
+                current = solve(problem, redistributed(current, nodes, monitor), guess=current)
+            if done in ROUNDS:
+                rows.append(_row(name, monitor.name, done, current, even, reference))
+    return rows
+
+
+def _row(
+    name: str, monitor: str, rounds: int, solution: Solution, even: Solution, reference: Solution
+) -> dict[str, Any]:
+    error, error_even = (control_error(s, reference) if s.ok else math.nan for s in (solution, even))
+    miss, miss_even = (s.replay.miss if s.ok and s.replay is not None else math.nan for s in (solution, even))
+    return {
+        "problem": name,
+        "monitor": monitor,
+        "redistributions": rounds,
+        "status": solution.status.name.lower(),
+        "control_error": error,
+        "control_error_ratio": error / error_even,
+        "replay_miss": miss,
+        "replay_miss_ratio": miss / miss_even if miss_even > LEAST_MISS else math.nan,
+        "cost_error": BOOKS[name].error(solution.cost),
+        "reference_status": reference.status.name.lower(),
+        "widest_over_narrowest": float(solution.grid.widths.max() / solution.grid.widths.min()),
+    }
+
+
+def _of(rows: Sequence[Mapping[str, Any]], monitor: str, rounds: int, figure: str) -> Array:
+    """The figure of every problem, in order."""
+    return np.array([row[figure] for row in rows if row["monitor"] == monitor and row["redistributions"] == rounds])
+
+
+def _mean(ratios: Array) -> float:
+    """Geometric; infinite where a solve failed."""
+    return float(np.exp(np.log(ratios).mean())) if np.isfinite(ratios).all() else math.inf
+
+
+def _claim(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Claim:
+    others = [monitor for monitor in MONITORS if monitor is not UNIFORM]
+    means = {m.name: _mean(_of(rows, m.name, max(ROUNDS), "control_error_ratio")) for m in others}
+    every = np.array([_of(rows, m.name, max(ROUNDS), "control_error_ratio") for m in others])
+    ranked = np.nan_to_num(every, nan=np.inf)
+    first = int(((ranked.argmin(axis=0) == 0) & np.isfinite(ranked[0])).sum())
+    told = ", ".join(f"{name} {mean:.2f}" for name, mean in means.items())
+    return Claim(
+        "B.arclength-best-problems", "printed",
+        "The arclength monitor function is the most efficient among all choices.", "B.3",
+        f"the least control error of {len(others)} monitor functions on each of {len(names)} problems",
+        f"the least on {first} of {len(names)}; geometric mean of the ratio to uniform after {max(ROUNDS)} "
+        f"redistributions: {told}",
+        first == len(names),
+    )  # fmt: skip
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
+    columns = ("monitor function", "redistributions", "control error", "largest", "replay miss", "largest")
+    cells = []
+    for monitor in MONITORS:
+        for rounds in ROUNDS:
+            error = _of(rows, monitor.name, rounds, "control_error_ratio")
+            miss = _of(rows, monitor.name, rounds, "replay_miss_ratio")
+            miss = miss[np.isfinite(miss)]
+            shown = [_mean(error), float(np.nan_to_num(error, nan=np.inf).max())]
+            shown += [_mean(miss), float(miss.max())] if len(miss) else [math.nan, math.nan]
+            cells.append((monitor.name, str(rounds), *(f"{value:.3g}" for value in shown)))
+    return Table("Ratios to uniform nodes: geometric means over the problems, and the largest", columns, cells)
+
+
+def _figure(rows: Sequence[Mapping[str, Any]], names: Sequence[str], nodes: int) -> Figure:
+    monitors = [monitor.name for monitor in MONITORS if monitor is not UNIFORM]
+    shown = [("control error", "control_error_ratio"), ("replay miss", "replay_miss_ratio")]
+    panels = {}
+    for letter, ((what, key), rounds) in zip("abcd", itertools.product(shown, ROUNDS), strict=True):
+        values, errors = (
+            np.array([_of(rows, monitor, rounds, name) for monitor in monitors]).T
+            for name in (key, "control_error_ratio")
+        )
+        texts = [
+            [
+                _ratio(value) if math.isfinite(value) else NO_MISS if math.isfinite(error) else FAILED
+                for value, error in row
+            ]
+            for row in np.stack([values, errors], axis=-1)
+        ]
+        panels[f"({letter}) {what}, {rounds} redistribution{'s' * (rounds > 1)}"] = values, texts
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(10.2, 2.8 + 0.6 * len(names))
+        figure.suptitle(
+            f"What each monitor function makes of {nodes} nodes: errors over those of uniform nodes", x=0.01, ha="left",
+            size=11.0, weight="bold",
+        )  # fmt: skip
+        cells = figure.subplots(2, 2, sharex=True, sharey=True)
+        for axes, (title, (values, texts)) in zip(cells.ravel(), panels.items(), strict=True):
+            colours = heat_map(axes, values, names, monitors, texts, decades=(2.0, 2.0))
+            axes.set_title(title)
+        bar = figure.colorbar(colours, ax=cells, shrink=0.6, pad=0.015, aspect=32, extend="both")
+        bar.set_ticks([-2, -1, 0, 1, 2], labels=["0.01", "0.1", "1", "10", "100"])
+        bar.set_label(f"ratio to uniform nodes, N = {nodes}")
+        bar.outline.set_visible(False)
+        words = (
+            f"blue: better than uniform nodes, red: worse; {NO_MISS}: none to compare with, as the dynamics are linear"
+        )
+        figure.supxlabel(words, size=8.5)
+    return figure
+
+
+def _ratio(value: float) -> str:
+    return f"{value:.2g}" if value < 100.0 else f"{value:.0f}"

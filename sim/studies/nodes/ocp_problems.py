@@ -1,0 +1,248 @@
+"""Every problem of ``mathnavi.controllers.ocp.problems.library`` by every adaptive method, against its known optimum.
+
+The methods stand in a fixed order. A method has reached an optimum if its solution passed the replay gate and if both
+figures are within the problem's tolerance of it: J as the transcription sees it, and J as it is replayed in the true
+dynamics. What is reported for a problem is the first method that reached it; the figure shows all.
+
+N counts the points whose states are unknowns: the grid's nodes, and inside an interval those that a
+Legendre-Gauss-Lobatto scheme of degree K > 1 has more than its ends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.equidistribution import distribute
+from mathnavi.controllers.ocp.methods.redistribution import redistribute
+from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR
+from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
+from mathnavi.controllers.ocp.residual import RESIDUAL
+from mathnavi.controllers.ocp.solution import Outcome, Solution
+from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
+from mathnavi.renders.figures import STYLE, canvas
+from mathnavi.renders.study_report import Table
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.studies.framework.heat_map import heat_map
+from mathnavi.sim.studies.framework.parallel import computed
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
+
+Method = Callable[[OptimalControlProblem, int], Solution]
+DEGREE = 4
+LOBATTO = LegendreGaussLobatto(DEGREE)
+
+
+def _intervals_by_degree(most: int) -> int:
+    """Nodes of the finest grid whose points are at most ``most``."""
+    return max(2, (most - 1) // DEGREE + 1)
+
+
+ADAPTIVE: dict[str, Method] = {
+    "refinement": lambda problem, n: refine(problem, min(6, n), most_nodes=n),
+    f"refinement, LGL {DEGREE}": lambda problem, n: refine(
+        problem, min(4, _intervals_by_degree(n)), most_nodes=_intervals_by_degree(n), scheme=LOBATTO
+    ),
+    "redistribution, local error": lambda problem, n: redistribute(problem, n, LOCAL_ERROR, rounds=3),
+    "redistribution, curvature": lambda problem, n: redistribute(problem, n, CURVATURE, rounds=3),
+    "redistribution, arclength": lambda problem, n: redistribute(problem, n, ARCLENGTH, rounds=3),
+    "redistribution, residual": lambda problem, n: redistribute(problem, n, RESIDUAL, rounds=10),
+    "equidistribution in the NLP": lambda problem, n: distribute(problem, n),
+}
+NOT_ADAPTIVE: dict[str, Method] = {
+    "uniform": solve,
+    "one polynomial": lambda problem, n: solve(problem, 2, scheme=LegendreGaussLobatto(min(n - 1, 40))),
+}
+METHODS = ADAPTIVE | NOT_ADAPTIVE
+REFUSED, UNSOLVED, UNTRIED = "#c9ced4", "#93a0ad", "none"  # what a cell without an error looks like
+KEY = {"refused: replays worse than uniform nodes": REFUSED, "no solution, and why": UNSOLVED, "not tried": UNTRIED}
+
+
+@dataclass(frozen=True)
+class OcpProblemsConfig:
+    """How much is solved."""
+
+    nodes: int = 60
+    """nodes that a method may use"""
+    problems: int = len(PROBLEMS)
+    """how many of the problems, in the order of the library"""
+    exhaustive: bool = True
+    """whether every method solves every problem; if not, a problem is done with the first method that reaches it"""
+
+    def __post_init__(self) -> None:
+        if self.nodes < 6:
+            raise ValueError(f"nodes = {self.nodes}; allowed: a whole number >= 6")
+        if not 1 <= self.problems <= len(PROBLEMS):
+            raise ValueError(f"problems = {self.problems}; allowed: a whole number from 1 to {len(PROBLEMS)}")
+
+
+class OcpProblems:
+    """Optimal control problems with known optima, by every adaptive method."""
+
+    Config = OcpProblemsConfig
+    quick = OcpProblemsConfig(exhaustive=False)
+    title = "Problems with known optima"
+    on_terrain = False
+
+    @staticmethod
+    def run(config: OcpProblemsConfig, setup: Setup) -> StudyResult:
+        names = list(PROBLEMS)[: config.problems]
+        solved = computed(setup, partial(_attempts, nodes=config.nodes, exhaustive=config.exhaustive), names)
+        rows = [row for attempts in solved for row in attempts]
+        best = {name: _first_reached(attempts) for name, attempts in zip(names, solved, strict=True)}
+        reached = [name for name, row in best.items() if row["reached"]]
+        return StudyResult(
+            summary=(
+                f"{len(names)} problems, at most {config.nodes} nodes, Hermite-Simpson unless a method says else. "
+                "Reported is the first method, in the order of the figure, whose solution passed the replay gate and "
+                "whose J and replayed J are both within the tolerance. Times are wall-clock times of the solver, "
+                "summed over the grids that a method goes through, with as many problems at once as there are workers.",
+                "Where the open loop is ill-posed, the replay goes interval by interval. A control that is a parabola "
+                "between its nodes overshoots a bound where it switches; the largest violation of a bound or a path "
+                "constraint on a dense grid is in the table, relative to the scale.",
+            ),
+            rows=rows,
+            tables=(_table(best),),
+            figure=_figure(rows, best),
+            caption="The larger of the errors of J and of the replayed J, over the problem's tolerance, for every "
+            "method: blue, below 1, where it is reached. Framed: what is reported.",
+            claims=(_claim(best, reached, config),),
+        )
+
+
+def _attempts(name: str, nodes: int, exhaustive: bool) -> list[dict[str, Any]]:
+    """A row for each method that was tried: up to the first that reaches the tolerance, or all of them."""
+    rows: list[dict[str, Any]] = []
+    for method in METHODS:
+        rows.append(_row(name, method, METHODS[method](PROBLEMS[name].problem(), nodes)))
+        if rows[-1]["reached"] and not exhaustive:
+            break
+    return rows
+
+
+def _row(name: str, method: str, solution: Solution) -> dict[str, Any]:
+    known, replay = PROBLEMS[name], solution.replay
+    passed = solution.status is Outcome.OPTIMAL and replay is not None
+    error = known.error(solution.cost)
+    error_replayed = known.error(replay.cost) if replay is not None else math.nan
+    intervals, inside = solution.nodes - 1, solution.scheme.interior
+    return {
+        "problem": name,
+        "method": method,
+        "adaptive": method in ADAPTIVE,
+        "status": solution.status.name.lower(),
+        "message": solution.message,
+        "nodes": intervals * (1 + inside) + 1,
+        "intervals": intervals,
+        "optimum": known.optimum,
+        "value": known.value(solution.cost),
+        "value_replayed": known.value(replay.cost) if replay is not None else math.nan,
+        "error": error,
+        "error_replayed": error_replayed,
+        "tolerance": known.tolerance,
+        "reached": passed and error <= known.tolerance and error_replayed <= known.tolerance,
+        "replay_miss": replay.miss if replay is not None else math.nan,
+        "replay_violation": replay.violation if replay is not None else math.nan,
+        "replay_by_intervals": replay.by_intervals if replay is not None else False,
+        "iterations": solution.iterations,
+        "solve_ms": solution.timing.solve_ms,
+        "build_wall_s": 1e-3 * solution.timing.build_ms,
+    }
+
+
+def _first_reached(attempts: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """The row that is reported: the first adaptive method that reached the optimum, else the least error of those."""
+    adaptive = [row for row in attempts if row["adaptive"]]
+    for row in adaptive:
+        if row["reached"]:
+            return row
+    return min(adaptive, key=_excess)
+
+
+def _excess(row: Mapping[str, Any]) -> float:
+    """The larger error over the tolerance; infinite without a solution that the gate passed."""
+    excess = float(np.max([row["error"], row["error_replayed"]])) / row["tolerance"]  # NaN if either is
+    return excess if row["status"] == "optimal" and math.isfinite(excess) else math.inf
+
+
+def _claim(best: Mapping[str, Mapping[str, Any]], reached: Sequence[str], config: OcpProblemsConfig) -> Claim:
+    most = max(row["nodes"] for row in best.values())
+    missed = [f"{name} {_excess(row):.2g} times" for name, row in best.items() if name not in reached]
+    told = f"{len(reached)} of {len(best)}, with at most {most} nodes"
+    return Claim(
+        "ocp.all", "target", "Every problem of the literature is solved by some adaptive method.", "1.1, B.3",
+        f"each of {len(PROBLEMS)} within {config.nodes} nodes, J and replayed J to 1e-4 of the optimum (1e-3 for "
+        "tumour and alp rider, Goddard relative to h - 1)",
+        told + (f"; the tolerance is missed by {', '.join(missed)}" if missed else ""),
+        None if len(best) < len(PROBLEMS) and not missed else not missed,
+    )  # fmt: skip
+
+
+def _table(best: Mapping[str, Mapping[str, Any]]) -> Table:
+    columns = (
+        "problem", "optimum", "source", "value", "replayed", "error", "violation", "N", "method", "time",
+    )  # fmt: skip
+    cells = []
+    for name, row in best.items():
+        known: KnownOptimum = PROBLEMS[name]
+        mark = " *" if row["replay_by_intervals"] else ""
+        cells.append(
+            (
+                name if known.quantity == "J" else f"{name}: {known.quantity}", f"{row['optimum']:.8g}", known.source,
+                f"{row['value']:.8g}", f"{row['value_replayed']:.8g}{mark}",
+                f"{max(row['error'], row['error_replayed']):.0e}", f"{row['replay_violation']:.0e}", str(row["nodes"]),
+                row["method"] + ("" if row["reached"] else " (not reached)"), f"{row['solve_ms']:.0f} ms",
+            )
+        )  # fmt: skip
+    return Table("The larger of both errors; * replayed interval by interval", columns, cells)
+
+
+def _figure(rows: Sequence[Mapping[str, Any]], best: Mapping[str, Mapping[str, Any]]) -> Figure:
+    names, methods = list(best), list(METHODS)
+    lacking = {row["status"].replace("_", " "): UNSOLVED for row in rows} | {"": UNTRIED, "refused": REFUSED}
+    values = np.full((len(names), len(methods)), np.nan)
+    texts = [["" for _ in methods] for _ in names]
+    for row in rows:
+        i, j = names.index(row["problem"]), methods.index(row["method"])
+        excess = _excess(row)
+        known = math.isfinite(excess)
+        values[i, j] = max(excess, 1e-12) if known else np.nan
+        texts[i][j] = _ratio(excess) if known else row["status"].replace("_", " ")
+    framed = [(i, methods.index(best[name]["method"])) for i, name in enumerate(names) if best[name]["reached"]]
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(10.2, 2.5 + 0.29 * len(names))
+        axes = figure.add_subplot()
+        shown = heat_map(axes, values, names, methods, texts, decades=(4.0, 4.0), framed=framed, lacking=lacking)
+        axes.set_title("Distance from known optima: larger error of J and the replayed J, over the tolerance", pad=18)
+        bar = figure.colorbar(shown, ax=axes, shrink=0.8, pad=0.015, aspect=28, extend="both")
+        ticks = np.arange(-4, 5, 2)
+        bar.set_ticks(ticks.tolist(), labels=["1" if k == 0 else f"$10^{{{k}}}$" for k in ticks])
+        bar.set_label("error over tolerance, as in the cells")
+        bar.outline.set_visible(False)
+        axes.axvline(len(ADAPTIVE), color=STYLE["axes.edgecolor"], lw=1.4)
+        middle = len(ADAPTIVE) + 0.5 * len(NOT_ADAPTIVE)
+        axes.annotate("not adaptive", (middle, 0.0), (0, 4), textcoords="offset points", ha="center", fontsize=8)
+        key = [
+            Patch(facecolor="none", edgecolor="#16202a", lw=2.0, label="reported: the first to reach it"),
+            *(Patch(facecolor=colour, edgecolor="#8b95a0", label=words) for words, colour in KEY.items()),
+        ]
+        figure.legend(handles=key, loc="outside lower center", ncols=len(key), fontsize=8)
+    return figure
+
+
+def _ratio(excess: float) -> str:
+    """Short: 0.036, 2.4, 71, 6e-4."""
+    if 1e-2 <= excess < 1e3:
+        return f"{excess:.2g}" if excess < 100.0 else f"{excess:.0f}"
+    mantissa, exponent = f"{excess:.0e}".split("e")
+    return f"{mantissa}e{int(exponent)}"

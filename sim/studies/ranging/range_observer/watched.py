@@ -1,0 +1,108 @@
+"""The range observer in a run, its errors in X and in Z, and whether it keeps lock."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mathnavi.estimators.observability.region import ExactRun
+from mathnavi.estimators.ranging.observer import RangeObserver, RangeObserverConfig
+from mathnavi.models.angles import wrapped
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.metrics.ranging import HEADING, LAST, POSITION, rms
+
+STRIDE = 5  # readings from one at which errors are taken to the next
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """A run, at every few readings."""
+
+    run: ExactRun
+    t: Array  # (n,) [s]
+    x: Array  # (n, 3) estimate
+    truth: Array  # (n, 3)
+    z: Array  # (n, l + 1) estimate
+    z_true: Array  # (n, l + 1) without jumps
+    value: Array  # (n, 2) V_rho and |Q|^2 / 2
+    off: Array  # (n, 3) x less its truth, modulo the symmetry of the wall
+    off_z: Array  # (n, l + 1) z likewise
+
+    @property
+    def position(self) -> Array:
+        """(n,) [m]."""
+        length: Array = np.hypot(self.off[:, 0], self.off[:, 1])
+        return length
+
+    @property
+    def in_z(self) -> Array:
+        """(n,) [rad] the root mean square of the errors of the components of z."""
+        size: Array = np.sqrt(np.square(self.off_z).mean(axis=1))
+        return size
+
+    @property
+    def last(self) -> slice:
+        """By what it is judged."""
+        return slice(round((1.0 - LAST) * (len(self.t) - 1)), None)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Root mean squares over the last quarter of a run."""
+
+    position: float  # [m]
+    heading: float  # [rad]
+    in_z: float  # [rad] of a component
+    worst: float  # [m] the largest position error of the whole run
+    relative_position: float  # over that of (x_1, x_2)
+    relative_heading: float  # over that of phi
+
+    @staticmethod
+    def of(watched: Watched) -> Verdict:
+        last, truth = watched.last, watched.truth
+        position, heading = rms(watched.position[last]), rms(watched.off[last, 2])
+        distance = rms(np.hypot(truth[last, 0], truth[last, 1]))
+        return Verdict(
+            position,
+            heading,
+            rms(watched.in_z[last]),
+            float(watched.position.max()),
+            position / distance,
+            heading / rms(truth[last, 2]),
+        )
+
+    @property
+    def locked(self) -> bool:
+        """Whether the estimate has converged in X."""
+        return self.position < POSITION and self.heading < HEADING
+
+    @property
+    def locked_z(self) -> bool:
+        """Whether it has in Z."""
+        return self.in_z < HEADING
+
+
+def watched(run: ExactRun, config: RangeObserverConfig) -> Watched:
+    """The observer in a run, its errors modulo the symmetry of the wall."""
+    mission, curve = run.mission, run.mission.curve
+    made = RangeObserver.build(config, mission)
+    estimates = [
+        made.update(t, readings, command)
+        for t, readings, command in zip(run.t, run.readings, run.commands, strict=True)
+    ][::STRIDE]
+    truth = run.truth[::STRIDE]
+    x = np.array([estimate.x for estimate in estimates])
+    z = np.array([estimate.extra["z"] for estimate in estimates])
+    s = np.unwrap(np.array([curve.ranges(pose, mission.alpha)[1] for pose in truth]), axis=0)
+    z_true = np.column_stack([s, truth[:, 2]])
+    turns = 2.0 * math.pi / curve.symmetry * np.arange(curve.symmetry)  # of an ellipse, also by how much s is off
+    images = wrapped(z[:, None] - z_true[:, None] - turns[:, None])
+    nearest = np.square(images).sum(axis=2).argmin(axis=1)
+    return Watched(
+        run, run.t[::STRIDE], x, truth, z, z_true,
+        np.array([estimate.extra["value"] for estimate in estimates]),
+        np.array([mission.difference(one, true) for one, true in zip(x, truth, strict=True)]),
+        images[np.arange(len(z)), nearest],
+    )  # fmt: skip

@@ -1,0 +1,1 @@
+"""mathnavi: planners and observers close the loop with MuJoCo's physics."""

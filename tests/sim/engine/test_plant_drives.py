@@ -1,0 +1,144 @@
+"""The plant of a vehicle with a drive: inputs that are not those of actuators, MuJoCo's own sensors, a floor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import pytest
+
+from mathnavi.models.unicycle.drives import IdealDrive
+from mathnavi.models.unicycle.entity import RADIUS, build_model, build_spec
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
+from mathnavi.sim.interfaces.protocols import ActuatorModel, StateView
+from mathnavi.sim.interfaces.signals import Array
+from tests.unicycle import STANDARD, plant_of
+
+ANGLES = (-0.5, 0.0, 2.0)
+
+
+@dataclass(frozen=True)
+class Looking:
+    """A sensor that reads one of MuJoCo's own, as it is."""
+
+    of: str
+    rate: float | None = None
+    name: str = "looking"
+    size: int = 1
+
+    def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        return motion.sensed(self.of)
+
+
+def test_a_drive_has_inputs_of_its_own_and_their_bounds() -> None:
+    drive: ActuatorModel = IdealDrive()
+    model = build_model(STANDARD, (0.0,))
+    equipment = VehicleSetup(np.zeros(10), input_max=np.array([0.5, 1.0]), drive=drive)
+    plant = MujocoPlant(model, {"robot": equipment}, np.random.default_rng(0))
+    events = plant.step({"robot": np.array([2.0, 0.0])}, 10)
+    assert [event.kind for event in events] == ["input-clipped"]
+    assert plant.state("robot")[0] == pytest.approx(0.05, abs=1e-12)
+    with pytest.raises(ValueError, match=r"shape \(3,\); allowed: \(2,\)"):
+        plant.step({"robot": np.zeros(3)})
+
+
+def test_what_is_sensed_is_of_the_present_instant() -> None:
+    sensors = tuple(Looking(f"range_{i}", name=f"ray_{i}") for i in range(3))
+    plant = plant_of((0.5, 0.2, 0.7), angles=ANGLES, sensors=sensors)
+    for k in range(40):
+        pose = plant.state("robot")[:3]
+        readings = [float(m.value[0]) for m in plant.sense("robot")]
+        expected, _ = STANDARD.ranges(pose, np.array(ANGLES))
+        np.testing.assert_allclose(readings, expected, rtol=0.0, atol=1e-13)
+        plant.step({"robot": np.array([0.5, math.sin(0.3 * k)])}, 1 + k % 3)
+
+
+@pytest.mark.parametrize("move", ["displace", "place"])
+def test_what_is_sensed_follows_a_vehicle_that_is_moved_at_once(move: str) -> None:
+    plant = plant_of((0.5, 0.2, 0.0), sensors=(Looking("range_0"),))
+    before = plant.sense("robot")[0].value
+    if move == "displace":
+        plant.displace("robot", np.array([0.3, 0.0, 0.0]))
+    else:
+        plant.place("robot", plant.state("robot") + 0.3 * np.eye(10)[0])
+    np.testing.assert_allclose(plant.sense("robot")[0].value, before - 0.3, atol=1e-13)
+
+
+@pytest.mark.parametrize("drive", ["ideal", "differential"])
+def test_looking_does_not_change_what_happens(drive: str) -> None:
+    """Bit for bit, whether the sensors are read at every tick, now and then, or never."""
+    carried = ((), (Looking("range_0"),), (Looking("wheel_left", rate=100.0), Looking("range_0", name="ray")))
+    paths = []
+    for sensors in carried:
+        plant = plant_of((0.5, 0.2, 0.7), drive, 0.3, sensors=sensors)  # type: ignore[arg-type]
+        path = []
+        for k in range(60):
+            plant.sense("robot")
+            plant.step({"robot": np.array([0.6, 2.0 * math.sin(0.2 * k)])}, 10)
+            path.append(plant.state("robot"))
+        paths.append(path)
+    for path in paths[1:]:
+        np.testing.assert_array_equal(path, paths[0])
+
+
+def test_a_reading_is_the_sensors_own() -> None:
+    plant = plant_of(sensors=(Looking("range_0"),))
+    plant.sense("robot")[0].value[:] = np.nan
+    assert np.isfinite(plant.sense("robot")[0].value).all()
+
+
+@pytest.mark.parametrize("name", ["sonar", "turning"])
+def test_a_sensor_that_is_not_there_or_needs_more_than_positions_is_named(name: str) -> None:
+    spec = build_spec(STANDARD, (0.0,))
+    joint = {"objtype": mujoco.mjtObj.mjOBJ_JOINT, "objname": "robot/phi"}
+    spec.add_sensor(name="robot/turning", type=mujoco.mjtSensor.mjSENS_JOINTVEL, **joint)
+    equipment = VehicleSetup(np.zeros(10), (Looking(name),), drive=IdealDrive())
+    plant = MujocoPlant(spec.compile(), {"robot": equipment}, np.random.default_rng(0))
+    with pytest.raises(ValueError, match=rf"no sensor 'robot/{name}'.*allowed: .*wheel_left.*range_0'\]"):
+        plant.sense("robot")
+
+
+def test_standing_on_the_floor_is_no_event_and_bumping_into_the_wall_is() -> None:
+    for drive in ("ideal", "differential"):
+        plant = plant_of((3.0, 0.0, 0.0), drive)  # type: ignore[arg-type]
+        events = []
+        while not events:
+            events = list(plant.step({"robot": np.array([0.5, 0.0])}, 1))
+            assert plant.t < 4.0
+        assert {event.kind for event in events} == {"contact"}
+        assert "wall_" in events[0].message
+        assert plant.contacts("robot") >= 1
+        assert STANDARD.distance(plant.state("robot")[:2]) == pytest.approx(RADIUS, abs=0.015)
+
+
+def test_a_floor_that_is_not_expected_is_an_event() -> None:
+    model = build_model(STANDARD, (0.0,), "differential")
+    plant = MujocoPlant(model, {"robot": VehicleSetup(np.zeros(16))}, np.random.default_rng(0))
+    assert "ground-contact" in [event.kind for event in plant.step({"robot": np.zeros(2)}, 100)]
+
+
+def test_what_it_is_said_to_stand_on_must_be_there() -> None:
+    model = build_model(STANDARD, (0.0,), "differential")
+    equipment = VehicleSetup(np.zeros(16), ignored_contacts=("ice",))
+    with pytest.raises(ValueError, match=r"vehicle 'robot': ignored_contacts: .*'ice'"):
+        MujocoPlant(model, {"robot": equipment}, np.random.default_rng(0))
+
+
+def test_a_missions_own_sensors_agree_with_the_motion_in_mujoco() -> None:
+    """On the ideal drive, to round-off: ranges of the curve, odometry of the input that was held."""
+    mission = RangingMission(STANDARD, ANGLES)
+    plant = plant_of((0.5, 0.2, 0.7), angles=ANGLES, sensors=mission.sensors_carried())
+    held = None
+    for k in range(100):
+        readings = {m.name: m.value for m in plant.sense("robot")}
+        rho, _ = STANDARD.ranges(plant.state("robot")[:3], mission.alpha)
+        np.testing.assert_allclose(readings["ranges"], rho, rtol=0.0, atol=1e-13)
+        if held is None:
+            assert "odometry" not in readings
+        else:
+            np.testing.assert_allclose(readings["odometry"], held, rtol=0.0, atol=1e-11)
+        held = np.array([0.5, 2.0 * math.sin(0.1 * k)])
+        plant.step({"robot": held})

@@ -1,0 +1,186 @@
+"""The scenario of the missile: it hits what it is told of, whatever is not as it was declared, and says so when not."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mathnavi.estimators.missile_kalman import MissileKalman
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scenarios.missile_fields import Actuator, Faults, Gust, Mismatch, MissileGuidanceConfig, Noise
+from mathnavi.sim.scenarios.missile_guidance import MissileGuidance
+from tests.missile import fly, glide
+
+NEAR = (300.0, 0.0, 0.0)
+ACROSS: dict[str, Any] = {"start": (0.0, 40.0, 10.0), "start_heading": -10.0, "target_velocity": (10.0, -15.0, 0.0)}
+WIND = Gust(force=(400.0, 0.0, 0.0), torque=(0.0, -20.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def calm() -> RunResult:
+    """In the pitch plane, nothing in the way."""
+    return fly()
+
+
+def kinds(outcome: RunResult) -> list[str]:
+    return [event.kind for event in outcome.recording.events]
+
+
+def test_undisturbed_it_hits_as_planned(calm: RunResult) -> None:
+    assert calm.success
+    summary = calm.summary
+    assert summary["hit"] is True
+    assert summary["miss_m"] < 0.01
+    assert summary["aspect_error_deg"] < 0.01
+    assert summary["impact_time_s"] == pytest.approx(summary["planned_time_s"], abs=0.01)
+    assert summary["impact_speed_m_s"] == pytest.approx(120.0, abs=0.1)
+    assert summary["saturated_s"] == summary["inputs_clipped"] == summary["late_plans"] == 0
+
+
+def test_the_flight_ends_with_the_look_that_finds_the_target_passed(calm: RunResult) -> None:
+    heights = calm.recording.truths["missile"][:, 1]
+    assert heights[-1] <= 0.0 < heights[-2]
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"mismatch": Mismatch(1.1, 1.1, 0.95), "gust": WIND},
+        {"dimension": "spatial", **ACROSS},
+        {"actuator": Actuator(delay=0.008)},
+        {"gust": Gust(force_rms=300.0, torque_rms=15.0)},
+        {"faults": Faults(solver_failure_rate=0.5, late_plan_rate=0.5)},
+        {"target": (700.0, 0.0, 60.0), "aspect_angle": -45.0},
+    ],
+    ids=["mismatch and gust", "space", "delay", "random gusts", "planner faults", "raised target"],
+)
+def test_feedback_brings_it_home(fields: dict[str, Any]) -> None:
+    outcome = fly(**fields)
+    assert outcome.success, outcome.summary
+    assert outcome.summary["miss_m"] < 0.5
+
+
+def test_what_is_not_as_declared_matters(calm: RunResult) -> None:
+    other = fly(controller=glide(omega=2.0), mismatch=Mismatch(mass=1.1), gust=WIND)
+    assert other.summary["miss_m"] > 20.0 * calm.summary["miss_m"]
+    assert other.config["mission"] == calm.config["mission"]  # nobody is told
+
+
+def test_a_moving_target_is_hit_by_who_is_told_and_missed_by_who_is_not() -> None:
+    known, told, blind = (fly(target_velocity=(20.0, 0.0, 0.0), target_told=when) for when in (0.0, 2.0, 1e3))
+    assert known.success
+    assert told.success
+    assert "message" in kinds(told)
+    assert "message" not in kinds(known)
+    assert not blind.success
+    assert blind.summary["miss_m"] > 100.0
+
+
+def test_a_target_that_rises_past_the_missile_while_far_away_is_not_passed() -> None:
+    outcome = fly(target_velocity=(0.0, 0.0, 50.0))
+    assert outcome.recording.t[-1] > 0.8 * outcome.summary["planned_time_s"]
+
+
+def test_a_target_that_turns_is_told_of_and_hit() -> None:
+    outcome = fly(target_velocity=(20.0, 0.0, 0.0), target_change=((2.0, -20.0, 0.0, 0.0), (4.0, 0.0, 0.0, 0.0)))
+    assert kinds(outcome).count("message") == 2
+    assert outcome.success
+    assert outcome.recording.truths["missile"][-1, 0] == pytest.approx(700.0 + 40.0 - 40.0, abs=0.5)
+
+
+def test_thrusters_at_their_limit_are_told_and_counted() -> None:
+    outcome = fly(actuator=Actuator(normal=4000.0))
+    assert not outcome.success
+    assert kinds(outcome).count("input-clipped") == outcome.summary["inputs_clipped"] >= 1
+    assert outcome.summary["saturated_s"] > 1.0
+
+
+def test_a_filter_makes_noisy_readings_usable() -> None:
+    noise = Noise(position=1.0, velocity=0.5, angle=0.5, rate=0.5, dropout_rate=0.2)
+    raw, filtered = fly(noise=noise), fly(noise=noise, estimator=PluginSpec.of(MissileKalman))
+    assert filtered.success
+    assert filtered.summary["inputs_clipped"] == 0 < raw.summary["inputs_clipped"]
+    assert filtered.summary["cost"] < 0.5 * raw.summary["cost"]
+    assert outcome_lost(filtered) == pytest.approx(0.2, abs=0.05)
+
+
+def outcome_lost(outcome: RunResult) -> float:
+    """Share of the readings that were lost."""
+    return float(np.isnan(outcome.arrays["measurement.full_state"][:, 0]).mean())
+
+
+def test_the_same_seed_gives_the_same_log_and_another_one_another() -> None:
+    fields: dict[str, Any] = {
+        "target": NEAR,
+        "noise": Noise(0.5, 0.2, 0.2, 0.2, 0.1),
+        "gust": Gust(force_rms=200.0, torque_rms=10.0),
+        "faults": Faults(solver_failure_rate=0.3, late_plan_rate=0.3),
+    }
+    one, again, other = (fly(seed, estimator=PluginSpec.of(MissileKalman), **fields) for seed in (3, 3, 4))
+    for name, values in one.arrays.items():
+        np.testing.assert_array_equal(values, again.arrays[name])
+    assert not np.array_equal(one.arrays["truth.x"][:500], other.arrays["truth.x"][:500])
+
+
+def test_a_flight_takes_at_most_twice_the_planned_time(calm: RunResult) -> None:
+    closed_loop = MissileGuidance.build(MissileGuidanceConfig(), 0, glide())
+    assert closed_loop.duration == pytest.approx(2.0 * calm.summary["planned_time_s"], abs=0.002)
+
+
+def test_a_mission_without_a_first_plan_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"target = .*no first plan: .*700 m is too far.*allowed"):
+        fly(controller=glide(reach=500.0))
+    with pytest.raises(ValueError, match=r"target = .*allowed: 300 s"):
+        fly(target=(40_000.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("told", "fields"),
+    [
+        ("start: its y", {"start": (0.0, 5.0, 10.0)}),
+        ("target: its y", {"target": (700.0, 5.0, 0.0)}),
+        ("start_heading", {"start_heading": 5.0}),
+        ("target_velocity: its y", {"target_velocity": (0.0, 5.0, 0.0)}),
+        ("target_change: its y", {"target_change": ((1.0, 0.0, 5.0, 0.0),)}),
+        ("gust.force: its y", {"gust": Gust(force=(0.0, 5.0, 0.0))}),
+        ("gust.torque: its x or z", {"gust": Gust(torque=(5.0, 0.0, 0.0))}),
+    ],
+)
+def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(told: str, fields: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=rf"{told} = 5.0 .*allowed: 0, or dimension = spatial"):
+        MissileGuidanceConfig(**fields)
+    MissileGuidanceConfig(dimension="spatial", **fields)
+
+
+@pytest.mark.parametrize(
+    ("told", "make"),
+    [
+        ("start: its height z", lambda: MissileGuidanceConfig(start=(0.0, 0.0, -1.0))),
+        ("target", lambda: MissileGuidanceConfig(target=(0.0, 0.0, 10.0))),
+        ("target", lambda: MissileGuidanceConfig(target=(math.nan, 0.0, 0.0))),
+        ("aspect_angle", lambda: MissileGuidanceConfig(aspect_angle=-100.0)),
+        ("start_heading", lambda: MissileGuidanceConfig(dimension="spatial", start_heading=90.0)),
+        ("target_change", lambda: MissileGuidanceConfig(target_change=((-1.0, 0.0, 0.0, 0.0),))),
+        ("target_told", lambda: MissileGuidanceConfig(target_told=-1.0)),
+        ("control_rate", lambda: MissileGuidanceConfig(control_rate=300.0)),
+        ("miss_allowed", lambda: MissileGuidanceConfig(miss_allowed=0.0)),
+        ("mismatch.mass", lambda: Mismatch(mass=0.0)),
+        ("mismatch.force", lambda: Mismatch(force=math.inf)),
+        ("gust.force ", lambda: Gust(force=(math.inf, 0.0, 0.0))),
+        ("gust.torque_rms", lambda: Gust(torque_rms=-1.0)),
+        ("gust.time_constant", lambda: Gust(time_constant=0.0)),
+        ("gust.force_limit", lambda: Gust(force_limit=0.0)),
+        ("actuator.normal", lambda: Actuator(normal=0.0)),
+        ("actuator.delay", lambda: Actuator(delay=0.0015)),
+        ("noise.angle", lambda: Noise(angle=-1.0)),
+        ("noise.dropout_rate", lambda: Noise(dropout_rate=1.5)),
+        ("faults.late_plan_rate", lambda: Faults(late_plan_rate=-0.1)),
+    ],
+)
+def test_fields_out_of_range_are_refused_by_their_names(told: str, make: Any) -> None:
+    with pytest.raises(ValueError, match=rf"{told}.*= .*allowed"):
+        make()

@@ -1,10 +1,12 @@
-"""What fields are held to; each check raises ValueError that names the field, its value and what is allowed."""
+"""What fields are held to; each check raises FieldError, which names the field, its value and what is allowed."""
 
 from __future__ import annotations
 
 import difflib
 import math
 from collections.abc import Sequence
+
+from mathnavi.sim.interfaces.errors import FieldError
 
 _MOST = 1_000_000  # of anything that is held in memory
 _CLOSE = 0.6  # similarity from which a name that is not known counts as misspelt
@@ -15,13 +17,13 @@ def check(value: float, name: str, low: float, high: float = math.inf, *, open_l
     allowed = f"{'>' if open_low else '>='} {low:g}" + (f" and <= {high:g}" if high < math.inf else "")
     inside = low < value <= high if open_low else low <= value <= high
     if not (math.isfinite(value) and inside):
-        raise ValueError(f"{name} = {value!r}; allowed: a finite value {allowed}")
+        raise FieldError(f"{name} = {value!r}; allowed: a finite value {allowed}")
 
 
 def check_names(names: Sequence[str]) -> tuple[str, ...]:
     """Names, each of them once."""
     if twice := sorted({name for name in names if list(names).count(name) > 1}):
-        raise ValueError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
+        raise FieldError(f"names = {list(names)!r}; allowed: each once, and not {', '.join(twice)} again")
     return tuple(names)
 
 
@@ -42,7 +44,7 @@ def check_rate(rate: float, name: str, tick: float) -> None:
     check(rate, name, 0.0, 1.0 / tick + 1e-9, open_low=True)
     every = 1.0 / (rate * tick)  # [ticks]
     if abs(every - round(every)) > 1e-9:
-        raise ValueError(f"{name} = {rate!r}; allowed: {1.0 / tick:g} Hz over a whole number")
+        raise FieldError(f"{name} = {rate!r}; allowed: {1.0 / tick:g} Hz over a whole number")
 
 
 def check_positive(fields: object, *names: str) -> None:
@@ -50,7 +52,7 @@ def check_positive(fields: object, *names: str) -> None:
     for name in names:
         value = getattr(fields, name)
         if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise ValueError(f"{name} = {value!r}; allowed: a finite value > 0")
+            raise FieldError(f"{name} = {value!r}; allowed: a finite value > 0")
 
 
 def check_probability(fields: object, *names: str) -> None:
@@ -58,7 +60,7 @@ def check_probability(fields: object, *names: str) -> None:
     for name in names:
         value = getattr(fields, name)
         if not 0.0 < value < 1.0:
-            raise ValueError(f"{name} = {value!r}; allowed: between 0 and 1")
+            raise FieldError(f"{name} = {value!r}; allowed: between 0 and 1")
 
 
 def check_counts(fields: object, *names: str) -> None:
@@ -66,4 +68,4 @@ def check_counts(fields: object, *names: str) -> None:
     for name in names:
         value = getattr(fields, name)
         if not 1 <= value <= _MOST:
-            raise ValueError(f"{name} = {value!r}; allowed: a whole number from 1 to {_MOST}")
+            raise FieldError(f"{name} = {value!r}; allowed: a whole number from 1 to {_MOST}")

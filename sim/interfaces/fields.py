@@ -14,6 +14,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 
 from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.errors import FieldError
 
 _PLAIN = (bool, int, float, str)
 _hints: Callable[[Any], dict[str, Any]] = cache(get_type_hints)
@@ -39,7 +40,7 @@ def plain(value: Any) -> Any:
 def instance(config: type, fields: Mapping[str, Any], where: str) -> Any:
     """The dataclass ``config`` with the fields that are given as plain data.
 
-    ValueError for a field that it does not have and for a value that is not of the declared type.
+    FieldError for a field that it does not have and for a value that is not of the declared type.
     """
     _check_names(config, fields, where)
     hints = _hints(config)
@@ -47,7 +48,7 @@ def instance(config: type, fields: Mapping[str, Any], where: str) -> Any:
 
 
 def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
-    """``config`` with some fields replaced, by dotted names; ValueError as for ``instance``."""
+    """``config`` with some fields replaced, by dotted names; FieldError as for ``instance``."""
     own: dict[str, Any] = {}
     nested: dict[str, dict[str, Any]] = {}
     for name, value in fields.items():
@@ -60,7 +61,7 @@ def with_fields(config: Any, fields: Mapping[str, Any], where: str = "") -> Any:
     for first, inner in nested.items():
         part = own.get(first, getattr(config, first))
         if not dataclasses.is_dataclass(part):
-            raise ValueError(f"{_joined(where, first)} has no fields of its own; allowed: {_joined(where, first)}")
+            raise FieldError(f"{_joined(where, first)} has no fields of its own; allowed: {_joined(where, first)}")
         own[first] = with_fields(part, inner, _joined(where, first))
     return dataclasses.replace(config, **own)
 
@@ -91,15 +92,15 @@ def flattened(fields: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def of_type(kind: type | tuple[type, ...], value: Any, where: str) -> Any:
-    """``value`` if it is of that kind, and ValueError if not; a truth value is no number."""
+    """``value`` if it is of that kind, and FieldError if not; a truth value is no number."""
     if not isinstance(value, kind) or isinstance(value, bool):
         kinds = kind if isinstance(kind, tuple) else (kind,)
-        raise ValueError(f"{where} = {value!r}; allowed: {' or '.join(one.__name__ for one in kinds)}")
+        raise FieldError(f"{where} = {value!r}; allowed: {' or '.join(one.__name__ for one in kinds)}")
     return value
 
 
 def value_as(hint: Any, value: Any, where: str) -> Any:
-    """Plain data in the type that a dataclass declares; ValueError if it is of another."""
+    """Plain data in the type that a dataclass declares; FieldError if it is of another."""
     origin, choices = get_origin(hint), get_args(hint)
     if isinstance(value, np.generic):
         value = value.item()
@@ -114,15 +115,15 @@ def value_as(hint: Any, value: Any, where: str) -> Any:
         if origin is list or choices[-1] is Ellipsis:
             choices = (choices[0],) * len(items)
         if len(choices) != len(items):
-            raise ValueError(f"{where} = {value!r}; allowed: {len(choices)} values")
+            raise FieldError(f"{where} = {value!r}; allowed: {len(choices)} values")
         return origin(value_as(choice, item, where) for choice, item in zip(choices, items, strict=True))
     if origin is typing.Literal:
         if value not in choices:
-            raise ValueError(f"{where} = {value!r}; allowed: {', '.join(map(str, choices))}")
+            raise FieldError(f"{where} = {value!r}; allowed: {', '.join(map(str, choices))}")
         return value
     if hint is bool:
         if not isinstance(value, bool):
-            raise ValueError(f"{where} = {value!r}; allowed: true, false")
+            raise FieldError(f"{where} = {value!r}; allowed: true, false")
         return value
     if hint is float:
         return float(of_type((int, float), value, where))
@@ -145,4 +146,4 @@ def _check_names(config: type, names: typing.Iterable[str], where: str) -> None:
     known = [field.name for field in dataclasses.fields(config)]
     for name in names:
         if name not in known:
-            raise ValueError(f"{_joined(where, name)} is not a field; {allowed_for(name, known)}")
+            raise FieldError(f"{_joined(where, name)} is not a field; {allowed_for(name, known)}")

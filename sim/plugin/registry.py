@@ -17,6 +17,7 @@ from numbers import Real
 from typing import Any, TypeVar, get_type_hints
 
 from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Consensus, Estimator, Planner, Sensor
 from mathnavi.sim.plugin.sources import GROUPS, installed
 
@@ -63,15 +64,15 @@ def called(kind: str, place: str) -> str:
 def load(kind: str, name: str) -> Any:
     """The plug-in called ``name``, or the class at "package.module:Class".
 
-    Raises ValueError if there is none, naming those that exist, or if it declares no frozen configuration.
+    Raises PluginError if there is none, naming those that exist, or if it declares no frozen configuration.
     """
     points = {point.name: point for point in entry_points(group=GROUPS[kind])}
     if name not in points and ":" not in name:
-        raise ValueError(f"{kind}: {name!r} is not known; {allowed_for(name, sorted(points), _PLACE)}")
+        raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, sorted(points), _PLACE)}")
     try:
         plugin = points[name].load() if name in points else _at(name)
     except Exception as error:  # whatever a stranger's module does when it is imported
-        raise ValueError(f"{kind}: {name!r} cannot be imported: {_told(error)}") from error
+        raise PluginError(f"{kind}: {name!r} cannot be imported: {_told(error)}") from error
     _check_class(kind, plugin, name)
     return plugin
 
@@ -79,24 +80,24 @@ def load(kind: str, name: str) -> Any:
 def checked_controller(part: PluginSpec, mission: Any, bound: type | None = None) -> tuple[Planner, Any]:
     """The planner and the tracker that a controller builds; the tracker's ``bound`` is of the type given, if one is.
 
-    ValueError if the build fails or anything that the loop needs is missing.
+    PluginError if the build fails or anything that the loop needs is missing.
     """
     _check_class("controllers", part.plugin, part.name)
     pair = _called("controllers", part, "build", mission)
     said = f"controllers: {part.name!r}: build() returned"
     if not (isinstance(pair, tuple) and len(pair) == 2):
-        raise ValueError(f"{said} {_kind(pair)}; allowed: a pair (planner, tracker)")
+        raise PluginError(f"{said} {_kind(pair)}; allowed: a pair (planner, tracker)")
     planner, tracker = pair
     _check_made(f"{said} the planner", planner, "plan")
     _check_made(f"{said} the tracker", tracker, "command")
     if bound is not None and not isinstance(getattr(tracker, "bound", None), bound):
         given = _kind(tracker.bound) if hasattr(tracker, "bound") else "no bound"
-        raise ValueError(f"{said} the tracker {_kind(tracker)} with {given}; allowed: bound is a {bound.__name__}")
+        raise PluginError(f"{said} the tracker {_kind(tracker)} with {given}; allowed: bound is a {bound.__name__}")
     return planner, tracker
 
 
 def checked_estimator(part: PluginSpec, mission: Any) -> Estimator:
-    """The estimator that a plug-in builds; ValueError as for a controller."""
+    """The estimator that a plug-in builds; PluginError as for a controller."""
     _check_class("estimators", part.plugin, part.name)
     estimator: Estimator = _called("estimators", part, "build", mission)
     _check_made(f"estimators: {part.name!r}: build() returned the estimator", estimator, "update")
@@ -104,14 +105,14 @@ def checked_estimator(part: PluginSpec, mission: Any) -> Estimator:
 
 
 def checked_consensus(part: PluginSpec, mission: Any) -> Consensus:
-    """What a vehicle agrees with others by; ValueError as for a controller."""
+    """What a vehicle agrees with others by; PluginError as for a controller."""
     _check_class("consensus", part.plugin, part.name)
     consensus: Consensus = _called("consensus", part, "build", mission)
     for method in ("exchange", "start"):
         _check_made(f"consensus: {part.name!r}: build() returned", consensus, method)
     for attribute in ("value", "outlier", "refused"):
         if not hasattr(consensus, attribute):
-            raise ValueError(
+            raise PluginError(
                 f"consensus: {part.name!r}: build() returned {_kind(consensus)} without {attribute}; allowed: one that "
                 "has period, value, outlier, refused, start and exchange"
             )
@@ -119,39 +120,40 @@ def checked_consensus(part: PluginSpec, mission: Any) -> Consensus:
 
 
 def checked_sensors(part: PluginSpec, mission: Any) -> tuple[Sensor, ...]:
-    """What a vehicle carries for an estimator; ValueError as for a controller."""
+    """What a vehicle carries for an estimator; PluginError as for a controller."""
     _check_class("estimators", part.plugin, part.name)
     sensors = _called("estimators", part, "sensors", mission)
     said = f"estimators: {part.name!r}: sensors() returned"
     if not isinstance(sensors, Sequence):
-        raise ValueError(f"{said} {_kind(sensors)}; allowed: a tuple of sensors")
+        raise PluginError(f"{said} {_kind(sensors)}; allowed: a tuple of sensors")
     for sensor in sensors:
         if missing := [name for name in ("name", "size", "rate", "read") if not hasattr(sensor, name)]:
-            raise ValueError(
+            raise PluginError(
                 f"{said} {_kind(sensor)} without {' and '.join(missing)}; allowed: name, size, rate, read()"
             )
     return tuple(sensors)
 
 
 def checked_quality(part: PluginSpec, mission: Any, quality: type[Quality]) -> Quality:
-    """How good a plug-in's estimates are, of the type given; ValueError as for a controller."""
+    """How good a plug-in's estimates are, of the type given; PluginError as for a controller."""
     _check_class("estimators", part.plugin, part.name)
     answer = _called("estimators", part, "quality", mission)
     if not isinstance(answer, quality):
-        raise ValueError(f"estimators: {part.name!r}: quality() returned {_kind(answer)}; allowed: {quality.__name__}")
+        raise PluginError(f"estimators: {part.name!r}: quality() returned {_kind(answer)}; allowed: {quality.__name__}")
     return answer
 
 
 def _check_class(kind: str, plugin: Any, name: str) -> None:
     config = getattr(plugin, "Config", None)
     if not (isinstance(config, type) and dataclasses.is_dataclass(config) and _frozen(config)):
-        raise ValueError(f"{kind}: {name!r} declares no frozen dataclass named Config, so it is not a plug-in")
+        raise PluginError(f"{kind}: {name!r} declares no frozen dataclass named Config, so it is not a plug-in")
     for field in dataclasses.fields(config):
         if field.init and field.default is field.default_factory is dataclasses.MISSING:
-            raise ValueError(f"{kind}: {name!r}: Config.{field.name} has no default; allowed: fields with defaults")
+            raise PluginError(f"{kind}: {name!r}: Config.{field.name} has no default; allowed: fields with defaults")
     needed = NEEDED.get(kind, ("build",))
     if missing := [attribute for attribute in needed if not hasattr(plugin, attribute)]:
-        raise ValueError(f"{kind}: {name!r} has no {' and no '.join(missing)}; allowed: {', '.join(needed)} and Config")
+        allowed = f"allowed: {', '.join(needed)} and Config"
+        raise PluginError(f"{kind}: {name!r} has no {' and no '.join(missing)}; {allowed}")
 
 
 def _frozen(config: type) -> bool:
@@ -167,7 +169,7 @@ def _at(name: str) -> Any:
 def _called(kind: str, part: PluginSpec, method: str, mission: Any) -> Any:
     """What a plug-in's method makes of its configuration and a mission."""
     if wanted := _unfit(part.plugin, mission):
-        raise ValueError(
+        raise PluginError(
             f"{kind}: {called(kind, part.name)!r} is for a {wanted} and this scenario has a {type(mission).__name__}; "
             f"allowed: {', '.join(_fitting(kind, mission))}, or package.module:Class"
         )
@@ -176,7 +178,7 @@ def _called(kind: str, part: PluginSpec, method: str, mission: Any) -> Any:
     except Exception as error:
         if isinstance(error, ValueError) and "allowed" in str(error):
             raise  # it refuses its configuration or the mission, and says why
-        raise ValueError(f"{kind}: {called(kind, part.name)!r}: {method}() failed: {_told(error)}") from error
+        raise PluginError(f"{kind}: {called(kind, part.name)!r}: {method}() failed: {_told(error)}") from error
 
 
 def _unfit(plugin: Any, mission: Any) -> str:
@@ -207,7 +209,7 @@ def _check_made(said: str, made: Any, method: str) -> None:
     missing = [] if isinstance(period, Real) and not isinstance(period, bool) else ["period [s]"]
     missing += [] if callable(getattr(made, method, None)) else [f"{method}()"]
     if missing:
-        raise ValueError(f"{said} {_kind(made)} without {' and '.join(missing)}; allowed: period [s] and {method}()")
+        raise PluginError(f"{said} {_kind(made)} without {' and '.join(missing)}; allowed: period [s] and {method}()")
 
 
 def _kind(value: Any) -> str:

@@ -20,7 +20,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 
 @runtime_checkable
-class Mission(Protocol):
+class FullStateMission(Protocol):
     """What a mission has to tell of its vehicle, of nx states and nu inputs."""
 
     @property
@@ -66,25 +66,25 @@ class FullState:
 
     Config = FullStateConfig
 
-    def __init__(self, config: FullStateConfig, mission: Mission) -> None:
+    def __init__(self, config: FullStateConfig, mission: FullStateMission) -> None:
         self.period = mission.control_period
-        self._freshness = TimeoutMonitor(config.timeout)
+        self._timeout_monitor = TimeoutMonitor(config.timeout)
         self._mission = mission
         self._fresh = mission.full_state_covariance(0.0)  # of a reading that is not old
         self._x = mission.start_state
         self._t = -math.inf  # [s] of _x
 
     @staticmethod
-    def build(config: FullStateConfig, mission: Mission) -> FullState:
+    def build(config: FullStateConfig, mission: FullStateMission) -> FullState:
         return FullState(config, mission)
 
     @staticmethod
-    def sensors(config: FullStateConfig, mission: Mission) -> tuple[Sensor, ...]:
+    def sensors(config: FullStateConfig, mission: FullStateMission) -> tuple[Sensor, ...]:
         """What the vehicle has to carry for this estimator."""
         return (mission.full_state_sensor(config.rate),)
 
     @staticmethod
-    def quality(config: FullStateConfig, mission: Mission) -> Any:
+    def quality(config: FullStateConfig, mission: FullStateMission) -> Any:
         """How good the readings are, as the mission has it."""
         return mission.full_state_quality()
 
@@ -98,14 +98,14 @@ class FullState:
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         for reading in measurements:
-            if reading.name == "full_state" and reading.t > self._freshness.t:
+            if reading.name == "full_state" and reading.t > self._timeout_monitor.t:
                 self._x, self._t = reading.value, reading.t
-                self._freshness.note(reading.t)
+                self._timeout_monitor.note(reading.t)
         if self._t == -math.inf:
             self._t = t  # the start, as the mission states it, is all that is known
         if t > self._t:
             self._x, self._t = self._mission.flow(self._x, command, t - self._t), t
-        status, age = self._freshness.status(t), t - self._freshness.t
+        status, age = self._timeout_monitor.status(t), t - self._timeout_monitor.t
         if status is Status.INITIALISING:
             return Estimate(t, self._x.copy(), status=status)
         covariance = self._mission.full_state_covariance(age) if age > 0.0 else self._fresh

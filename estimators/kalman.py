@@ -83,7 +83,7 @@ class Kalman:
         from filterpy.kalman import KalmanFilter  # takes .7 s to import
 
         self.period = mission.control_period
-        self._freshness = TimeoutMonitor(config.timeout)  # of the fixes
+        self._timeout_monitor = TimeoutMonitor(config.timeout)  # of the fixes
         self._model = AxisModel.of(config, mission)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._filter = KalmanFilter(dim_x=3, dim_z=1, dim_u=1)
@@ -134,7 +134,11 @@ class Kalman:
         x, P = self._filter.x, self._filter.P
         covariance = (P[:2, None, :2, None] * _EYE[None, :, None, :]).reshape(6, 6)
         return Estimate(
-            t, x[:2].flatten(), 0.5 * (covariance + covariance.T), self._freshness.status(t), {"gust": x[2].copy()}
+            t,
+            x[:2].flatten(),
+            0.5 * (covariance + covariance.T),
+            self._timeout_monitor.status(t),
+            {"gust": x[2].copy()},
         )
 
     def _predict(self, t: float, command: Array) -> None:
@@ -153,7 +157,7 @@ class Kalman:
     def _condition(self, fix: Measurement) -> None:
         # With H given, filterpy leaves the row z (1, 3) as it is; a flat z would be made a column and spoil the state.
         self._filter.update(fix.value[np.newaxis, :], H=_H)
-        self._freshness.note(fix.t)
+        self._timeout_monitor.note(fix.t)
 
 
 def clipped_rms(gust: GustModel) -> float:

@@ -20,7 +20,7 @@ from functools import lru_cache
 import casadi
 import numpy as np
 
-from mathnavi.estimators.carried_filter import carried_filter
+from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import STEP, Coordinates
@@ -61,7 +61,7 @@ class MissileKalman:
     def __init__(self, config: MissileKalmanConfig, mission: MissileMission) -> None:
         coordinates = self._coordinates = mission.coordinates
         self.period = mission.control_period
-        self._freshness, self._input_max = TimeoutMonitor(config.timeout), np.array(mission.input_max)
+        self._timeout_monitor, self._input_max = TimeoutMonitor(config.timeout), np.array(mission.input_max)
         self._size = coordinates.state_size
         self._step = _transition(coordinates, mission.body, config.time_constant)
         self._input_of = _disturbing_input(coordinates)
@@ -76,7 +76,7 @@ class MissileKalman:
             ]
         )
         self._intensity = 2.0 * disturbance**2 / config.time_constant  # (nu,) of the disturbance's noise
-        self._filter = carried_filter(self._size + len(disturbance), self._size)
+        self._filter = external_prediction_ekf(self._size + len(disturbance), self._size)
         self._filter.x = np.concatenate([mission.start_state, np.zeros(len(disturbance))])
         self._filter.P = np.diag([*(kinds[unit] for unit in coordinates.units), *disturbance]) ** 2
         self._filter.R = np.diag(np.maximum(mission.noise.deviations(coordinates), config.noise_floor) ** 2)
@@ -115,7 +115,7 @@ class MissileKalman:
         self._predict(t, held)
         x, P = self._filter.x, self._filter.P[: self._size, : self._size]
         disturbance = np.array(self._input_of(x)).ravel()
-        status = self._freshness.status(t)
+        status = self._timeout_monitor.status(t)
         return Estimate(t, x[: self._size].copy(), 0.5 * (P + P.T), status, {"disturbance": disturbance})
 
     def _predict(self, t: float, u: Array) -> None:
@@ -139,7 +139,7 @@ class MissileKalman:
         if reading.value.shape != (self._size,):
             raise ValueError(f"a reading of the state has shape {reading.value.shape}; allowed: ({self._size},)")
         self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
-        self._freshness.note(reading.t)
+        self._timeout_monitor.note(reading.t)
 
     def _difference(self, reading: Array, expected: Array) -> Array:
         off: Array = reading - expected

@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.estimators.observability.range_outputs import Input
-from mathnavi.models.unicycle.mission import KnownStart, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.interfaces.protocols import Estimator
 from mathnavi.sim.interfaces.signals import Array, Measurement
 
 
 @dataclass(frozen=True)
-class Criterion:
+class ConvergenceCriterion:
     """What counts as converged."""
 
     position: float  # [m] root mean square
@@ -61,7 +62,7 @@ def exact_run(mission: RangingMission, start: Array, input_at: Input, duration: 
     return ExactRun(mission, t, truth, tuple(readings), commands)
 
 
-def converges(estimator: Estimator, run: ExactRun, criterion: Criterion) -> bool:
+def converges(estimator: Estimator, run: ExactRun, criterion: ConvergenceCriterion) -> bool:
     """Whether an estimator that is fed a run has converged by its end."""
     first = round((1.0 - criterion.last) * (len(run.t) - 1))
     errors = []
@@ -79,7 +80,7 @@ def region_of_convergence(
     run: ExactRun,
     estimates: Array,
     deviation: tuple[float, float, float],
-    criterion: Criterion,
+    criterion: ConvergenceCriterion,
 ) -> NDArray[np.bool_]:
     """(n,) whether the estimator of a plug-in converges from each of the initial estimates (n, 3).
 

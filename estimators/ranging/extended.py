@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.estimators.carried_filter import carried_filter
+from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.kernels import moved_slopes, wrapped
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_positive, check_probability
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -44,9 +45,9 @@ class RangeEkf:
 
     def __init__(self, config: RangeEkfConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._freshness = RangeModel(mission), TimeoutMonitor(config.timeout)
+        self._model, self._timeout_monitor = RangeModel(mission), TimeoutMonitor(config.timeout)
         self._gate = Gate(config.gate, mission.sensors)
-        self._filter = carried_filter(STATES, mission.sensors)
+        self._filter = external_prediction_ekf(STATES, mission.sensors)
         self._filter.x, self._filter.P = self._model.start()
         self._t: float | None = None  # [s] of the filter's state; None before the first call
 
@@ -79,13 +80,13 @@ class RangeEkf:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """The estimate; ``extra["nis"]`` (2,) is NIS and how many rays it is of, NaN where there was no update."""
         rho = self._model.ranges(measurements)
-        self._freshness.note(t, not np.isnan(rho).all())
+        self._timeout_monitor.note(t, not np.isnan(rho).all())
         if self._t is not None and t > self._t:
             self._predict(self._model.input(measurements, command), t - self._t)
         self._t = t
         nis = self._condition(rho)
         P = self._filter.P[:3, :3]
-        return Estimate(t, self._filter.x[:3].copy(), 0.5 * (P + P.T), self._freshness.status(t), {"nis": nis})
+        return Estimate(t, self._filter.x[:3].copy(), 0.5 * (P + P.T), self._timeout_monitor.status(t), {"nis": nis})
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x.copy()

@@ -23,7 +23,8 @@ from mathnavi.estimators.ranging.bank_kernels import condition_each, drop, predi
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
 from mathnavi.estimators.ranging.model import STATES, RangeModel, chi_square_gate
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_counts, check_positive, check_probability
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -86,7 +87,7 @@ class FeasibleSetBank:
 
     def __init__(self, config: FeasibleSetBankConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._config, self._model, self._freshness = config, RangeModel(mission), TimeoutMonitor(config.timeout)
+        self._config, self._model, self._timeout_monitor = config, RangeModel(mission), TimeoutMonitor(config.timeout)
         self._limit = chi_square_gate(config.gate)
         self._misfit_limit = config.misfit + mission.ranging.outliers * self._limit  # an outlier counts as the gate
         self._memory = max(0.0, 1.0 - mission.period / _REMEMBERED)
@@ -139,7 +140,7 @@ class FeasibleSetBank:
         that of the best and how many rays it is of, NaN where there was no update.
         """
         rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
-        self._freshness.note(t, not np.isnan(rho).all())
+        self._timeout_monitor.note(t, not np.isnan(rho).all())
         self._remember(rho, u)
         nis, started = np.full(2, np.nan), False
         if self._is_alive:
@@ -211,6 +212,6 @@ class FeasibleSetBank:
         extra = {"hypotheses": hypotheses, "scores": self._score.copy(), "nis": nis}
         if not self._is_alive:
             return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra)
-        status = Status.INITIALISING if started else self._freshness.status(t)
+        status = Status.INITIALISING if started else self._timeout_monitor.status(t)
         P = self._P[self._best, :3, :3]
         return Estimate(t, self._x[self._best, :3].copy(), 0.5 * (P + P.T), status, extra)

@@ -27,7 +27,8 @@ from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.kernels import moved
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_positive
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -102,7 +103,7 @@ class RangeObserver:
         if config.z_0 and len(config.z_0) != l + 1:
             raise ValueError(f"z_0 = {config.z_0!r}; allowed with {l} sensors: {l + 1} numbers")
         self.period = mission.period
-        self._freshness, self._gains = TimeoutMonitor(config.timeout), (config.k_v, config.k_q)
+        self._timeout_monitor, self._gains = TimeoutMonitor(config.timeout), (config.k_v, config.k_q)
         self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation
         # What is expected before there is a range rate must do without one.
         self._foresee = forward_s if config.feedforward == "rho_dot" else self._advance
@@ -155,8 +156,8 @@ class RangeObserver:
         window = self._window
         rho = usable_ranges(measurements, len(self._alpha), self._longest)
         window.push(rho, measured_input(measurements, command, self._limits))
-        self._freshness.note(t, not np.isnan(rho).all())
-        status = self._freshness.status(t) if window.has_centre else Status.INITIALISING
+        self._timeout_monitor.note(t, not np.isnan(rho).all())
+        status = self._timeout_monitor.status(t) if window.has_centre else Status.INITIALISING
         if window.has_centre:
             self._observe()
         z, x = pushed_forward(*self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)

@@ -16,7 +16,8 @@ import numpy as np
 from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.particle_kernels import mode, propagate, roughen, weigh
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_counts, check_positive, check_probability
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -56,7 +57,7 @@ class RangeParticle:
 
     def __init__(self, config: RangeParticleConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._freshness = RangeModel(mission), TimeoutMonitor(config.timeout)
+        self._model, self._timeout_monitor = RangeModel(mission), TimeoutMonitor(config.timeout)
         self._gate = chi_square_gate(config.gate)
         self._rng, self._roughening = np.random.default_rng(config.seed), config.roughening
         self._x = self._model.particles(config.particles, self._rng)
@@ -94,7 +95,7 @@ class RangeParticle:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """The estimate; ``extra["effective"]`` (1,) is N_eff."""
         model, rho = self._model, self._model.ranges(measurements)
-        self._freshness.note(t, not np.isnan(rho).all())
+        self._timeout_monitor.note(t, not np.isnan(rho).all())
         if self._t is not None and t > self._t:
             u = model.input(measurements, command)
             propagate(self._x, u, np.sqrt(model.W), *model.wall, t - self._t, self._rng)
@@ -103,7 +104,9 @@ class RangeParticle:
             self._condition(rho)
         self._mean, P = mode(self._x, self._w, self._mean, _RADIUS, _STARTS, *model.wall)
         effective = np.array([1.0 / np.square(self._w).sum()])
-        return Estimate(t, self._mean[:3].copy(), 0.5 * (P + P.T), self._freshness.status(t), {"effective": effective})
+        return Estimate(
+            t, self._mean[:3].copy(), 0.5 * (P + P.T), self._timeout_monitor.status(t), {"effective": effective}
+        )
 
     def _condition(self, rho: Array) -> None:
         model = self._model

@@ -19,7 +19,8 @@ from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, st
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.kernels import moved_slopes, wrapped
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_positive, check_probability
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -55,7 +56,7 @@ class RangeUkf:
 
     def __init__(self, config: RangeUkfConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._freshness = RangeModel(mission), TimeoutMonitor(config.timeout)
+        self._model, self._timeout_monitor = RangeModel(mission), TimeoutMonitor(config.timeout)
         self._gate = Gate(config.gate, mission.sensors)
         self._filter = self._made(config)
         self._filter.x, self._filter.P = self._model.start()
@@ -93,13 +94,13 @@ class RangeUkf:
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
         """The estimate; ``extra["nis"]`` (2,) is NIS and how many rays it is of, NaN where there was no update."""
         rho = self._model.ranges(measurements)
-        self._freshness.note(t, not np.isnan(rho).all())
+        self._timeout_monitor.note(t, not np.isnan(rho).all())
         dt = 0.0 if self._t is None else t - self._t
         self._predict(self._model.input(measurements, command), dt)
         self._t = t
         nis = self._condition(rho)
         U = square_root(self._filter.P)[:, :3]
-        return Estimate(t, self._filter.x[:3].copy(), U.T @ U, self._freshness.status(t), {"nis": nis})
+        return Estimate(t, self._filter.x[:3].copy(), U.T @ U, self._timeout_monitor.status(t), {"nis": nis})
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
 from mathnavi.sim.interfaces.signals import Array
 
@@ -18,7 +18,9 @@ Instant = tuple[Array, Array]
 """x and the force F there"""
 
 
-def rates(space: ConstantCurvature, gains: Gains, instant: Instant, xi: Array, eta: Array) -> tuple[Array, Array]:
+def rates(
+    space: ConstantCurvature, gains: IntrinsicGains, instant: Instant, xi: Array, eta: Array
+) -> tuple[Array, Array]:
     """xi' and D_t eta, both tangent at xi."""
     x, F = instant
     G = -space.log(xi, x)
@@ -31,7 +33,7 @@ def rates(space: ConstantCurvature, gains: Gains, instant: Instant, xi: Array, e
 class ContinuousObserver:
     """(xi, eta), moved on by the method of Runge and Kutta of order 4."""
 
-    def __init__(self, space: ConstantCurvature, gains: Gains, xi: Array, eta: Array) -> None:
+    def __init__(self, space: ConstantCurvature, gains: IntrinsicGains, xi: Array, eta: Array) -> None:
         self._space, self._gains = space, gains
         self.xi, self.eta = space.check(xi), space.tangent(xi, eta)
 
@@ -43,12 +45,12 @@ class ContinuousObserver:
         k_3 = self._slope(middle, z + 0.5 * h * k_2)
         k_4 = self._slope(end, z + h * k_3)
         xi, eta = z + (h / 6.0) * (k_1 + 2.0 * k_2 + 2.0 * k_3 + k_4)
-        self.xi = self._space.brought_back(xi)
+        self.xi = self._space.project(xi)
         self.eta = self._space.tangent(self.xi, eta)
 
     def _slope(self, instant: Instant, z: Array) -> Array:
         """Ambient, of a stage that is near the tangent bundle."""
-        xi = self._space.brought_back(z[0])
+        xi = self._space.project(z[0])
         eta = self._space.tangent(xi, z[1])
         drift, turned = rates(self._space, self._gains, instant, xi, eta)
         bend = self._space.kappa * self._space.inner(xi, drift, eta)

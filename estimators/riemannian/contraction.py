@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
-from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.two_point import TwoPoint
 from mathnavi.sim.interfaces.signals import Array
 
@@ -49,7 +49,7 @@ class SasakiMetric:
         return np.kron(np.array([[self.a, self.c], [self.c, self.b]]), np.eye(n))
 
 
-def linearised(pair: TwoPoint, eta: Array, gains: Gains, force: Array | None = None) -> Array:
+def linearised(pair: TwoPoint, eta: Array, gains: IntrinsicGains, force: Array | None = None) -> Array:
     """[M N; P Q] (2 n, 2 n) in ``frame(xi)`` for the observer at (xi, eta), with a force at x if there is one."""
     space, n, kappa = pair.space, pair.space.dimension, pair.space.kappa
     frame = space.frame(pair.xi)
@@ -67,7 +67,9 @@ def linearised(pair: TwoPoint, eta: Array, gains: Gains, force: Array | None = N
     return np.block([[M, np.eye(n)], [P, Q]])
 
 
-def lie_derivative(pair: TwoPoint, eta: Array, gains: Gains, metric: SasakiMetric, force: Array | None = None) -> Array:
+def lie_derivative(
+    pair: TwoPoint, eta: Array, gains: IntrinsicGains, metric: SasakiMetric, force: Array | None = None
+) -> Array:
     """L (2 n, 2 n) of (D.20) in ``frame(xi)``."""
     W, J = metric.matrix(pair.space.dimension), linearised(pair, eta, gains, force)
     half: Array = W @ J
@@ -75,7 +77,7 @@ def lie_derivative(pair: TwoPoint, eta: Array, gains: Gains, metric: SasakiMetri
 
 
 def largest_eigenvalue(
-    pair: TwoPoint, eta: Array, gains: Gains, metric: SasakiMetric, force: Array | None = None
+    pair: TwoPoint, eta: Array, gains: IntrinsicGains, metric: SasakiMetric, force: Array | None = None
 ) -> float:
     """[1/s] of W^-1 L: negative where the observer is a strict contraction."""
     L = lie_derivative(pair, eta, gains, metric, force)

@@ -31,7 +31,7 @@ _PRINTED_A, _PRINTED_B, _PRINTED_FLOOR = 3.0, 3.0, 1e-7
 
 
 @dataclass(frozen=True)
-class Gains:
+class IntrinsicGains:
     """A [1/s], B [1/s^2] and C by the distance theta between x and xi, on a space of curvature ``kappa``."""
 
     bandwidth: float = 10.0  # omega [1/s]

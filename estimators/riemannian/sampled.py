@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.manifold import is_beyond
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.sim.interfaces.signals import Array
@@ -42,11 +42,17 @@ class Innovation:
     accepted: bool  # whether it was within the share of the injectivity radius
 
 
-class SampledObserver:
+class SampledIntrinsicObserver:
     """(xi, eta) and, with ``disturbed``, delta; started at xi = the first reading, eta = 0 (Theorem D.2)."""
 
     def __init__(
-        self, system: LagrangianSystem, gains: Gains, start: Array, *, disturbed: bool = False, share: float = 1.0
+        self,
+        system: LagrangianSystem,
+        gains: IntrinsicGains,
+        start: Array,
+        *,
+        disturbed: bool = False,
+        share: float = 1.0,
     ) -> None:
         self._system, self._manifold, self._gains = system, system.manifold, gains
         self._share = share  # of the injectivity radius that a reading may be away

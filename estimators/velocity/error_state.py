@@ -77,7 +77,7 @@ class ErrorStateFilter:
         self._R = np.maximum(reading_variance(self._mission, y), self._model.noise_floor**2)
         lengths = np.array([manifold.norm(y, manifold.vector(y, axis)) for axis in np.eye(self._n)])
         self.covariance = np.diag(np.concatenate([self._R, np.square(self._mission.speed_max / lengths)]))
-        self._persistence, self._nis = OutlierCounter(), math.nan
+        self._outlier_counter, self._nis = OutlierCounter(), math.nan
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         bundle, before = self._bundle, self._state
@@ -99,7 +99,7 @@ class ErrorStateFilter:
         solved = np.linalg.solve(P[:n, :n] + R, np.column_stack([P[:n], L]))  # S^-1 (H P, L)
         gain = solved[:, :-1].T
         self._nis = float(L @ solved[:, -1])
-        if not self._persistence.admits(self._nis <= self._limit):
+        if not self._outlier_counter.admits(self._nis <= self._limit):
             return False
         kept = np.eye(2 * n)
         kept[:, :n] -= gain
@@ -108,7 +108,7 @@ class ErrorStateFilter:
 
     def _beyond(self, y: Array) -> bool:
         """What becomes of a reading that has no coordinates: refused, but where that lasts the filter starts there."""
-        if not self._persistence.admits(False):
+        if not self._outlier_counter.admits(False):
             return False
         self.start(y)
         return True

@@ -93,7 +93,7 @@ class _Differences:
         self._y, self._age = y, 0.0  # [s] since the newest reading
         self._w = np.zeros(self._manifold.vector_size)
         self._memory = np.zeros((_ORDER // 2, 2, self._manifold.vector_size))  # of the filter
-        self._gate, self._persistence = SpeedGate(self._mission, y), OutlierCounter()
+        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         self._age += h
@@ -101,7 +101,7 @@ class _Differences:
     def correct(self, y: Array, h: float) -> bool:
         moved = innovation(self._manifold, self._y, y)
         good = moved is not None and self._gate.passes(self._y, moved, h)
-        if not self._persistence.admits(good):
+        if not self._outlier_counter.admits(good):
             return False
         if moved is None or not good or h > self._timeout:  # a difference over that would say nothing of v
             self.start(y)

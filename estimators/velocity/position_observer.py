@@ -57,7 +57,7 @@ class PositionObserver:
         """``timeout`` [s] without a reading that could be used, after which the estimate is lost."""
         self.period = mission.period
         self._law, self._manifold = law, mission.system.manifold
-        self._freshness = TimeoutMonitor(timeout)  # of the readings that were used
+        self._timeout_monitor = TimeoutMonitor(timeout)  # of the readings that were used
         self._x = np.concatenate([self._manifold.origin, np.zeros(self._manifold.vector_size)])
         self._t: float | None = None  # [s] of the law's state; None before it is started
         self._refused, self._restarts = 0, 0
@@ -70,7 +70,7 @@ class PositionObserver:
         """
         for reading in measurements:
             y = usable(reading, self._manifold)
-            if y is not None and reading.t > self._freshness.t + TIME_TOLERANCE:
+            if y is not None and reading.t > self._timeout_monitor.t + TIME_TOLERANCE:
                 self._read(reading.t, y, command)
         self._move(t, command)
         counts = {"refused": np.array([float(self._refused)]), "restarts": np.array([float(self._restarts)])}
@@ -80,16 +80,16 @@ class PositionObserver:
     def _read(self, t: float, y: Array, u: Array) -> None:
         self._move(t, u, y)
         if self._t is None:
-            self._restarts += self._freshness.t > -math.inf
+            self._restarts += self._timeout_monitor.t > -math.inf
             self._t = t
-            self._freshness.note(t)
+            self._timeout_monitor.note(t)
             self._try(lambda: self._law.start(y))
             return
         if t < self._t - TIME_TOLERANCE:  # it comes late: what it could tell has been told by a newer one
             return
         used: list[bool] = []
-        self._try(lambda: used.append(self._law.correct(y, t - self._freshness.t)))
-        self._freshness.note(t, used == [True])
+        self._try(lambda: used.append(self._law.correct(y, t - self._timeout_monitor.t)))
+        self._timeout_monitor.note(t, used == [True])
         self._refused += used == [False]
 
     def _move(self, t: float, u: Array, y: Array | None = None) -> None:
@@ -112,5 +112,5 @@ class PositionObserver:
             self._t = None
 
     def _status(self, t: float) -> Status:
-        status = self._freshness.status(t)
+        status = self._timeout_monitor.status(t)
         return status if self._t is not None or status is Status.INITIALISING else Status.LOST

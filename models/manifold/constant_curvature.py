@@ -69,11 +69,11 @@ class ConstantCurvature:
             raise ValueError(
                 f"point = {point.tolist()} is off {self.name}: <p, p> = {square:.9g}; allowed: {self.kappa:g}{sheet}"
             )
-        return self.brought_back(point)
+        return self.project(point)
 
-    def brought_back(self, p: Array) -> Array:
+    def project(self, p: Array) -> Array:
         """The point on the ray through a point that is nearly one of the space."""
-        back: Array = kernels.brought_back(self.kappa, p)
+        back: Array = kernels.project(self.kappa, p)
         return back
 
     def tangent(self, p: Array, w: Array) -> Array:
@@ -96,7 +96,7 @@ class ConstantCurvature:
         return float(kernels.inner(self.kappa, u, w))
 
     def norm(self, p: Array, w: Array) -> float:
-        return float(kernels.length(self.kappa, w))
+        return float(kernels.norm(self.kappa, w))
 
     def transport(self, p: Array, q: Array, w: Array) -> Array:
         return self._unique(kernels.transport(self.kappa, p, q, w), p, q)

@@ -35,13 +35,13 @@ def inner(k: float, u: Array, w: Array) -> float:
 
 
 @njit(cache=True, nogil=True)
-def length(k: float, w: Array) -> float:
+def norm(k: float, w: Array) -> float:
     """|w| of a tangent vector."""
     return math.sqrt(max(0.0, inner(k, w, w)))
 
 
 @njit(cache=True, nogil=True)
-def brought_back(k: float, p: Array) -> Array:
+def project(k: float, p: Array) -> Array:
     """The point of the space near p: on the ray through it, where k < 0 above or below it; p itself in R^n."""
     point = p.copy()
     if k > 0.0:
@@ -60,9 +60,9 @@ def tangent(k: float, p: Array, w: Array) -> Array:
 @njit(cache=True, nogil=True)
 def distance(k: float, p: Array, q: Array) -> float:
     """theta: 2 atan2(|q - p|, |q + p|), 2 asinh(|q - p| / 2), |q - p|."""
-    chord = length(k, q - p)
+    chord = norm(k, q - p)
     if k > 0.0:
-        return 2.0 * math.atan2(chord, length(k, q + p))
+        return 2.0 * math.atan2(chord, norm(k, q + p))
     return 2.0 * math.asinh(0.5 * chord) if k < 0.0 else chord
 
 
@@ -73,7 +73,7 @@ def logarithm(k: float, p: Array, q: Array) -> Array:
     if k == 0.0:
         return away
     w = tangent(k, p, away + (0.5 * k * inner(k, away, away)) * p)
-    theta, sine = distance(k, p, q), length(k, w)
+    theta, sine = distance(k, p, q), norm(k, w)
     if theta < _SMALL:
         return w
     if k > 0.0 and math.pi - theta < _OPPOSITE:
@@ -86,10 +86,10 @@ def exponential(k: float, p: Array, w: Array) -> Array:
     """exp_p w."""
     if k == 0.0:
         return p + w
-    theta = length(k, w)
+    theta = norm(k, w)
     c, s = (math.cos(theta), math.sin(theta)) if k > 0.0 else (math.cosh(theta), math.sinh(theta))
     ratio = s / theta if theta > _SMALL else 1.0
-    return brought_back(k, c * p + ratio * w)
+    return project(k, c * p + ratio * w)
 
 
 @njit(cache=True, nogil=True)

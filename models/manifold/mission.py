@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mathnavi.models.manifold.sensors import PositionQuality, PositionSensor, StateSensor
+from mathnavi.models.manifold.sensors import ManifoldPositionSensor, PositionQuality, StateSensor
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.sim.interfaces.checks import check_positive
 from mathnavi.sim.interfaces.signals import Array
@@ -32,9 +32,9 @@ class LagrangianMission:
             raise ValueError(f"period = {self.period!r}; allowed: 1 s over a whole number")
 
     @property
-    def sensor(self) -> PositionSensor:
+    def sensor(self) -> ManifoldPositionSensor:
         """A fresh one for a run, of readings "position" (size,)."""
-        return PositionSensor(self.system.manifold, self.reading, 1.0 / self.period)
+        return ManifoldPositionSensor(self.system.manifold, self.reading, 1.0 / self.period)
 
     # ---- for the estimator ``full_state``, which is told the velocity
 

@@ -34,7 +34,7 @@ class PositionQuality:
 
 
 @dataclass(frozen=True)
-class PositionSensor:
+class ManifoldPositionSensor:
     """Reads "position" (size,). What is drawn does not depend on how large the errors are."""
 
     manifold: Manifold

@@ -54,11 +54,11 @@ class LagrangianSystem(Protocol):
         ...
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
-        """The state after h [s] with u held; ``moved`` for one."""
+        """The state after h [s] with u held; ``integrate`` for one."""
         ...
 
 
-def moved(system: LagrangianSystem, state: Array, u: Array, h: float) -> Array:
+def integrate(system: LagrangianSystem, state: Array, u: Array, h: float) -> Array:
     """The state after h [s] with u held, to the second order in h: a geodesic that the force bends.
 
     x^+ = exp_x(h v + h^2 F / 2),    v^+ = PT(v + h F / 2) + h F^+ / 2,

@@ -21,7 +21,7 @@ import numpy as np
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
-from mathnavi.models.manifold.system import moved
+from mathnavi.models.manifold.system import integrate
 from mathnavi.models.runge_kutta import Flow
 from mathnavi.sim.interfaces.signals import Array
 
@@ -87,7 +87,7 @@ class PointSystem:
         return f
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
-        return moved(self, state, u, h)
+        return integrate(self, state, u, h)
 
     def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
         """The state after dt [s], brought back onto the tangent bundle, and dt; less if the solution escapes."""
@@ -110,7 +110,7 @@ class PointSystem:
         return self._on_bundle(self.manifold.check(p), np.asarray(v, dtype=np.float64))
 
     def _on_bundle(self, p: Array, v: Array) -> Array:
-        p = self.manifold.brought_back(p)
+        p = self.manifold.project(p)
         return np.concatenate([p, self.manifold.tangent(p, v)])
 
     @cached_property
@@ -166,7 +166,7 @@ class RigidBody:
         return np.asarray(u, dtype=np.float64) / self.inertia
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
-        return moved(self, state, u, h)
+        return integrate(self, state, u, h)
 
 
 class _Buffered:

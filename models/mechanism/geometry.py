@@ -90,14 +90,14 @@ class MechanismManifold:
         return self.norm(p, self.log(p, q))
 
     def norm(self, p: Array, w: Array) -> float:
-        return float(kernels.length(self._at, p, w))
+        return float(kernels.norm_at(self._at, p, w))
 
     def transport(self, p: Array, q: Array, w: Array) -> Array:
-        moved: Array = kernels.transported(self._at, p, q, w)
-        return moved
+        parallel: Array = kernels.transport(self._at, p, q, w)
+        return parallel
 
     def curvature(self, p: Array, eta: Array, G: Array) -> Array:
-        R: Array = kernels.curved(self._at, p, eta, G)
+        R: Array = kernels.curvature(self._at, p, eta, G)
         return R
 
     def christoffel(self, p: Array, u: Array, w: Array) -> Array:
@@ -119,7 +119,7 @@ class MechanismManifold:
         return d
 
     def point(self, p: Array, c: Array) -> Array:
-        q: Array = kernels.moved(self._at, p, c, 1.0)
+        q: Array = kernels.integrate(self._at, p, c, 1.0)
         return q
 
     def components(self, p: Array, w: Array) -> Array:

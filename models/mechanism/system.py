@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from mathnavi.models.manifold.system import moved
+from mathnavi.models.manifold.system import integrate
 from mathnavi.models.mechanism import forces
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.sim.interfaces.checks import check
@@ -65,7 +65,7 @@ class MechanismSystem:
         return F
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
-        return moved(self, state, u, h)
+        return integrate(self, state, u, h)
 
     def _given(self, name: str, values: Sequence[float]) -> tuple[float, ...]:
         n = len(self.inputs)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mathnavi.models.missile.coordinates import PLANAR, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
-from mathnavi.models.missile.sensors import FullStateSensor, StateNoise
+from mathnavi.models.missile.sensors import MissileStateSensor, StateNoise
 from mathnavi.sim.interfaces.signals import Array
 
 Place = tuple[float, float, float]
@@ -130,9 +130,9 @@ class MissileMission:
         """The state (nx,) after the input u (nu,) was held for dt [s] from x (nx,), as far as it is declared."""
         return self.coordinates.flow(x, np.clip(u, -np.array(self.input_max), self.input_max), dt, self.body)
 
-    def full_state_sensor(self, rate: float | None) -> FullStateSensor:
+    def full_state_sensor(self, rate: float | None) -> MissileStateSensor:
         """Reads the whole state ``rate`` times a second, or whenever the loop looks."""
-        return FullStateSensor(self.coordinates, self.noise, rate)
+        return MissileStateSensor(self.coordinates, self.noise, rate)
 
     def full_state_covariance(self, age: float) -> Array:
         """(nx, nx) of a reading that was carried on for ``age`` [s]; a gust that stays as it is bounds every other."""

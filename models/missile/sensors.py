@@ -32,7 +32,7 @@ class StateNoise:
 
 
 @dataclass(frozen=True)
-class FullStateSensor:
+class MissileStateSensor:
     """The thesis' state (nx,) with Gaussian noise."""
 
     coordinates: Coordinates

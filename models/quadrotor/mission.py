@@ -46,8 +46,7 @@ class QuadrotorStateSensor:
 
 @dataclass(frozen=True, eq=False)
 class QuadrotorMission:
-    """A flight mission for a point mass that has a quadrotor beneath it; ``mathnavi.estimators.full_state.Mission``
-    too."""
+    """Flight mission of a point mass that a quadrotor flies; a ``FullStateMission`` (``estimators.full_state``) too."""
 
     flight: FlightMission
     vehicle: Quadrotor = NOMINAL  # as it is believed to be

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mathnavi.models.unicycle.drives import inputs_of
+from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.protocols import StateView
 from mathnavi.sim.interfaces.signals import Array
-
-if TYPE_CHECKING:  # a mission makes its own sensors
-    from mathnavi.models.unicycle.mission import OdometryQuality, RangeQuality
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,8 @@ import numpy as np
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import moved
-from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.protocols import Estimator
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from tests.estimators.ranging.walls import FIELD, SENSORS

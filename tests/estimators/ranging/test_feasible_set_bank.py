@@ -13,7 +13,8 @@ import pytest
 from mathnavi.estimators.ranging.bank_kernels import condition_each, drop
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
 from mathnavi.models.field.curve import BEAN, Curve
-from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from tests.estimators.ranging.runs import with_ranges
 from tests.estimators.ranging.walls import FIELD, SENSORS

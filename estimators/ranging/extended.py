@@ -95,14 +95,14 @@ class RangeEkf:
         A, Q = np.eye(STATES), np.zeros((STATES, STATES))
         A[:3, :3], A[:3, 3] = F, -G @ u
         Q[:3, :3] = G * self._model.W @ G.T
-        move(x, u, *self._model.wall, dt)
+        move(x, u, self._model.wall, dt)
         self._filter.F, self._filter.Q = A, Q
         self._filter.predict(x)
 
     def _condition(self, rho: Array) -> Array:
         """On the rays that are there and within the gate; NIS and their number."""
         x, model = self._filter.x.copy(), self._model
-        h, H = expected_ranges(*model.wall, x[:3], model.angles)
+        h, H = expected_ranges(model.wall, x[:3], model.angles)
         H = np.column_stack((H, np.zeros(len(h))))
         variance = model.range_variance(h)
         good = self._gate.passes(np.square(rho - h) / (np.einsum("ij,jk,ik->i", H, self._filter.P, H) + variance))
@@ -110,7 +110,7 @@ class RangeEkf:
             return np.full(2, np.nan)
         R = np.diag(variance[good])
         self._filter.update(rho[good], lambda _: H[good], lambda _: h[good], R=R)
-        step = step_within(*model.wall, x[0], x[1], *(self._filter.x - x)[:2])
+        step = step_within(model.wall, x[0], x[1], *(self._filter.x - x)[:2])
         self._filter.x = x + step * (self._filter.x - x)
         self._filter.x[2] = wrapped(self._filter.x[2])
         y = self._filter.y

@@ -88,16 +88,19 @@ class FeasibleSetBank:
     def __init__(self, config: FeasibleSetBankConfig, mission: RangingMission) -> None:
         self.period = mission.period
         self._config, self._model, self._timeout_monitor = config, RangeModel(mission), TimeoutMonitor(config.timeout)
-        self._limit = chi_square_gate(config.gate)
-        self._misfit_limit = config.misfit + mission.ranging.outliers * self._limit  # an outlier counts as the gate
-        self._memory = max(0.0, 1.0 - mission.period / _REMEMBERED)
-        self._rotations = (max(mission.curve.symmetry, 1), *mission.curve.centre)
+        limit = chi_square_gate(config.gate)
+        self._sensors = self._model.sensors(limit)
+        self._misfit_limit = config.misfit + mission.ranging.outliers * limit  # an outlier counts as the gate
+        memory = max(0.0, 1.0 - mission.period / _REMEMBERED)
+        self._scoring = (config.forgetting, memory, config.lowest, _TWIN)
+        self._symmetry = (max(mission.curve.symmetry, 1), *mission.curve.centre)
         self._candidates = self._model.anywhere(np.random.default_rng(config.seed), config.candidates)
         self._candidates[:, 3] = 0.0
         self._nothing = mission.start_pose
         count = config.hypotheses
         self._x, self._P = np.zeros((count, STATES)), np.zeros((count, STATES, STATES))
         self._score, self._misfit = np.full(count, np.nan), np.ones(count)  # NaN of a hypothesis that is none
+        self._bank = self._x, self._P, self._score, self._misfit  # changed in place
         self._best = 0
         self._ranges = np.full((config.readings, mission.sensors), np.nan)  # the last ones
         self._inputs = np.zeros((config.readings, 2))  # over the periods that ended with them
@@ -145,7 +148,7 @@ class FeasibleSetBank:
         nis, started = np.full(2, np.nan), False
         if self._is_alive:
             if t > self._t:
-                predict_each(self._x, self._P, self._score, u, self._model.W, *self._model.wall, t - self._t)
+                predict_each(self._bank, u, self._model.W, self._model.wall, t - self._t)
             if not np.isnan(rho).all():
                 nis = self._condition(rho)
         if not (self._is_alive and self._misfit[self._best] <= self._misfit_limit):
@@ -163,12 +166,10 @@ class FeasibleSetBank:
         self._calls += 1
 
     def _condition(self, rho: Array) -> Array:
-        model, config = self._model, self._config
         self._best, nis, rays = condition_each(
-            self._x, self._P, self._score, self._misfit, self._best, rho, *model.wall, model.angles, model.relative,
-            model.absolute, self._limit, config.forgetting, self._memory,
-        )  # fmt: skip
-        drop(self._x, self._P, self._score, self._best, config.lowest, _TWIN, *self._rotations)
+            self._bank, self._best, rho, self._model.wall, self._sensors, self._scoring
+        )
+        drop(self._bank, self._best, self._scoring, self._symmetry)
         return np.array([nis, rays]) if rays else np.full(2, np.nan)
 
     def _start(self) -> bool:
@@ -198,13 +199,13 @@ class FeasibleSetBank:
         y[rays] = np.nanmedian(self._ranges[:, rays], axis=0)
         v = _OF_MEDIAN * model.range_variance(y) / np.maximum(np.isfinite(self._ranges).sum(axis=0), 1)
         v += np.square(_MOVED * y)
-        states, far = project(self._candidates, y, v, *wall, model.angles, config.projections)
+        states, far = project(self._candidates, y, v, wall, model.angles, config.projections)
         near_enough = max(chdtri(rays.sum(), _FEASIBLE), np.sort(far)[: config.hypotheses][-1])
         states, far = states[far <= near_enough], far[far <= near_enough]
         chosen = farthest_points(states, int(np.argmin(far)), config.hypotheses, _NEAREST)
         after = len(self._inputs) // 2  # inputs from the middle on; half of the first, if it lies between two readings
         return pushed(
-            states[chosen], self._inputs[after:], *wall, self.period, 0.5 if len(self._inputs) % 2 == 0 else 0.0
+            states[chosen], self._inputs[after:], wall, self.period, 0.5 if len(self._inputs) % 2 == 0 else 0.0
         )
 
     def _estimate(self, t: float, nis: Array, started: bool) -> Estimate:

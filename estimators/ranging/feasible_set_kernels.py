@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 from mathnavi.estimators.ranging.kalman_kernels import expected_range, move, step_within
+from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.sim.interfaces.signals import Array, Integers
 
@@ -23,9 +24,7 @@ _LONGEST = 1.0  # [m, rad] of a step in any coordinate
 
 
 @njit(cache=True, nogil=True)
-def project(
-    states: Array, y: Array, v: Array, coefficients: Array, polyline: Array, angles: Array, steps: int
-) -> tuple[Array, Array]:
+def project(states: Array, y: Array, v: Array, wall: WallShape, angles: Array, steps: int) -> tuple[Array, Array]:
     """States (m, 4) after so many steps to FS_y, and how far from it they then are, sum_i (y_i - h_i)^2 / v_i (m,).
 
     y (l,) [m] is NaN where a ray was lost, v (l,) [m^2]. A pose from which a ray tells nothing is infinitely far.
@@ -40,7 +39,7 @@ def project(
             for i in range(len(y)):
                 if math.isnan(y[i]):
                     continue
-                h, _, _ = expected_range(coefficients, polyline, x[0], x[1], x[2] + angles[i], H, D)
+                h, _, _ = expected_range(wall, x[0], x[1], x[2] + angles[i], H, D)
                 if math.isnan(h):
                     far[m] = math.inf
                     break
@@ -52,17 +51,17 @@ def project(
                         A[a, b] += H[a] * H[b] / v[i]
             if step == steps or math.isinf(far[m]):
                 break
-            _move(x, solved(A, g), coefficients, polyline)
+            _move(x, solved(A, g), wall)
     return projected, far
 
 
 @njit(cache=True, nogil=True)
-def pushed(states: Array, inputs: Array, coefficients: Array, polyline: Array, dt: float, first: float) -> Array:
+def pushed(states: Array, inputs: Array, wall: WallShape, dt: float, first: float) -> Array:
     """States (m, 4) after inputs (n, 2), each held for dt [s] but the first, for the fraction ``first`` of it."""
     after = states.copy()
     for m in range(len(states)):
         for k in range(len(inputs)):
-            move(after[m], inputs[k], coefficients, polyline, dt if k else first * dt)
+            move(after[m], inputs[k], wall, dt if k else first * dt)
     return after
 
 
@@ -89,10 +88,10 @@ def farthest_points(states: Array, first: int, count: int, nearest: float) -> In
 
 
 @njit(cache=True, nogil=True)
-def _move(x: Array, d: Array, coefficients: Array, polyline: Array) -> None:
+def _move(x: Array, d: Array, wall: WallShape) -> None:
     """Add a step to a pose, in place, shortened until it stays within the wall."""
     scale = min(1.0, _LONGEST / max(abs(d[0]), abs(d[1]), abs(d[2]), 1e-300))
-    scale *= step_within(coefficients, polyline, x[0], x[1], scale * d[0], scale * d[1])
+    scale *= step_within(wall, x[0], x[1], scale * d[0], scale * d[1])
     for a in range(3):
         x[a] += scale * d[a]
     x[2] = wrapped(x[2])

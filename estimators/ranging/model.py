@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from mathnavi.estimators.ranging.kalman_kernels import step_within, within
+from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within, within
 from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
 from mathnavi.sim.interfaces.signals import Array, Measurement
@@ -35,7 +35,7 @@ class RangeModel:
 
     def __init__(self, mission: RangingMission) -> None:
         ranging, odometry = mission.ranging, mission.odometry
-        self.wall = (mission.curve.table, mission.curve.polyline)
+        self.wall = mission.curve.wall
         self.angles = mission.alpha  # (l,) [rad]
         self.relative = ranging.relative
         self.absolute = math.hypot(ranging.absolute, LEAST_NOISE)  # [m]
@@ -58,6 +58,10 @@ class RangeModel:
         variance: Array = np.square(self.relative * rho) + self.absolute**2
         return variance
 
+    def sensors(self, gate: float) -> RaySensors:
+        """The range sensors for compiled code, with the ``gate`` nu^2 / s above which a reading is an outlier."""
+        return self.angles, self.relative, self.absolute, gate
+
     def covariance(self, deviation: tuple[float, float, float]) -> Array:
         """(4, 4) of a pose known to standard deviations [m, m, rad], and of b as declared."""
         return np.diag(np.square([*deviation, self._scale]))
@@ -67,7 +71,7 @@ class RangeModel:
         low, high = self.wall[1].min(axis=0), self.wall[1].max(axis=0)
         points = np.empty((0, 2))
         while len(points) < count:
-            points = np.concatenate((points, within(*self.wall, rng.uniform(low, high, (count, 2)))))
+            points = np.concatenate((points, within(self.wall, rng.uniform(low, high, (count, 2)))))
         headings, scales = rng.uniform(-math.pi, math.pi, count), self._scale * rng.standard_normal(count)
         return np.column_stack((points[:count], headings, scales))
 
@@ -80,7 +84,7 @@ class RangeModel:
         x: Array = middle + np.sqrt(np.diag(self.covariance(known.deviation))) * rng.standard_normal((count, STATES))
         for n in range(count):
             off = x[n, :2] - middle[:2]
-            x[n, :2] = middle[:2] + step_within(*self.wall, *middle[:2], *off) * off
+            x[n, :2] = middle[:2] + step_within(self.wall, *middle[:2], *off) * off
         return x
 
     def start(self) -> tuple[Array, Array]:

@@ -21,7 +21,13 @@ import numpy as np
 
 from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
 from mathnavi.estimators.ranging.model import FROM_WHERE
-from mathnavi.estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
+from mathnavi.estimators.ranging.observer_kernels import (
+    anchored,
+    kept_within,
+    observed,
+    pushed_forward,
+    seen_from,
+)
 from mathnavi.estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
@@ -107,15 +113,14 @@ class RangeObserver:
         self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation
         # What is expected before there is a range rate must do without one.
         self._foresee = forward_s if config.feedforward == "rho_dot" else self._advance
-        self._wall, self._alpha = (curve.table, curve.polyline), mission.alpha
+        self._wall, self._alpha = curve.wall, mission.alpha
         self._longest = mission.sensors_carried()[0].longest
         self._limits = np.array([mission.speed_max, mission.turn_rate_max])
-        self._weights = savitzky_golay(window, order)
-        self._spread = spread(window)
+        self._fit = (savitzky_golay(window, order), spread(window), mission.period)
         self._window = Window(window, l)
         x, y, phi = mission.start_pose
-        self._pose = np.array([*kept_within(*self._wall, x, y), phi])  # (3,) at the window's centre, or at the start
-        self._z = seen_from(*self._wall, self._alpha, self._pose, np.zeros(l + 1))  # (l + 1,) likewise
+        self._pose = np.array([*kept_within(self._wall, x, y), phi])  # (3,) at the window's centre, or at the start
+        self._z = seen_from(self._wall, self._alpha, self._pose, np.zeros(l + 1))  # (l + 1,) likewise
         if config.z_0:
             self._z[:] = config.z_0
         self._readings = np.full((2, l), np.nan)  # rho and rho_dot at the centre
@@ -160,7 +165,7 @@ class RangeObserver:
         status = self._timeout_monitor.status(t) if window.has_centre else Status.INITIALISING
         if window.has_centre:
             self._observe()
-        z, x = pushed_forward(*self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)
+        z, x = pushed_forward(self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)
         return Estimate(t, x, None, status, {"z": z, "value": self._value.copy()})
 
     def _observe(self) -> None:
@@ -170,20 +175,17 @@ class RangeObserver:
         predicted = self._pose if begins else moved(self._pose, u[0], u[1], self.period)
 
         def forward(by: Callable[..., Array], there: Array) -> Array:
-            z: Array = self._z if begins else by(*wall, alpha, self._z, self._readings, there, u, self.period)
+            z: Array = self._z if begins else by(wall, alpha, self._z, self._readings, there, u, self.period)
             return z
 
         if self._fits_innovation:
             raw = np.stack([window.ranges[window.half], self._readings[1]])
-            foreseen = anchored(*wall, alpha, forward(self._foresee, raw), raw[0], predicted)
-            readings = innovated(
-                window.ranges, self._weights, self._spread, self.period,
-                *wall, alpha, foreseen, window.inputs, window.centre_input,
-            )  # fmt: skip
+            foreseen = anchored(wall, alpha, forward(self._foresee, raw), raw[0], predicted)
+            readings = innovated(window.ranges, window.inputs, window.centre_input, self._fit, wall, alpha, foreseen)
         else:
-            readings = measured(window.ranges, self._weights, self.period)
+            readings = measured(window.ranges, self._fit[0], self.period)
         z = forward(self._advance, readings)
         self._z, self._pose, self._value = observed(
-            *wall, alpha, z, predicted, readings, window.centre_input, self._gains, self.period
+            wall, alpha, z, predicted, readings, window.centre_input, self._gains, self.period
         )
         self._readings = readings

@@ -58,7 +58,7 @@ class RangeParticle:
     def __init__(self, config: RangeParticleConfig, mission: RangingMission) -> None:
         self.period = mission.period
         self._model, self._timeout_monitor = RangeModel(mission), TimeoutMonitor(config.timeout)
-        self._gate = chi_square_gate(config.gate)
+        self._sensors = self._model.sensors(chi_square_gate(config.gate))
         self._rng, self._roughening = np.random.default_rng(config.seed), config.roughening
         self._x = self._model.particles(config.particles, self._rng)
         self._w = np.full(config.particles, 1.0 / config.particles)
@@ -98,11 +98,11 @@ class RangeParticle:
         self._timeout_monitor.note(t, not np.isnan(rho).all())
         if self._t is not None and t > self._t:
             u = model.input(measurements, command)
-            propagate(self._x, u, np.sqrt(model.W), *model.wall, t - self._t, self._rng)
+            propagate(self._x, u, np.sqrt(model.W), model.wall, t - self._t, self._rng)
         self._t = t
         if not np.isnan(rho).all():
             self._condition(rho)
-        self._mean, P = mode(self._x, self._w, self._mean, _RADIUS, _STARTS, *model.wall)
+        self._mean, P = mode(self._x, self._w, self._mean, _RADIUS, _STARTS, model.wall)
         effective = np.array([1.0 / np.square(self._w).sum()])
         return Estimate(
             t, self._mean[:3].copy(), 0.5 * (P + P.T), self._timeout_monitor.status(t), {"effective": effective}
@@ -110,11 +110,11 @@ class RangeParticle:
 
     def _condition(self, rho: Array) -> None:
         model = self._model
-        effective = weigh(self._x, self._w, rho, *model.wall, model.angles, model.relative, model.absolute, self._gate)
+        effective = weigh(self._x, self._w, rho, model.wall, self._sensors)
         if effective < 0.5 * len(self._w):
             self._x = self._x[_systematic(self._w, self._rng)]
             self._w[:] = 1.0 / len(self._w)
-            roughen(self._x, self._roughening, *model.wall, self._rng)
+            roughen(self._x, self._roughening, model.wall, self._rng)
 
 
 def _systematic(w: Array, rng: np.random.Generator) -> Integers:

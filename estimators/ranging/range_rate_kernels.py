@@ -8,12 +8,16 @@ import numpy as np
 from numba import njit
 
 from mathnavi.estimators.ranging.observer_kernels import kept_within
-from mathnavi.models.field.kernels import cast_ray, cast_rays, range_gradient
+from mathnavi.models.field.kernels import WallShape, cast_ray, cast_rays, range_gradient
 from mathnavi.models.unicycle.kernels import moved
 from mathnavi.sim.interfaces.signals import Array
 
 _FAR = 4.0  # root mean squares of the residuals: what is further off the polynomial is an outlier
 _EXACT = 1e-9  # [m] of a residual that is round-off
+
+
+WindowFit = tuple[Array, Array, float]
+"""weights (p + 1, 2 m + 1) of ``savitzky_golay``, ``spread`` (2 m + 1, 2 k + 1), and the period of the readings [s]"""
 
 
 @njit(cache=True, nogil=True)
@@ -65,16 +69,7 @@ def measured(ranges: Array, weights: Array, period: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def innovated(
-    ranges: Array,
-    weights: Array,
-    spread: Array,
-    period: float,
-    table: Array,
-    polyline: Array,
-    alpha: Array,
-    pose: Array,
-    inputs: Array,
-    u: Array,
+    ranges: Array, inputs: Array, u: Array, fit: WindowFit, wall: WallShape, alpha: Array, pose: Array
 ) -> Array:
     """As ``measured``, but what is fitted is by how much the ranges differ from those expected.
 
@@ -82,10 +77,12 @@ def innovated(
     ``inputs`` (2 m, 2) between the readings; ``u`` (2,) is the one at the centre. Rays are cast at 2 k + 1 instants
     only, from which ``spread`` (2 m + 1, 2 k + 1) interpolates.
     """
+    coefficients, polyline = wall
+    weights, spread, period = fit
     n, l = ranges.shape  # noqa: E741
     m, k = n // 2, spread.shape[1] // 2
     cast = np.empty((2 * k + 1, l))
-    rho, s = cast_rays(table, polyline, pose, alpha)
+    rho, s = cast_rays(coefficients, polyline, pose, alpha)
     cast[k] = rho
     for way in (-1, 1):
         at = pose
@@ -93,14 +90,15 @@ def innovated(
             held = inputs[m + j] if way > 0 else inputs[m - 1 - j]
             at = moved(at, held[0], held[1], way * period)
             if (j + 1) % (m // k) == 0:
-                x, y = kept_within(table, polyline, at[0], at[1])
+                x, y = kept_within(wall, at[0], at[1])
                 for i in range(l):
-                    cast[k + way * (j + 1) // (m // k), i], _ = cast_ray(table, polyline, x, y, at[2] + alpha[i])
+                    rho_i, _ = cast_ray(coefficients, polyline, x, y, at[2] + alpha[i])
+                    cast[k + way * (j + 1) // (m // k), i] = rho_i
     expected = spread @ cast
     readings = np.empty((2, l))
     for i in range(l):
         value, slope = centre_fit(ranges[:, i] - expected[:, i], weights)
-        by_x, by_y, by_phi = range_gradient(table, s[i], rho[i], pose[2] + alpha[i])
+        by_x, by_y, by_phi = range_gradient(coefficients, s[i], rho[i], pose[2] + alpha[i])
         rate = u[0] * (by_x * math.cos(pose[2]) + by_y * math.sin(pose[2])) + u[1] * by_phi
         readings[0, i] = rho[i] + value if not math.isnan(value) else ranges[m, i]
         readings[1, i] = rate + slope / (period * m) if math.isfinite(rate) else math.nan

@@ -128,12 +128,12 @@ class RangeUkf:
     def _read(self, sigma: Array) -> Array:
         """The ranges (l,) from a sigma point (4,)."""
         pose = self._kept_within(self._filter.x, sigma)[:3]
-        h, _ = expected_ranges(*self._model.wall, pose, self._model.angles)
+        h, _ = expected_ranges(self._model.wall, pose, self._model.angles)
         return h
 
     def _kept_within(self, inner: Array, x: Array) -> Array:
         """x (4,), drawn back towards a state within the wall as far as it takes."""
-        step = step_within(*self._model.wall, inner[0], inner[1], x[0] - inner[0], x[1] - inner[1])
+        step = step_within(self._model.wall, inner[0], inner[1], x[0] - inner[0], x[1] - inner[1])
         kept: Array = x.copy()
         kept[:2] = inner[:2] + step * (x - inner)[:2]
         return kept
@@ -151,7 +151,7 @@ class RangeUkf:
 
     def _moved(self, sigma: Array, dt: float, u: Array) -> Array:
         after: Array = sigma.copy()
-        move(after, u, *self._model.wall, dt)
+        move(after, u, self._model.wall, dt)
         return after
 
 

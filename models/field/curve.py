@@ -14,7 +14,7 @@ from functools import cached_property
 import casadi
 import numpy as np
 
-from mathnavi.models.field.kernels import cast_rays, is_inside
+from mathnavi.models.field.kernels import WallShape, cast_rays, is_inside
 from mathnavi.sim.interfaces.signals import Array
 
 Coefficients = tuple[tuple[float, float, float, float], ...]
@@ -82,6 +82,11 @@ class Curve:
     def polyline(self) -> Array:
         """(n + 1, 2) [m] points at s = 2 pi k / n."""
         return _fixed(self.points(np.linspace(0.0, 2.0 * math.pi, POINTS + 1)))
+
+    @cached_property
+    def wall(self) -> WallShape:
+        """Coefficients and polyline together, as the kernels take them."""
+        return self.table, self.polyline
 
     @property
     def is_ellipse(self) -> bool:

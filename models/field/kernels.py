@@ -22,6 +22,9 @@ from mathnavi.sim.interfaces.signals import Array
 _STEPS = 60  # bisections at most; Newton needs three
 _PRECISION = 1e-15
 
+WallShape = tuple[Array, Array]
+"""coefficients (K + 1, 4) [m] and polyline (n + 1, 2) [m] of a closed curve"""
+
 
 @njit(cache=True, nogil=True)
 def curve_point(coefficients: Array, s: float) -> tuple[float, float]:

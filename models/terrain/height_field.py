@@ -99,8 +99,8 @@ class HeightField:
 
         -inf if the arc leaves the map anywhere, or if an argument is not finite.
         """
-        (px, py, pz), (vx, vy, vz), (ax, ay, az) = _vector("p", p), _vector("v", v), _vector("a", a)
-        return arc_clearance(self.z, self.spacing, px, py, pz, vx, vy, vz, ax, ay, az, float(duration))
+        p, v, a = _vector("p", p), _vector("v", v), _vector("a", a)
+        return arc_clearance(self.z, self.spacing, p, v, a, float(duration))
 
     def path_clearance(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, duration: ArrayLike) -> Array:
         """(K,) ``arc_clearance`` of K arcs: p, v, a (K, 3), duration (K,)."""
@@ -119,13 +119,11 @@ class HeightField:
         A segment that touches the ground within a micrometre is clear, so that a point resting on the ground can see
         and be seen. A segment that leaves the map is not clear: what stands there is not known.
         """
-        (px, py, pz), (qx, qy, qz) = _vector("p", p), _vector("q", q)
-        return kernels.sight(self.z, self.spacing, px, py, pz, qx, qy, qz)
+        return kernels.sight(self.z, self.spacing, _vector("p", p), _vector("q", q))
 
     def visible(self, p: ArrayLike, points: ArrayLike) -> Booleans:
         """(n,) ``line_of_sight`` between p (3,) and each of the points (n, 3) [m]."""
-        px, py, pz = _vector("p", p)
-        return kernels.sights(self.z, self.spacing, px, py, pz, _rows("points", points))
+        return kernels.sights(self.z, self.spacing, _vector("p", p), _rows("points", points))
 
     def inflated(self, horizontal: float, vertical: float) -> HeightField:
         """Ground that lies ``vertical`` above the highest ground within ``horizontal`` [m] of each point, or higher.
@@ -159,11 +157,11 @@ class HeightField:
         return points.reshape(*east.shape, 3)
 
 
-def _vector(name: str, value: ArrayLike) -> tuple[float, float, float]:
-    vector = np.asarray(value, dtype=np.float64)
+def _vector(name: str, value: ArrayLike) -> Array:
+    vector = np.array(value, dtype=np.float64, order="C")
     if vector.shape != (3,):
         raise ValueError(f"{name} has shape {vector.shape}; allowed: (3,)")
-    return float(vector[0]), float(vector[1]), float(vector[2])
+    return vector
 
 
 def _rows(name: str, value: ArrayLike) -> Array:

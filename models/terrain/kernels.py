@@ -14,6 +14,7 @@ Every function takes plain arrays and scalars, so that other compiled code can c
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,6 +26,21 @@ Booleans = NDArray[np.bool_]
 
 SIGHT_TOLERANCE = 1e-6
 """[m] A sight line is blocked where it lies deeper than this: a point that rests on the ground can be seen."""
+
+
+class Arc(NamedTuple):
+    """The arc p + v t + a t^2 / 2 over 0 <= t <= duration, in the map frame."""
+
+    px: float  # [m]
+    py: float
+    pz: float
+    vx: float  # [m/s]
+    vy: float
+    vz: float
+    ax: float  # [m/s^2]
+    ay: float
+    az: float
+    duration: float  # [s]
 
 
 @njit(cache=True, error_model="numpy")
@@ -139,22 +155,9 @@ def _stays_within(c: float, b: float, a: float, duration: float, limit: float) -
 
 
 @njit(cache=True, error_model="numpy")
-def _least_clearance(
-    z: Array,
-    spacing: float,
-    px: float,
-    py: float,
-    pz: float,
-    vx: float,
-    vy: float,
-    vz: float,
-    ax: float,
-    ay: float,
-    az: float,
-    duration: float,
-    stop_below: float,
-) -> float:
+def _least_clearance(z: Array, spacing: float, arc: Arc, stop_below: float) -> float:
     """``arc_clearance``, which may return early with any clearance of the arc that is less than ``stop_below``."""
+    px, py, pz, vx, vy, vz, ax, ay, az, duration = arc
     if not (math.isfinite(px + py + pz + vx + vy + vz + ax + ay + az + duration) and duration >= 0.0):
         return -math.inf
     # X(t) = x0 + x1 t + x2 t^2 and likewise Y, in cells; the height above sea level is pz + vz t + h2 t^2, in metres.
@@ -212,54 +215,45 @@ def _least_clearance(
 
 
 @njit(cache=True, error_model="numpy")
-def arc_clearance(
-    z: Array,
-    spacing: float,
-    px: float,
-    py: float,
-    pz: float,
-    vx: float,
-    vy: float,
-    vz: float,
-    ax: float,
-    ay: float,
-    az: float,
-    duration: float,
-) -> float:
+def arc_clearance(z: Array, spacing: float, p: Array, v: Array, a: Array, duration: float) -> float:
     """Least height above ground [m] of p + v t + a t^2 / 2 over 0 <= t <= duration [s].
 
-    -inf if the arc leaves the map, if an argument is not finite or if the duration is negative.
+    p (3,) [m], v (3,) [m/s] and a (3,) [m/s^2] are in the map frame. -inf if the arc leaves the map, if an argument is
+    not finite or if the duration is negative.
     """
-    return _least_clearance(z, spacing, px, py, pz, vx, vy, vz, ax, ay, az, duration, -math.inf)
+    arc = Arc(p[0], p[1], p[2], v[0], v[1], v[2], a[0], a[1], a[2], duration)
+    return _least_clearance(z, spacing, arc, -math.inf)
 
 
 @njit(cache=True, error_model="numpy")
 def path_clearance(z: Array, spacing: float, p: Array, v: Array, a: Array, duration: Array) -> Array:
-    """(K,) ``arc_clearance`` of the K arcs that start at p (K, 3) [m] with v (K, 3), a (K, 3), duration (K,)."""
+    """(K,) [m] ``arc_clearance`` of K arcs: p (K, 3) [m], v (K, 3) [m/s], a (K, 3) [m/s^2], duration (K,) [s]."""
     result = np.empty(duration.size)
     for k in range(duration.size):
-        result[k] = arc_clearance(
-            z, spacing, p[k, 0], p[k, 1], p[k, 2], v[k, 0], v[k, 1], v[k, 2], a[k, 0], a[k, 1], a[k, 2], duration[k]
-        )
+        arc = Arc(p[k, 0], p[k, 1], p[k, 2], v[k, 0], v[k, 1], v[k, 2], a[k, 0], a[k, 1], a[k, 2], duration[k])
+        result[k] = _least_clearance(z, spacing, arc, -math.inf)
     return result
 
 
 @njit(cache=True, error_model="numpy")
-def sight(z: Array, spacing: float, px: float, py: float, pz: float, qx: float, qy: float, qz: float) -> bool:
-    """Whether the segment from p to q [m] lies on the map and nowhere deeper than ``SIGHT_TOLERANCE`` under ground.
+def sight(z: Array, spacing: float, p: Array, q: Array) -> bool:
+    """True if the segment from p (3,) to q (3,) [m] lies on the map, nowhere deeper than ``SIGHT_TOLERANCE``.
 
     The ends are put in one order first, so that rounding cannot make p see q but not q see p.
     """
+    px, py, pz = p[0], p[1], p[2]
+    qx, qy, qz = q[0], q[1], q[2]
     if px > qx or (px == qx and (py > qy or (py == qy and pz > qz))):
         px, py, pz, qx, qy, qz = qx, qy, qz, px, py, pz
-    least = _least_clearance(z, spacing, px, py, pz, qx - px, qy - py, qz - pz, 0.0, 0.0, 0.0, 1.0, -SIGHT_TOLERANCE)
+    segment = Arc(px, py, pz, qx - px, qy - py, qz - pz, 0.0, 0.0, 0.0, 1.0)
+    least = _least_clearance(z, spacing, segment, -SIGHT_TOLERANCE)
     return least >= -SIGHT_TOLERANCE
 
 
 @njit(cache=True, error_model="numpy")
-def sights(z: Array, spacing: float, px: float, py: float, pz: float, points: Array) -> Booleans:
-    """(n,) ``sight`` from p to each of the points (n, 3) [m]."""
+def sights(z: Array, spacing: float, p: Array, points: Array) -> Booleans:
+    """(n,) ``sight`` from p (3,) [m] to each of the points (n, 3) [m]."""
     result = np.empty(points.shape[0], np.bool_)
     for n in range(points.shape[0]):
-        result[n] = sight(z, spacing, px, py, pz, points[n, 0], points[n, 1], points[n, 2])
+        result[n] = sight(z, spacing, p, points[n])
     return result

@@ -47,7 +47,7 @@ def identities(asked: tuple[str, int, int]) -> list[Identities]:
 
 def _at(sensors: str, x: Array, u: Array) -> Identities:
     alpha = np.radians(SENSORS[sensors])
-    table, polyline = STANDARD.table, STANDARD.polyline
+    table, wall = STANDARD.table, STANDARD.wall
     rho, s = STANDARD.ranges(x, alpha)
     rho_dot, s_dot = complex_step(x, u, alpha)
     z, rate = np.append(s, x[2]), np.append(s_dot, u[1])
@@ -59,7 +59,7 @@ def _at(sensors: str, x: Array, u: Array) -> Identities:
         z_after = np.append(STANDARD.ranges(after, alpha)[1], after[2])
         there = np.stack([STANDARD.ranges(after, alpha)[0], complex_step(after, u, alpha)[0]])
         for name, forward in FEED_FORWARDS.items():
-            reached = forward(table, polyline, alpha, z, np.stack([rho, rho_dot]), there, u, PERIOD)
+            reached = forward(wall, alpha, z, np.stack([rho, rho_dot]), there, u, PERIOD)
             off = wrapped(reached - z_after)
             ends[name] = float(np.abs(off).max())
     return Identities(

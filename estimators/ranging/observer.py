@@ -36,6 +36,7 @@ from mathnavi.models.unicycle.kernels import moved
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -107,7 +108,7 @@ class RangeObserver:
         window, order = config.fit(exact)
         curve, l = mission.curve, mission.sensors  # noqa: E741
         if config.z_0 and len(config.z_0) != l + 1:
-            raise ValueError(f"z_0 = {config.z_0!r}; allowed with {l} sensors: {l + 1} numbers")
+            raise FieldError(f"z_0 = {config.z_0!r}; allowed with {l} sensors: {l + 1} numbers")
         self.period = mission.period
         self._timeout_monitor, self._gains = TimeoutMonitor(config.timeout), (config.k_v, config.k_q)
         self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation

@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 LONGEST_WINDOW = 1001
@@ -27,10 +28,10 @@ _LEAST_NODES = 4  # of them on either side
 def check_window(window: int, order: int) -> None:
     """ValueError unless the window is an odd number of readings, and more than the polynomial needs."""
     if not (window % 2 == 1 and 3 <= window <= LONGEST_WINDOW):
-        raise ValueError(f"window = {window!r}; allowed: an odd number of readings from 3 to {LONGEST_WINDOW}")
+        raise FieldError(f"window = {window!r}; allowed: an odd number of readings from 3 to {LONGEST_WINDOW}")
     if not 1 <= order <= min(HIGHEST_ORDER, window - 1):
         highest = min(HIGHEST_ORDER, window - 1)
-        raise ValueError(f"order = {order!r}; allowed with window = {window}: 1 to {highest}")
+        raise FieldError(f"order = {order!r}; allowed with window = {window}: 1 to {highest}")
 
 
 @lru_cache(maxsize=16)

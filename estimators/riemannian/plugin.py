@@ -13,6 +13,7 @@ from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array
@@ -100,7 +101,7 @@ class _Intrinsic:
     def __init__(self, config: RiemannianObserverConfig, mission: LagrangianMission) -> None:
         manifold = mission.system.manifold
         if config.curvature == "matched" and manifold.kappa is None:
-            raise ValueError(
+            raise FieldError(
                 f"curvature = 'matched' on {manifold.name}; allowed where the curvature is not constant: minus-one, "
                 "none, plus-one"
             )

@@ -20,6 +20,7 @@ from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import NOTHING, Array
@@ -48,10 +49,10 @@ class FilteredDifferences:
 
     @staticmethod
     def build(config: FilteredDifferencesConfig, mission: LagrangianMission) -> PositionObserver:
-        """ValueError for a cutoff that is not below half the rate of the readings."""
+        """FieldError for a cutoff that is not below half the rate of the readings."""
         most = 0.5 / mission.period
         if config.cutoff >= most:
-            raise ValueError(f"cutoff = {config.cutoff!r}; allowed: below half the rate of readings, {most:g} Hz")
+            raise FieldError(f"cutoff = {config.cutoff!r}; allowed: below half the rate of readings, {most:g} Hz")
         return PositionObserver(_Differences(config, mission), mission, config.timeout)
 
     @staticmethod

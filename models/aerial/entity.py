@@ -18,6 +18,7 @@ from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.composer_and_mjcf import composer, mjcf
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.vehicle_names import check_vehicle_name, check_vehicle_names
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 GRAVITY = 9.81  # [m/s^2] the weight that the rotors carry; only the drawn tilt depends on it
@@ -32,7 +33,7 @@ class AerialVehicle(composer.Entity):
     def _build(self, name: str, acceleration_max: float) -> None:
         check_vehicle_name(name)
         if not (math.isfinite(acceleration_max) and acceleration_max > 0.0):
-            raise ValueError(f"acceleration_max = {acceleration_max!r} m/s^2; allowed: a finite value > 0")
+            raise FieldError(f"acceleration_max = {acceleration_max!r} m/s^2; allowed: a finite value > 0")
         self._model = mjcf.from_path(str(_HERE / "point_mass.xml"))
         self._model.model = name
         for motor in self._model.actuator.motor:

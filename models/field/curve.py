@@ -15,6 +15,7 @@ import casadi
 import numpy as np
 
 from mathnavi.models.field.kernels import WallShape, cast_rays, is_inside
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 Coefficients = tuple[tuple[float, float, float, float], ...]
@@ -227,7 +228,7 @@ def ellipse(c_1: float, c_2: float) -> Curve:
     """(c_1 cos s, c_2 sin s), Example C.1."""
     for value, name in ((c_1, "c_1"), (c_2, "c_2")):
         if not (math.isfinite(value) and 0.0 < value <= _LARGEST):
-            raise ValueError(f"half-axis {name} = {value!r}; allowed: a finite value > 0 and <= {_LARGEST:g}")
+            raise FieldError(f"half-axis {name} = {value!r}; allowed: a finite value > 0 and <= {_LARGEST:g}")
     return Curve(((0.0, 0.0, 0.0, 0.0), (c_1, 0.0, 0.0, c_2)), f"ellipse of {c_1:.4g} by {c_2:.4g} m")
 
 

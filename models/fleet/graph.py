@@ -20,6 +20,7 @@ import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
 from mathnavi.sim.interfaces.checks import check, check_names
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -94,7 +95,7 @@ class Graph:
     def ring(names: Sequence[str], weight: float = 1.0) -> Graph:
         """Each with the next and the last with the first; ValueError for fewer than three."""
         if len(names) < 3:
-            raise ValueError(f"names = {list(names)!r}; allowed in a ring: at least 3")
+            raise FieldError(f"names = {list(names)!r}; allowed in a ring: at least 3")
         return Graph.of(names, dict.fromkeys(pairwise([*names, names[0]]), weight))
 
     @staticmethod
@@ -191,4 +192,4 @@ def _entry(names: Sequence[str], row: Any, column: Any) -> str:
 
 def _check_known(name: str, names: tuple[str, ...]) -> None:
     if name not in names:
-        raise ValueError(f"name = {name!r}; allowed: {', '.join(names)}")
+        raise FieldError(f"name = {name!r}; allowed: {', '.join(names)}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -107,5 +108,5 @@ def is_beyond(manifold: Manifold, p: Array, q: Array, share: float = 1.0) -> boo
 def unrounded(name: str, p: Array, bits: int) -> Array:
     """p, where there are no joints that an encoder could turn with; ValueError if it is to round."""
     if bits:
-        raise ValueError(f"resolution = {bits!r}; allowed on {name}, which has no encoders: 0")
+        raise FieldError(f"resolution = {bits!r}; allowed on {name}, which has no encoders: 0")
     return p.copy()

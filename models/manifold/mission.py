@@ -10,6 +10,7 @@ import numpy as np
 from mathnavi.models.manifold.sensors import ManifoldPositionSensor, PositionQuality, StateSensor
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -29,7 +30,7 @@ class LagrangianMission:
     def __post_init__(self) -> None:
         check_positive(self, "period", "speed_max")
         if not math.isclose(1.0 / self.period, round(1.0 / self.period), rel_tol=1e-6):
-            raise ValueError(f"period = {self.period!r}; allowed: 1 s over a whole number")
+            raise MissionError(f"period = {self.period!r}; allowed: 1 s over a whole number")
 
     @property
     def sensor(self) -> ManifoldPositionSensor:

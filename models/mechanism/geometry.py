@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 
 from mathnavi.models.mechanism import kernels
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.joint_states import BALL, SLIDE, quaternions, with_unit_quaternions
 from mathnavi.sim.interfaces.signals import Array
 
@@ -133,7 +134,7 @@ class MechanismManifold:
         if not bits:
             return p.copy()
         if self._quaternions:
-            raise ValueError(f"resolution = {bits!r}; allowed for ball joints, which have no encoders: 0")
+            raise FieldError(f"resolution = {bits!r}; allowed for ball joints, which have no encoders: 0")
         unit = np.full(self.size, 2.0 * math.pi / 2.0**bits)
         unit[self._slides] = 1.0 / 2.0**bits
         return unit * np.round(p / unit)

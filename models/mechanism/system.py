@@ -13,6 +13,7 @@ from mathnavi.models.manifold.system import integrate
 from mathnavi.models.mechanism import forces
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.joint_states import SLIDE, state_names
 from mathnavi.sim.interfaces.signals import Array
 
@@ -70,7 +71,7 @@ class MechanismSystem:
     def _given(self, name: str, values: Sequence[float]) -> tuple[float, ...]:
         n = len(self.inputs)
         if len(values) not in (0, n) or not all(map(math.isfinite, values)):
-            raise ValueError(f"{name} = {tuple(values)!r}; allowed: {n} finite numbers, of {', '.join(self.inputs)}")
+            raise FieldError(f"{name} = {tuple(values)!r}; allowed: {n} finite numbers, of {', '.join(self.inputs)}")
         return tuple(map(float, values)) or (0.0,) * n
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from mathnavi.models.missile.coordinates import PLANAR, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
 from mathnavi.models.missile.sensors import MissileStateSensor, StateNoise
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 Place = tuple[float, float, float]
@@ -108,11 +109,13 @@ class MissileMission:
         for name, size in sizes.items():
             given = getattr(self, name)
             if len(given) != size and not (name == "input_max" and not given):
-                raise ValueError(f"{name} has {len(given)} numbers; allowed: {size} in {self.coordinates.name} flight")
+                raise MissionError(
+                    f"{name} has {len(given)} numbers; allowed: {size} in {self.coordinates.name} flight"
+                )
         if not self.input_max:
             object.__setattr__(self, "input_max", (math.inf,) * self.coordinates.input_size)
         if not all(limit > 0.0 for limit in self.input_max):  # NaN too
-            raise ValueError(f"input_max = {self.input_max!r}; allowed: numbers > 0, infinity for none")
+            raise MissionError(f"input_max = {self.input_max!r}; allowed: numbers > 0, infinity for none")
 
     @property
     def start_state(self) -> Array:

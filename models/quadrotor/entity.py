@@ -20,6 +20,7 @@ from mathnavi.models.aerial.entity import TerrainArena
 from mathnavi.models.quadrotor.dynamics import NOMINAL, ROTOR_COUNT, ROTORS, Quadrotor
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.vehicle_names import check_vehicle_names
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 _XML = Path(__file__).parent / "quadrotor.xml"
@@ -43,7 +44,7 @@ def build_spec(
     each = {name: vehicles if isinstance(vehicles, Quadrotor) else vehicles[name] for name in names}
     gravities = {vehicle.gravity for vehicle in each.values()}
     if len(gravities) > 1:
-        raise ValueError(f"gravity = {sorted(gravities)}; allowed: the same for every vehicle of a model")
+        raise FieldError(f"gravity = {sorted(gravities)}; allowed: the same for every vehicle of a model")
     root = TerrainArena(height_field).mjcf_model
     spec = mujoco.MjSpec.from_string(root.to_xml_string(), assets=root.get_assets())
     spec.option.gravity = (0.0, 0.0, -gravities.pop())

@@ -27,6 +27,7 @@ from scipy.ndimage import zoom
 from scipy.spatial import cKDTree
 
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.signals import Array
 
 _SIDE, _SPACING = 640.0, 4.0  # [m]
@@ -87,7 +88,7 @@ class Canyon:
 def canyon(number: int = 0) -> HeightField:
     """The canyon of a number: 161 x 161 nodes at 4 m, walls of some 100 m. ValueError for a negative number."""
     if number < 0:
-        raise ValueError(f"canyon number = {number}; allowed: a whole number >= 0")
+        raise TerrainError(f"canyon number = {number}; allowed: a whole number >= 0")
     rng = np.random.default_rng([number, 0xCA])
     plan = Canyon.drawn(number, rng)
     count = round(_SIDE / _SPACING) + 1

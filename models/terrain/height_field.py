@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from mathnavi.models.terrain import kernels
 from mathnavi.models.terrain.kernels import Booleans, arc_clearance
+from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -34,18 +35,18 @@ class HeightField:
         try:
             z = np.array(self.z, dtype=np.float64, order="C")
         except (TypeError, ValueError) as error:
-            raise ValueError(f"terrain {self.name!r}: z is not a rectangle of numbers ({error})") from None
+            raise TerrainError(f"terrain {self.name!r}: z is not a rectangle of numbers ({error})") from None
         if z.ndim != 2 or min(z.shape) < 2:
-            raise ValueError(f"terrain {self.name!r}: z has shape {z.shape}; allowed: (rows, cols), each at least 2")
+            raise TerrainError(f"terrain {self.name!r}: z has shape {z.shape}; allowed: (rows, cols), each at least 2")
         if not np.isfinite(z).all():
             row, column = np.argwhere(~np.isfinite(z))[0]
-            raise ValueError(
+            raise TerrainError(
                 f"terrain {self.name!r}: {np.count_nonzero(~np.isfinite(z))} heights are not finite, "
                 f"the first is {z[row, column]} at row {row}, column {column}"
             )
         spacing = float(self.spacing)
         if not (math.isfinite(spacing) and spacing > 0.0):
-            raise ValueError(f"terrain {self.name!r}: spacing is {spacing} m; allowed: a finite number above 0")
+            raise TerrainError(f"terrain {self.name!r}: spacing is {spacing} m; allowed: a finite number above 0")
         z.setflags(write=False)
         object.__setattr__(self, "z", z)
         object.__setattr__(self, "spacing", spacing)

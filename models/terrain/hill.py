@@ -11,6 +11,7 @@ import numpy as np
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.errors import TerrainError
 
 _LARGEST = 1e6
 
@@ -42,7 +43,7 @@ def with_hills(terrain: HeightField, hills: tuple[Hill, ...]) -> HeightField:
     z = terrain.z.copy()
     for hill in hills:
         if not terrain.contains(hill.x, hill.y):
-            raise ValueError(
+            raise TerrainError(
                 f"hill: ({hill.x}, {hill.y}) m is not on the terrain {terrain.name!r}; "
                 f"allowed: 0 to {terrain.width:g} m east and 0 to {terrain.depth:g} m north"
             )

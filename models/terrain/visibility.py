@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.kernels import Booleans
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -37,7 +38,7 @@ class Radar:
     def position(self, terrain: HeightField) -> Array:
         """(3,) [m] where the antenna stands on ``terrain``."""
         if not terrain.contains(self.x, self.y):
-            raise ValueError(
+            raise MissionError(
                 f"radar: ({self.x}, {self.y}) m is not on the terrain {terrain.name!r}; "
                 f"allowed: 0 to {terrain.width} m east and 0 to {terrain.depth} m north"
             )

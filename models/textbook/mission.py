@@ -9,6 +9,7 @@ import numpy as np
 
 from mathnavi.models.textbook.sensors import OutputSensor
 from mathnavi.models.textbook.system import System
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 TICK = 1e-3
@@ -30,7 +31,9 @@ class TextbookMission:
         for name in ("start", "deviation"):
             given = getattr(self, name)
             if len(given) != n or not all(map(math.isfinite, given)):
-                raise ValueError(f"{name} = {given!r}; allowed: {n} finite numbers, of {', '.join(self.system.states)}")
+                raise MissionError(
+                    f"{name} = {given!r}; allowed: {n} finite numbers, of {', '.join(self.system.states)}"
+                )
 
     @property
     def start_state(self) -> Array:

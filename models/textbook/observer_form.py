@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import casadi
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -46,4 +47,4 @@ def check_poles(poles: Sequence[float], n: int) -> None:
     """n different real numbers < 0; ValueError for others."""
     apart = len(set(poles)) == len(poles) == n
     if not (apart and all(np.isfinite(pole) and pole < 0.0 for pole in poles)):
-        raise ValueError(f"poles = {tuple(poles)!r}; allowed: {n} different finite numbers < 0")
+        raise FieldError(f"poles = {tuple(poles)!r}; allowed: {n} different finite numbers < 0")

@@ -17,6 +17,7 @@ from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import moved
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 TICK = 0.01
@@ -45,15 +46,15 @@ class RangingMission:
 
     def __post_init__(self) -> None:
         if not self.angles:
-            raise ValueError("angles = (); allowed: one sensor or more")
+            raise MissionError("angles = (); allowed: one sensor or more")
         if not all(math.isfinite(angle) for angle in self.angles):
-            raise ValueError(f"angles = {self.angles!r}; allowed: finite numbers")
+            raise MissionError(f"angles = {self.angles!r}; allowed: finite numbers")
         turned = sorted(angle % (2.0 * math.pi) for angle in self.angles)
         turned.append(turned[0] + 2.0 * math.pi)
         if len(self.angles) > 1 and min(np.diff(turned)) < _SAME:
-            raise ValueError(f"angles = {self.angles!r} holds one direction twice; allowed: different directions")
+            raise MissionError(f"angles = {self.angles!r} holds one direction twice; allowed: different directions")
         if self.start is not None and not self.curve.contains(np.array(self.start.pose)):
-            raise ValueError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
+            raise MissionError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
 
     @property
     def sensors(self) -> int:

@@ -21,32 +21,32 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 @runtime_checkable
 class FullStateMission(Protocol):
-    """What a mission has to tell of its vehicle, of nx states and nu inputs."""
+    """What a mission states of its vehicle, of nx states and nu inputs."""
 
     @property
     def control_period(self) -> float:
-        """[s] of the estimates."""
+        """Period [s] of the estimates."""
         ...
 
     @property
     def start_state(self) -> Array:
-        """(nx,) the state at t = 0."""
+        """State (nx,) at t = 0."""
         ...
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """The state (nx,) after the input u (nu,) was held for dt [s] from x (nx,)."""
+        """State (nx,) after the input u (nu,) was held for dt [s] from x (nx,)."""
         ...
 
     def full_state_sensor(self, rate: float | None) -> Sensor:
-        """The sensor "full_state", read ``rate`` times a second, or whenever the loop looks."""
+        """Sensor "full_state", read ``rate`` times a second, or at every control step if it is None."""
         ...
 
     def full_state_covariance(self, age: float) -> Array:
-        """(nx, nx) of a reading that was carried on for ``age`` [s]."""
+        """Covariance (nx, nx) of a reading propagated for ``age`` [s]."""
         ...
 
     def full_state_quality(self) -> Any:
-        """How good the readings are, in the terms of the scenario."""
+        """Quality of the readings, in the terms of the scenario."""
         ...
 
 
@@ -62,7 +62,7 @@ class FullStateConfig:
 
 
 class FullState:
-    """Hands the newest full-state reading on."""
+    """Estimator that passes the newest full-state reading on."""
 
     Config = FullStateConfig
 
@@ -76,16 +76,17 @@ class FullState:
 
     @staticmethod
     def build(config: FullStateConfig, mission: FullStateMission) -> FullState:
+        """Build the estimator of one run."""
         return FullState(config, mission)
 
     @staticmethod
     def sensors(config: FullStateConfig, mission: FullStateMission) -> tuple[Sensor, ...]:
-        """What the vehicle has to carry for this estimator."""
+        """Sensors that the vehicle has to carry for this estimator."""
         return (mission.full_state_sensor(config.rate),)
 
     @staticmethod
     def quality(config: FullStateConfig, mission: FullStateMission) -> Any:
-        """How good the readings are, as the mission has it."""
+        """Quality of the readings, as the mission states it."""
         return mission.full_state_quality()
 
     @staticmethod
@@ -97,6 +98,7 @@ class FullState:
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate x (nx,) at t [s] from the readings since the last call, ``command`` (nu,) held in between."""
         for reading in measurements:
             if reading.name == "full_state" and reading.t > self._timeout_monitor.t:
                 self._x, self._t = reading.value, reading.t

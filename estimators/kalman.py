@@ -58,6 +58,7 @@ class AxisModel:
 
     @staticmethod
     def of(config: KalmanConfig, mission: FlightMission) -> AxisModel:
+        """Model for a configuration and a mission, with the floors of noise and gusts applied."""
         return AxisModel(
             max(clipped_rms(mission.gust), config.gust_floor),
             mission.gust.time_constant,
@@ -75,7 +76,7 @@ class AxisModel:
 
 
 class Kalman:
-    """Position fixes to position, velocity and gust."""
+    """Estimator of position, velocity and gust from position fixes."""
 
     Config = KalmanConfig
 
@@ -95,11 +96,12 @@ class Kalman:
 
     @staticmethod
     def build(config: KalmanConfig, mission: FlightMission) -> Kalman:
+        """Build the estimator of one run."""
         return Kalman(config, mission)
 
     @staticmethod
     def sensors(config: KalmanConfig, mission: FlightMission) -> tuple[PositionSensor, ...]:
-        """What the vehicle has to carry for this estimator."""
+        """Sensors that the vehicle has to carry for this estimator."""
         return (PositionSensor(mission.position_noise, mission.position_rate),)
 
     @staticmethod
@@ -126,6 +128,10 @@ class Kalman:
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate (6,) [m, m/s] at t [s] from the fixes since the last call, ``command`` (3,) [m/s^2] held in between.
+
+        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust. Raises ValueError for a fix older than the filter.
+        """
         for fix in measurements:
             if fix.name == "position":
                 self._predict(fix.t, command)

@@ -85,16 +85,17 @@ class MissileKalman:
 
     @staticmethod
     def build(config: MissileKalmanConfig, mission: MissileMission) -> MissileKalman:
+        """Build the estimator of one run."""
         return MissileKalman(config, mission)
 
     @staticmethod
     def sensors(config: MissileKalmanConfig, mission: MissileMission) -> tuple[Sensor, ...]:
-        """What the missile has to carry for this estimator."""
+        """Sensors that the missile has to carry for this estimator."""
         return (mission.full_state_sensor(config.rate),)
 
     @staticmethod
     def quality(config: MissileKalmanConfig, mission: MissileMission) -> Array:
-        """The covariance of a reading, which the filter's is below of."""
+        """Covariance (nx, nx) of a reading, which bounds that of the filter."""
         return mission.full_state_covariance(0.0)
 
     @staticmethod
@@ -106,7 +107,11 @@ class MissileKalman:
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; its ``extra["disturbance"]`` (nu,) [N, N m] acts beside the input, along the body's axes."""
+        """Estimate (nx,) at t [s] from the readings since the last call, ``command`` (nu,) [N, N m] held in between.
+
+        ``extra["disturbance"]`` (nu,) [N, N m] acts beside the input, along the body's axes. Raises ValueError for a
+        reading of another shape, or older than the filter.
+        """
         held = np.clip(command, -self._input_max, self._input_max)
         for reading in measurements:
             if reading.name == "full_state":

@@ -24,6 +24,7 @@ class Dropout:
         self._sensor, self._loss, self._rng = sensor, rate, rng
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the sensor, (size,); None where the reading is lost."""
         reading = self._sensor.read(motion, rng)
         return None if self._rng.random() < self._loss else reading
 
@@ -42,6 +43,7 @@ class Outage:
         self._sensor, self._spans, self._period, self._count = sensor, spans, 1.0 / sensor.rate, 0
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the sensor, (size,); None during an outage."""
         reading = self._sensor.read(motion, rng)
         t = self._count * self._period
         self._count += 1

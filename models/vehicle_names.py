@@ -16,7 +16,7 @@ def check_vehicle_name(name: str) -> None:
 
 
 def check_vehicle_names(names: Sequence[str]) -> None:
-    """Raise FieldError for no names, one that is there twice, and what ``check_vehicle_name`` refuses."""
+    """Raise FieldError for no names, a name that is there twice, or one that ``check_vehicle_name`` refuses."""
     if not names or len(set(names)) != len(names):
         raise FieldError(f"vehicle names = {list(names)!r}; allowed: at least one, each of them once")
     for name in names:

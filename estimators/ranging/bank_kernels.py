@@ -33,7 +33,9 @@ Symmetry = tuple[int, float, float]
 
 @njit(cache=True, nogil=True)
 def predict_each(bank: Hypotheses, u: Array, W: Array, wall: WallShape, dt: float) -> None:
-    """Predict every hypothesis that is alive, in place, over dt [s] under a reading u (2,); see ``predict``."""
+    """Predict every hypothesis that is alive, in place, over dt [s] under a reading u (2,) of variances W (2,); see
+    ``predict``.
+    """
     x, P, score, _ = bank
     for k in range(len(x)):
         if not math.isnan(score[k]):

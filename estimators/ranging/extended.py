@@ -39,7 +39,7 @@ class RangeEkfConfig:
 
 
 class RangeEkf:
-    """Ranges and odometry to the pose, by one extended Kalman filter."""
+    """Estimator of the pose from ranges and odometry: one extended Kalman filter."""
 
     Config = RangeEkfConfig
 
@@ -53,16 +53,17 @@ class RangeEkf:
 
     @staticmethod
     def build(config: RangeEkfConfig, mission: RangingMission) -> RangeEkf:
+        """Build the estimator of one run."""
         return RangeEkf(config, mission)
 
     @staticmethod
     def sensors(config: RangeEkfConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """What the robot has to carry for this estimator."""
+        """Sensors that the robot has to carry for this estimator."""
         return mission.sensors_carried()
 
     @staticmethod
     def quality(config: RangeEkfConfig, mission: RangingMission) -> RangeQuality:
-        """How good the ranges are that it lives on."""
+        """Declared quality of the ranges."""
         return mission.ranging
 
     @staticmethod
@@ -78,7 +79,10 @@ class RangeEkf:
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; ``extra["nis"]`` (2,) is NIS and how many rays it is of, NaN where there was no update."""
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+
+        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update.
+        """
         rho = self._model.ranges(measurements)
         self._timeout_monitor.note(t, not np.isnan(rho).all())
         if self._t is not None and t > self._t:

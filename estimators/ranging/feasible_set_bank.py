@@ -81,7 +81,7 @@ class FeasibleSetBankConfig:
 
 
 class FeasibleSetBank:
-    """Ranges and odometry to the pose, by Kalman filters that start on the set of feasible states."""
+    """Estimator of the pose from ranges and odometry: Kalman filters that start on the set of feasible states."""
 
     Config = FeasibleSetBankConfig
 
@@ -112,16 +112,17 @@ class FeasibleSetBank:
 
     @staticmethod
     def build(config: FeasibleSetBankConfig, mission: RangingMission) -> FeasibleSetBank:
+        """Build the estimator of one run."""
         return FeasibleSetBank(config, mission)
 
     @staticmethod
     def sensors(config: FeasibleSetBankConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """What the robot has to carry for this estimator."""
+        """Sensors that the robot has to carry for this estimator."""
         return mission.sensors_carried()
 
     @staticmethod
     def quality(config: FeasibleSetBankConfig, mission: RangingMission) -> RangeQuality:
-        """How good the ranges are that it lives on."""
+        """Declared quality of the ranges."""
         return mission.ranging
 
     @staticmethod
@@ -137,10 +138,11 @@ class FeasibleSetBank:
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate: the best hypothesis' pose and covariance.
+        """Estimate (3,) [m, m, rad] at t [s]: pose and covariance of the best hypothesis.
 
-        ``extra`` has the ``hypotheses`` (K, 3) and their ``scores`` (K,), NaN where there is none, and ``nis`` (2,),
-        that of the best and how many rays it is of, NaN where there was no update.
+        ``command`` (2,) stands in where odometry says nothing. ``extra`` has the ``hypotheses`` (K, 3) and their
+        ``scores`` (K,), NaN where there is none, and ``nis`` (2,), that of the best and the number of rays in it, NaN
+        where there was no update.
         """
         rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
         self._timeout_monitor.note(t, not np.isnan(rho).all())

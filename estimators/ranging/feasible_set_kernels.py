@@ -25,9 +25,10 @@ _LONGEST = 1.0  # [m, rad] of a step in any coordinate
 
 @njit(cache=True, nogil=True)
 def project(states: Array, y: Array, v: Array, wall: WallShape, angles: Array, steps: int) -> tuple[Array, Array]:
-    """States (m, 4) after so many steps to FS_y, and how far from it they then are, sum_i (y_i - h_i)^2 / v_i (m,).
+    """Take ``steps`` steps from ``states`` (m, 4) to FS_y.
 
-    y (l,) [m] is NaN where a ray was lost, v (l,) [m^2]. A pose from which a ray tells nothing is infinitely far.
+    Returns the states (m, 4) and how far from FS_y they then are, sum_i (y_i - h_i)^2 / v_i (m,). y (l,) [m] is NaN
+    where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. A pose from which a ray tells nothing is infinitely far.
     """
     projected, far = states.copy(), np.empty(len(states))
     A, g, H, D = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
@@ -57,7 +58,9 @@ def project(states: Array, y: Array, v: Array, wall: WallShape, angles: Array, s
 
 @njit(cache=True, nogil=True)
 def pushed(states: Array, inputs: Array, wall: WallShape, dt: float, first: float) -> Array:
-    """States (m, 4) after inputs (n, 2), each held for dt [s] but the first, for the fraction ``first`` of it."""
+    """Propagate ``states`` (m, 4) under ``inputs`` (n, 2), each held for dt [s], the first for the fraction ``first``
+    of that.
+    """
     after = states.copy()
     for m in range(len(states)):
         for k in range(len(inputs)):
@@ -67,7 +70,7 @@ def pushed(states: Array, inputs: Array, wall: WallShape, dt: float, first: floa
 
 @njit(cache=True, nogil=True)
 def farthest_points(states: Array, first: int, count: int, nearest: float) -> Integers:
-    """Indices of up to ``count`` of the states (m, 4), the ``first`` and then always the one farthest from all before.
+    """Indices of up to ``count`` states (m, 4): the ``first``, and then always the one farthest from all before.
 
     Distances are sqrt(|dx|^2 [m^2] + dphi^2 [rad^2]); it ends where the farthest is no farther than ``nearest``.
     """
@@ -99,7 +102,7 @@ def _move(x: Array, d: Array, wall: WallShape) -> None:
 
 @njit(cache=True, nogil=True)
 def solved(A: Array, g: Array) -> Array:
-    """A^-1 g of a positive definite A (3, 3), by its factor L D L'."""
+    """Solve A w = g for w (3,), A (3, 3) positive definite, by its factors L D L'."""
     l_10, l_20 = A[1, 0] / A[0, 0], A[2, 0] / A[0, 0]
     d_1 = A[1, 1] - l_10 * A[1, 0]
     l_21 = (A[2, 1] - l_20 * A[1, 0]) / d_1

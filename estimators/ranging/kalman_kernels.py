@@ -40,7 +40,7 @@ nu^2 / s above which a reading is an outlier"""
 
 @njit(cache=True, nogil=True)
 def step_within(wall: WallShape, x_1: float, x_2: float, d_1: float, d_2: float) -> float:
-    """How much of a step (d_1, d_2) [m] from a point within the wall stays within it, in [0, 1]."""
+    """Share of a step (d_1, d_2) [m] from a point (x_1, x_2) [m] within the wall that stays within it, in [0, 1]."""
     coefficients, polyline = wall
     step = 1.0
     for _ in range(_HALVINGS):
@@ -52,7 +52,7 @@ def step_within(wall: WallShape, x_1: float, x_2: float, d_1: float, d_2: float)
 
 @njit(cache=True, nogil=True)
 def within(wall: WallShape, points: Array) -> Array:
-    """Those of points (n, 2) [m] that are within the wall."""
+    """Points (k, 2) [m] of ``points`` (n, 2) [m] that are within the wall."""
     coefficients, polyline = wall
     inside = np.empty(len(points), np.bool_)
     for n in range(len(points)):
@@ -62,7 +62,7 @@ def within(wall: WallShape, points: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def move(x: Array, u: Array, wall: WallShape, dt: float) -> None:
-    """Carry x (4,) on, in place, over dt [s] under a reading u (2,), but not out of the wall."""
+    """Move x (4,), in place, over dt [s] under a reading u (2,) [m/s, rad/s], but not out of the wall."""
     after = moved(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
     d_1, d_2 = after[0] - x[0], after[1] - x[1]
     step = step_within(wall, x[0], x[1], d_1, d_2)
@@ -73,7 +73,7 @@ def move(x: Array, u: Array, wall: WallShape, dt: float) -> None:
 
 @njit(cache=True, nogil=True)
 def predict(x: Array, P: Array, u: Array, W: Array, wall: WallShape, dt: float) -> None:
-    """Carry x (4,) and P (4, 4) on, in place, over dt [s] under a reading u (2,) of variances W (2,)."""
+    """Predict x (4,) and P (4, 4), in place, over dt [s] under a reading u (2,) of variances W (2,)."""
     F, G = moved_slopes(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
     move(x, u, wall, dt)
     for i in range(3):  # A is the identity but for these entries
@@ -122,7 +122,7 @@ def expected_range(
 
 @njit(cache=True, nogil=True)
 def expected_ranges(wall: WallShape, pose: Array, angles: Array) -> tuple[Array, Array]:
-    """h (l,) [m] and H (l, 3) of all rays from a pose (3,); NaN where a ray tells nothing."""
+    """Ranges h (l,) [m] of all rays from a pose (3,) and their derivatives H (l, 3); NaN where a ray tells nothing."""
     h, H, D = np.empty(len(angles)), np.full((len(angles), 3), np.nan), np.empty(3)
     for i in range(len(angles)):
         h[i], _, _ = expected_range(wall, pose[0], pose[1], pose[2] + angles[i], H[i], D)
@@ -137,10 +137,10 @@ def condition(
     wall: WallShape,
     sensors: RaySensors,
 ) -> tuple[float, float, int, int]:
-    """Condition x (4,) and P (4, 4), in place, on ranges z (l,) [m], NaN where lost, of ``sensors``.
+    """Condition x (4,) and P (4, 4), in place, on ranges z (l,) [m] of ``sensors``, NaN where lost.
 
-    A step that would lead out of the wall is cut short. Returns NIS, ln |S|, how many rays told something and how many
-    of these were within the gate.
+    A step that would lead out of the wall is cut short. Returns NIS, ln |S|, the number of rays that told something and
+    the number of these within the gate.
     """
     angles, relative, absolute, gate = sensors
     x_1, x_2, phi = x[0], x[1], x[2]

@@ -89,17 +89,18 @@ class RangeObserverConfig:
 
     @property
     def fits_innovation(self) -> bool:
+        """True if range rates are fitted to the innovation, False if to the ranges."""
         return (self.fitted or ("ranges" if self.feedforward == "none" else "innovation")) == "innovation"
 
     def fit(self, exact: bool) -> tuple[int, int]:
-        """Window and order, for a mission whose ranges are exact or not."""
+        """Window and order of the fit, for a mission whose ranges are exact or not."""
         fewest = (1 if self.order is None else self.order) // 2 * 2 + 3  # odd, and more than the order
         window = (fewest if exact else 101) if self.window is None else self.window
         return window, (1 if self.fits_innovation else min(3, window - 1)) if self.order is None else self.order
 
 
 class RangeObserver:
-    """Ranges and odometry to the pose, by the observer of Paper C."""
+    """Estimator of the pose from ranges and odometry: the observer of Paper C."""
 
     Config = RangeObserverConfig
 
@@ -129,6 +130,10 @@ class RangeObserver:
 
     @staticmethod
     def build(config: RangeObserverConfig, mission: RangingMission) -> RangeObserver:
+        """Build the estimator of one run.
+
+        Raises FieldError for a ``z_0`` of another length than the mission's sensors ask for.
+        """
         return RangeObserver(config, mission)
 
     @staticmethod
@@ -149,16 +154,19 @@ class RangeObserver:
 
     @staticmethod
     def sensors(config: RangeObserverConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """What the robot has to carry for this estimator."""
+        """Sensors that the robot has to carry for this estimator."""
         return mission.sensors_carried()
 
     @staticmethod
     def quality(config: RangeObserverConfig, mission: RangingMission) -> RangeQuality:
-        """How good the ranges are that it lives on."""
+        """Declared quality of the ranges."""
         return mission.ranging
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; ``extra`` has z (l + 1,) at ``t``, and V_rho and |Q|^2 / 2 (2,) where the observer is."""
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+
+        ``extra`` has z (l + 1,) at ``t``, and V_rho and |Q|^2 / 2 (2,) where the observer is.
+        """
         window = self._window
         rho = usable_ranges(measurements, len(self._alpha), self._longest)
         window.push(rho, measured_input(measurements, command, self._limits))

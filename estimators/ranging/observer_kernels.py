@@ -39,10 +39,11 @@ DescentGains = tuple[float, float]
 def descent(
     table: Array, alpha: Array, z: Array, rho: Array, rho_dot: Array, u: Array, gains: DescentGains
 ) -> tuple[Array, Array, float, float]:
-    """The gradient (l + 1,) of k_V V_rho + k_Q |Q|^2 / 2, the matrix H (l + 1, l + 1), V_rho and |Q|^2 / 2.
+    """Gradient (l + 1,) of k_V V_rho + k_Q |Q|^2 / 2, the matrix H (l + 1, l + 1), V_rho [m^2] and |Q|^2 / 2.
 
-    H = 2 k_V J_v' J_v + k_Q J_q' J_q with J_v = dr/dz and J_q = dQ/dz is what is left of the Hessian on the truth,
-    where r = 0 and Q = 0.
+    ``table`` (K + 1, 4) are the coefficients of the wall, alpha (l,) [rad], z (l + 1,), rho (l,) [m], rho_dot (l,)
+    [m/s] and u (2,) [m/s, rad/s]. H = 2 k_V J_v' J_v + k_Q J_q' J_q with J_v = dr/dz and J_q = dQ/dz is what is left of
+    the Hessian on the truth, where r = 0 and Q = 0.
     """
     k_V, k_Q = gains
     l = len(alpha)  # noqa: E741
@@ -103,10 +104,10 @@ def descent(
 def corrected(
     table: Array, alpha: Array, z: Array, rho: Array, rho_dot: Array, u: Array, gains: DescentGains, dt: float
 ) -> tuple[Array, float, float]:
-    """z after the linearly implicit step z - dt (I + dt H)^-1 gradient over dt [s]; V_rho and |Q|^2 / 2 before it.
+    """Take the linearly implicit step z - dt (I + dt H)^-1 gradient over dt [s] from z (l + 1,).
 
-    An explicit step would be unstable: the largest eigenvalue of H is in the hundreds and more. No component goes
-    further than ``LONGEST_STEP``.
+    Returns z after it (l + 1,), and V_rho and |Q|^2 / 2 before it. An explicit step would be unstable: the largest
+    eigenvalue of H is in the hundreds and more. No component goes further than ``LONGEST_STEP``.
     """
     gradient, H, V, squares = descent(table, alpha, z, rho, rho_dot, u, gains)
     if not (np.isfinite(gradient).all() and np.isfinite(H).all()):
@@ -122,7 +123,10 @@ def corrected(
 
 @njit(cache=True, nogil=True)
 def output(wall: WallShape, alpha: Array, z: Array, rho: Array) -> Array:
-    """Phi: the pose (3,) at the mean of the v_i that are there, put back within the wall; NaN where z does not tell."""
+    """Phi: the pose (3,) at the mean of the v_i that are there, put back within the wall.
+
+    alpha (l,) [rad], z (l + 1,), rho (l,) [m]; NaN where z does not tell.
+    """
     coefficients, _ = wall
     l = len(alpha)  # noqa: E741
     x = y = 0.0
@@ -141,14 +145,14 @@ def output(wall: WallShape, alpha: Array, z: Array, rho: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def anchored(wall: WallShape, alpha: Array, z: Array, rho: Array, otherwise: Array) -> Array:
-    """Phi(z) by the ranges rho (l,), or where they or z do not tell it, ``otherwise`` (3,)."""
+    """Phi(z) (3,) by the ranges rho (l,) [m], or where they or z do not tell it, ``otherwise`` (3,)."""
     pose = output(wall, alpha, z, rho)
     return pose if not math.isnan(pose[0]) else otherwise
 
 
 @njit(cache=True, nogil=True)
 def kept_within(wall: WallShape, x: float, y: float) -> tuple[float, float]:
-    """The point itself if it is within the wall, otherwise one that is just within where the wall is nearest."""
+    """The point (x, y) [m] itself if it is within the wall, otherwise one just within where the wall is nearest."""
     coefficients, polyline = wall
     if is_inside(coefficients, polyline, x, y):
         return x, y
@@ -197,10 +201,11 @@ def observed(
     gains: DescentGains,
     dt: float,
 ) -> tuple[Array, Array, Array]:
-    """z (l + 1,), the pose (3,) and (V_rho, |Q|^2 / 2) (2,) after the readings (2, l) of rho and rho_dot.
+    """Correct the observer by readings (2, l) of rho [m] and rho_dot [m/s] under the input u (2,) over dt [s].
 
-    ``z`` is what was fed forward, NaN where nothing said how, and ``predicted`` the pose (3,) that odometry leads to:
-    what rays that were lost cannot tell is taken from it.
+    ``z`` (l + 1,) is what was fed forward, NaN where nothing said how, and ``predicted`` the pose (3,) that odometry
+    leads to: what rays that were lost cannot tell is taken from it. Returns z (l + 1,), the pose (3,) and (V_rho, |Q|^2
+    / 2) (2,).
     """
     coefficients, _ = wall
     l = len(alpha)  # noqa: E741
@@ -222,7 +227,10 @@ def observed(
 def pushed_forward(
     wall: WallShape, alpha: Array, z: Array, pose: Array, inputs: Array, period: float
 ) -> tuple[Array, Array]:
-    """z (l + 1,) and pose (3,) after the ``inputs`` (m, 2), each held for a period; z stays as far off Psi as it is."""
+    """Propagate z (l + 1,) and ``pose`` (3,) under the ``inputs`` (m, 2), each held for a period [s].
+
+    z stays as far off Psi as it is.
+    """
     here, after = seen_from(wall, alpha, pose, z), pose
     for u in inputs:
         after = moved(after, u[0], u[1], period)

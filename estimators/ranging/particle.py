@@ -51,7 +51,7 @@ class RangeParticleConfig:
 
 
 class RangeParticle:
-    """Ranges and odometry to the pose, by particles."""
+    """Estimator of the pose from ranges and odometry: particles."""
 
     Config = RangeParticleConfig
 
@@ -67,16 +67,17 @@ class RangeParticle:
 
     @staticmethod
     def build(config: RangeParticleConfig, mission: RangingMission) -> RangeParticle:
+        """Build the estimator of one run."""
         return RangeParticle(config, mission)
 
     @staticmethod
     def sensors(config: RangeParticleConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """What the robot has to carry for this estimator."""
+        """Sensors that the robot has to carry for this estimator."""
         return mission.sensors_carried()
 
     @staticmethod
     def quality(config: RangeParticleConfig, mission: RangingMission) -> RangeQuality:
-        """How good the ranges are that it lives on."""
+        """Declared quality of the ranges."""
         return mission.ranging
 
     @staticmethod
@@ -93,7 +94,10 @@ class RangeParticle:
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; ``extra["effective"]`` (1,) is N_eff."""
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+
+        ``extra["effective"]`` (1,) is N_eff.
+        """
         model, rho = self._model, self._model.ranges(measurements)
         self._timeout_monitor.note(t, not np.isnan(rho).all())
         if self._t is not None and t > self._t:

@@ -26,7 +26,7 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 
 @njit(cache=True, nogil=True)
 def propagate(x: Array, u: Array, deviation: Array, wall: WallShape, dt: float, rng: np.random.Generator) -> None:
-    """Carry particles on, in place, over dt [s] under a reading u (2,) of standard deviations (2,)."""
+    """Propagate particles x (N, 4), in place, over dt [s] under a reading u (2,) of standard deviations (2,)."""
     for n in range(len(x)):
         u_1 = (1.0 - x[n, 3]) * u[0] + deviation[0] * rng.standard_normal()
         u_2 = (1.0 - x[n, 3]) * u[1] + deviation[1] * rng.standard_normal()
@@ -41,9 +41,9 @@ def weigh(
     wall: WallShape,
     sensors: RaySensors,
 ) -> float:
-    """Weigh particles, in place, by ranges z (l,), NaN where lost; returns N_eff.
+    """Weigh particles x (N, 4), w (N,), in place, by ranges z (l,) [m], NaN where lost.
 
-    A range is never less likely than one at the gate, so that one that is wholly wrong does not decide.
+    Returns N_eff. A range is never less likely than one at the gate, so that one that is wholly wrong does not decide.
     """
     angles, relative, absolute, gate = sensors
     coefficients, polyline = wall
@@ -84,7 +84,7 @@ def resampled(w: Array, start: float) -> Integers:
 
 @njit(cache=True, nogil=True)
 def roughen(x: Array, kappa: float, wall: WallShape, rng: np.random.Generator) -> None:
-    """Add the noise of roughening to particles, in place."""
+    """Add the noise of roughening to particles x (N, 4), in place."""
     scale = kappa * len(x) ** -0.25
     extent = np.empty(4)
     for j in range(4):

@@ -22,7 +22,7 @@ WindowFit = tuple[Array, Array, float]
 
 @njit(cache=True, nogil=True)
 def centre_fit(samples: Array, weights: Array) -> tuple[float, float]:
-    """Value and slope by tau at tau = 0 of the polynomial that fits ``samples`` (2 m + 1,) at tau = -1, ..., 1 best.
+    """Fit a polynomial to ``samples`` (2 m + 1,) at tau = -1, ..., 1: its value and its derivative by tau at tau = 0.
 
     ``weights`` (p + 1, 2 m + 1) give its coefficients where all samples are there. Samples that are NaN are left out,
     and so is what is far off a first fit. NaN, NaN where too many are missing.
@@ -54,9 +54,11 @@ def centre_fit(samples: Array, weights: Array) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def measured(ranges: Array, weights: Array, period: float) -> Array:
-    """The readings (2, l) of rho and rho_dot at the centre of ``ranges`` (2 m + 1, l), taken every ``period`` [s].
+    """Readings (2, l) of rho [m] and rho_dot [m/s] at the centre of ``ranges`` (2 m + 1, l), taken every ``period``
+    [s].
 
-    Where the window has too few of a ray, rho is the reading at its centre, or NaN, and rho_dot is NaN.
+    ``weights`` (p + 1, 2 m + 1) are those of ``savitzky_golay``. Where the window has too few of a ray, rho is the
+    reading at its centre, or NaN, and rho_dot is NaN.
     """
     n, l = ranges.shape  # noqa: E741
     readings = np.empty((2, l))
@@ -71,11 +73,11 @@ def measured(ranges: Array, weights: Array, period: float) -> Array:
 def innovated(
     ranges: Array, inputs: Array, u: Array, fit: WindowFit, wall: WallShape, alpha: Array, pose: Array
 ) -> Array:
-    """As ``measured``, but what is fitted is by how much the ranges differ from those expected.
+    """Readings (2, l) of rho [m] and rho_dot [m/s] as of ``measured``, but fitted to the innovation.
 
-    Expected is what a robot sees that is at ``pose`` (3,) at the window's centre and has had, and will have, the
-    ``inputs`` (2 m, 2) between the readings; ``u`` (2,) is the one at the centre. Rays are cast at 2 k + 1 instants
-    only, from which ``spread`` (2 m + 1, 2 k + 1) interpolates.
+    The innovation is by how much the ``ranges`` (2 m + 1, l) differ from those that a robot expects which is at
+    ``pose`` (3,) at the window's centre and has had, and will have, the ``inputs`` (2 m, 2) between the readings; ``u``
+    (2,) is the one at the centre. Rays are cast at 2 k + 1 instants only, from which the fit's ``spread`` interpolates.
     """
     coefficients, polyline = wall
     weights, spread, period = fit

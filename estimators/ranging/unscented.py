@@ -50,7 +50,7 @@ class RangeUkfConfig:
 
 
 class RangeUkf:
-    """Ranges and odometry to the pose, by one unscented Kalman filter."""
+    """Estimator of the pose from ranges and odometry: one unscented Kalman filter."""
 
     Config = RangeUkfConfig
 
@@ -65,16 +65,17 @@ class RangeUkf:
 
     @staticmethod
     def build(config: RangeUkfConfig, mission: RangingMission) -> RangeUkf:
+        """Build the estimator of one run."""
         return RangeUkf(config, mission)
 
     @staticmethod
     def sensors(config: RangeUkfConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """What the robot has to carry for this estimator."""
+        """Sensors that the robot has to carry for this estimator."""
         return mission.sensors_carried()
 
     @staticmethod
     def quality(config: RangeUkfConfig, mission: RangingMission) -> RangeQuality:
-        """How good the ranges are that it lives on."""
+        """Declared quality of the ranges."""
         return mission.ranging
 
     @staticmethod
@@ -92,7 +93,10 @@ class RangeUkf:
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; ``extra["nis"]`` (2,) is NIS and how many rays it is of, NaN where there was no update."""
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+
+        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update.
+        """
         rho = self._model.ranges(measurements)
         self._timeout_monitor.note(t, not np.isnan(rho).all())
         dt = 0.0 if self._t is None else t - self._t

@@ -21,7 +21,7 @@ Instant = tuple[Array, Array]
 def rates(
     space: ConstantCurvature, gains: IntrinsicGains, instant: Instant, xi: Array, eta: Array
 ) -> tuple[Array, Array]:
-    """xi' and D_t eta, both tangent at xi."""
+    """Rates xi' (size,) and D_t eta (size,) of the observer at xi, eta (size,), both tangent at xi (D.6)."""
     x, F = instant
     G = -space.log(xi, x)
     theta = space.norm(xi, G)
@@ -38,7 +38,7 @@ class ContinuousObserver:
         self.xi, self.eta = space.check(xi), space.tangent(xi, eta)
 
     def step(self, h: float, begin: Instant, middle: Instant, end: Instant) -> None:
-        """Over h [s], in which the system moves from ``begin`` through ``middle`` to ``end``."""
+        """Integrate over h [s], in which the system moves from ``begin`` through ``middle`` to ``end``."""
         z = np.stack([self.xi, self.eta])
         k_1 = self._slope(begin, z)
         k_2 = self._slope(middle, z + 0.5 * h * k_1)

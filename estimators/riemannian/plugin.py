@@ -61,11 +61,15 @@ class RiemannianObserver:
 
     @staticmethod
     def build(config: RiemannianObserverConfig, mission: LagrangianMission) -> PositionObserver:
-        """ValueError for the matched C where the curvature is not the same everywhere."""
+        """Build the estimator of one run.
+
+        Raises FieldError for the matched C where the curvature is not the same everywhere.
+        """
         return PositionObserver(_Intrinsic(config, mission), mission, config.timeout)
 
     @staticmethod
     def sensors(config: RiemannianObserverConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod

@@ -62,7 +62,9 @@ class SampledIntrinsicObserver:
         self._measured: Array | None = self.xi  # where the system was when it was last read; None once that is old
 
     def predict(self, h: float, u: Array, y: Array | None = None) -> None:
-        """Move on by h [s] with the input u (nu,) held, at the end of which the system is at y, if it was read."""
+        """Predict over h [s] with the input u (nu,) held, at the end of which the system is at y (size,), if it was
+        read.
+        """
         manifold, before = self._manifold, self.xi
         F = self._force(self._measured, u)
         after = manifold.exp(before, h * self.eta + (0.5 * h * h) * F)
@@ -76,7 +78,7 @@ class SampledIntrinsicObserver:
         self.eta = half + (0.5 * h) * self._force(self._measured, u)
 
     def correct(self, y: Array, h: float) -> Innovation:
-        """Condition on a reading y, h [s] after the one before."""
+        """Condition on a reading y (size,), h [s] after the one before."""
         manifold, before = self._manifold, self.xi
         theta = manifold.distance(before, y)
         if is_beyond(manifold, before, y, self._share):

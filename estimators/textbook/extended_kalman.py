@@ -71,10 +71,12 @@ class TextbookEkf:
 
     @staticmethod
     def build(config: TextbookEkfConfig, mission: TextbookMission) -> TextbookEkf:
+        """Build the estimator of one run."""
         return TextbookEkf(config, mission)
 
     @staticmethod
     def sensors(config: TextbookEkfConfig, mission: TextbookMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod
@@ -90,6 +92,7 @@ class TextbookEkf:
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between."""
         for reading in measurements:
             if reading.name == "output":
                 self._predict(reading.t, command)

@@ -27,7 +27,7 @@ _POINTS = 4  # that the polynomial goes through
 
 
 class SampledObserver:
-    """Readings of "output" to x^."""
+    """Estimator of x^ from readings "output", for any ``ObserverLaw``."""
 
     def __init__(self, law: ObserverLaw, mission: TextbookMission, timeout: float) -> None:
         """``timeout`` [s] without a reading after which the estimate is lost."""
@@ -41,7 +41,10 @@ class SampledObserver:
         self._followed = True  # z has stayed within bounds, and Phi has found an x^ for it
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; its ``extra["z"]`` is the observer's state."""
+        """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between.
+
+        ``extra["z"]`` is the observer's state.
+        """
         for reading in measurements:
             if reading.name == "output" and np.isfinite(reading.value).all():
                 self._readings.append((reading.t, np.array(reading.value)))

@@ -43,13 +43,16 @@ class FilteredDifferencesConfig:
 
 
 class FilteredDifferences:
-    """Differences of readings through a low-pass."""
+    """Estimator of the velocity by differences of readings through a low-pass."""
 
     Config = FilteredDifferencesConfig
 
     @staticmethod
     def build(config: FilteredDifferencesConfig, mission: LagrangianMission) -> PositionObserver:
-        """FieldError for a cutoff that is not below half the rate of the readings."""
+        """Build the estimator of one run.
+
+        Raises FieldError for a cutoff that is not below half the rate of the readings.
+        """
         most = 0.5 / mission.period
         if config.cutoff >= most:
             raise FieldError(f"cutoff = {config.cutoff!r}; allowed: below half the rate of readings, {most:g} Hz")
@@ -57,6 +60,7 @@ class FilteredDifferences:
 
     @staticmethod
     def sensors(config: FilteredDifferencesConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod

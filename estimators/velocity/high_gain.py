@@ -55,10 +55,12 @@ class HighGain:
 
     @staticmethod
     def build(config: HighGainConfig, mission: LagrangianMission) -> PositionObserver:
+        """Build the estimator of one run."""
         return PositionObserver(_HighGain(config, mission), mission, config.timeout)
 
     @staticmethod
     def sensors(config: HighGainConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod

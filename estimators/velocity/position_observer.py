@@ -22,31 +22,31 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 
 class VelocityLaw(Protocol):
-    """What one observer does and another does not."""
+    """The law of one observer, as against what all have in common."""
 
     @property
     def state(self) -> Array:
-        """(size + vector_size,) of (x, v)."""
+        """State (size + vector_size,) (x, v)."""
         ...
 
     @property
     def extra(self) -> Mapping[str, Array]:
-        """What else it tells; NaN for what there is not yet."""
+        """Further arrays of the estimate, (k,) each; NaN for what there is not yet."""
         ...
 
     def start(self, y: Array) -> None:
-        """Begin at the point y (size,) with v = 0."""
+        """Start at the point y (size,) with v = 0."""
         ...
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
-        """Move on by h [s] with u (nu,) held, to a reading y (size,) if there is one; ``correct`` follows.
+        """Predict over h [s] with u (nu,) held, to a reading y (size,) if there is one; ``correct`` follows.
 
-        CutLocusError, LinAlgError or ArithmeticError where that cannot be.
+        Raises CutLocusError, LinAlgError or ArithmeticError where that cannot be.
         """
         ...
 
     def correct(self, y: Array, h: float) -> bool:
-        """Condition on a reading y (size,), h [s] after the last that was used; whether it was. Raises likewise."""
+        """Condition on a reading y (size,), h [s] after the last that was used; True if it was used.."""
         ...
 
 
@@ -64,9 +64,11 @@ class PositionObserver:
         self._extra = dict(law.extra)
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate, with what the law tells.
+        """Estimate (size + vector_size,) at t [s] from the readings since the last call, ``command`` (nu,) held in
+        between.
 
-        ``refused`` (1,) readings so far, and ``restarts`` (1,) after a step that led nowhere.
+        ``extra`` has the arrays of the law, ``refused`` (1,) readings so far, and ``restarts`` (1,) after a step that
+        led nowhere.
         """
         for reading in measurements:
             y = usable(reading, self._manifold)

@@ -54,12 +54,14 @@ class LagrangianUkf:
 
     @staticmethod
     def build(config: LagrangianUkfConfig, mission: LagrangianMission) -> PositionObserver:
+        """Build the estimator of one run."""
         model = FilterModel(config.acceleration, config.noise_floor, config.gate)
         unscented = Unscented(2 * mission.system.manifold.dimension, config.alpha)
         return PositionObserver(ErrorStateFilter(model, mission, unscented), mission, config.timeout)
 
     @staticmethod
     def sensors(config: LagrangianUkfConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod

@@ -43,6 +43,7 @@ class AerialVehicle(composer.Entity):
 
     @property
     def mjcf_model(self) -> Any:
+        """MJCF model of the vehicle."""
         return self._model
 
 
@@ -100,10 +101,11 @@ def build_model(height_field: HeightField, names: Sequence[str], acceleration_ma
 
 
 def airframe_pose(position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:
-    """Where and how a vehicle is drawn: position (3,) [m] and unit quaternion (4,), scalar first.
+    """Pose in which a vehicle is drawn: position (3,) [m] and unit quaternion (4,), scalar first.
 
-    The thrust axis b_z points along acceleration + g e_z and the nose b_x lies in the vertical plane of the velocity.
-    At rest and in vertical flight that is the plane of the acceleration; where that is vertical too, it is east.
+    ``position`` (3,) [m], ``velocity`` (3,) [m/s] and ``acceleration`` (3,) [m/s^2] are in the map frame. The thrust
+    axis b_z points along acceleration + g e_z and the nose b_x lies in the vertical plane of the velocity. At rest and
+    in vertical flight that is the plane of the acceleration; where that is vertical too, it is east.
     """
     thrust = np.array([acceleration[0], acceleration[1], acceleration[2] + GRAVITY])
     length = float(np.linalg.norm(thrust))

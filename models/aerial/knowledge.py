@@ -28,7 +28,7 @@ _FARTHEST = 1e7  # [m]
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What a vehicle goes by."""
+    """What a vehicle knows of the threats, the target and the map."""
 
     terrain: HeightField
     target: tuple[float, float, float]  # [m] map frame, p_f
@@ -45,7 +45,7 @@ class Knowledge:
         return self if known == self else known
 
     def complaint(self, message: Message) -> str:
-        """Why what a message tells cannot be; "" if it can, and for a topic that is not of here."""
+        """Say why a message cannot be true; "" if it can, and for a topic that is not of here."""
         payload, terrain = message.payload, self.terrain
         if message.topic == TERRAIN:
             alike = isinstance(payload, HeightField) and (payload.z.shape, payload.spacing) == (
@@ -65,7 +65,7 @@ class Knowledge:
 
 
 def place_in(payload: Any) -> tuple[float, float, float] | None:
-    """x, y, z [m] that a message holds, as a sequence or an array of three numbers; None if it does not."""
+    """Return the x, y, z [m] in a payload that is a sequence or an array of three numbers; None if it is not."""
     if not isinstance(payload, (tuple, list, np.ndarray)) or len(payload) != 3:
         return None
     if not all(isinstance(each, Real) for each in payload):

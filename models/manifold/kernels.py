@@ -27,7 +27,7 @@ _OPPOSITE = 1e-7  # [rad] from the opposite point, within which rounding would s
 
 @njit(cache=True, nogil=True)
 def inner(k: float, u: Array, w: Array) -> float:
-    """<u, w>."""
+    """Inner product <u, w> of ambient vectors u, w (m,)."""
     total: float = -u[0] * w[0] if k < 0.0 else u[0] * w[0]
     for i in range(1, len(u)):
         total += u[i] * w[i]
@@ -36,13 +36,16 @@ def inner(k: float, u: Array, w: Array) -> float:
 
 @njit(cache=True, nogil=True)
 def norm(k: float, w: Array) -> float:
-    """|w| of a tangent vector."""
+    """Length |w| of a tangent vector w (m,)."""
     return math.sqrt(max(0.0, inner(k, w, w)))
 
 
 @njit(cache=True, nogil=True)
 def project(k: float, p: Array) -> Array:
-    """The point of the space near p: on the ray through it, where k < 0 above or below it; p itself in R^n."""
+    """Project p (m,), which rounding has moved off the space, back onto it.
+
+    The result (m,) is on the ray through p; above or below p where k < 0; p itself in R^n.
+    """
     point = p.copy()
     if k > 0.0:
         point /= math.sqrt(inner(k, p, p))
@@ -53,13 +56,13 @@ def project(k: float, p: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def tangent(k: float, p: Array, w: Array) -> Array:
-    """The part of an ambient vector that is tangent at p."""
+    """Tangential part (m,) at p (m,) of an ambient vector w (m,)."""
     return w - (k * inner(k, p, w)) * p
 
 
 @njit(cache=True, nogil=True)
 def distance(k: float, p: Array, q: Array) -> float:
-    """theta: 2 atan2(|q - p|, |q + p|), 2 asinh(|q - p| / 2), |q - p|."""
+    """Geodesic distance theta of p, q (m,): 2 atan2(|q - p|, |q + p|), 2 asinh(|q - p| / 2), |q - p|."""
     chord = norm(k, q - p)
     if k > 0.0:
         return 2.0 * math.atan2(chord, norm(k, q + p))
@@ -68,7 +71,7 @@ def distance(k: float, p: Array, q: Array) -> float:
 
 @njit(cache=True, nogil=True)
 def logarithm(k: float, p: Array, q: Array) -> Array:
-    """log_p q."""
+    """log_p q (m,) of points p, q (m,); NaN from a point of the sphere to the one opposite."""
     away = q - p
     if k == 0.0:
         return away
@@ -83,7 +86,7 @@ def logarithm(k: float, p: Array, q: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def exponential(k: float, p: Array, w: Array) -> Array:
-    """exp_p w."""
+    """exp_p w (m,) of a tangent vector w (m,) at p (m,)."""
     if k == 0.0:
         return p + w
     theta = norm(k, w)
@@ -94,7 +97,7 @@ def exponential(k: float, p: Array, w: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def transport(k: float, p: Array, q: Array, w: Array) -> Array:
-    """PT_{p -> q} w along the shortest geodesic."""
+    """Parallel transport PT_{p -> q} w (m,) along the shortest geodesic; NaN to the opposite point of the sphere."""
     if k == 0.0:
         return w.copy()
     if k > 0.0 and math.pi - distance(k, p, q) < _OPPOSITE:

@@ -44,9 +44,11 @@ class ManifoldPositionSensor:
 
     @property
     def size(self) -> int:
+        """Components of a reading, those of a point."""
         return self.manifold.size
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the position (size,) of the plant, with noise, jumps and rounding; None where the reading is lost."""
         manifold, quality = self.manifold, self.quality
         x = motion.x[: manifold.size]
         off = quality.noise * rng.standard_normal(manifold.dimension)
@@ -66,4 +68,5 @@ class StateSensor:
     name: ClassVar[str] = "full_state"
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        """Read the state (size,) of the plant exactly."""
         return motion.x

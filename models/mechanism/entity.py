@@ -31,7 +31,10 @@ _BELOW = 0.1  # of a mechanism's extent that the floor is beneath it, if it reac
 
 
 def file_of(mechanism: MechanismName | str | Path) -> Path:
-    """The MJCF file of a mechanism of that name, of dm_control's suite, or at that path; ValueError if it is none."""
+    """MJCF file of a mechanism: by name, of dm_control's suite, or at a path.
+
+    Raises FieldError if there is none.
+    """
     own = {name: _HERE / f"{name.replace('-', '_')}.xml" for name in get_args(MechanismName)}
     suite = {f"{_SUITE}{file.stem}": file for file in (Path(dm_control.__file__).parent / "suite").glob("*.xml")}
     path = (own | suite).get(str(mechanism), Path(mechanism))

@@ -46,7 +46,10 @@ class Mechanism(NamedTuple):
 
 @njit(cache=True)
 def contiguous(a: Array, size: int) -> Array:
-    """a (size,) as numbers one after the other, as C expects them; ValueError for another size."""
+    """Copy a (size,) into a contiguous array, as C expects it.
+
+    Raises ValueError for another size.
+    """
     if len(a) != size:
         raise ValueError("a point or a vector of another size than that of the mechanism")
     copy = np.empty(size)
@@ -56,7 +59,7 @@ def contiguous(a: Array, size: int) -> Array:
 
 @njit(cache=True)
 def locate(at: Mechanism, q: Array) -> None:
-    """Make M and its factors those at q, unless they are already."""
+    """Compute M and its factors at q (nq,), unless they are already those at q."""
     same = len(q) == len(at.qpos)
     for k in range(min(len(q), len(at.qpos))):
         same = same and at.qpos[k] == q[k]
@@ -70,7 +73,7 @@ def locate(at: Mechanism, q: Array) -> None:
 
 @njit(cache=True)
 def integrate(at: Mechanism, q: Array, step: Array, share: float) -> Array:
-    """q after so large a share of a step (nv,) in the joints."""
+    """Integrate q (nq,) along a share of a step (nv,) in the joints, as MuJoCo does: (nq,)."""
     after, by = contiguous(q, len(at.qpos)), contiguous(step, len(at.qvel))
     integrate_pos(at.model, after.ctypes.data, by.ctypes.data, share)
     return after
@@ -78,7 +81,7 @@ def integrate(at: Mechanism, q: Array, step: Array, share: float) -> Array:
 
 @njit(cache=True)
 def difference(at: Mechanism, p: Array, q: Array) -> Array:
-    """The step in the joints (nv,) from p to q."""
+    """Step in the joints (nv,) from p (nq,) to q (nq,)."""
     step, start, end = np.empty(len(at.qvel)), contiguous(p, len(at.qpos)), contiguous(q, len(at.qpos))
     differentiate_pos(at.model, step.ctypes.data, 1.0, start.ctypes.data, end.ctypes.data)
     return step
@@ -86,7 +89,7 @@ def difference(at: Mechanism, p: Array, q: Array) -> Array:
 
 @njit(cache=True)
 def bias(at: Mechanism, v: Array) -> Array:
-    """c(v) at where M is."""
+    """Velocity-dependent part c(v) (nv,) of inverse dynamics at v (nv,), at the current configuration."""
     c = np.empty(len(at.qvel))
     at.qvel[:] = v
     com_vel(at.model, at.data)
@@ -96,7 +99,7 @@ def bias(at: Mechanism, v: Array) -> Array:
 
 @njit(cache=True)
 def solve_mass(at: Mechanism, c: Array) -> Array:
-    """M^-1 c."""
+    """Solve M w = c (nv,) for w (nv,), at the current configuration."""
     w = np.empty(len(c))
     solve_m(at.model, at.data, w.ctypes.data, c.ctypes.data, 1)
     return w
@@ -104,7 +107,7 @@ def solve_mass(at: Mechanism, c: Array) -> Array:
 
 @njit(cache=True)
 def bracket(at: Mechanism, u: Array, w: Array) -> Array:
-    """[u, w]."""
+    """Lie bracket [u, w] (nv,) of u, w (nv,): u x w in every ball joint, zero elsewhere."""
     turned = np.zeros(len(u))
     for k in at.balls:
         turned[k] = u[k + 1] * w[k + 2] - u[k + 2] * w[k + 1]
@@ -115,20 +118,20 @@ def bracket(at: Mechanism, u: Array, w: Array) -> Array:
 
 @njit(cache=True)
 def spray(at: Mechanism, v: Array) -> Array:
-    """Gamma(v, v) at where M is."""
+    """Gamma(v, v) (nv,) of v (nv,), at the current configuration."""
     return solve_mass(at, bias(at, v))
 
 
 @njit(cache=True)
 def connection(at: Mechanism, u: Array, w: Array) -> Array:
-    """Gamma(u, w) at where M is."""
+    """Gamma(u, w) (nv,) of u, w (nv,), at the current configuration."""
     symmetric = solve_mass(at, 0.25 * (bias(at, u + w) - bias(at, u - w)))
     return symmetric + 0.5 * bracket(at, u, w)
 
 
 @njit(cache=True)
 def norm(at: Mechanism, w: Array) -> float:
-    """|w|_g at where M is."""
+    """Length |w|_g of w (nv,), at the current configuration."""
     v, momentum = contiguous(w, len(at.qvel)), np.empty(len(at.qvel))
     mul_m(at.model, at.data, momentum.ctypes.data, v.ctypes.data)
     return math.sqrt(max(float(v @ momentum), 0.0))
@@ -136,14 +139,17 @@ def norm(at: Mechanism, w: Array) -> float:
 
 @njit(cache=True)
 def norm_at(at: Mechanism, p: Array, w: Array) -> float:
-    """|w|_g."""
+    """Length |w|_g of w (nv,) at p (nq,)."""
     locate(at, p)
     return norm(at, w)
 
 
 @njit(cache=True)
 def bounded(at: Mechanism, correction: Array, w: Array, share: float) -> Array:
-    """A correction of w, shortened to a share of the length of w if it is longer: held where a series diverges."""
+    """Shorten a correction (nv,) of w (nv,) to a share of the length of w, if it is longer.
+
+    So the result stays bounded where a series diverges.
+    """
     much, most = norm(at, correction), share * norm(at, w)
     return correction if much <= most else correction * (most / much)
 
@@ -165,7 +171,7 @@ def exponential(at: Mechanism, p: Array, w: Array) -> Array:
 
 @njit(cache=True)
 def logarithm(at: Mechanism, p: Array, q: Array) -> Array:
-    """The same, solved for w to the third order in d = q - p."""
+    """Logarithm (nv,) of q (nq,) at p (nq,): ``exponential`` solved for w to the third order in d = q - p."""
     d = difference(at, p, q)
     locate(at, p)
     G = bounded(at, spray(at, d), d, 1.0)
@@ -176,7 +182,10 @@ def logarithm(at: Mechanism, p: Array, q: Array) -> Array:
 
 @njit(cache=True)
 def transport(at: Mechanism, p: Array, q: Array, w: Array) -> Array:
-    """w - Gamma_m(d, w - Gamma_m(d, w) / 2), with d = q - p and m half-way, brought back to the length of w."""
+    """Parallel transport (nv,) of w (nv,) from p (nq,) to q (nq,), rescaled to the length of w.
+
+    w - Gamma_m(d, w - Gamma_m(d, w) / 2),    d = q - p, m half-way
+    """
     d = difference(at, p, q)
     before = norm_at(at, p, w)
     locate(at, integrate(at, p, d, 0.5))

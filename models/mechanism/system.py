@@ -61,11 +61,12 @@ class MechanismSystem:
         return type(self), (self._model, self.constant, self.amplitude)
 
     def force(self, x: Array, v: Array, u: Array) -> Array:
-        """D_t v (nv,) [m/s^2, rad/s^2]."""
+        """Acceleration D_t v (nv,) [m/s^2, rad/s^2] at x (nq,), v (nv,) under the controls u (nu,)."""
         F: Array = forces.acceleration(self._at, x, v, u)
         return F
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
+        """State (nq + nv,) after h [s] from ``state`` with the controls u (nu,) held."""
         return integrate(self, state, u, h)
 
     def _given(self, name: str, values: Sequence[float]) -> tuple[float, ...]:

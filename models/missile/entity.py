@@ -63,6 +63,7 @@ class Missile(composer.Entity):
 
     @property
     def mjcf_model(self) -> Any:
+        """MJCF model of the missile."""
         return self._model
 
 

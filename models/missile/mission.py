@@ -67,14 +67,14 @@ CASES = {
 
 @dataclass(frozen=True)
 class Target:
-    """Where a target is at time ``t``, and how it moves from then on as far as is known."""
+    """Target: its place at time ``t``, and its velocity from then on as far as is known."""
 
     place: Place  # [m] Earth frame
     velocity: Place = (0.0, 0.0, 0.0)  # [m/s] Earth frame
     t: float = 0.0  # [s]
 
     def at(self, t: float) -> Array:
-        """(3,) [m] Earth frame at time t [s]."""
+        """Place (3,) [m] in the Earth frame at time t [s]."""
         return np.array(self.place) + (t - self.t) * np.array(self.velocity)
 
 
@@ -91,7 +91,10 @@ class GustStrength:
 
 @dataclass(frozen=True)
 class MissileMission:
-    """From ``start`` at t = 0 to ``target``, there with nose and velocity at ``aspect_angle`` and psi = 0."""
+    """From ``start`` at t = 0 to ``target``, there with nose and velocity at ``aspect_angle`` and psi = 0.
+
+    Raises MissionError for a start or limits of another size, and for limits that are not positive.
+    """
 
     start: tuple[float, ...]  # (nx,) the thesis' state
     target: Target  # as it is known at the start
@@ -119,26 +122,28 @@ class MissileMission:
 
     @property
     def start_state(self) -> Array:
-        """(nx,) the state at t = 0."""
+        """State (nx,) at t = 0."""
         return np.array(self.start)
 
     @property
     def final_direction(self) -> Array:
-        """(3,) unit vector of the Earth frame along which the nose and the velocity shall point at the target."""
+        """Unit vector (3,) of the Earth frame along which nose and velocity shall point at the target."""
         return np.array([math.cos(self.aspect_angle), 0.0, -math.sin(self.aspect_angle)])
 
     # ---- what an estimator needs to know of the vehicle, of any kind of mission
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """The state (nx,) after the input u (nu,) was held for dt [s] from x (nx,), as far as it is declared."""
+        """State (nx,) after the input u (nu,) [N, N m], clipped to its limits, was held for dt [s] from x (nx,), as
+        declared.
+        """
         return self.coordinates.flow(x, np.clip(u, -np.array(self.input_max), self.input_max), dt, self.body)
 
     def full_state_sensor(self, rate: float | None) -> MissileStateSensor:
-        """Reads the whole state ``rate`` times a second, or whenever the loop looks."""
+        """Sensor that reads the whole state ``rate`` times a second, or at every control step if it is None."""
         return MissileStateSensor(self.coordinates, self.noise, rate)
 
     def full_state_covariance(self, age: float) -> Array:
-        """(nx, nx) of a reading that was carried on for ``age`` [s]; a gust that stays as it is bounds every other."""
+        """Covariance (nx, nx) of a reading propagated for ``age`` [s]; a constant gust bounds every other."""
         kick = {  # rates of the velocities that a gust gives
             **dict.fromkeys(("u", "v", "w"), self.gust.force / self.body.mass),
             **dict.fromkeys(("q", "r"), self.gust.moment / self.body.inertia),

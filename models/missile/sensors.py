@@ -42,9 +42,11 @@ class MissileStateSensor:
 
     @property
     def size(self) -> int:
+        """Number nx of states."""
         return self.coordinates.state_size
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        """Read the thesis' state (nx,) of ``motion``; ``rng`` draws the noise."""
         x = self.coordinates.from_joints(motion.x)
         deviations = self.noise.deviations(self.coordinates)
         if not deviations.any():

@@ -111,10 +111,11 @@ class RotorDrive:
     input_size: int = ROTOR_COUNT
 
     def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
+        """Write the thrusts u (4,) [N], clipped to their bounds, to the model's controls, which count from hover."""
         control[:ROTOR_COUNT] = np.clip(u, 0.0, self.vehicle.thrust_max) - self.vehicle.hover_thrust
 
 
 def tilt(quaternion: Array) -> float:
-    """[rad] between the thrust and the vertical at an attitude (4,)."""
+    """Angle [rad] between the thrust and the vertical at an attitude (4,), scalar first."""
     _, x, y, _ = quaternion
     return math.acos(min(1.0, max(-1.0, 1.0 - 2.0 * float(x * x + y * y))))

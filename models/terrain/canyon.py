@@ -39,7 +39,7 @@ _CLIMB = 0.62  # share of the way along the branch after which its floor climbs 
 
 @dataclass(frozen=True)
 class Canyon:
-    """What the ground follows from; lengths in metres."""
+    """Parameters from which the ground follows; lengths in metres."""
 
     number: int
     y_0: float
@@ -54,7 +54,7 @@ class Canyon:
 
     @staticmethod
     def drawn(number: int, rng: np.random.Generator) -> Canyon:
-        """The one of a number."""
+        """Draw the canyon of a number."""
         west = float(rng.uniform(1205.0, 1215.0))
         return Canyon(
             number=number,
@@ -70,14 +70,14 @@ class Canyon:
         )
 
     def middle(self, x: Array) -> Array:
-        """y [m] of the gorge's middle at x [m]."""
+        """Ordinate y (n,) [m] of the gorge's middle at x (n,) [m]."""
         y = np.full_like(x, self.y_0)
         for amplitude, length, phase in zip(self.amplitudes, self.lengths, self.phases, strict=True):
             y += amplitude * np.sin(2.0 * math.pi * x / length + phase)
         return y
 
     def branch(self) -> Array:
-        """(n, 2) [m] the middle of the branch, from the gorge to its end."""
+        """Middle (n, 2) [m] of the branch, from the gorge to its end."""
         s = np.linspace(0.0, 1.0, 200)
         foot = float(self.middle(np.array([self.fork]))[0])
         north = foot + s * (0.97 * _SIDE - foot)
@@ -86,7 +86,10 @@ class Canyon:
 
 
 def canyon(number: int = 0) -> HeightField:
-    """The canyon of a number: 161 x 161 nodes at 4 m, walls of some 100 m. ValueError for a negative number."""
+    """Canyon of a number: 161 x 161 nodes at 4 m, walls of some 100 m.
+
+    Raises TerrainError for a negative number.
+    """
     if number < 0:
         raise TerrainError(f"canyon number = {number}; allowed: a whole number >= 0")
     rng = np.random.default_rng([number, 0xCA])

@@ -68,7 +68,9 @@ class Raster:
 
 
 def metres_per_degree(latitude: float) -> tuple[float, float]:
-    """(north, east) [m] that one degree of latitude and of longitude measure on the WGS84 ellipsoid at ``latitude``."""
+    """Lengths (north, east) [m] of one degree of latitude and of longitude on the WGS84 ellipsoid at ``latitude``
+    [degrees].
+    """
     sine, cosine = math.sin(math.radians(latitude)), math.cos(math.radians(latitude))
     w = math.sqrt(1.0 - WGS84_ECCENTRICITY_SQUARED * sine**2)
     north = WGS84_RADIUS * (1.0 - WGS84_ECCENTRICITY_SQUARED) / w**3  # radius of curvature of the meridian
@@ -77,10 +79,10 @@ def metres_per_degree(latitude: float) -> tuple[float, float]:
 
 
 def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
-    """``raster`` in metres with equal steps ``spacing`` both ways; without one, the steps north are kept.
+    """Resample ``raster`` to metres with equal steps ``spacing`` [m] both ways; without one, the steps north are kept.
 
     Bilinear from the south-west node on, so the result ends less than one step short of the north and east borders. A
-    node next to a void is void.
+    node next to a void is void. Raises TerrainError for a spacing that leaves fewer than 2 x 2 nodes.
     """
     to_north, to_east = (1.0, 1.0) if raster.latitude is None else metres_per_degree(raster.latitude)
     step_north, step_east = raster.step_north * to_north, raster.step_east * to_east
@@ -103,7 +105,10 @@ def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
 
 
 def height_field(raster: Raster) -> HeightField:
-    """The map of a square grid in metres; a ValueError if it still has voids."""
+    """Height field of a square grid in metres.
+
+    Raises TerrainError if it still has voids.
+    """
     void = np.isnan(raster.z)
     if void.any():
         row, column = np.argwhere(void)[0]
@@ -115,7 +120,10 @@ def height_field(raster: Raster) -> HeightField:
 
 
 def read_npz(path: str | Path) -> HeightField:
-    """The map in an ``.npz`` file."""
+    """Read the map in an ``.npz`` file.
+
+    Raises TerrainError for a file that is malformed, FileNotFoundError for none.
+    """
     path = _existing(path)
     try:
         with path.open("rb") as file, np.lib.npyio.NpzFile(file, allow_pickle=False) as archive:
@@ -172,7 +180,7 @@ def write_npz(terrain: HeightField, path: str | Path) -> None:
 
 
 def read_png(path: str | Path, spacing: float, scale: float) -> Raster:
-    """A 16-bit grey picture whose pixels are nodes ``spacing`` [m] apart, ``scale`` [m] per unit; row 0 is north."""
+    """Read a 16-bit grey picture: nodes ``spacing`` [m] apart, ``scale`` [m] per unit; row 0 is north."""
     path = _existing(path)
     spacing, scale = _positive("spacing", spacing, "m"), _positive("scale", scale, "m per unit")
     image, values = _decode(path)
@@ -182,7 +190,7 @@ def read_png(path: str | Path, spacing: float, scale: float) -> Raster:
 
 
 def read_hgt(path: str | Path) -> Raster:
-    """An SRTM tile; its name states the south-west corner."""
+    """Read an SRTM tile; its name states the south-west corner."""
     path = _existing(path)
     corner = re.fullmatch(r"([NS])(\d{2})([EW])(\d{3})", path.stem, re.IGNORECASE)
     if corner is None:
@@ -200,7 +208,7 @@ def read_hgt(path: str | Path) -> Raster:
 
 
 def read_geotiff(path: str | Path) -> Raster:
-    """A GeoTIFF with one band of heights in metres."""
+    """Read a GeoTIFF with one band of heights in metres."""
     path = _existing(path)
     if importlib.util.find_spec("rasterio") is not None:
         return _read_with_rasterio(path)

@@ -35,7 +35,10 @@ class Hill:
 
 @lru_cache(maxsize=4)
 def with_hills(terrain: HeightField, hills: tuple[Hill, ...]) -> HeightField:
-    """The terrain with hills on it; itself without any. ValueError for a hill whose top is off the map."""
+    """Terrain with hills set on it; the same object without any.
+
+    Raises TerrainError for a hill whose top is off the map.
+    """
     if not hills:
         return terrain
     rows, columns = terrain.z.shape
@@ -53,5 +56,5 @@ def with_hills(terrain: HeightField, hills: tuple[Hill, ...]) -> HeightField:
 
 
 def hills_of(rows: Sequence[Sequence[float]]) -> tuple[Hill, ...]:
-    """From the numbers x, y, radius and height [m] of each."""
+    """Hills from rows of x, y, radius and height [m]."""
     return tuple(Hill(*map(float, row)) for row in rows)

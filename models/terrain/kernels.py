@@ -64,7 +64,7 @@ def _last(nodes: int, spacing: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def surface_at(z: Array, spacing: float, x: float, y: float) -> tuple[float, float, float]:
-    """Height [m] and gradient (dH/dx, dH/dy) of the ground at (x, y) [m]; NaN off the map."""
+    """Height [m] and gradient (dH/dx, dH/dy) of the ground z (rows, cols) [m] at (x, y) [m]; NaN off the map."""
     x_cells = x / spacing
     y_cells = y / spacing
     if not (0.0 <= x_cells <= _last(z.shape[1], spacing) and 0.0 <= y_cells <= _last(z.shape[0], spacing)):
@@ -76,14 +76,14 @@ def surface_at(z: Array, spacing: float, x: float, y: float) -> tuple[float, flo
 
 @njit(cache=True, error_model="numpy")
 def height_at(z: Array, spacing: float, x: float, y: float) -> float:
-    """Height of the ground at (x, y) [m]; NaN off the map."""
+    """Height [m] of the ground z (rows, cols) [m] at (x, y) [m]; NaN off the map."""
     height, _, _ = surface_at(z, spacing, x, y)
     return height
 
 
 @njit(cache=True, error_model="numpy")
 def surface(z: Array, spacing: float, x: Array, y: Array) -> Array:
-    """(n, 3) height and gradient at each of the points x, y (n,) [m]."""
+    """Height [m] and gradient (n, 3) of the ground z (rows, cols) [m] at each of the points x, y (n,) [m]."""
     result = np.empty((x.size, 3))
     for n in range(x.size):
         result[n, 0], result[n, 1], result[n, 2] = surface_at(z, spacing, x[n], y[n])

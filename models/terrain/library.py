@@ -47,14 +47,14 @@ def jacksboro() -> HeightField:
 
 
 def terrain_names() -> tuple[str, ...]:
-    """The names of the terrains that are installed, in order."""
+    """Names of the installed terrains, sorted."""
     return tuple(sorted(_installed()))
 
 
 def load_terrain(name_or_path: str | Path) -> HeightField:
-    """A terrain by its name, or name and number, or the map in an ``.npz`` file; each is loaded once.
+    """Load a terrain by its name, or name and number, or the map in an ``.npz`` file; each is loaded once.
 
-    ValueError for a name or a number that is not known, FileNotFoundError for a file that is not there.
+    Raises TerrainError for a name or a number that is not known, FileNotFoundError for a file that is not there.
     """
     installed = _installed()
     name, _, number = str(name_or_path).partition(":")
@@ -67,7 +67,7 @@ def load_terrain(name_or_path: str | Path) -> HeightField:
 
 
 def place_of(name_or_path: str) -> str:
-    """What loads the same terrain from any folder: a name stays, a path becomes whole."""
+    """Name or path that loads the same terrain from any folder: a name stays, a path becomes absolute."""
     installed = name_or_path.partition(":")[0] in _installed()
     return name_or_path if installed else str(Path(name_or_path).resolve())
 

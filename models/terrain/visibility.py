@@ -36,7 +36,10 @@ class Radar:
                 raise ValueError(f"radar: {name} is {getattr(self, name)}; allowed: a number from 0 to 1e6")
 
     def position(self, terrain: HeightField) -> Array:
-        """(3,) [m] where the antenna stands on ``terrain``."""
+        """Position (3,) [m] of the antenna on ``terrain``, map frame.
+
+        Raises MissionError for a radar off the map.
+        """
         if not terrain.contains(self.x, self.y):
             raise MissionError(
                 f"radar: ({self.x}, {self.y}) m is not on the terrain {terrain.name!r}; "
@@ -45,7 +48,10 @@ class Radar:
         return np.array([self.x, self.y, float(terrain.height(self.x, self.y)) + self.mast])
 
     def exposed(self, terrain: HeightField, points: ArrayLike) -> Booleans:
-        """(n,) whether each of the points (n, 3) [m] is within the radius and in line of sight."""
+        """True (n,) where points (n, 3) [m] are within the radius and in line of sight.
+
+        Raises ValueError for another shape.
+        """
         antenna = self.position(terrain)
         positions = np.asarray(points, dtype=np.float64)
         if positions.ndim != 2 or positions.shape[1] != 3:
@@ -71,7 +77,7 @@ class RadarTrack:
             raise ValueError(f"radar: velocity is {self.velocity}; allowed: two finite numbers")
 
     def at(self, t: float, terrain: HeightField) -> Radar | None:
-        """The radar at ``t`` [s]; None while it is off. Where it reaches the edge of the map it stays."""
+        """Radar at ``t`` [s]; None while it is off. Where it reaches the edge of the map it stays."""
         if not self.time <= t < self.until:
             return None
         away = t - self.time
@@ -86,7 +92,7 @@ class RadarTrack:
         return replace(self.radar, x=x, y=y)
 
     def exposed(self, terrain: HeightField, t: Array, points: Array) -> Booleans:
-        """(n,) whether points (n, 3) [m] are exposed at times (n,) [s]; a radar that drives moves once a second."""
+        """True (n,) where points (n, 3) [m] are exposed at times t (n,) [s]; a driving radar moves once a second."""
         exposed = np.zeros(len(t), dtype=bool)
         seconds = np.floor(t) if any(self.velocity) else np.full(len(t), self.time)
         on = (t >= self.time) & (t < self.until)

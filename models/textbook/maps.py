@@ -15,14 +15,15 @@ _LEAST = 1e-3  # share of a step below which it gives up
 
 
 def of_numbers(expression: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array], Array]:
-    """An expression of (n,) as a function of numbers, with a flat value."""
+    """Turn an expression of (n,) into a function of numbers (n,) with a flat value."""
     x = casadi.SX.sym("x", n)
     function = casadi.Function("f", [x], [expression(x)])
     return lambda at: np.array(function(at)).ravel()
 
 
 def inverse(T: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array, Array], Array | None]:
-    """(z, near) -> the x (n,) with T(x) = z that Newton's method finds from an x near by; None where it finds none.
+    """Invert T by Newton's method: (z (n,), near (n,)) -> the x (n,) with T(x) = z found from ``near``; None where none
+    is.
 
     A step that does not bring T(x) nearer to z is halved until it does.
     """

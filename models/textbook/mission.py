@@ -18,7 +18,10 @@ TICK = 1e-3
 
 @dataclass(frozen=True)
 class TextbookMission:
-    """Find the state of a system from its outputs. It holds no truth of a run."""
+    """Mission: find the state of a system from its outputs. It holds no truth of a run.
+
+    Raises MissionError for a start or deviations of another size.
+    """
 
     system: System
     start: tuple[float, ...]  # (n,) x^(0)
@@ -37,10 +40,10 @@ class TextbookMission:
 
     @property
     def start_state(self) -> Array:
-        """(n,) x^(0)."""
+        """Believed start x^(0) (n,)."""
         return np.array(self.start)
 
     @property
     def sensor(self) -> OutputSensor:
-        """What reads y."""
+        """Sensor of the output y."""
         return OutputSensor(len(self.system.outputs), 1.0 / self.period, self.noise, self.system.output_max)

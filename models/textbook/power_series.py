@@ -51,10 +51,10 @@ class PowerSeries:
 
 
 def solved(system: System, poles: Sequence[float], order: int) -> PowerSeries:
-    """T to the order N for A = diag(poles).
+    """Solve for T to the order N with A = diag(poles).
 
-    ValueError for a system with inputs or without rest at the origin, and for poles that are not n different numbers
-    < 0 or are sums of eigenvalues of the linearisation.
+    Raises ValueError for a system with inputs or without rest at the origin, FieldError for poles that are not n
+    different numbers < 0 or are sums of eigenvalues of the linearisation.
     """
     n = len(system.states)
     if system.inputs or len(system.outputs) != 1:

@@ -62,6 +62,7 @@ class Unicycle(composer.Entity):
 
     @property
     def mjcf_model(self) -> Any:
+        """MJCF model of the robot."""
         return self._model
 
 

@@ -1,8 +1,8 @@
 """The task of a unicycle robot with range sensors: to find itself within a wall that it knows (thesis C.4).
 
-A mission is what everybody may know: the wall, where the sensors point, how good they are, what the wheels can do, and
-what is known of the start. It holds no truth of a run. A pose is x = (x_1, x_2, phi) [m, m, rad], an input
-u = (u_1, u_2), the speed [m/s] and the turn rate [rad/s].
+A mission is what everybody may know: the wall, the directions and the quality of the sensors, what the wheels can do,
+and what is known of the start. It holds no truth of a run. A pose is x = (x_1, x_2, phi) [m, m, rad], an input u =
+(u_1, u_2), the speed [m/s] and the turn rate [rad/s].
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _SAME = 1e-9  # [rad]
 class RangingMission:
     """A robot within ``curve`` with range sensors at ``angles`` (l,) [rad] off its heading.
 
-    Raises ValueError without sensors, with two at the same angle, or with a known start that is not within the wall.
+    Raises MissionError without sensors, with two at the same angle, or with a known start that is not within the wall.
     """
 
     curve: Curve
@@ -58,11 +58,11 @@ class RangingMission:
 
     @property
     def sensors(self) -> int:
-        """l."""
+        """Number l of range sensors."""
         return len(self.angles)
 
     def sensors_carried(self) -> tuple[RangeSensor, WheelOdometry]:
-        """Fresh sensors for one run, of readings "ranges" (l,) and "odometry" (2,), that err as the mission has it."""
+        """Make the sensors of one run, of readings "ranges" (l,) [m] and "odometry" (2,) [m/s, rad/s]."""
         corners = self.curve.polyline[:-1:8]
         longest = float(np.linalg.norm(corners[:, None] - corners, axis=2).max())
         rate = 1.0 / self.period
@@ -70,23 +70,23 @@ class RangingMission:
 
     @property
     def alpha(self) -> Array:
-        """(l,) [rad]."""
+        """Angles (l,) [rad] of the sensors off the heading."""
         return np.array(self.angles)
 
     @property
     def start_pose(self) -> Array:
-        """(3,) what is known of the start; the centre of the wall where nothing is."""
+        """Pose (3,) [m, m, rad] that is known of the start; the centre of the wall where nothing is."""
         if self.start is not None:
             return np.array(self.start.pose)
         return np.array([*self.curve.centre, 0.0])
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """The pose (3,) after the input u (2,) was held for dt [s] from x (3,)."""
+        """Pose (3,) [m, m, rad] after the input u (2,) [m/s, rad/s] was held for dt [s] from x (3,)."""
         after: Array = moved(np.asarray(x, np.float64), float(u[0]), float(u[1]), dt)
         return after
 
     def difference(self, x: Array, truth: Array) -> Array:
-        """(3,) [m, m, rad] an estimate (3,) less the truth (3,), modulo the symmetry of the wall.
+        """Estimate x (3,) less the truth (3,) [m, m, rad], modulo the symmetry of the wall.
 
         Of the poses that are indistinguishable from the truth the nearest one counts. In a circle, where they are a
         continuum, that is the one in the direction of the estimate from the centre.
@@ -104,7 +104,7 @@ class RangingMission:
         return nearest
 
     def error(self, x: Array, truth: Array) -> tuple[float, float]:
-        """[m] and [rad]: how long the two parts of ``difference`` are."""
+        """Lengths [m] and [rad] of the two parts of ``difference`` between x (3,) and the truth (3,)."""
         away = self.difference(x, truth)
         return math.hypot(away[0], away[1]), abs(float(away[2]))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RangeQuality:
-    """How a range errs: by a Gaussian of variance (relative rho)^2 + absolute^2, and now and then wholly."""
+    """Declared errors of a range: Gaussian of variance (relative rho)^2 + absolute^2, losses and outliers."""
 
     relative: float = 0.0  # of the range
     absolute: float = 0.0  # [m]
@@ -17,7 +17,7 @@ class RangeQuality:
 
 @dataclass(frozen=True)
 class OdometryQuality:
-    """How what the wheels say errs: u_measured = (1 + bias) u + noise, per reading."""
+    """Declared errors of odometry: u_measured = (1 + bias) u + noise, per reading."""
 
     noise: tuple[float, float] = (0.0, 0.0)  # [m/s, rad/s] standard deviations
     bias: float = 0.0  # relative, of both; an estimator does not know its sign
@@ -26,7 +26,7 @@ class OdometryQuality:
 
 @dataclass(frozen=True)
 class KnownStart:
-    """A pose that estimators are told at t = 0, and how far it may be off."""
+    """A pose that estimators are given at t = 0, and its standard deviations."""
 
     pose: tuple[float, float, float]  # [m, m, rad]
     deviation: tuple[float, float, float] = (0.3, 0.3, 0.3)  # standard deviations

@@ -28,6 +28,7 @@ class RangeSensor:
     name: str = "ranges"
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        """Read the ranges (l,) [m] of ``motion``; ``rng`` draws noise, outliers and losses."""
         quality = self.quality
         rho = np.array([motion.sensed(f"range_{i}")[0] for i in range(self.size)])
         rho[rho < 0.0] = np.nan  # MuJoCo's word for a ray that meets nothing
@@ -40,7 +41,7 @@ class RangeSensor:
 
 @dataclass
 class WheelOdometry:
-    """What the wheels say of the mean input (u_1, u_2) over the last period, (2,) [m/s, rad/s], if they do not slip.
+    """Mean input (u_1, u_2) (2,) [m/s, rad/s] over the last period by the wheels, if they do not slip.
 
     A reading is (1 + bias) u + noise, the sign of the bias drawn once a run. The first one only notes where the wheels
     are, so there is none of it. It remembers the wheels: it belongs to one vehicle and one run.
@@ -54,6 +55,7 @@ class WheelOdometry:
     _bias: float = field(default=0.0, init=False, repr=False)
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the mean input (2,) [m/s, rad/s] of ``motion`` since the last reading; None for the first."""
         wheels = np.concatenate([motion.sensed("wheel_left"), motion.sensed("wheel_right")])
         before, self._before = self._before, wheels
         if before is None:

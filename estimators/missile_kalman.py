@@ -147,10 +147,10 @@ class MissileKalman:
         self._timeout_monitor.note(reading.t)
 
     def _difference(self, reading: Array, expected: Array) -> Array:
-        off: Array = reading - expected
+        error: Array = reading - expected
         angles = self._coordinates.angles
-        off[angles] = wrapped(off[angles])
-        return off
+        error[angles] = wrapped(error[angles])
+        return error
 
 
 @lru_cache(maxsize=8)

@@ -74,9 +74,9 @@ class Flow:
         self, f: Callable[[casadi.SX, casadi.SX], casadi.SX], nx: int, nu: int, tolerance: float = TOLERANCE
     ) -> None:
         x, u, h = casadi.SX.sym("x", nx), casadi.SX.sym("u", nu), casadi.SX.sym("h")
-        after, off = dormand_prince(f, x, u, h)
+        after, difference = dormand_prince(f, x, u, h)
         scale = 1.0 + casadi.fmax(casadi.fabs(x), casadi.fabs(after))
-        step = casadi.Function("step", [x, u, h], [after, casadi.mmax(casadi.fabs(off) / scale) / tolerance])
+        step = casadi.Function("step", [x, u, h], [after, casadi.mmax(casadi.fabs(difference) / scale) / tolerance])
         self._given = np.zeros(nx), np.zeros(nu), np.zeros(1)
         self._found = np.zeros(nx), np.zeros(1)
         self._step = BufferedFunction(step, self._given, self._found)
@@ -92,12 +92,12 @@ class Flow:
         before.
         """
         at, held, length = self._given
-        after, off = self._found
+        after, difference = self._found
         at[:], held[:], t, h = x, u, 0.0, dt
         while t < dt:
             length[0] = h = min(h, dt - t)
             self._step()
-            error = float(off[0]) if np.isfinite(after).all() else math.inf  # CasADi passes over a NaN
+            error = float(difference[0]) if np.isfinite(after).all() else math.inf  # CasADi passes over a NaN
             if error <= 1.0:
                 at[:], t = after, dt if h == dt - t else t + h
                 if np.abs(at).max() > FARTHEST:

@@ -5,7 +5,7 @@ Under an input u(.) a state x_1 is output flow equivalent to x_0 if, for all t i
     h(x(t, x_1, u)) - h(x_1) = h(x(t, x_0, u)) - h(x_0).
 
 ``mismatch`` is the largest difference of the two sides over a given T; where the wall is analytic it vanishes for one T
-only if it does for all. Its derivative at t = 0 is y'(x_1) = y'(x_0), which the print's Q = 0 says:
+only if it does for all. Its derivative at t = 0 is y'(x_1) = y'(x_0), which Q = 0 as printed says:
 
     Q_i = theta'(s_i)^T R_{phi + alpha_i} e_2 (y_i'(x_0) - y_i'(x_1)),
 
@@ -80,11 +80,11 @@ def intersection(outputs: RangeOutputs, x_0: Array, motion: Array, feasible: Fea
         return Intersection(np.empty((0, 3)), 0.0, isolation)
     starts = [feasible.points]
     for curve in feasible.curves:
-        off = np.array([mismatch(outputs, x, x_0, motion) for x in curve.points])
-        before, after = np.roll(off, 1), np.roll(off, -1)
+        error = np.array([mismatch(outputs, x, x_0, motion) for x in curve.points])
+        before, after = np.roll(error, 1), np.roll(error, -1)
         if not curve.closed:
             before[0], after[-1] = math.inf, math.inf
-        starts.append(curve.points[(off <= before) & (off <= after) & np.isfinite(off)])
+        starts.append(curve.points[(error <= before) & (error <= after) & np.isfinite(error)])
     found = [x for start in np.vstack(starts) if (x := outputs.fit(y, start, motion)) is not None]
     states = different_poses(np.array([np.asarray(x_0, np.float64), *found]), _SAME)
     others = states[1:]

@@ -44,10 +44,10 @@ def project(states: Array, y: Array, v: Array, wall: WallShape, angles: Array, s
                 if math.isnan(h):
                     far[m] = math.inf
                     break
-                off = y[i] - h
-                far[m] += off * off / v[i]
+                residual = y[i] - h
+                far[m] += residual * residual / v[i]
                 for a in range(3):
-                    g[a] += H[a] * off / v[i]
+                    g[a] += H[a] * residual / v[i]
                     for b in range(3):
                         A[a, b] += H[a] * H[b] / v[i]
             if step == steps or math.isinf(far[m]):

@@ -139,14 +139,14 @@ def condition(
 ) -> tuple[float, float, int, int]:
     """Condition x (4,) and P (4, 4), in place, on ranges z (l,) [m] of ``sensors``, NaN where lost.
 
-    A step that would lead out of the wall is cut short. Returns NIS, ln |S|, the number of rays that told something and
+    A step that would lead out of the wall is cut short. Returns NIS, ln |S|, the number of rays that read something and
     the number of these within the gate.
     """
     angles, relative, absolute, gate = sensors
     x_1, x_2, phi = x[0], x[1], x[2]
     predicted = P[:3, :3].copy()
     dx, H, D, PH = np.zeros(4), np.empty(3), np.empty(3), np.empty(4)
-    nis, log_det, told, used = 0.0, 0.0, 0, 0
+    nis, log_det, read, used = 0.0, 0.0, 0, 0
     for i in range(len(z)):
         if not z[i] > 0.0:
             continue
@@ -158,7 +158,7 @@ def condition(
         HPH = H[0] * PH[0] + H[1] * PH[1] + H[2] * PH[2]
         s = HPH + (relative * h) ** 2 + absolute**2 + 0.5 * _square_trace(predicted, D, h, B, C, H)
         nu = z[i] - h - H[0] * dx[0] - H[1] * dx[1] - H[2] * dx[2]
-        told += 1
+        read += 1
         log_det += math.log(s)
         if nu * nu > gate * s:
             nis += gate
@@ -173,7 +173,7 @@ def condition(
     for j in range(4):
         x[j] += step * dx[j]
     x[2] = wrapped(x[2])
-    return nis, log_det, told, used
+    return nis, log_det, read, used
 
 
 @njit(cache=True, nogil=True)

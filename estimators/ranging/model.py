@@ -83,8 +83,8 @@ class RangeModel:
         middle = np.array([*known.pose, 0.0])
         x: Array = middle + np.sqrt(np.diag(self.covariance(known.deviation))) * rng.standard_normal((count, STATES))
         for n in range(count):
-            off = x[n, :2] - middle[:2]
-            x[n, :2] = middle[:2] + step_within(self.wall, *middle[:2], *off) * off
+            offset = x[n, :2] - middle[:2]
+            x[n, :2] = middle[:2] + step_within(self.wall, *middle[:2], *offset) * offset
         return x
 
     def start(self) -> tuple[Array, Array]:

@@ -3,9 +3,9 @@
     z' = feed-forward - k_V [dV_rho / dz]' - k_Q [dQ / dz]' Q,   x_hat = Phi(z),   z = (s_1, ..., s_l, phi),
 
 with V_rho and Q of ``observer_kernels``. It is stiff, so a period dt is one linearly implicit step,
-z + feed-forward - dt (I + dt H)^-1 gradient. The print has no feed-forward and so does not stay on the truth;
-``feedforward_kernels`` has three that do. Phi is the print's vector average: the mean of where the rays say that the
-robot is. Range rates come from a window of readings, at the centre of which the observer runs (``range_rate``); from
+z + feed-forward - dt (I + dt H)^-1 gradient. (C.5) as printed has no feed-forward and so does not stay on the truth;
+``feedforward_kernels`` has three that do. Phi is the thesis' vector average: the mean of the positions that the rays
+give. Range rates come from a window of readings, at the centre of which the observer runs (``range_rate``); from
 there the estimate is pushed forward with the inputs that odometry measured. What a ray that was lost cannot say is
 taken from that motion too.
 """
@@ -60,13 +60,13 @@ class RangeObserverConfig:
     """Fields of the command line."""
 
     feedforward: FeedForward = "s"
-    """what carries z along: none (the print), s, rho_dot or manifold"""
+    """what feeds z forward: none (as printed), s, rho_dot or manifold"""
     k_v: float = 1.0
     """k_V, gain of V_rho [1/(m^2 s)]"""
     k_q: float = 1.0
     """k_Q, gain of |Q|^2 / 2 [s/m^4]"""
     fitted: Fitted | None = None
-    """what range rates are fitted to: the innovation, or with the print the ranges, if not given"""
+    """what range rates are fitted to: the innovation, or as printed the ranges, if not given"""
     window: int | None = None
     """readings to a fit; 101, or 3 of ranges that the mission says are exact, if not given"""
     order: int | None = None

@@ -113,7 +113,7 @@ def mode(x: Array, w: Array, before: Array, radius: float, starts: int, wall: Wa
         if weight > most:
             centre, most = here.copy(), weight
     mean, P, total = np.zeros(4), np.zeros((3, 3)), 0.0
-    off = np.empty(4)
+    deviation = np.empty(4)
     for n in range(len(x)):
         if _near(x[n], centre, radius):
             total += w[n]
@@ -125,10 +125,10 @@ def mode(x: Array, w: Array, before: Array, radius: float, starts: int, wall: Wa
     for n in range(len(x)):
         if _near(x[n], centre, radius):
             for j in range(3):
-                off[j] = (wrapped(x[n, j] - centre[j]) if j == 2 else x[n, j] - centre[j]) - mean[j]
+                deviation[j] = (wrapped(x[n, j] - centre[j]) if j == 2 else x[n, j] - centre[j]) - mean[j]
             for j in range(3):
                 for k in range(3):
-                    P[j, k] += w[n] / total * off[j] * off[k]
+                    P[j, k] += w[n] / total * deviation[j] * deviation[k]
     step = step_within(wall, centre[0], centre[1], mean[0], mean[1])
     mean[:2] *= step
     mean += centre

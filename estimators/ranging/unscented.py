@@ -160,9 +160,9 @@ class RangeUkf:
 
 
 def _difference(x: Array, y: Array) -> Array:
-    off: Array = np.subtract(x, y)
-    off[2] = wrapped(off[2])
-    return off
+    difference: Array = np.subtract(x, y)
+    difference[2] = wrapped(difference[2])
+    return difference
 
 
 def _sum(x: Array, y: Array) -> Array:

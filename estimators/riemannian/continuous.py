@@ -3,7 +3,7 @@
     xi' = eta - A G,    D_t eta = -B G + PT_{x -> xi} F + C R(eta, G),    G = grad_xi S = -log_xi x,
 
 D_t eta = eta' + k <xi', eta> xi in the ambient space. It needs the position at every instant, so it serves where the
-motion is known, and shows what the gains of the print do; ``sampled`` is for sensors.
+motion is known, and shows what the printed gains do; ``sampled`` is for sensors.
 """
 
 from __future__ import annotations

@@ -76,8 +76,8 @@ class PositionObserver:
                 self._read(reading.t, y, command)
         self._move(t, command)
         counts = {"refused": np.array([float(self._refused)]), "restarts": np.array([float(self._restarts)])}
-        told = {name: values.copy() for name, values in self._extra.items()}
-        return Estimate(t, self._x.copy(), None, self._status(t), {**told, **counts})
+        extra = {name: values.copy() for name, values in self._extra.items()}
+        return Estimate(t, self._x.copy(), None, self._status(t), {**extra, **counts})
 
     def _read(self, t: float, y: Array, u: Array) -> None:
         self._move(t, u, y)
@@ -87,7 +87,7 @@ class PositionObserver:
             self._timeout_monitor.note(t)
             self._try(lambda: self._law.start(y))
             return
-        if t < self._t - TIME_TOLERANCE:  # it comes late: what it could tell has been told by a newer one
+        if t < self._t - TIME_TOLERANCE:  # it comes late: a newer one has been used
             return
         used: list[bool] = []
         self._try(lambda: used.append(self._law.correct(y, t - self._timeout_monitor.t)))

@@ -1,4 +1,4 @@
-"""Errors of (x, v) as 2 n numbers, on any manifold: what a Kalman filter needs to be told of one.
+"""Errors of (x, v) as 2 n numbers, on any manifold: what a Kalman filter needs to know of one.
 
     (x, v) + (a, b) = (q, PT_{x -> q}(v + b)),    q the point with the coordinates a about x,
 

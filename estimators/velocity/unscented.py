@@ -89,5 +89,5 @@ class Unscented:
     def __call__(self, errors: Callable[[Array], Array], P: Array) -> tuple[Array, Array]:
         Y = np.array([errors(e) for e in self._points.sigma_points(self._centre, P)])  # (2 d + 1, d)
         mean = self._points.Wm @ Y
-        off = Y - mean
-        return mean, off.T @ (self._points.Wc[:, np.newaxis] * off)
+        deviations = Y - mean
+        return mean, deviations.T @ (self._points.Wc[:, np.newaxis] * deviations)

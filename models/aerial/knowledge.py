@@ -59,8 +59,8 @@ class Knowledge:
         if message.topic == RADARS:
             if not isinstance(payload, tuple) or not all(isinstance(radar, Radar) for radar in payload):
                 return f"radars = {payload!r}; allowed: a tuple of Radar"
-            off = [radar for radar in payload if not terrain.contains(radar.x, radar.y)]
-            return f"{off[0]!r} is off the map" if off else ""
+            outside = [radar for radar in payload if not terrain.contains(radar.x, radar.y)]
+            return f"{outside[0]!r} is off the map" if outside else ""
         return ""
 
 

@@ -24,7 +24,7 @@ class FullStateSensor:
     """
 
     position_noise: float = 0.0  # [m] standard deviation on each axis
-    rate: float | None = None  # [Hz]; None: whenever the loop looks
+    rate: float | None = None  # [Hz]; None: every control step
     name: str = "full_state"
     size: int = 6
 
@@ -36,8 +36,8 @@ class FullStateSensor:
         if self.position_noise == 0.0:
             return motion.x
         half_width = math.sqrt(3.0) * self.position_noise
-        off: Array = np.concatenate([rng.uniform(-half_width, half_width, 3), np.zeros(3)])
-        return motion.x + off
+        noise: Array = np.concatenate([rng.uniform(-half_width, half_width, 3), np.zeros(3)])
+        return motion.x + noise
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class PositionSensor:
     """Position fixes, (3,) [m], with Gaussian noise."""
 
     noise: float = 0.0  # [m] standard deviation on each axis
-    rate: float | None = 10.0  # [Hz]; None: whenever the loop looks
+    rate: float | None = 10.0  # [Hz]; None: every control step
     name: str = "position"
     size: int = 3
 
@@ -63,7 +63,7 @@ class AccelerationSensor:
     """Net acceleration over the last tick, gusts included, (3,) [m/s^2], with Gaussian noise."""
 
     noise: float = 0.0  # [m/s^2] standard deviation on each axis
-    rate: float | None = None  # [Hz]; None: whenever the loop looks
+    rate: float | None = None  # [Hz]; None: every control step
     name: str = "acceleration"
     size: int = 3
 

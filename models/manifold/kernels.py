@@ -72,10 +72,10 @@ def distance(k: float, p: Array, q: Array) -> float:
 @njit(cache=True, nogil=True)
 def logarithm(k: float, p: Array, q: Array) -> Array:
     """log_p q (m,) of points p, q (m,); NaN from a point of the sphere to the one opposite."""
-    away = q - p
+    difference = q - p
     if k == 0.0:
-        return away
-    w = tangent(k, p, away + (0.5 * k * inner(k, away, away)) * p)
+        return difference
+    w = tangent(k, p, difference + (0.5 * k * inner(k, difference, difference)) * p)
     theta, sine = distance(k, p, q), norm(k, w)
     if theta < _SMALL:
         return w

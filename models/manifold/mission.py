@@ -39,7 +39,7 @@ class LagrangianMission:
         """Sensor of one run, with readings "position" (size,)."""
         return ManifoldPositionSensor(self.system.manifold, self.reading, 1.0 / self.period)
 
-    # ---- for the estimator ``full_state``, which is told the velocity
+    # ---- for the estimator ``full_state``, which reads the velocity
 
     @property
     def control_period(self) -> float:

@@ -51,11 +51,11 @@ class ManifoldPositionSensor:
         """Read the position (size,) of the plant, with noise, jumps and rounding; None where the reading is lost."""
         manifold, quality = self.manifold, self.quality
         x = motion.x[: manifold.size]
-        off = quality.noise * rng.standard_normal(manifold.dimension)
+        error = quality.noise * rng.standard_normal(manifold.dimension)
         lost, jumps = rng.random(2) < (quality.dropout, quality.jump)
         if jumps:
-            off = off + quality.jump_size
-        y = manifold.point(x, off) if off.any() else x
+            error = error + quality.jump_size
+        y = manifold.point(x, error) if error.any() else x
         return None if lost else manifold.rounded(y, quality.resolution)
 
 

@@ -152,8 +152,10 @@ class MissileMission:
             **dict.fromkeys(("x_e", "y_e", "z_e"), kick["u"]),
             **dict.fromkeys(("theta", "psi"), kick["q"]),
         }
-        off = [kick[name] * age if name in kick else drift[name] * 0.5 * age * age for name in self.coordinates.states]
-        return np.diag(self.noise.deviations(self.coordinates) ** 2 + np.square(off))
+        deviations = [
+            kick[name] * age if name in kick else drift[name] * 0.5 * age * age for name in self.coordinates.states
+        ]
+        return np.diag(self.noise.deviations(self.coordinates) ** 2 + np.square(deviations))
 
     def full_state_quality(self) -> Any:
         """The covariance of a reading: nothing is certified from it."""

@@ -37,7 +37,7 @@ class MissileStateSensor:
 
     coordinates: Coordinates
     noise: StateNoise = StateNoise()
-    rate: float | None = None  # [Hz]; None: whenever the loop looks
+    rate: float | None = None  # [Hz]; None: every control step
     name: str = "full_state"
 
     @property
@@ -51,5 +51,5 @@ class MissileStateSensor:
         deviations = self.noise.deviations(self.coordinates)
         if not deviations.any():
             return x
-        off: Array = deviations * rng.standard_normal(len(x))
-        return x + off
+        noise: Array = deviations * rng.standard_normal(len(x))
+        return x + noise

@@ -29,7 +29,7 @@ class QuadrotorStateSensor:
     """
 
     position_noise: float = 0.0  # [m] standard deviation on each axis
-    rate: float | None = None  # [Hz]; None: whenever the loop looks
+    rate: float | None = None  # [Hz]; None: every control step
     name: str = "full_state"
     size: int = STATE_SIZE
 

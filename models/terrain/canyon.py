@@ -81,8 +81,8 @@ class Canyon:
         s = np.linspace(0.0, 1.0, 200)
         foot = float(self.middle(np.array([self.fork]))[0])
         north = foot + s * (0.97 * _SIDE - foot)
-        bend = 0.16 * _SIDE * s + 26.0 * np.sin(2.0 * math.pi * 1.3 * s) * np.minimum(1.0, 4.0 * s)
-        return np.column_stack([self.fork + bend, north])
+        offset = 0.16 * _SIDE * s + 26.0 * np.sin(2.0 * math.pi * 1.3 * s) * np.minimum(1.0, 4.0 * s)
+        return np.column_stack([self.fork + offset, north])
 
 
 def canyon(number: int = 0) -> HeightField:
@@ -139,8 +139,8 @@ def _smooth(s: Array) -> Array:
 
 def _distance(curve: Array, x: Array, y: Array) -> tuple[Array, Array]:
     """[m] from each node to a curve (n, 2), and the share of the way along it, 0 to 1, at which it is nearest."""
-    away, nearest = cKDTree(curve).query(np.stack([x, y], axis=-1).reshape(-1, 2))
-    return away.reshape(x.shape), nearest.reshape(x.shape) / (len(curve) - 1.0)
+    distance, nearest = cKDTree(curve).query(np.stack([x, y], axis=-1).reshape(-1, 2))
+    return distance.reshape(x.shape), nearest.reshape(x.shape) / (len(curve) - 1.0)
 
 
 def _noise(rng: np.random.Generator, count: int, cells: int) -> Array:

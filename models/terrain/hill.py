@@ -50,8 +50,8 @@ def with_hills(terrain: HeightField, hills: tuple[Hill, ...]) -> HeightField:
                 f"hill: ({hill.x}, {hill.y}) m is not on the terrain {terrain.name!r}; "
                 f"allowed: 0 to {terrain.width:g} m east and 0 to {terrain.depth:g} m north"
             )
-        away = np.minimum(np.hypot(x - hill.x, y - hill.y) / hill.radius, 1.0)
-        z += 0.5 * hill.height * (1.0 + np.cos(np.pi * away))
+        distance = np.minimum(np.hypot(x - hill.x, y - hill.y) / hill.radius, 1.0)
+        z += 0.5 * hill.height * (1.0 + np.cos(np.pi * distance))
     return HeightField(z, terrain.spacing, terrain.name, terrain.source, terrain.licence)
 
 

@@ -80,15 +80,15 @@ class RadarTrack:
         """Radar at ``t`` [s]; None while it is off. Where it reaches the edge of the map it stays."""
         if not self.time <= t < self.until:
             return None
-        away = t - self.time
+        elapsed = t - self.time
         for place, velocity, side in zip(
             (self.radar.x, self.radar.y), self.velocity, (terrain.width, terrain.depth), strict=True
         ):
             if velocity != 0.0:
-                away = min(away, ((side if velocity > 0.0 else 0.0) - place) / velocity)
+                elapsed = min(elapsed, ((side if velocity > 0.0 else 0.0) - place) / velocity)
         east, north = self.velocity
-        x = min(max(self.radar.x + east * away, 0.0), terrain.width)  # but for rounding on it already
-        y = min(max(self.radar.y + north * away, 0.0), terrain.depth)
+        x = min(max(self.radar.x + east * elapsed, 0.0), terrain.width)  # but for rounding on it already
+        y = min(max(self.radar.y + north * elapsed, 0.0), terrain.depth)
         return replace(self.radar, x=x, y=y)
 
     def exposed(self, terrain: HeightField, t: Array, points: Array) -> Booleans:

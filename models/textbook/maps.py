@@ -32,13 +32,13 @@ def inverse(T: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array, Arr
 
     def found(z: Array, near: Array) -> Array | None:
         at, share = np.array(near, dtype=np.float64), 1.0
-        off, slope = _residual(value_and_slope, at, z)
+        residual, slope = _residual(value_and_slope, at, z)
         for _ in range(_STEPS):
-            size = float(np.abs(off).max())
+            size = float(np.abs(residual).max())
             if size <= _EXACT * (1.0 + float(np.abs(z).max())):
                 return at
             try:
-                step = np.linalg.solve(slope, off)
+                step = np.linalg.solve(slope, residual)
             except np.linalg.LinAlgError:
                 return None
             share = min(1.0, 2.0 * share)
@@ -49,7 +49,7 @@ def inverse(T: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array, Arr
                 share *= 0.5
             else:
                 return None
-            at, off, slope = at + share * step, after, after_slope
+            at, residual, slope = at + share * step, after, after_slope
         return None
 
     return found

@@ -66,7 +66,7 @@ class System:
 
     def difference(self, a: Array, b: Array) -> Array:
         """Difference a - b (..., n) of states a, b (..., n), angles wrapped."""
-        off = np.array(a - b, dtype=np.float64)
+        difference = np.array(a - b, dtype=np.float64)
         for k in self.angles:
-            off[..., k] = wrapped(off[..., k])
-        return off
+            difference[..., k] = wrapped(difference[..., k])
+        return difference

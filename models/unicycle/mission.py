@@ -98,15 +98,15 @@ class RangingMission:
             offset = truth[:2] - centre
             offset = np.array([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]])
             truth = np.array([*(centre + offset), truth[2] + turn])
-        away = x - self.curve.images(truth)
-        away[:, 2] = wrapped(away[:, 2])
-        nearest: Array = away[int(np.argmin(np.square(away).sum(axis=1)))]
+        differences = x - self.curve.images(truth)
+        differences[:, 2] = wrapped(differences[:, 2])
+        nearest: Array = differences[int(np.argmin(np.square(differences).sum(axis=1)))]
         return nearest
 
     def error(self, x: Array, truth: Array) -> tuple[float, float]:
         """Lengths [m] and [rad] of the two parts of ``difference`` between x (3,) and the truth (3,)."""
-        away = self.difference(x, truth)
-        return math.hypot(away[0], away[1]), abs(float(away[2]))
+        differences = self.difference(x, truth)
+        return math.hypot(differences[0], differences[1]), abs(float(differences[2]))
 
 
 def _direction(pose: Array, centre: Array) -> float:

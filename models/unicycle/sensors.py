@@ -24,7 +24,7 @@ class RangeSensor:
     size: int  # l
     quality: RangeQuality
     longest: float  # [m] that can be in sight
-    rate: float | None  # [Hz]; None: whenever the loop looks
+    rate: float | None  # [Hz]; None: every control step
     name: str = "ranges"
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:

@@ -15,7 +15,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRe
 _PERIODS = 100  # of the mission, from one plan to the next
 
 
-class Reference(Protocol):
+class ReferenceMotion(Protocol):
     """A motion that is to be followed."""
 
     def state(self, k: int) -> Array:
@@ -30,7 +30,7 @@ class Reference(Protocol):
 class ReferencePlanner:
     """The reference's next states, whatever the estimate says, with the inputs that would keep it on its way."""
 
-    def __init__(self, reference: Reference, mission: LagrangianMission) -> None:
+    def __init__(self, reference: ReferenceMotion, mission: LagrangianMission) -> None:
         self.period = _PERIODS * mission.period
         self._reference, self._step, self._size = reference, mission.period, mission.system.manifold.size
         self._inverse = InverseForce(mission.system)

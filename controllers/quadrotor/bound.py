@@ -47,7 +47,7 @@ _SLOWEST = -0.1  # [1/s] of a loop that holds
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class AxisLoop:
     """x' = A x + B (d, n) with x = (e, e', r, d^, ...); its outputs are e [m], e' [m/s] and c [m/s^2]."""
 
     A: Array  # (nx, nx)
@@ -56,7 +56,7 @@ class Loop:
 
     @staticmethod
     @lru_cache(maxsize=16)  # a fresh controller is built for every run
-    def along(config: TrackerConfig, vehicle: Quadrotor, period: float) -> Loop:
+    def along(config: TrackerConfig, vehicle: Quadrotor, period: float) -> AxisLoop:
         """theta follows c by thrust."""
         e, e_dot, r, d, theta = np.eye(5)
         k_p, k_v, observer = _gains(config)
@@ -64,11 +64,11 @@ class Loop:
         c, c_dot = -k_p * e - k_v * e_dot - d, -k_p * e_dot - k_v * (theta + d)
         theta_dot = (c + vehicle.motor_lag * c_dot - theta) / lag
         A = np.array([e_dot, theta, -d - 2.0 * observer * r, observer**2 * r, theta_dot])
-        return Loop(A, np.column_stack([e_dot + r, -k_p / lag * theta]), np.array([e, e_dot, c]))
+        return AxisLoop(A, np.column_stack([e_dot + r, -k_p / lag * theta]), np.array([e, e_dot, c]))
 
     @staticmethod
     @lru_cache(maxsize=16)
-    def across(config: TrackerConfig, vehicle: Quadrotor, period: float) -> Loop:
+    def across(config: TrackerConfig, vehicle: Quadrotor, period: float) -> AxisLoop:
         """theta follows c by tilt; ValueError if these gains do not hold it at commands every ``period`` [s]."""
         e, e_dot, r, d, theta, theta_dot, tau = np.eye(7)
         k_p, k_v, observer = _gains(config)
@@ -85,10 +85,10 @@ class Loop:
                 f"{config.attitude_bandwidth!r} and rotors with motor_lag = {vehicle.motor_lag!r} s grows by "
                 f"{growth:.2g}/s; allowed: slower ones, below {_SLOWEST:g}/s"
             )
-        return Loop(A, np.column_stack([e_dot + r, -k_R * k_p / lag * tau]), np.array([e, e_dot, c]))
+        return AxisLoop(A, np.column_stack([e_dot + r, -k_R * k_p / lag * tau]), np.array([e, e_dot, c]))
 
     @cached_property
-    def peaks(self) -> tuple[Array, Array]:
+    def peak_gains(self) -> tuple[Array, Array]:
         """Of d to the outputs (3,): peak-to-peak gains, and the greatest answers to a step of 1 m/s^2."""
         phi, x = expm(_STEP * self.A), self.B[:, 0]
         response = np.empty((round(_DURATION / _STEP), 3))
@@ -131,10 +131,10 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
     drags = max(d_x, d_y, d_z), d_z + 0.5 * max(abs(d_x - d_z), abs(d_y - d_z))
     a_max = mission.acceleration_max
     parts = []
-    for build, drag in zip((Loop.across, Loop.along), drags, strict=True):
+    for build, drag in zip((AxisLoop.across, AxisLoop.along), drags, strict=True):
         loop = build(config, vehicle, mission.control_period)
         unknown = tolerance * foreseen.acceleration * a_max + config.drag_tolerance * drag
-        gains, steps = loop.peaks
+        gains, steps = loop.peak_gains
         spread = _DEVIATIONS * loop.deviations(mission)
         if mission.position_noise == 0.0:
             spread = np.minimum(spread, gains * mission.gust.limit)

@@ -44,9 +44,9 @@ def outputs_along(
                 continue
             beta = pose[2] + motion[k, 2] + angles[i]
             rho, at = cast_ray(coefficients, polyline, px, py, beta)
-            gx, gy, turn = range_gradient(coefficients, at, rho, beta)
+            gx, gy, g_phi = range_gradient(coefficients, at, rho, beta)
             y[row] = rho
-            J[row, 0], J[row, 1], J[row, 2] = gx, gy, turn + gy * dx - gx * dy
+            J[row, 0], J[row, 1], J[row, 2] = gx, gy, g_phi + gy * dx - gx * dy
     return y, J
 
 

@@ -88,11 +88,11 @@ def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> N
             continue
         dx, dy = x[k, 0] - c_1, x[k, 1] - c_2
         for i in range(rotations):
-            turn = 2.0 * math.pi * i / rotations
-            c, s = math.cos(turn), math.sin(turn)
+            angle = 2.0 * math.pi * i / rotations
+            c, s = math.cos(angle), math.sin(angle)
             d[0] = c_1 + c * dx - s * dy - x[best, 0]
             d[1] = c_2 + s * dx + c * dy - x[best, 1]
-            d[2] = wrapped(x[k, 2] + turn - x[best, 2])
+            d[2] = wrapped(x[k, 2] + angle - x[best, 2])
             w = solved(P[best], d)
             if d[0] * w[0] + d[1] * w[1] + d[2] * w[2] < twin:
                 score[k] = math.nan

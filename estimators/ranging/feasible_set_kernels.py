@@ -82,8 +82,8 @@ def farthest_points(states: Array, first: int, count: int, nearest: float) -> In
         n += 1
         for m in range(len(states)):
             dx, dy = states[m, 0] - states[latest, 0], states[m, 1] - states[latest, 1]
-            turn = wrapped(states[m, 2] - states[latest, 2])
-            far[m] = min(far[m], dx * dx + dy * dy + turn * turn)
+            angle = wrapped(states[m, 2] - states[latest, 2])
+            far[m] = min(far[m], dx * dx + dy * dy + angle * angle)
         latest = int(np.argmax(far))
         if far[latest] <= nearest * nearest:
             break

@@ -147,8 +147,8 @@ def _around(x: Array, w: Array, centre: Array, radius: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _near(a: Array, b: Array, radius: float) -> bool:
-    turn = wrapped(a[2] - b[2])
-    square: float = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + turn * turn
+    angle = wrapped(a[2] - b[2])
+    square: float = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + angle * angle
     return square < radius * radius
 
 

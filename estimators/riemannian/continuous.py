@@ -26,8 +26,8 @@ def rates(
     G = -space.log(xi, x)
     theta = space.norm(xi, G)
     drift = eta - gains.position(theta) * G
-    turn = gains.curved(theta) * space.curvature(xi, eta, G)
-    return drift, space.transport(x, xi, F) - gains.velocity() * G + turn
+    curvature = gains.curved(theta) * space.curvature(xi, eta, G)
+    return drift, space.transport(x, xi, F) - gains.velocity() * G + curvature
 
 
 class ContinuousObserver:
@@ -53,5 +53,5 @@ class ContinuousObserver:
         xi = self._space.project(z[0])
         eta = self._space.tangent(xi, z[1])
         drift, turned = rates(self._space, self._gains, instant, xi, eta)
-        bend = self._space.kappa * self._space.inner(xi, drift, eta)
-        return np.stack([drift, turned - bend * xi])
+        normal = self._space.kappa * self._space.inner(xi, drift, eta)
+        return np.stack([drift, turned - normal * xi])

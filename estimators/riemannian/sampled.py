@@ -90,20 +90,20 @@ class SampledIntrinsicObserver:
             alpha, beta = self._gains.weights(theta, h)
         else:
             alpha, beta, gamma = self._gains.disturbed_weights(h)
-        turn = self._turn(theta, L, h)
+        term = self._curvature_term(theta, L, h)
         after = manifold.exp(before, alpha * L)
-        self.eta = manifold.transport(before, after, self.eta + beta * L + turn)
+        self.eta = manifold.transport(before, after, self.eta + beta * L + term)
         if self.delta is not None:
             self.delta = manifold.transport(before, after, self.delta + gamma * L)
         self.xi = after
         return Innovation(theta, accepted=True)
 
-    def _turn(self, theta: float, L: Array, h: float) -> Array:
+    def _curvature_term(self, theta: float, L: Array, h: float) -> Array:
         """h C R(eta, -L), at most _LARGEST |L| / h long."""
         manifold = self._manifold
-        turn = h * self._gains.curved(theta) * manifold.curvature(self.xi, self.eta, -L)
-        size, most = manifold.norm(self.xi, turn), _LARGEST * theta / h
-        return turn if size <= most else turn * (most / size)
+        term = h * self._gains.curved(theta) * manifold.curvature(self.xi, self.eta, -L)
+        size, most = manifold.norm(self.xi, term), _LARGEST * theta / h
+        return term if size <= most else term * (most / size)
 
     def _force(self, measured: Array | None, u: Array) -> Array:
         """At xi: that at the measured position, brought there; that at xi itself where there is none."""

@@ -41,8 +41,8 @@ class StateErrors:
         if self._stored:
             return P
         frame = [self._manifold.vector(x, axis) for axis in np.eye(self._n)]
-        turn = np.stack([self._manifold.components(q, self._carried(x, q, axis)) for axis in frame], axis=1)
-        both = np.kron(np.eye(2), turn)
+        rotation = np.stack([self._manifold.components(q, self._carried(x, q, axis)) for axis in frame], axis=1)
+        both = np.kron(np.eye(2), rotation)
         turned: Array = both @ P @ both.T
         return turned
 

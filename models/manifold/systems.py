@@ -143,8 +143,8 @@ class PointSystem:
         p, v = x[:n], x[n:]
         at, held, F = self._symbols
         signs = casadi.DM([-1.0 if k < 0.0 else 1.0] + [1.0] * (n - 1))
-        bend = k * casadi.dot(v * signs, v) * p
-        return casadi.vertcat(v, casadi.substitute(F, casadi.vertcat(at, held), casadi.vertcat(p, u)) - bend)
+        normal = k * casadi.dot(v * signs, v) * p
+        return casadi.vertcat(v, casadi.substitute(F, casadi.vertcat(at, held), casadi.vertcat(p, u)) - normal)
 
     @cached_property
     def _rate(self) -> casadi.Function:

@@ -91,7 +91,7 @@ def surface(z: Array, spacing: float, x: Array, y: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def _turning_time(b: float, a: float, duration: float) -> float:
+def _vertex_time(b: float, a: float, duration: float) -> float:
     """Where c + b t + a t^2 turns, clipped to [0, duration]; ``duration`` if it never does."""
     if a == 0.0:
         return duration
@@ -107,10 +107,10 @@ def _crossing_times(times: Array, count: int, c: float, b: float, a: float, dura
     """
     if a == 0.0 and b == 0.0:
         return count  # along an edge or not moving: one triangle, either one on the edge
-    turn = _turning_time(b, a, duration)
+    vertex = _vertex_time(b, a, duration)
     for part in range(2):
-        begin = 0.0 if part == 0 else turn
-        end = turn if part == 0 else duration
+        begin = 0.0 if part == 0 else vertex
+        end = vertex if part == 0 else duration
         if end <= begin:
             continue
         f_begin = c + begin * (b + a * begin)
@@ -139,19 +139,19 @@ def _crossing_times(times: Array, count: int, c: float, b: float, a: float, dura
 @njit(cache=True, error_model="numpy")
 def _crossing_bound(c: float, b: float, a: float, duration: float) -> int:
     """An upper bound of the number of times that ``_crossing_times`` appends."""
-    turn = _turning_time(b, a, duration)
-    f_turn = c + turn * (b + a * turn)
+    vertex = _vertex_time(b, a, duration)
+    f_vertex = c + vertex * (b + a * vertex)
     f_end = c + duration * (b + a * duration)
-    return int(abs(f_turn - c)) + int(abs(f_end - f_turn)) + 4
+    return int(abs(f_vertex - c)) + int(abs(f_end - f_vertex)) + 4
 
 
 @njit(cache=True, error_model="numpy")
 def _stays_within(c: float, b: float, a: float, duration: float, limit: float) -> bool:
     """Whether 0 <= c + b t + a t^2 <= limit over all of [0, duration]."""
-    turn = _turning_time(b, a, duration)
-    f_turn = c + turn * (b + a * turn)
+    vertex = _vertex_time(b, a, duration)
+    f_vertex = c + vertex * (b + a * vertex)
     f_end = c + duration * (b + a * duration)
-    return min(c, f_turn, f_end) >= 0.0 and max(c, f_turn, f_end) <= limit
+    return min(c, f_vertex, f_end) >= 0.0 and max(c, f_vertex, f_end) <= limit
 
 
 @njit(cache=True, error_model="numpy")

@@ -93,11 +93,11 @@ class RangingMission:
         """
         truth, centre = np.asarray(truth, np.float64), self.curve.centre
         if self.curve.symmetry == 0:
-            turn = _direction(x, centre) - _direction(truth, centre)
-            c, s = math.cos(turn), math.sin(turn)
+            rotation = _direction(x, centre) - _direction(truth, centre)
+            c, s = math.cos(rotation), math.sin(rotation)
             offset = truth[:2] - centre
             offset = np.array([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]])
-            truth = np.array([*(centre + offset), truth[2] + turn])
+            truth = np.array([*(centre + offset), truth[2] + rotation])
         differences = x - self.curve.images(truth)
         differences[:, 2] = wrapped(differences[:, 2])
         nearest: Array = differences[int(np.argmin(np.square(differences).sum(axis=1)))]

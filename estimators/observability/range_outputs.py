@@ -16,7 +16,7 @@ import numpy as np
 from mathnavi.estimators.observability.kernels import fit_pose, outputs_along
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 
 Input = Callable[[float], tuple[float, float]]
@@ -91,7 +91,7 @@ def motion_under(input_at: Input, duration: float, instants: int = 20) -> Array:
     x, motion = np.zeros(3), np.zeros((instants, 3))
     for k in range(1, instants):
         u_1, u_2 = input_at((k - 0.5) * dt)
-        x = moved(x, u_1, u_2, dt)
+        x = integrate(x, u_1, u_2, dt)
         motion[k] = x
     return motion
 

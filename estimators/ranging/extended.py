@@ -15,7 +15,7 @@ from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.kernels import moved_slopes, wrapped
+from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_positive, check_probability
@@ -95,7 +95,7 @@ class RangeEkf:
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x.copy()
         v = (1.0 - x[3]) * u
-        F, G = moved_slopes(x[:3], v[0], v[1], dt)
+        F, G = integrate_jacobians(x[:3], v[0], v[1], dt)
         A, Q = np.eye(STATES), np.zeros((STATES, STATES))
         A[:3, :3], A[:3, 3] = F, -G @ u
         Q[:3, :3] = G * self._model.W @ G.T

@@ -16,7 +16,7 @@ from numba import njit
 
 from mathnavi.estimators.ranging.observer_kernels import kept_within, output, seen_from
 from mathnavi.models.field.kernels import WallShape, curve_tangent
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 
 LEAST_DENOMINATOR = 0.05  # [m] of s_rate: where a ray grazes the wall, s_i has no bounded rate
@@ -87,6 +87,6 @@ def forward_manifold(wall: WallShape, alpha: Array, z: Array, here: Array, there
     pose = output(wall, alpha, z, here[0])
     if math.isnan(pose[0]):
         return np.full(len(z), math.nan)
-    pose = moved(pose, u[0], u[1], dt)
+    pose = integrate(pose, u[0], u[1], dt)
     pose[0], pose[1] = kept_within(wall, pose[0], pose[1])
     return seen_from(wall, alpha, pose, z)

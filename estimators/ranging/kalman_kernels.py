@@ -25,8 +25,8 @@ import math
 import numpy as np
 from numba import njit
 
-from mathnavi.models.field.kernels import WallShape, cast_ray, curve_bend, curve_tangent, is_inside
-from mathnavi.models.unicycle.kernels import moved, moved_slopes, wrapped
+from mathnavi.models.field.kernels import WallShape, cast_ray, curve_second_derivative, curve_tangent, is_inside
+from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wrapped
 from mathnavi.sim.interfaces.signals import Array
 
 _GRAZING = 1e-3  # sine of the angle between a ray and the wall below which it tells nothing
@@ -63,7 +63,7 @@ def within(wall: WallShape, points: Array) -> Array:
 @njit(cache=True, nogil=True)
 def move(x: Array, u: Array, wall: WallShape, dt: float) -> None:
     """Move x (4,), in place, over dt [s] under a reading u (2,) [m/s, rad/s], but not out of the wall."""
-    after = moved(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
+    after = integrate(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
     d_1, d_2 = after[0] - x[0], after[1] - x[1]
     step = step_within(wall, x[0], x[1], d_1, d_2)
     x[0] += step * d_1
@@ -74,7 +74,7 @@ def move(x: Array, u: Array, wall: WallShape, dt: float) -> None:
 @njit(cache=True, nogil=True)
 def predict(x: Array, P: Array, u: Array, W: Array, wall: WallShape, dt: float) -> None:
     """Predict x (4,) and P (4, 4), in place, over dt [s] under a reading u (2,) of variances W (2,)."""
-    F, G = moved_slopes(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
+    F, G = integrate_jacobians(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
     move(x, u, wall, dt)
     for i in range(3):  # A is the identity but for these entries
         by_heading = F[i, 2] if i < 2 else 0.0
@@ -116,7 +116,7 @@ def expected_range(
         return math.nan, 0.0, 0.0
     H[0], H[1], H[2] = -t_y / across, t_x / across, h * along / across
     D[0], D[1], D[2] = -e_y / across, e_x / across, h / across
-    b_x, b_y = curve_bend(coefficients, s)
+    b_x, b_y = curve_second_derivative(coefficients, s)
     return h, -along / across, (t_y * b_x - t_x * b_y) / across
 
 

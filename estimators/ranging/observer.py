@@ -32,7 +32,7 @@ from mathnavi.estimators.ranging.range_rate import Window, check_window, savitzk
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_positive
@@ -181,7 +181,7 @@ class RangeObserver:
         """One period on, at the window's centre."""
         wall, alpha, window = self._wall, self._alpha, self._window
         u, begins = window.inputs[window.half - 1], window.is_at_start
-        predicted = self._pose if begins else moved(self._pose, u[0], u[1], self.period)
+        predicted = self._pose if begins else integrate(self._pose, u[0], u[1], self.period)
 
         def forward(by: Callable[..., Array], there: Array) -> Array:
             z: Array = self._z if begins else by(wall, alpha, self._z, self._readings, there, u, self.period)

@@ -24,8 +24,15 @@ import math
 import numpy as np
 from numba import njit
 
-from mathnavi.models.field.kernels import WallShape, cast_ray, curve_bend, curve_point, curve_tangent, is_inside
-from mathnavi.models.unicycle.kernels import moved, wrapped
+from mathnavi.models.field.kernels import (
+    WallShape,
+    cast_ray,
+    curve_point,
+    curve_second_derivative,
+    curve_tangent,
+    is_inside,
+)
+from mathnavi.models.unicycle.kernels import integrate, wrapped
 from mathnavi.sim.interfaces.signals import Array
 
 LONGEST_STEP = 0.5  # [rad] of any component of z in one correction
@@ -88,7 +95,7 @@ def descent(
         a = -rho_dot[i] * s_i - rho[i] * u[1] * c_i
         b = u[0] + rho_dot[i] * c_i - rho[i] * u[1] * s_i
         w_x, w_y = c * a - s * b, s * a + c * b  # R_phi w_i
-        bend_x, bend_y = curve_bend(table, z[i])
+        bend_x, bend_y = curve_second_derivative(table, z[i])
         Q = t[i, 0] * w_x + t[i, 1] * w_y
         by_s, by_phi = bend_x * w_x + bend_y * w_y, t[i, 1] * w_x - t[i, 0] * w_y
         squares += Q * Q
@@ -233,7 +240,7 @@ def pushed_forward(
     """
     here, after = seen_from(wall, alpha, pose, z), pose
     for u in inputs:
-        after = moved(after, u[0], u[1], period)
+        after = integrate(after, u[0], u[1], period)
     after = after.copy()
     after[0], after[1] = kept_within(wall, after[0], after[1])
     return z + (seen_from(wall, alpha, after, here) - here), after

@@ -20,7 +20,7 @@ from numba import njit
 
 from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within
 from mathnavi.models.field.kernels import WallShape, cast_ray
-from mathnavi.models.unicycle.kernels import moved, wrapped
+from mathnavi.models.unicycle.kernels import integrate, wrapped
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 
@@ -30,7 +30,7 @@ def propagate(x: Array, u: Array, deviation: Array, wall: WallShape, dt: float, 
     for n in range(len(x)):
         u_1 = (1.0 - x[n, 3]) * u[0] + deviation[0] * rng.standard_normal()
         u_2 = (1.0 - x[n, 3]) * u[1] + deviation[1] * rng.standard_normal()
-        _place(x[n], moved(x[n, :3], u_1, u_2, dt), wall)
+        _place(x[n], integrate(x[n, :3], u_1, u_2, dt), wall)
 
 
 @njit(cache=True, nogil=True)

@@ -9,7 +9,7 @@ from numba import njit
 
 from mathnavi.estimators.ranging.observer_kernels import kept_within
 from mathnavi.models.field.kernels import WallShape, cast_ray, cast_rays, range_gradient
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 
 _FAR = 4.0  # root mean squares of the residuals: what is further off the polynomial is an outlier
@@ -90,7 +90,7 @@ def innovated(
         at = pose
         for j in range(m):
             held = inputs[m + j] if way > 0 else inputs[m - 1 - j]
-            at = moved(at, held[0], held[1], way * period)
+            at = integrate(at, held[0], held[1], way * period)
             if (j + 1) % (m // k) == 0:
                 x, y = kept_within(wall, at[0], at[1])
                 for i in range(l):

@@ -18,7 +18,7 @@ from mathnavi.estimators.covariance import square_root
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.kernels import moved_slopes, wrapped
+from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_positive, check_probability
@@ -108,7 +108,7 @@ class RangeUkf:
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x
-        _, G = moved_slopes(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
+        _, G = integrate_jacobians(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
         self._filter.Q[:3, :3] = G * self._model.W @ G.T
         self._filter.predict(dt, u=u)
         self._filter.x = self._kept_within(x, self._filter.x)

@@ -34,8 +34,8 @@ class Knowledge:
     target: tuple[float, float, float]  # [m] map frame, p_f
     radars: tuple[Radar, ...] = ()
 
-    def updated(self, messages: Sequence[Message]) -> Knowledge:
-        """What is known after ``messages``; itself if they tell nothing new. Those that cannot be are left out."""
+    def updated_with(self, messages: Sequence[Message]) -> Knowledge:
+        """Return what is known after ``messages``; itself if they say nothing new. Impossible ones are left out."""
         fields: dict[str, Any] = {}
         for message in messages:
             if message.topic in (RADARS, TARGET, TERRAIN) and not self.complaint(message):

@@ -44,7 +44,7 @@ class Curve:
         if not (np.isfinite(table).all() and np.abs(table).max() <= _LARGEST):
             raise ValueError(f"{self.name}: coefficients = {table.tolist()}; allowed: finite ones up to {_LARGEST:g}")
         s = np.linspace(0.0, 2.0 * math.pi, 4 * POINTS)
-        speed, change = (np.linalg.norm(values, axis=1) for values in (self.tangent(s), self.bend(s)))
+        speed, change = (np.linalg.norm(values, axis=1) for values in (self.tangent(s), self.second_derivative(s)))
         if speed.min() <= change.max() * s[1]:  # it may vanish in between
             raise ValueError(f"{self.name}: the curve stands still or has a cusp; allowed: a regular curve")
         if crossing := _crossing(self.points(np.linspace(0.0, 2.0 * math.pi, _CHECKED, endpoint=False))):
@@ -62,7 +62,7 @@ class Curve:
         """Derivative theta'(s) (..., 2) [m] at parameters (...,)."""
         return self._series(s, 1)
 
-    def bend(self, s: Array) -> Array:
+    def second_derivative(self, s: Array) -> Array:
         """Second derivative theta''(s) (..., 2) [m] at parameters (...,)."""
         return self._series(s, 2)
 

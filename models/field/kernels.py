@@ -49,7 +49,7 @@ def curve_tangent(coefficients: Array, s: float) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def curve_bend(coefficients: Array, s: float) -> tuple[float, float]:
+def curve_second_derivative(coefficients: Array, s: float) -> tuple[float, float]:
     """Second derivative theta''(s) [m] of a curve with ``coefficients`` (K + 1, 4)."""
     x = y = 0.0
     for k in range(1, len(coefficients)):

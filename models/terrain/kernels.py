@@ -92,7 +92,7 @@ def surface(z: Array, spacing: float, x: Array, y: Array) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def _vertex_time(b: float, a: float, duration: float) -> float:
-    """Where c + b t + a t^2 turns, clipped to [0, duration]; ``duration`` if it never does."""
+    """Time of the vertex of c + b t + a t^2, clipped to [0, duration]; ``duration`` if there is none."""
     if a == 0.0:
         return duration
     return min(max(-b / (2.0 * a), 0.0), duration)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 
 WHEEL_RADIUS = 0.05  # [m] r
@@ -45,7 +45,7 @@ class IdealDrive:
 
     def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
         """Set the joint rates v (5,) so that over dt [s] the robot moves along the exact arc of u (2,) [m/s, rad/s]."""
-        v[:3] = (moved(q[:3], float(u[0]), float(u[1]), dt) - q[:3]) / dt
+        v[:3] = (integrate(q[:3], float(u[0]), float(u[1]), dt) - q[:3]) / dt
         v[3:] = wheel_rates(u)
 
 

@@ -22,13 +22,13 @@ def sinc(a: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def sinc_slope(a: float) -> float:
+def sinc_derivative(a: float) -> float:
     """Derivative of sin a / a by a [rad]."""
     return -a / 3.0 + a**3 / 30.0 if abs(a) < 1e-3 else (math.cos(a) - math.sin(a) / a) / a
 
 
 @njit(cache=True, nogil=True)
-def moved(pose: Array, u_1: float, u_2: float, dt: float) -> Array:
+def integrate(pose: Array, u_1: float, u_2: float, dt: float) -> Array:
     """Pose (3,) [m, m, rad] after the inputs u_1 [m/s], u_2 [rad/s] were held for dt [s] from ``pose`` (3,)."""
     a = 0.5 * u_2 * dt
     chord, direction = u_1 * dt * sinc(a), pose[2] + a
@@ -36,14 +36,14 @@ def moved(pose: Array, u_1: float, u_2: float, dt: float) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def moved_slopes(pose: Array, u_1: float, u_2: float, dt: float) -> tuple[Array, Array]:
-    """Derivatives of ``moved`` by the pose, F (3, 3), and by the inputs, G (3, 2)."""
+def integrate_jacobians(pose: Array, u_1: float, u_2: float, dt: float) -> tuple[Array, Array]:
+    """Derivatives of ``integrate`` by the pose, F (3, 3), and by the inputs, G (3, 2)."""
     a = 0.5 * u_2 * dt
     chord, direction = u_1 * dt * sinc(a), pose[2] + a
     c, s = math.cos(direction), math.sin(direction)
     F, G = np.eye(3), np.zeros((3, 2))
     F[0, 2], F[1, 2] = -chord * s, chord * c
-    per_speed, per_turn = dt * sinc(a), 0.5 * u_1 * dt * dt * sinc_slope(a)
+    per_speed, per_turn = dt * sinc(a), 0.5 * u_1 * dt * dt * sinc_derivative(a)
     G[0, 0], G[1, 0] = per_speed * c, per_speed * s
     G[0, 1] = per_turn * c - 0.5 * dt * chord * s
     G[1, 1] = per_turn * s + 0.5 * dt * chord * c

@@ -14,7 +14,7 @@ import numpy as np
 
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
 from mathnavi.sim.interfaces.errors import MissionError
@@ -82,7 +82,7 @@ class RangingMission:
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
         """Pose (3,) [m, m, rad] after the input u (2,) [m/s, rad/s] was held for dt [s] from x (3,)."""
-        after: Array = moved(np.asarray(x, np.float64), float(u[0]), float(u[1]), dt)
+        after: Array = integrate(np.asarray(x, np.float64), float(u[0]), float(u[1]), dt)
         return after
 
     def difference(self, x: Array, truth: Array) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.protocols import Estimator
@@ -89,7 +89,7 @@ def reference(task: RangingMission, step: Step, x: Array, P: Array) -> tuple[Arr
 
     def motion(at: Array, v: Array) -> Array:
         u_1, u_2 = (1.0 - at[3]) * u + v
-        return np.array([*moved(at[:3], u_1, u_2, task.period), at[3]])
+        return np.array([*integrate(at[:3], u_1, u_2, task.period), at[3]])
 
     if step.t > 0.0:
         u, still = readings["odometry"], np.zeros(2)

@@ -17,7 +17,7 @@ from mathnavi.estimators.ranging.kalman_kernels import (
     step_within,
 )
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, angles, clear_pose, seeds, walls
 
@@ -71,7 +71,7 @@ def test_a_prediction_carries_the_covariance_on_by_the_jacobian_of_the_motion(se
     x, P, u, W = np.array([0.2, -0.1, 3.0, 0.02]), any_covariance(rng, 0.2), rng.normal(size=2), np.array([0.3, 0.2])
 
     def motion(at: Array, v: Array) -> Array:
-        return np.array([*moved(at[:3], *((1.0 - at[3]) * u + v), dt), at[3]])
+        return np.array([*integrate(at[:3], *((1.0 - at[3]) * u + v), dt), at[3]])
 
     h = 1e-6
     A = np.array([(motion(x + e, np.zeros(2)) - motion(x - e, np.zeros(2))) / (2.0 * h) for e in h * np.eye(4)]).T

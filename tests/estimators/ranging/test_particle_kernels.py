@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mathnavi.estimators.ranging.particle_kernels import mode, propagate, resampled, roughen, weigh
 from mathnavi.models.field.curve import BEAN, Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, angles, seeds, walls
 
@@ -35,7 +35,7 @@ def mode_of(x: Array, w: Array, before: Array, curve: Curve = FIELD) -> tuple[Ar
 def test_without_errors_every_particle_moves_as_the_robot_does_with_its_own_scale() -> None:
     rng, u, dt = np.random.default_rng(0), np.array([0.8, -1.3]), 0.1
     x = around((0.5, 0.2, 3.1), 50, rng, 0.1)
-    expected = [[*moved(each[:3], (1.0 - each[3]) * u[0], (1.0 - each[3]) * u[1], dt), each[3]] for each in x]
+    expected = [[*integrate(each[:3], (1.0 - each[3]) * u[0], (1.0 - each[3]) * u[1], dt), each[3]] for each in x]
     propagate(x, u, np.zeros(2), FIELD.wall, dt, rng)
     off = x - expected
     off[:, 2] = np.remainder(off[:, 2] + math.pi, 2.0 * math.pi) - math.pi

@@ -16,7 +16,7 @@ from mathnavi.estimators.ranging.feedforward_kernels import LEAST_DENOMINATOR, r
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS
 from mathnavi.estimators.ranging.symbolic_output_flow import output_flow
 from mathnavi.models.angles import wrapped
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.studies.ranging.observability.maps import HALF_AXES, SENSORS, STANDARD
 
@@ -52,7 +52,7 @@ def _at(sensors: str, x: Array, u: Array) -> Identities:
     rho_dot, s_dot = complex_step(x, u, alpha)
     z, rate = np.append(s, x[2]), np.append(s_dot, u[1])
     Q, _ = output_flow(STANDARD, tuple(alpha.tolist()))(z, rho, rho_dot, u)
-    after = moved(x, u[0], u[1], PERIOD)
+    after = integrate(x, u[0], u[1], PERIOD)
     is_clear = _least_denominator(x, alpha) >= LEAST_DENOMINATOR
     ends = dict.fromkeys(FEED_FORWARDS, math.nan)
     if is_clear and STANDARD.contains(after[:2]) and _least_denominator(after, alpha) >= LEAST_DENOMINATOR:

@@ -78,14 +78,17 @@ class PlannedTrajectory:
 
 
 def least_distance(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, t: float) -> float:
-    """min |p_a(s) - p_b(s)| over s in [t, infinity) [m]; ValueError for what ``PlannedTrajectory.of`` refuses."""
+    """Least distance min |p_a(s) - p_b(s)| [m] over s in [t, infinity).
+
+    Raises ValueError for what ``PlannedTrajectory.of`` refuses.
+    """
     check(t, "t", -math.inf)
     a, b = PlannedTrajectory.of(plan_a), PlannedTrajectory.of(plan_b)
     return math.sqrt(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), math.inf))
 
 
 def clear(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, distance: float, t: float) -> bool:
-    """Whether |p_a(s) - p_b(s)| >= distance [m] for all s in [t, infinity); no roots where boxes suffice.
+    """True if |p_a(s) - p_b(s)| >= distance [m] for all s in [t, infinity); no roots where boxes suffice.
 
     ValueError for what ``PlannedTrajectory.of`` refuses and for a negative distance.
     """

@@ -21,7 +21,7 @@ What follows from this for the corners:
     held pi_i since before j heard of it. It does remember its latest answer to each, so that a copy of a proposal gets
     the same answer again, as if the first had been late or doubled, and costs no second check.
   - *i withdraws after some acknowledgements*: they are for an id that is void, and are ignored whenever they arrive.
-    Nobody has to be told.
+    Nobody has to be informed.
   - *j adopts its pending plan between the check and the adoption of i*: pi_i was checked against it while pending.
   - *j proposes after it acknowledged pi_i*: case 2 with the roles changed; i refuses, or one of both gives way.
   - *A check covers only when both plans may be flown*: a current plan from now on, a pending one from its start. Until
@@ -54,7 +54,7 @@ TOPIC = "separation"
 
 @dataclass(frozen=True)
 class Proposal:
-    """What i sends: may I fly this from its start on?"""
+    """Proposal of a vehicle i: may I fly this from its start on?"""
 
     id: int  # of this vehicle, increasing
     rank: float
@@ -63,7 +63,7 @@ class Proposal:
 
 @dataclass(frozen=True)
 class SeparationReply:
-    """What j sends back."""
+    """Reply of a vehicle j to a proposal."""
 
     id: int  # of the proposal
     clear: bool
@@ -94,12 +94,12 @@ class Separation:
 
     @property
     def pending(self) -> int | None:
-        """The id of the proposal that is underway or admitted."""
+        """Identifier of the proposal that is underway or admitted."""
         return self._pending.id if self._pending else None
 
     @property
     def own(self) -> tuple[PlannedTrajectory, ...]:
-        """Own_i: what is flown, and what may come to be."""
+        """Own_i: the trajectory being flown, and the one that may come to be."""
         return (self._current, self._pending.trajectory) if self._pending else (self._current,)
 
     def propose(self, plan: Plan | PlannedTrajectory) -> int:
@@ -119,7 +119,7 @@ class Separation:
         self._acknowledged = set()
 
     def admitted(self, id: int) -> bool:
-        """Whether this proposal is pending and every other vehicle has acknowledged it."""
+        """True if this proposal is pending and every other vehicle has acknowledged it."""
         return self.pending == id and len(self._acknowledged) == len(self.peers)
 
     def adopt(self, t: float) -> None:

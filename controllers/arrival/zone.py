@@ -40,27 +40,27 @@ class Zone:
 
     @property
     def required(self) -> float:
-        """[m] D."""
+        """Distance D [m] that plans have to keep."""
         return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * self.speed_max
 
     def between(self, a: PlannedTrajectory, b: PlannedTrajectory) -> float:
-        """[m] D, with the speed of either plan where it is faster than v_max: a gust may have made it so."""
+        """Distance D [m], with the speed of either plan where it is faster than v_max: a gust may have made it so."""
         return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * max(self.speed_max, a.speed, b.speed)
 
     def kept(self, a: PlannedTrajectory, b: PlannedTrajectory, t: float) -> bool:
-        """Whether the plans are D apart over [t, infinity)."""
+        """True if the plans are D apart over [t, infinity), t [s]."""
         return clear(a, b, self.between(a, b), t)
 
 
 def checked_start(
     plans: Sequence[tuple[str, Plan]], slots: Mapping[str, Array], zone: Zone, t: float | None = None
 ) -> dict[str, PlannedTrajectory]:
-    """The initial condition of the protocol: the stored plan of each vehicle by its name, if a fleet may start so.
+    """Stored plan of each vehicle by its name, if a fleet may start so: the initial condition of the protocol.
 
     ``plans`` are the names with their plans, ``slots`` (3,) [m] where each is to arrive, ``t`` [s] the start of the
     mission, by default that of the earliest plan. Raises ValueError, naming both vehicles, the value and what is
-    allowed, for a name that is there twice, and for two vehicles whose starts, whose slots or whose plans anywhere
-    to rest and beyond are less than D apart.
+    allowed, for a name that is there twice, and for two vehicles whose starts, whose slots or whose plans anywhere to
+    rest and beyond are less than D apart.
     """
     names = check_names([name for name, _ in plans])
     if missing := [name for name in names if name not in slots]:

@@ -19,11 +19,11 @@ class ReferenceMotion(Protocol):
     """A motion that is to be followed."""
 
     def state(self, k: int) -> Array:
-        """(x_r, v_r) at the k-th period of the mission."""
+        """State (x_r, v_r) (size + vector_size,) at the k-th period of the mission."""
         ...
 
     def acceleration(self, k: int) -> Array:
-        """D_t v_r there, a tangent vector at x_r."""
+        """Acceleration D_t v_r (vector_size,) at the k-th period, a tangent vector at x_r."""
         ...
 
 
@@ -36,6 +36,7 @@ class ReferencePlanner:
         self._inverse = InverseForce(mission.system)
 
     def plan(self, request: PlanRequest) -> Plan:
+        """Plan of the next reference states, with the inputs that would keep the system on them."""
         began = time.thread_time()
         if not np.isfinite(request.estimate.x).all():
             return Plan.failure(Status.NOT_FINITE, f"the estimate is {request.estimate.x.tolist()}")
@@ -61,7 +62,10 @@ class IntrinsicTracker:
         self._none = np.zeros(len(mission.system.inputs))
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
-        """u (nu,): none while the estimator has no estimate; ValueError for one of another shape than the plan's."""
+        """Input u (nu,) at t [s]: zero while the estimator has no estimate.
+
+        Raises ValueError for an estimate of another shape than the plan's states.
+        """
         if estimate.x.shape != plan.x.shape[1:]:
             raise ValueError(f"the estimate's state has shape {estimate.x.shape}; allowed: {plan.x.shape[1:]}")
         if estimate.status is Status.INITIALISING:

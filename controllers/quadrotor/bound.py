@@ -48,7 +48,7 @@ _SLOWEST = -0.1  # [1/s] of a loop that holds
 
 @dataclass(frozen=True, eq=False)
 class AxisLoop:
-    """x' = A x + B (d, n) with x = (e, e', r, d^, ...); its outputs are e [m], e' [m/s] and c [m/s^2]."""
+    """Closed loop on one axis: x' = A x + B (d, n) with x = (e, e', r, d^, ...); outputs e [m], e' [m/s], c [m/s^2]."""
 
     A: Array  # (nx, nx)
     B: Array  # (nx, 2)
@@ -57,7 +57,7 @@ class AxisLoop:
     @staticmethod
     @lru_cache(maxsize=16)  # a fresh controller is built for every run
     def along(config: TrackerConfig, vehicle: Quadrotor, period: float) -> AxisLoop:
-        """theta follows c by thrust."""
+        """Loop along the vertical: theta follows c by thrust; commands every ``period`` [s]."""
         e, e_dot, r, d, theta = np.eye(5)
         k_p, k_v, observer = _gains(config)
         lag = vehicle.motor_lag + 0.5 * period
@@ -69,7 +69,10 @@ class AxisLoop:
     @staticmethod
     @lru_cache(maxsize=16)
     def across(config: TrackerConfig, vehicle: Quadrotor, period: float) -> AxisLoop:
-        """theta follows c by tilt; ValueError if these gains do not hold it at commands every ``period`` [s]."""
+        """Loop across the vertical: theta follows c by tilt.
+
+        Raises ValueError if these gains do not hold it at commands every ``period`` [s].
+        """
         e, e_dot, r, d, theta, theta_dot, tau = np.eye(7)
         k_p, k_v, observer = _gains(config)
         k_R = config.attitude_bandwidth**2
@@ -89,7 +92,7 @@ class AxisLoop:
 
     @cached_property
     def peak_gains(self) -> tuple[Array, Array]:
-        """Of d to the outputs (3,): peak-to-peak gains, and the greatest answers to a step of 1 m/s^2."""
+        """L1 (peak-to-peak) gains from d to the outputs (3,), and the greatest responses (3,) to a step of 1 m/s^2."""
         phi, x = expm(_STEP * self.A), self.B[:, 0]
         response = np.empty((round(_DURATION / _STEP), 3))
         for k in range(len(response)):
@@ -100,7 +103,7 @@ class AxisLoop:
         return gains, steps
 
     def deviations(self, mission: FlightMission) -> Array:
-        """(3,) standard deviations of the outputs under the mission's gusts and the noise of its positions."""
+        """Standard deviations (3,) of the outputs under the mission's gusts and the noise of its positions."""
         gust, size = mission.gust, len(self.A)
         A = np.zeros((size + 1, size + 1))
         A[:size, :size], A[:size, size], A[size, size] = self.A, self.B[:, 0], -1.0 / gust.time_constant
@@ -119,9 +122,10 @@ def _gains(config: TrackerConfig) -> tuple[float, float, float]:
 
 
 def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMission) -> TrackingBound:
-    """The bound over a mission of the vehicle that is believed to fly; ``feedback`` is what a_max has to yield to it.
+    """Tracking bound over a mission of the vehicle that is believed to fly; ``feedback`` is what a_max has to yield to
+    it.
 
-    ValueError if the gains do not hold the vehicle, or if the rotors can do no more than the feedback asks for.
+    Raises ValueError if the gains do not hold the vehicle, or if the rotors can do no more than the feedback asks for.
     """
     m, g, tolerance = vehicle.mass, vehicle.gravity, config.mass_tolerance
     foreseen = deviation(config.reference_bandwidth, config.preview)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.entity import DriveName
-from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.renders.ranging.beliefs import Beliefs, read_beliefs, shaped
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared

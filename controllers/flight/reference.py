@@ -23,7 +23,7 @@ import numpy as np
 
 from mathnavi.controllers.compilation import compiled as compiled_functions
 from mathnavi.controllers.flight import kernels
-from mathnavi.controllers.flight.cost_to_go import TARGET_LENGTH
+from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, Problem, Solution
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.sim.interfaces.signals import Array

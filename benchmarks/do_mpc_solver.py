@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.flight import kernels, spline
-from mathnavi.controllers.flight.cost_to_go import TARGET_LENGTH
+from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import (
     POINTS_ON_MANOEUVRE,
     POINTS_PER_ARC,

@@ -173,7 +173,7 @@ def _transition(coordinates: Coordinates, body: Body, time_constant: float) -> c
     z, u, h = casadi.SX.sym("z", nx + nu), casadi.SX.sym("u", nu), casadi.SX.sym("h")
     f, disturbing = coordinates.dynamics(body), _disturbing_input(coordinates)
 
-    def rate(at: casadi.SX) -> casadi.SX:
+    def rate(at: casadi.SX, _: float) -> casadi.SX:
         return casadi.vertcat(f(at[:nx], u + disturbing(at)), -at[nx:] / time_constant)
 
     after = classical_step(rate, z, h)

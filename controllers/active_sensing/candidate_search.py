@@ -1,31 +1,40 @@
-"""ExplorationPolicy that looks where it drives: of the inputs that keep inside, the one that a criterion prefers.
+"""The exploration policy that chooses: of the inputs that keep within the wall, the one that a criterion prefers.
 
-The inputs are a grid of speeds times a grid of turn rates, both symmetric about nought and up to what the robot can do;
-standing still and turning on the spot are among them. Each is held for as long as it keeps inside, and then the robot
-rests; what keeps inside for less than a node is left out.
+The candidates are a grid of speeds times a grid of turn rates, both symmetric about zero and up to the robot's limits;
+standing still and turning on the spot are among them. Each is held for as long as it keeps within the wall, and then
+the robot rests; one that does so for less than a node is left out.
+
+**Containment.** Seven poses stand for the belief: the estimate, and k standard deviations from it either way along the
+axes of its covariance, drawn back where they are nearer to the wall than the margin, as the robot is not there. An
+input is admissible for as long as none of the seven comes nearer to the wall than the margin, or than it is where it is
+nearer already; then the robot rests, which it can at once. So turning on the spot is always admissible, and the less
+certain the estimate, the less else is.
+
+An estimate that is nearer to the wall than half of the margin leaves no choice: the robot returns slowly, straight away
+from the wall. Where the position is less certain than the margin, so that the wall may be on any side, it turns on the
+spot.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+import math
 
 import numpy as np
 
 from mathnavi.controllers.active_sensing.belief import Belief
-from mathnavi.controllers.active_sensing.containment import Containment
-from mathnavi.controllers.active_sensing.input_sequence import InputSequence
+from mathnavi.controllers.active_sensing.criteria import Criterion
+from mathnavi.controllers.active_sensing.kernels import WallTable, clearance, nodes_within, sigma_poses
+from mathnavi.controllers.active_sensing.policies import InputSequence
+from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.signals import Array, Integers
+from mathnavi.sim.interfaces.signals import Array, Integers, Phase
 
 SPEEDS = TURN_RATES = 5
 
-
-class Criterion(Protocol):
-    """What makes an input a good one."""
-
-    def best(self, belief: Belief, inputs: Array, held: Integers) -> tuple[int, float]:
-        """Which of ``inputs`` (m, 2), held for so many nodes (m,), is preferred, m >= 1, and what it scores."""
-        ...
+_SLOW = 0.2  # of the largest speed, on the way back
+_AHEAD = math.pi / 4.0  # [rad] between heading and way back within which the robot drives
+_TOO_NEAR = 0.5  # of the margin
+_STEP = 0.01  # [m] between points whose clearances are compared
 
 
 class CandidateSearch:
@@ -35,19 +44,67 @@ class CandidateSearch:
         self._criterion, self._containment, self._node = criterion, containment, node
         self._inputs = candidates(mission)
 
-    def drive(self, t: float, belief: Belief) -> InputSequence:
+    def choose(self, t: float, belief: Belief) -> InputSequence:
+        containment = self._containment
         if not belief.is_found:
-            return self._containment.turn()
-        if not self._containment.keeps(belief):
-            return self._containment.back(belief) if self._containment.knows(belief) else self._containment.turn()
-        held = self._containment.nodes(belief, self._inputs)
+            return containment.turn_on_the_spot()
+        if not containment.is_inside(belief):
+            can_return = containment.is_certain(belief)
+            return containment.way_back(belief) if can_return else containment.turn_on_the_spot()
+        held = containment.admissible_nodes(belief, self._inputs)
         inputs, held = self._inputs[held > 0], held[held > 0]
         k, score = self._criterion.best(belief, inputs, held)
         return InputSequence(np.array([self._node * held[k]]), inputs[k : k + 1], cost=score)
 
 
+class Containment:
+    """How long inputs keep within the wall, in ``nodes`` of a horizon [s], k being ``deviations``; and the way back."""
+
+    def __init__(self, mission: RangingMission, horizon: float, nodes: int, deviations: float) -> None:
+        self._wall = WallTable(mission.curve.table, mission.curve.polyline)
+        self._margin, self._deviations = mission.margin, deviations
+        self._horizon, self._nodes = horizon, nodes
+        self._speed, self._turn_rate = _SLOW * mission.speed_max, mission.turn_rate_max
+
+    def is_inside(self, belief: Belief) -> bool:
+        """Whether the estimate keeps half of the margin from the wall."""
+        return bool(clearance(self._wall, *belief.pose[:2]) >= _TOO_NEAR * self._margin)
+
+    def is_certain(self, belief: Belief) -> bool:
+        """Whether the position's standard deviation is less than the margin: else there is no way back to plan."""
+        return belief.position_deviation < self._margin
+
+    def admissible_nodes(self, belief: Belief, inputs: Array) -> Integers:
+        """For how many nodes (m,) each of ``inputs`` (m, 2) may be held."""
+        poses = sigma_poses(self._wall, belief.pose, belief.covariance, self._deviations, self._margin)
+        held: Integers = nodes_within(self._wall, poses, self._margin, inputs, self._horizon / self._nodes, self._nodes)
+        return held
+
+    def way_back(self, belief: Belief) -> InputSequence:
+        """A turn towards the inside or away from it, whichever is nearer, and slowly there."""
+        x, y, phi = belief.pose
+        slope = [
+            clearance(self._wall, x + _STEP * c, y + _STEP * s) - clearance(self._wall, x - _STEP * c, y - _STEP * s)
+            for c, s in ((1.0, 0.0), (0.0, 1.0))
+        ]
+        error = wrapped(math.atan2(slope[1], slope[0]) - phi)
+        forwards = abs(error) <= 0.5 * math.pi
+        error = error if forwards else wrapped(error + math.pi)
+        speed = self._speed if abs(error) < _AHEAD else 0.0
+        turn_rate = float(np.clip(error / self._horizon, -self._turn_rate, self._turn_rate))
+        return self._held(speed if forwards else -speed, turn_rate, "way-back", "the estimate is too near to the wall")
+
+    def turn_on_the_spot(self) -> InputSequence:
+        """For when there is no estimate to plan with: the turn shows the sensors more of the wall."""
+        return self._held(0.0, self._turn_rate, "blind", "there is no estimate to plan with")
+
+    def _held(self, u_1: float, u_2: float, note: str, message: str) -> InputSequence:
+        u = np.array([[u_1, u_2]])
+        return InputSequence(np.array([self._horizon]), u, Phase.MANOEUVRE, note=note, message=message)
+
+
 def candidates(mission: RangingMission) -> Array:
-    """(25, 2) inputs [m/s, rad/s]."""
+    """Candidate inputs (25, 2) [m/s, rad/s]."""
     speeds = np.linspace(-mission.speed_max, mission.speed_max, SPEEDS)
     turn_rates = np.linspace(-mission.turn_rate_max, mission.turn_rate_max, TURN_RATES)
     return np.array([(u_1, u_2) for u_1 in speeds for u_2 in turn_rates])

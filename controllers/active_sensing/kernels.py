@@ -1,4 +1,4 @@
-"""What a robot will learn from inputs, and how long they keep it within the wall, compiled.
+"""The expected covariance of the pose after inputs, and how long they keep the robot within the wall, compiled.
 
 An input is followed over N nodes x_j, h apart, of which it is held for the first n; then the robot rests. With
 F_j = d x_j / d x_0, and every sensor being read h / dt times between two nodes, dt the time between readings, the error
@@ -6,12 +6,13 @@ at the last node is expected to have the covariance
 
     F_N (P^-1 + sum_j F_j' H_j' (h / dt) R_j^-1 H_j F_j)^-1 F_N',    H_j = d rho / d x at x_j,   R_j = diag(var rho_i),
 
-which no process noise widens. A ray that misses the wall, or grazes it, tells nothing.
+which no process noise widens. A ray that misses the wall, or grazes it, carries no information.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -24,24 +25,39 @@ _HALVINGS = 20  # of the way from a pose to one that is too near to the wall
 _ROUNDING = 1e-9  # [m]
 
 
+class WallTable(NamedTuple):
+    """The wall theta(s): ``table`` and ``polyline`` of a ``models.field.curve.Curve``."""
+
+    coefficients: Array  # (K + 1, 4) [m]
+    polyline: Array  # (n + 1, 2) [m] points, the last of which is the first
+
+
+class RangeSensors(NamedTuple):
+    """Range sensors of a robot and their noise."""
+
+    angles: Array  # (l,) [rad] alpha, between the heading and each ray
+    noise: Array  # (2,) standard deviation of a range: relative share, and absolute [m]
+
+
+class PredictionHorizon(NamedTuple):
+    """Nodes of a prediction."""
+
+    node: float  # [s] h
+    nodes: int  # N
+    readings: float  # h / dt, of each sensor between two nodes
+
+
 @njit(cache=True, nogil=True)
 def expected_covariance(
-    coefficients: Array,
-    polyline: Array,
-    angles: Array,
-    noise: Array,
-    pose: Array,
-    P: Array,
-    u: Array,
-    held: int,
-    node: float,
-    nodes: int,
-    readings: float,
+    wall: WallTable, sensors: RangeSensors, horizon: PredictionHorizon, pose: Array, P: Array, u: Array, held: int
 ) -> tuple[Array, Array]:
-    """The pose (3,) and the covariance (3, 3) at the last of ``nodes``, for an input u (2,) held for ``held`` of them.
+    """Pose (3,) and covariance (3, 3) at the last node, from ``pose`` (3,) and P (3, 3) at the first.
 
-    ``noise`` (2,) is (relative, absolute) of a range, ``node`` h [s], ``readings`` h / dt.
+    The input u (2,) [m/s, rad/s] is held for ``held`` nodes; then the robot rests.
     """
+    coefficients, polyline = wall
+    angles, noise = sensors
+    node, nodes, readings = horizon
     x, F, information = pose, np.eye(3), inverse(P)
     for j in range(nodes):
         u_1, u_2 = (u[0], u[1]) if j < held else (0.0, 0.0)
@@ -59,31 +75,29 @@ def expected_covariance(
 
 @njit(cache=True, nogil=True)
 def expected_traces(
-    coefficients: Array,
-    polyline: Array,
-    angles: Array,
-    noise: Array,
+    wall: WallTable,
+    sensors: RangeSensors,
+    horizon: PredictionHorizon,
     pose: Array,
     P: Array,
     inputs: Array,
     held: Integers,
-    node: float,
-    nodes: int,
-    readings: float,
 ) -> Array:
-    """(m,) traces of the expected covariance after each of ``inputs`` (m, 2), held for ``held`` (m,) nodes."""
+    """Traces (m,) of the expected covariance after each of ``inputs`` (m, 2), held for ``held`` (m,) nodes."""
     traces = np.empty(len(inputs))
     for m in range(len(inputs)):
-        _, covariance = expected_covariance(
-            coefficients, polyline, angles, noise, pose, P, inputs[m], held[m], node, nodes, readings
-        )
+        _, covariance = expected_covariance(wall, sensors, horizon, pose, P, inputs[m], held[m])
         traces[m] = np.trace(covariance)
     return traces
 
 
 @njit(cache=True, nogil=True)
-def smallest_singular_values(coefficients: Array, polyline: Array, angles: Array, pose: Array, inputs: Array) -> Array:
-    """(m,) of [d rho / dx; d rho_dot / dx] (2 l, 3) at a pose (3,) under each of ``inputs`` (m, 2) [m/s, rad/s]."""
+def smallest_singular_values(wall: WallTable, angles: Array, pose: Array, inputs: Array) -> Array:
+    """Least singular values (m,) of O = [d rho / dx; d rho_dot / dx] (2 l, 3) at a pose (3,), one for each input.
+
+    ``angles`` (l,) [rad] are those of the sensors, ``inputs`` (m, 2) [m/s, rad/s].
+    """
+    coefficients, polyline = wall
     values = np.empty(len(inputs))
     for m in range(len(inputs)):
         rows = np.zeros((2 * len(angles), 3))
@@ -100,7 +114,7 @@ def smallest_singular_values(coefficients: Array, polyline: Array, angles: Array
 
 @njit(cache=True, nogil=True)
 def range_rate_gradient(coefficients: Array, s: float, rho: float, beta: float, phi: float, u: Array) -> Array:
-    """d rho_dot / d (x_1, x_2, phi) (3,) of a ray along ``beta`` [rad] that ends at theta(s), under an input u (2,).
+    """Gradient d rho_dot / d (x_1, x_2, phi) (3,) of a ray along ``beta`` [rad] that ends at theta(s), under u (2,).
 
     With t = theta'(s), e = (cos beta, sin beta) and D = e x t,
 
@@ -113,7 +127,7 @@ def range_rate_gradient(coefficients: Array, s: float, rho: float, beta: float, 
     e_1, e_2, c, sn = math.cos(beta), math.sin(beta), math.cos(phi), math.sin(phi)
     D, dot = e_1 * t_2 - e_2 * t_1, e_1 * t_1 + e_2 * t_2
     rate = (u[0] * (t_1 * sn - t_2 * c) + rho * u[1] * dot) / D
-    # By s, by rho and by phi alone.
+    # Partial derivatives by s, by rho and by phi.
     by_s = (u[0] * (b_1 * sn - b_2 * c) + rho * u[1] * (e_1 * b_1 + e_2 * b_2) - rate * (e_1 * b_2 - e_2 * b_1)) / D
     by_rho = u[1] * dot / D
     by_phi = (u[0] * (t_1 * c + t_2 * sn) + rho * u[1] * D + rate * dot) / D
@@ -124,57 +138,56 @@ def range_rate_gradient(coefficients: Array, s: float, rho: float, beta: float, 
 
 
 @njit(cache=True, nogil=True)
-def nodes_within(
-    coefficients: Array, polyline: Array, poses: Array, margin: float, inputs: Array, node: float, nodes: int
-) -> Integers:
-    """(m,) for how many of ``nodes`` each of ``inputs`` (m, 2) may be held, if the robot is at any of ``poses`` (n, 3).
+def nodes_within(wall: WallTable, poses: Array, margin: float, inputs: Array, node: float, nodes: int) -> Integers:
+    """Number (m,) of ``nodes``, ``node`` [s] apart, for which ``inputs`` (m, 2) may be held from all ``poses`` (n, 3).
 
     None of these comes nearer to the wall than ``margin`` [m], or than it is where it is nearer already.
     """
     least = np.empty(len(poses))
     for i in range(len(poses)):
-        least[i] = min(margin, clearance(coefficients, polyline, poses[i, 0], poses[i, 1])) - _ROUNDING
+        least[i] = min(margin, clearance(wall, poses[i, 0], poses[i, 1])) - _ROUNDING
     kept = np.full(len(inputs), nodes)
     for m in range(len(inputs)):
         for i in range(len(poses)):
             x = poses[i]
             for j in range(kept[m]):
                 x = integrate(x, inputs[m, 0], inputs[m, 1], node)
-                if clearance(coefficients, polyline, x[0], x[1]) < least[i]:
+                if clearance(wall, x[0], x[1]) < least[i]:
                     kept[m] = j
                     break
     return kept
 
 
 @njit(cache=True, nogil=True)
-def sigma_poses(coefficients: Array, polyline: Array, pose: Array, P: Array, deviations: float, margin: float) -> Array:
-    """(7, 3) a pose and those k ``deviations`` from it along the axes of its covariance P (3, 3).
+def sigma_poses(wall: WallTable, pose: Array, P: Array, deviations: float, margin: float) -> Array:
+    """A pose (3,) and those k ``deviations`` from it along the axes of its covariance P (3, 3), as rows (7, 3).
 
     One that is nearer to the wall than ``margin`` [m], and than the pose itself, is drawn back to where it is not.
     """
-    margin = min(margin, clearance(coefficients, polyline, pose[0], pose[1]))
+    margin = min(margin, clearance(wall, pose[0], pose[1]))
     values, axes = np.linalg.eigh(P)
     poses = np.empty((7, 3))
     poses[0] = pose
     for i in range(6):
-        away = deviations * math.sqrt(max(0.0, values[i // 2])) * axes[:, i // 2] * (1.0 - 2.0 * (i % 2))
+        offset = deviations * math.sqrt(max(0.0, values[i // 2])) * axes[:, i // 2] * (1.0 - 2.0 * (i % 2))
         low, high = 0.0, 1.0
-        if clearance(coefficients, polyline, pose[0] + away[0], pose[1] + away[1]) >= margin:
+        if clearance(wall, pose[0] + offset[0], pose[1] + offset[1]) >= margin:
             low = 1.0
         else:
             for _ in range(_HALVINGS):
                 middle = 0.5 * (low + high)
-                if clearance(coefficients, polyline, pose[0] + middle * away[0], pose[1] + middle * away[1]) >= margin:
+                if clearance(wall, pose[0] + middle * offset[0], pose[1] + middle * offset[1]) >= margin:
                     low = middle
                 else:
                     high = middle
-        poses[1 + i] = pose + low * away
+        poses[1 + i] = pose + low * offset
     return poses
 
 
 @njit(cache=True, nogil=True)
-def clearance(coefficients: Array, polyline: Array, x_1: float, x_2: float) -> float:
-    """[m] from a point to the nearest point of the polyline; negative outside the wall."""
+def clearance(wall: WallTable, x_1: float, x_2: float) -> float:
+    """Distance [m] of a point (x_1, x_2) [m] from the nearest point of the polyline; negative outside the wall."""
+    coefficients, polyline = wall
     square = math.inf
     for k in range(len(polyline) - 1):
         d_1, d_2 = polyline[k, 0] - x_1, polyline[k, 1] - x_2
@@ -185,7 +198,7 @@ def clearance(coefficients: Array, polyline: Array, x_1: float, x_2: float) -> f
 
 @njit(cache=True, nogil=True)
 def inverse(M: Array) -> Array:
-    """Of a symmetric positive semidefinite (3, 3) but nought, after 1e-12 of its trace was added to its diagonal."""
+    """Inverse of a symmetric positive semidefinite M (3, 3), M != 0, after 1e-12 tr M is added to its diagonal."""
     tiny = 1e-12 * (M[0, 0] + M[1, 1] + M[2, 2])
     a, b, c = M[0, 0] + tiny, M[0, 1], M[0, 2]
     d, e, f = M[1, 1] + tiny, M[1, 2], M[2, 2] + tiny

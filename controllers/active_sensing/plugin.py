@@ -8,24 +8,30 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from mathnavi.controllers.active_sensing.active import Active
-from mathnavi.controllers.active_sensing.belief_from_estimates import BeliefFromEstimates
-from mathnavi.controllers.active_sensing.candidate_search import CandidateSearch, Criterion
-from mathnavi.controllers.active_sensing.circle import Circle
-from mathnavi.controllers.active_sensing.containment import Containment
-from mathnavi.controllers.active_sensing.figure_eight import FigureEight
-from mathnavi.controllers.active_sensing.input_sequence import ExplorationPolicy
-from mathnavi.controllers.active_sensing.open_loop import OpenLoop, Pattern, path
-from mathnavi.controllers.active_sensing.planner import ExcitingPlanner
-from mathnavi.controllers.active_sensing.random_inputs import RandomInputs
-from mathnavi.controllers.active_sensing.reference import Reference
-from mathnavi.controllers.active_sensing.singular_value import SingularValue
-from mathnavi.controllers.active_sensing.still import Still
-from mathnavi.controllers.active_sensing.straight import Straight
-from mathnavi.controllers.active_sensing.then_track import ThenTrack
+from mathnavi.controllers.active_sensing.belief import BeliefFromEstimates
+from mathnavi.controllers.active_sensing.candidate_search import CandidateSearch, Containment
+from mathnavi.controllers.active_sensing.criteria import (
+    Criterion,
+    ExpectedCovariance,
+    RandomChoice,
+    SmallestSingularValue,
+)
+from mathnavi.controllers.active_sensing.planner import ExplorationPlanner
+from mathnavi.controllers.active_sensing.policies import (
+    Circle,
+    ExplorationPolicy,
+    FigureEight,
+    Pattern,
+    PatternPolicy,
+    Still,
+    Straight,
+    path,
+)
+from mathnavi.controllers.active_sensing.then_track import ReferencePath, ThenTrack
 from mathnavi.controllers.active_sensing.tracker import PathTracker
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array
 
@@ -98,18 +104,18 @@ PATTERNS: Mapping[str, Callable[[ActiveSensingConfig], Pattern]] = {
     "straight": lambda config: Straight(config.speed, config.cycle),
     "still": lambda config: Still(),
 }
-"""Modes that look at nothing."""
+"""Modes that fly a pattern, whatever is observed."""
 
 CRITERIA: Mapping[str, Callable[[ActiveSensingConfig, RangingMission], Criterion]] = {
-    "active": lambda config, mission: Active(mission, config.horizon, config.nodes),
-    "singular-value": lambda config, mission: SingularValue(mission),
-    "random": lambda config, mission: RandomInputs(np.random.default_rng(config.seed)),
+    "active": lambda config, mission: ExpectedCovariance(mission, config.horizon, config.nodes),
+    "singular-value": lambda config, mission: SmallestSingularValue(mission),
+    "random": lambda config, mission: RandomChoice(np.random.default_rng(config.seed)),
 }
-"""Modes that look where they drive."""
+"""Modes that choose among inputs that keep within the wall."""
 
 
 class ActiveSensing:
-    """Excites an estimator of a robot with range sensors, and then, if asked to, keeps a path."""
+    """Explores until the estimate of a robot with range sensors is certain and then, if configured, follows a path."""
 
     Config = ActiveSensingConfig
 
@@ -117,35 +123,35 @@ class ActiveSensing:
     def build(config: ActiveSensingConfig, mission: RangingMission) -> tuple[Planner, Tracker]:
         fastest = _FASTEST / mission.period
         if config.bandwidth > fastest:
-            raise ValueError(f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s")
+            raise FieldError(f"bandwidth = {config.bandwidth!r}; allowed: at most {fastest:g} rad/s")
         tracker = PathTracker(mission, config.bandwidth, config.speed)
         beliefs = BeliefFromEstimates(config.deviation, config.horizon)
-        planner = ExcitingPlanner(_excitation(config, mission), _period(config, mission), beliefs)
+        planner = ExplorationPlanner(_policy(config, mission), _period(config, mission), beliefs)
         if config.then == "none":
             return planner, tracker
-        reference = Reference(PATTERNS[config.then](config), mission)
+        reference = ReferencePath(PATTERNS[config.then](config), mission)
         return ThenTrack(planner, reference, config.sure_position, config.sure_heading, config.horizon), tracker
 
     @staticmethod
     def nominal_path(config: ActiveSensingConfig, mission: RangingMission, start: Array) -> Array:
-        """(n, 3) poses [m, m, rad] that a start (3,) leads to whatever is seen: a cycle of a pattern, or the start."""
+        """Poses (n, 3) [m, m, rad] from a start (3,) whatever is observed: a cycle of a pattern, or the start alone."""
         if config.mode in CRITERIA:
             return start[None, :]
         return path(PATTERNS[config.mode](config), start, mission.period)
 
 
 def _period(config: ActiveSensingConfig, mission: RangingMission) -> float:
-    """[s] of the planner; ValueError if it is not a whole number of the mission's periods."""
+    """Period of the planner [s]; FieldError if it is not a whole number of the mission's periods."""
     count = round(config.period / mission.period)
     if abs(count * mission.period - config.period) > 1e-9:
-        raise ValueError(
+        raise FieldError(
             f"period = {config.period!r}; allowed: a whole number of the robot's periods of {mission.period:g} s"
         )
     return count * mission.period
 
 
-def _excitation(config: ActiveSensingConfig, mission: RangingMission) -> ExplorationPolicy:
+def _policy(config: ActiveSensingConfig, mission: RangingMission) -> ExplorationPolicy:
     if config.mode in PATTERNS:
-        return OpenLoop(PATTERNS[config.mode](config), mission, config.horizon)
+        return PatternPolicy(PATTERNS[config.mode](config), mission, config.horizon)
     containment = Containment(mission, config.horizon, config.nodes, config.deviations)
     return CandidateSearch(CRITERIA[config.mode](config, mission), containment, mission, config.horizon / config.nodes)

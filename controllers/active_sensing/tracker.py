@@ -1,12 +1,12 @@
-"""The tracker: the plan's inputs, and on a path that is to be kept the way back onto it.
+"""The tracker: the plan's inputs and, on a path to follow, the correction of the error from it.
 
-Arcs that excite are driven as they are: the next plan starts from the estimate anyway, a fifth of a second later. Arcs
+Arcs that explore are driven as they are: the next plan starts from the estimate anyway, a fifth of a second later. Arcs
 of the phase ``CRUISE`` follow a path of their own, a unicycle (p_r, phi_r) with the inputs (u_1r, u_2r). With the error
 in the robot's frame, e = R_{-phi}(p_r - p), and d = phi_r - phi,
 
     u_1 = u_1r cos d + k_1 e_1,      u_2 = u_2r + k_2 u_1r (sin d / d) e_2 + k_3 d,
 
-under which V = k_2 |e|^2 / 2 + d^2 / 2 has V' = -k_1 k_2 e_1^2 - k_3 d^2, both inputs held to the robot's limits.
+under which V = k_2 |e|^2 / 2 + d^2 / 2 has V' = -k_1 k_2 e_1^2 - k_3 d^2, both inputs clipped to the robot's limits.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class PathTracker:
         self._steering = (bandwidth / speed) ** 2  # k_2 [1/m^2]
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
-        """u (2,) [m/s, rad/s]."""
+        """Input u (2,) [m/s, rad/s] until t + period."""
         x = checked_pose(estimate)
         u = mean_input(plan, t, t + self.period)
         if _is_path(plan, t):
@@ -43,6 +43,7 @@ class PathTracker:
         return np.clip(u, -self._limit, self._limit)
 
     def _corrected(self, x: Array, reference: Array, u: Array) -> Array:
+        """Input (2,) at a pose x (3,) beside the path's pose ``reference`` (3,) and input u (2,)."""
         c, s = math.cos(x[2]), math.sin(x[2])
         dx, dy = reference[0] - x[0], reference[1] - x[1]
         e_1, e_2, d = c * dx + s * dy, c * dy - s * dx, wrapped(reference[2] - x[2])
@@ -55,6 +56,6 @@ class PathTracker:
 
 
 def _is_path(plan: Plan, t: float) -> bool:
-    """Whether the plan's arc at t [s], after its end the last one, is of a path that is to be kept."""
+    """Whether the plan's arc at t [s], after its end the last one, is of a path to follow."""
     k = int(np.clip(np.searchsorted(plan.t, t, side="right") - 1, 0, len(plan.phase) - 1))
     return int(plan.phase[k]) == Phase.CRUISE

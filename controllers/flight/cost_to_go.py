@@ -27,6 +27,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from mathnavi.controllers.flight import spline
+from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH, cost_many
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.interfaces.signals import Array
@@ -34,7 +35,6 @@ from mathnavi.sim.interfaces.signals import Array
 Indices = NDArray[np.int32]
 
 REFERENCE_SPEED = 150.0  # [m/s] v_c
-TARGET_LENGTH = 50.0  # [m] l: within it the distance to the target is rounded off
 THREAT_SMOOTHING = 0.7  # [cells] standard deviation: a threat's sharp edge would trap every interpolant
 _LOWEST_LAYER = 120.0  # [m] above ground
 
@@ -167,14 +167,10 @@ class FactoredCost:
 
     def __call__(self, points: Array) -> Array:
         """Length-to-go [m] at (n, 3) points [m]."""
-        from mathnavi.controllers.flight.kernels import cost_many
-
         return cost_many(self.ground, self.ratio, self.scales, np.atleast_2d(points))[0]
 
     def gradient(self, points: Array) -> Array:
         """Its gradient (n, 3) at (n, 3) points [m]."""
-        from mathnavi.controllers.flight.kernels import cost_many
-
         return cost_many(self.ground, self.ratio, self.scales, np.atleast_2d(points))[1]
 
 

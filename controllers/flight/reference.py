@@ -16,32 +16,30 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.compilation import compiled as compiled_functions
 from mathnavi.controllers.flight import kernels
-from mathnavi.controllers.flight.cost_to_go import TARGET_LENGTH
+from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, Problem, Solution
+from mathnavi.controllers.nlp_solver import (
+    IPOPT_WARM_START,
+    NlpPlugin,
+    NlpSolver,
+    Outcome,
+    StageStructure,
+    fatrop_settings,
+    ipopt_settings,
+)
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.sim.interfaces.signals import Array
 
-Backend = Literal["ipopt", "fatrop"]
-
 _ITERATION_LIMIT = 200
 _STATE, _INPUT = 6, 3  # of a stage: position and velocity; acceleration, before the slacks
-# A warm start stays where it is put: the usual push away from the bounds would undo it.
-_IPOPT_WARM_START = {
-    "warm_start_init_point": "yes",
-    "warm_start_bound_push": 1e-9,
-    "warm_start_bound_frac": 1e-9,
-    "warm_start_slack_bound_push": 1e-9,
-    "warm_start_slack_bound_frac": 1e-9,
-    "warm_start_mult_bound_push": 1e-9,
-    "mu_strategy": "adaptive",
-    "mu_init": 1e-4,
+_MORE: dict[str, dict[str, object]] = {
+    "ipopt": {**IPOPT_WARM_START, "mu_strategy": "adaptive"},
+    "fatrop": {"mu_init": 1e-3},
 }
 
 
@@ -287,7 +285,7 @@ class InteriorPoint:
     otherwise they run in CasADi's virtual machine.
     """
 
-    def __init__(self, backend: Backend = "ipopt", tolerance: float = 1e-6, *, compiled: bool = False) -> None:
+    def __init__(self, backend: NlpPlugin = "ipopt", tolerance: float = 1e-6, *, compiled: bool = False) -> None:
         if backend not in ("ipopt", "fatrop"):
             raise ValueError(f"backend = {backend!r}; allowed: ipopt, fatrop")
         if not tolerance > 0.0:
@@ -304,44 +302,31 @@ class InteriorPoint:
 
 
 class _Solver:
-    """One of CasADi's NLP solvers with buffers for its arguments and results."""
+    """The NLP solver for problems of one shape."""
 
-    def __init__(self, shape: _Shape, backend: Backend, tolerance: float, compiled: bool) -> None:
+    def __init__(self, shape: _Shape, backend: NlpPlugin, tolerance: float, compiled: bool) -> None:
         programme = _programme(shape)
         functions = dict(programme.functions)
-        options: dict[str, Any] = {"print_time": False, "calc_lam_p": False}
         if backend == "ipopt":
-            options["ipopt"] = {
-                "print_level": 0,
-                "sb": "yes",
-                "tol": tolerance,
-                "max_iter": _ITERATION_LIMIT,
-                **_IPOPT_WARM_START,
-            }
+            settings = ipopt_settings(tolerance, _ITERATION_LIMIT, _MORE[backend])
         else:
             functions["f"] = functions["f"] / programme.unit
-            options |= {
-                "structure_detection": "manual",
-                "nx": [_STATE] * (len(shape.points) + 1),
-                "nu": [size - _STATE for size in shape.stages] + [shape.last_input],
-                "ng": programme.path_constraints,
-                "N": len(shape.points),
-                "equality": programme.equality,
-                "fatrop": {"print_level": 0, "tolerance": tolerance, "max_iter": _ITERATION_LIMIT, "mu_init": 1e-3},
-            }
+            stages = StageStructure(
+                states=[_STATE] * (len(shape.points) + 1),
+                inputs=[size - _STATE for size in shape.stages] + [shape.last_input],
+                path_rows=programme.path_constraints,
+                equality=programme.equality,
+            )
+            settings = fatrop_settings(stages, tolerance, _ITERATION_LIMIT, _MORE[backend])
         self._scaled = backend == "fatrop" and not shape.hold
         begin = np.cumsum([0, *shape.stages])[:-1]
         self._accelerations = begin[:, None] + _STATE + np.arange(_INPUT)  # (n, 3) where they stand
-        function = ca.nlpsol("flight", backend, functions, options)
-        if compiled:
-            function = ca.nlpsol("flight", backend, str(compiled_functions(function)), options)
-        self._in = {name: np.zeros(function.nnz_in(name)) for name in function.name_in()}
-        self._out = {name: np.zeros(function.nnz_out(name)) for name in ("x", "f", "lam_x", "lam_g")}
-        self._evaluate = BufferedFunction(
-            function, list(self._in.values()), [self._out.get(name) for name in function.name_out()]
+        self._solver = NlpSolver(
+            "flight", backend, functions, settings, ("x", "f", "lam_x", "lam_g"), compiled=compiled
         )
+        self._in, self._out = self._solver.inputs, self._solver.outputs
         relax = ca.Function("relax", [functions["x"], functions["p"]], [programme.relaxed], ["x0", "p"], ["x"])
-        self._relaxed = np.zeros(function.nnz_in("x0"))
+        self._relaxed = np.zeros_like(self._in["x0"])
         self._relax = BufferedFunction(relax, (self._in["x0"], self._in["p"]), [self._relaxed])
         self._in["lbg"][:], self._in["ubg"][:] = programme.lower, programme.upper
         self._in["lbx"][:], self._in["ubx"][:] = -np.inf, np.inf
@@ -354,21 +339,18 @@ class _Solver:
         self._in["x0"][:] = _lifted(problem, guess)
         self._relax()
         self._in["x0"][:] = self._relaxed
-        try:
-            self._evaluate()
-        except RuntimeError as error:  # FATROP's way to give up
+        report, x = self._solver.solve(), self._out["x"]
+        if report.iterations is None:  # the solver raised an exception
             self._forget()
-            return str(error).strip().splitlines()[-1]
-        statistics = self._evaluate.stats()
-        x = self._out["x"]
-        if not (statistics["success"] and np.isfinite(x).all()):
+            return report.message
+        if not (report.outcome is Outcome.OPTIMAL and np.isfinite(x).all()):
             self._forget()
-            return f"{statistics['return_status']} after {statistics['iter_count']} iterations"
+            return f"{report.message} after {report.iterations} iterations"
         self._in["lam_x0"][:], self._in["lam_g0"][:] = self._out["lam_x"], self._out["lam_g"]
         cost = float(self._out["f"][0])
         if self._scaled:
             cost *= 1.0 + problem.parameters.beta
-        return Solution(x[self._accelerations], float(x[self._climb]), cost, True, int(statistics["iter_count"]))
+        return Solution(x[self._accelerations], float(x[self._climb]), cost, True, report.iterations)
 
     def _forget(self) -> None:
         """Drop the multipliers of a solve that failed."""

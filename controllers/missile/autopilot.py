@@ -1,8 +1,8 @@
-"""What the autopilots share: each flies the plan's mean input over a tick, and knows where it will take the missile.
+"""Autopilots: each flies the plan's mean input over a tick, and predicts where it will take the missile.
 
-A planner that plans from an estimate has to know the state at which its plan will take over, one period later. That
-depends on what the autopilot makes of a deviation until then, so the autopilot says it: an autopilot is a tracker that
-predicts.
+A planner that plans from an estimate needs the state at which its plan will take over, one period later. That depends
+on how the autopilot acts on a deviation until then, so the autopilot predicts it: an autopilot is a tracker that
+predicts. ``OpenLoop`` is none: the plan's inputs, whatever the deviation.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
+from mathnavi.controllers.missile.optimiser import flown
 from mathnavi.controllers.missile.shooting import mean_between
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
@@ -26,18 +27,18 @@ class Autopilot(Protocol):
         ...
 
     def predict(self, estimate: Estimate, plan: Plan, t: float) -> Array:
-        """The state (nx,) at t [s] of the missile that is where the estimate says and flies the plan."""
+        """The state (nx,) at t [s] of a missile that is at the estimate now and flies the plan."""
         ...
 
 
 def feed_forward(plan: Plan, t: float, period: float) -> Array:
-    """(nu,) the plan's mean input over [t, t + period]: an arc may end within a tick."""
+    """Mean input (nu,) of a plan over [t, t + period] [s]: an arc may end within a tick."""
     mean: Array = mean_between(plan.t, plan.u, np.array([t, t + period]))[0]
     return mean
 
 
 def disturbance(estimate: Estimate, size: int) -> Array:
-    """(nu,) what acts beside the input, if the estimator sees it."""
+    """Disturbance (nu,) of the input [N, N m] as the estimator observes it; zero if it does not."""
     return estimate.extra.get("disturbance", np.zeros(size))
 
 
@@ -48,3 +49,23 @@ def checked_state(estimate: Estimate, mission: MissileMission) -> Array:
             f"the estimate's state has shape {estimate.x.shape}; allowed: ({mission.coordinates.state_size},)"
         )
     return estimate.x
+
+
+class OpenLoop:
+    """Autopilot without feedback: the plan's mean input over each tick."""
+
+    def __init__(self, mission: MissileMission) -> None:
+        self.period = mission.control_period
+        self._mission = mission
+
+    def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        return feed_forward(plan, t, self.period)
+
+    def predict(self, estimate: Estimate, plan: Plan, t: float) -> Array:
+        """The declared body flies on from the estimate with the plan's inputs."""
+        x, now = checked_state(estimate, self._mission), estimate.t
+        inner = plan.t[(plan.t > now) & (plan.t < t)]
+        breaks = np.concatenate([[now], inner, [t]])
+        u = np.array([self._mission.coordinates.input_at(plan, float(begin)) for begin in breaks[:-1]])
+        end: Array = flown(x, breaks, u, self._mission.coordinates, self._mission.body)[-1]
+        return end

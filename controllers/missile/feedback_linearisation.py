@@ -4,10 +4,9 @@ With joint coordinates j (places and angles), e = j^ - j_ref and the plan's acce
 
     F = F(x^, j_ref'' - k_d e' - k_p e - k_i ∫ e) - d^,     (s + omega)^3 = s^3 + k_d s^2 + k_p s + k_i,
 
-F(x, j'') the inverse dynamics of the declared body and d^ what the estimator sees acting beside the input, if it does.
-The integral finds what a wrong mass or a gust takes away. On the plan F is the plan's mean input over the tick, to
-rounding. Where the thrusters are at their limits, the integral is led back by what they cannot give
-(back-calculation).
+F(x, j'') the inverse dynamics of the declared body and d^ the disturbance of the input where the estimator observes
+it. The integral compensates a wrong mass or a gust. On the plan F is the plan's mean input over the tick, to rounding.
+Where the thrusters are at their limits, the integral is led back by the acceleration they lack (back-calculation).
 """
 
 from __future__ import annotations
@@ -37,16 +36,16 @@ class FeedbackLinearisation:
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         coordinates, body = self._mission.coordinates, self._mission.body
-        x, beside = checked_state(estimate, self._mission), disturbance(estimate, len(self._input_max))
+        x, external = checked_state(estimate, self._mission), disturbance(estimate, len(self._input_max))
         reference = coordinates.state_at(plan, t, body)
         e, e_rate = self._error(x, reference)
         planned = coordinates.joint_acceleration(reference, feed_forward(plan, t, self.period), body)
-        wanted = planned - self._k_d * e_rate - self._k_p * e - self._k_i * self._integral
-        u = coordinates.inverse_dynamics(x, wanted, body) - beside
-        given = np.clip(u, -self._input_max, self._input_max)
+        demanded = planned - self._k_d * e_rate - self._k_p * e - self._k_i * self._integral
+        u = coordinates.inverse_dynamics(x, demanded, body) - external
+        applied = np.clip(u, -self._input_max, self._input_max)
         lacking = np.zeros(self._joints)
-        if (given != u).any():
-            lacking = wanted - coordinates.joint_acceleration(x, given + beside, body)
+        if (applied != u).any():
+            lacking = demanded - coordinates.joint_acceleration(x, applied + external, body)
         self._integral += self.period * (e + lacking / self._k_p)
         return u
 
@@ -66,7 +65,7 @@ class FeedbackLinearisation:
         return coordinates.from_joints(coordinates.to_joints(then) + np.concatenate([after, rate]))
 
     def _error(self, x: Array, reference: Array) -> tuple[Array, Array]:
-        """e and e' (nj,)."""
-        off = self._mission.coordinates.to_joints(x) - self._mission.coordinates.to_joints(reference)
-        off[self._angles] = wrapped(off[self._angles])
-        return off[: self._joints], off[self._joints :]
+        """Errors e and e' (nj,) of the joint coordinates, angles wrapped."""
+        error = self._mission.coordinates.to_joints(x) - self._mission.coordinates.to_joints(reference)
+        error[self._angles] = wrapped(error[self._angles])
+        return error[: self._joints], error[self._joints :]

@@ -14,74 +14,74 @@ import math
 
 import numpy as np
 
-from mathnavi.controllers.missile.aim import TerminalCondition
+from mathnavi.controllers.missile.problem import TerminalCondition
 from mathnavi.controllers.missile.shooting import Solved
 from mathnavi.models.missile.dynamics import Body
 from mathnavi.sim.interfaces.signals import Array
 
 TANGENTS = (1.0, 0.5, 2.0)
-"""lengths of the tangents over the straight way between, in the order in which they are tried; in flight only the first
-is, for there is another plan soon"""
+"""lengths of the tangents over the distance, in the order in which they are tried; in flight only the first is, as
+another plan follows soon"""
 
 _DENSE = 400  # points of the path whose length is measured
 
 
-def pitch_guess(start: Array, aim: TerminalCondition, body: Body, nodes: Array, tangent: float) -> Solved:
-    """States (N, 6) of the pitch plane and inputs (F_1, F_z, I a) from the state ``start`` (6,)."""
+def pitch_guess(start: Array, terminal: TerminalCondition, body: Body, nodes: Array, tangent: float) -> Solved:
+    """Guess of the pitch plane's states (N, 6) and inputs (N - 1, 3), (F_1, F_z, I a), from a state (6,)."""
     U, w, theta, place = start[0], start[1], start[3], start[4:]
     speed = max(math.hypot(U, w), 1.0)
-    target = aim.place[[0, 2]]
-    away = tangent * float(np.linalg.norm(target - place))
+    target = terminal.place[[0, 2]]
+    tangent_length = tangent * float(np.linalg.norm(target - place))
     c, s = math.cos(theta), math.sin(theta)
     velocity = np.array([U * c + w * s, w * c - U * s])
-    ends = away * np.array([velocity / speed, [math.cos(aim.theta), -math.sin(aim.theta)]])
+    ends = tangent_length * np.array([velocity / speed, [math.cos(terminal.theta), -math.sin(terminal.theta)]])
     fine = np.linspace(0.0, 1.0, _DENSE)
     path = _hermite(fine, place, target, *ends)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
     T = max(float(length[-1]) / speed, 0.1)
     slope = np.gradient(path, fine, axis=0)
     angle = np.unwrap(np.arctan2(-slope[:, 1], slope[:, 0]))
-    angle += aim.theta - angle[-1]  # whole turns, and rounding
+    angle += terminal.theta - angle[-1]  # multiples of 2 pi, and rounding
     at = np.interp(nodes * length[-1], length, fine)
 
     x, times = np.zeros((len(nodes), 6)), nodes * T
     x[:, 0], x[:, 3], x[:, 4:] = speed, np.interp(at, fine, angle), _hermite(at, place, target, *ends)
-    turn, x[:, 2] = _rates(x[:, 3], times)
+    theta_rate, x[:, 2] = _rates(x[:, 3], times)
     middle = 0.5 * (x[:-1, 3] + x[1:, 3])
     weight, m = body.mass * body.gravity, body.mass
     inputs = np.column_stack(
         [
             weight * np.sin(middle),
-            -m * turn * speed - weight * np.cos(middle),
+            -m * theta_rate * speed - weight * np.cos(middle),
             body.inertia * np.diff(x[:, 2]) / np.diff(times),
         ]
     )
     return Solved(x, inputs, nodes, T, np.empty(0), math.nan, 0)
 
 
-def yaw_guess(start: Array, aim: TerminalCondition, body: Body, pitch: Solved) -> Solved:
-    """States (N, 4) of the yaw plane and inputs (F_2, I b) from the state ``start`` (4,), beside a pitch motion."""
+def yaw_guess(start: Array, terminal: TerminalCondition, body: Body, pitch: Solved) -> Solved:
+    """Guess of the yaw plane's states (N, 4) and inputs (N - 1, 2), (F_2, I b), from ``start`` (4,)."""
     V, _, _, y = start
     T = pitch.duration
-    ends = np.array([[y], [aim.after(T)[1]], [T * V], [T * aim.velocity[1]]])
+    ends = np.array([[y], [terminal.after(T)[1]], [T * V], [T * terminal.velocity[1]]])
     path = _hermite(pitch.nodes, *ends)[:, 0]
     _, velocity = _rates(path, pitch.times)
     psi = np.arctan2(velocity, pitch.x[:, 0])
-    _, swing = _rates(psi, pitch.times)
+    _, r = _rates(psi, pitch.times)
     d = np.diff(pitch.times)
-    inputs = np.column_stack([body.mass * np.diff(velocity) / d, body.inertia * np.diff(swing) / d])
-    x = np.column_stack([velocity, swing, psi, path])
+    inputs = np.column_stack([body.mass * np.diff(velocity) / d, body.inertia * np.diff(r) / d])
+    x = np.column_stack([velocity, r, psi, path])
     return Solved(x, inputs, pitch.nodes, T, np.empty(0), math.nan, 0)
 
 
 def _rates(values: Array, times: Array) -> tuple[Array, Array]:
-    """Rates (N - 1,) between the times (N,) and (N,) at them."""
+    """Rates (N - 1,) of values (N,) between the times (N,), and (N,) at them."""
     between = np.diff(values) / np.diff(times)
     return between, np.interp(times, 0.5 * (times[:-1] + times[1:]), between)
 
 
 def _hermite(s: Array, start: Array, end: Array, leaving: Array, arriving: Array) -> Array:
-    """(n, m) points of the cubic."""
+    """Points (n, m) of the cubic at s (n,)."""
     t = s[:, None]
     points: Array = (
         (1 + 2 * t) * (1 - t) ** 2 * start

@@ -1,8 +1,9 @@
-"""Flight in space by a pitch planner and a yaw planner together, which the thesis names (B.4) and does not do.
+"""Flight in space by a pitch planner and a yaw planner in turn (block-coordinate descent), which the thesis names (B.4)
+and does not do.
 
 The motions of the two planes are independent (``planes``), the cost is not: a force along the missile is dear, one
-across it cheap, and how F_1 and F_2 fall on the two depends on psi. So the planners take turns on one and the same J,
-each with what the other found held still:
+across it cheap, and how F_1 and F_2 fall on the two depends on psi. So both planners minimise the same J, in turn, each
+with the other's last motion held:
 
     pitch   minimises J over (U, w, q, theta, x_e, z_e) and T; the yaw motion is held as a function of τ = t / T;
     yaw     minimises J over (V, r, psi, y_e); the pitch motion and T are held.
@@ -11,11 +12,11 @@ When T changes, the yaw motion shall keep its start and its end. With V_0 at the
 
     V = A(τ) + B(τ) / T,    F_2 / m = A'(τ) / T + B'(τ) / T^2,    A = V_0 (1 - 4 τ + 3 τ^2) + v_y (6 τ - 6 τ^2),
 
-and the pitch planner holds B. What the turns lead to is near an optimum of the whole problem: but for the series'
-error, for what M and N have beside I_y a cos psi and I_y b, and for the turns not taken once they gain little. Where
-limits are active it is neither optimal nor complete: a flight may exist that the turns do not find, and one that asks
-for more than the thrusters have is refused. The inputs of both are flown through the dynamics in space after every
-turn, and what misses the aim is aimed off in the next, so that the flight does not depend on the decoupling.
+and the pitch planner holds B. The sweeps converge to near an optimum of the joint problem: but for the series' error,
+for what M and N have beside I_y a cos psi and I_y b, and for the sweeps omitted once they gain little. Where limits are
+active the method is neither optimal nor complete: a flight may exist that the sweeps do not find, and one that needs
+more than the thrusters have is refused. The inputs of both are flown through the dynamics in space after every sweep,
+and the terminal condition is shifted by the error for the next, so that the flight does not depend on the decoupling.
 """
 
 from __future__ import annotations
@@ -26,14 +27,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.controllers.missile.aim import TerminalCondition
 from mathnavi.controllers.missile.guess import TANGENTS, pitch_guess, yaw_guess
-from mathnavi.controllers.missile.plane_problems import Limits, lateral_baseline, pitch_problem, yaw_problem
-from mathnavi.controllers.missile.planes import inputs_between, split
-from mathnavi.controllers.missile.problem import out_of_bounds, weights
-from mathnavi.controllers.missile.profile import fitted
+from mathnavi.controllers.missile.optimiser import MissileTrajectory, flown
+from mathnavi.controllers.missile.planes import (
+    Limits,
+    fitted,
+    inputs_between,
+    lateral_baseline,
+    pitch_problem,
+    split,
+    yaw_problem,
+)
+from mathnavi.controllers.missile.problem import TerminalCondition, out_of_bounds, weights
 from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved
-from mathnavi.controllers.missile.trajectory import Trajectory, flown
 from mathnavi.controllers.ocp.backend import Backend
 from mathnavi.controllers.ocp.distribution import NodeDistribution
 from mathnavi.models.missile.coordinates import SPATIAL
@@ -43,19 +49,19 @@ from mathnavi.sim.interfaces.signals import Array
 
 PART = 0.04
 """[s] longest time that a spatial input is held"""
-FIRST_TURNS, TURNS = 10, 3
-"""most turns of a first flight, and of one that starts from the last"""
+FIRST_SWEEPS, SWEEPS = 10, 3
+"""most sweeps of a first flight, and of one that starts from the last"""
 EXACT, ACCEPTED = 1e-3, 0.1
-"""[m] of a miss that needs no further turn, and of one that is worth flying: the next plan makes it good"""
+"""[m] terminal errors that need no further sweep, and that are worth flying: the next plan corrects them"""
 ROUND_OFF = 1e-6
-"""relative excess over a limit that is none"""
+"""relative excess over a limit that is rounding"""
 SETTLED = 1e-3
-"""share of J that a turn must gain to be followed by another"""
+"""share of J that a sweep must gain to be followed by another"""
 
 
 @dataclass(frozen=True, eq=False)
-class _Turn:
-    """Both planes' motion."""
+class _Iterate:
+    """An iterate of the block-coordinate descent: the motions of both planes."""
 
     pitch: Solved
     yaw: Solved
@@ -74,50 +80,50 @@ class PitchAndYaw:
         backend: Backend,
         distribution: NodeDistribution,
     ) -> None:
-        """Plans within ``limits``; what M adds to the planes may come up to ``most``, what the thrusters have."""
+        """Plans within ``limits``; the inputs flown may come up to ``most``, the limits of the thrusters."""
         self._case, self._body, self._nodes = case, body, np.linspace(0.0, 1.0, nodes)
         self._weights, self._most = weights(case), np.array(most)
         self._pitch = Shooting(pitch_problem(body, limits), nodes, backend, distribution)
         self._yaw = Shooting(yaw_problem(body, limits), nodes, backend, steps=1)
-        self._last: tuple[float, _Turn] | None = None  # when it starts [s], and it
+        self._last: tuple[float, _Iterate] | None = None  # when it starts [s], and it
 
-    def optimise(self, t: float, start: Array, aim: TerminalCondition) -> Trajectory | Failed:
+    def optimise(self, t: float, start: Array, terminal: TerminalCondition) -> MissileTrajectory | Failed:
         if (reason := out_of_bounds(start, SPATIAL)) is not None:
             return Failed(reason, infeasible=True)
-        found: Trajectory | Failed = Failed("nothing was tried", infeasible=False)
+        found: MissileTrajectory | Failed = Failed("nothing was tried", infeasible=False)
         if self._last is not None and t - self._last[0] < self._last[1].pitch.duration:
             shift = t - self._last[0]
-            shifted = _Turn(self._last[1].pitch.after(shift), self._last[1].yaw.after(shift))
-            found = self._alternated(t, start, aim, shifted, first=False)
+            shifted = _Iterate(self._last[1].pitch.after(shift), self._last[1].yaw.after(shift))
+            found = self._alternate(t, start, terminal, shifted, first=False)
         in_pitch, in_yaw = split(start)
         for tangent in TANGENTS if self._last is None else TANGENTS[:1]:
-            if isinstance(found, Trajectory):
+            if isinstance(found, MissileTrajectory):
                 break
-            pitch = pitch_guess(in_pitch, aim, self._body, self._nodes, tangent)
-            guess = _Turn(pitch, yaw_guess(in_yaw, aim, self._body, pitch))
-            found = self._alternated(t, start, aim, guess, first=True)
+            pitch = pitch_guess(in_pitch, terminal, self._body, self._nodes, tangent)
+            guess = _Iterate(pitch, yaw_guess(in_yaw, terminal, self._body, pitch))
+            found = self._alternate(t, start, terminal, guess, first=True)
         return found
 
-    def _alternated(
-        self, t: float, start: Array, aim: TerminalCondition, now: _Turn, *, first: bool
-    ) -> Trajectory | Failed:
-        """Turns until the flight is exact and, of a ``first`` guess, until they gain nothing any more."""
-        aimed, best, off = aim, math.inf, math.inf
-        found: Trajectory | Failed = Failed("no turn was taken", infeasible=False)
-        for _ in range(FIRST_TURNS if first else TURNS):
-            after = self._turn(start, aimed, now, first=first)
-            if isinstance(after, Failed):  # what the turns before led to may be a flight as well
-                return found if off < ACCEPTED else after
+    def _alternate(
+        self, t: float, start: Array, terminal: TerminalCondition, now: _Iterate, *, first: bool
+    ) -> MissileTrajectory | Failed:
+        """Sweep until the flight is exact and, from a ``first`` guess, until a sweep gains nothing any more."""
+        shifted_terminal, best, error = terminal, math.inf, math.inf
+        found: MissileTrajectory | Failed = Failed("no turn was taken", infeasible=False)
+        for _ in range(FIRST_SWEEPS if first else SWEEPS):
+            after = self._sweep(start, shifted_terminal, now, first=first)
+            if isinstance(after, Failed):  # the sweeps before may have led to a flight
+                return found if error < ACCEPTED else after
             now = after
             self._last = t, now
-            found = self._together(start, now)
-            miss = aim.missed_by(found.x[-1], found.duration, SPATIAL)
-            off = miss.size
-            if off < EXACT and not (first and found.cost < best * (1.0 - SETTLED)):
+            found = self._joined(start, now)
+            miss = terminal.error_of(found.x[-1], found.duration, SPATIAL)
+            error = miss.norm
+            if error < EXACT and not (first and found.cost < best * (1.0 - SETTLED)):
                 break
-            aimed, best = aimed.corrected_for(miss), found.cost
-        if not off < ACCEPTED or isinstance(found, Failed):
-            return Failed(f"pitch and yaw together miss by {off:.3g} m", infeasible=False)
+            shifted_terminal, best = shifted_terminal.corrected_for(miss), found.cost
+        if not error < ACCEPTED or isinstance(found, Failed):
+            return Failed(f"pitch and yaw together miss by {error:.3g} m", infeasible=False)
         share = np.abs(found.u).max(axis=0) / self._most
         if share.max() > 1.0 + ROUND_OFF:
             name = SPATIAL.inputs[int(share.argmax())]
@@ -126,11 +132,12 @@ class PitchAndYaw:
             )
         return found
 
-    def _turn(self, start: Array, aim: TerminalCondition, now: _Turn, *, first: bool) -> _Turn | Failed:
-        """The pitch planner's answer to a motion, and the yaw planner's to that."""
+    def _sweep(self, start: Array, terminal: TerminalCondition, now: _Iterate, *, first: bool) -> _Iterate | Failed:
+        """The next iterate: the pitch planner's solution beside a motion, and the yaw planner's beside that."""
         in_pitch, in_yaw = split(start)
-        V_0, v_y = float(in_yaw[0]), float(aim.velocity[1])
-        end = [aim.place[0], aim.velocity[0], aim.place[2], aim.velocity[2], aim.theta, aim.w]
+        V_0, v_y = float(in_yaw[0]), float(terminal.velocity[1])
+        place, velocity = terminal.place, terminal.velocity
+        end = [place[0], velocity[0], place[2], velocity[2], terminal.theta, terminal.w]
         held = _held(now.yaw, V_0, v_y, self._body)
         pitch = self._pitch.solve(
             now.pitch, np.concatenate([self._weights, held, [V_0, v_y], in_pitch, end]), first=first
@@ -139,26 +146,28 @@ class PitchAndYaw:
             return Failed(f"pitch: {pitch.message}", infeasible=False)  # with the other plane's motion as it is
         T, U = pitch.duration, pitch.x[:, 0]
         middle = 0.5 * (pitch.nodes[:-1] + pitch.nodes[1:])
-        lateral = aim.v * math.cos(aim.psi) + U[-1] * math.sin(aim.psi)
+        lateral = terminal.v * math.cos(terminal.psi) + U[-1] * math.sin(terminal.psi)
         known = [self._weights, [T], fitted(pitch.nodes, [U]), fitted(middle, [pitch.u[:, 0]]), in_yaw]
         guess = dataclasses.replace(now.yaw, nodes=pitch.nodes, duration=T)
-        yaw = self._yaw.solve(guess, np.concatenate([*known, [lateral, aim.psi, aim.after(T)[1]]]), first=first)
+        yaw = self._yaw.solve(
+            guess, np.concatenate([*known, [lateral, terminal.psi, terminal.after(T)[1]]]), first=first
+        )
         if isinstance(yaw, Failed):
             return Failed(f"yaw: {yaw.message}", infeasible=False)
-        return _Turn(pitch, yaw)
+        return _Iterate(pitch, yaw)
 
-    def _together(self, start: Array, motion: _Turn) -> Trajectory:
+    def _joined(self, start: Array, motion: _Iterate) -> MissileTrajectory:
         """Both planes' inputs, flown in space; J by the trapezoidal rule."""
         longest = float(np.diff(motion.pitch.times).max())
         parts = max(1, math.ceil(longest / PART))
         times, u = inputs_between(motion.pitch, motion.yaw, parts, self._body)
         x = flown(start, times, u, SPATIAL, self._body)
         rates = 0.5 * sum(self._case.running_cost(SPATIAL, ends, u, self._body) for ends in (x[:-1], x[1:]))
-        return Trajectory(times, x, u, float(rates @ np.diff(times)))
+        return MissileTrajectory(times, x, u, float(rates @ np.diff(times)))
 
 
 def _held(yaw: Solved, V_0: float, v_y: float, body: Body) -> Array:
-    """The series psi, B and B' of a yaw motion."""
+    """Coefficients of the series psi, B and B' of a yaw motion."""
     T, nodes = yaw.duration, yaw.nodes
     middle = 0.5 * (nodes[:-1] + nodes[1:])
     A, _ = lateral_baseline(nodes, V_0, v_y)

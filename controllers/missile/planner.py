@@ -3,7 +3,7 @@
 Each plan starts from where the missile will be one period ahead, as the autopilot predicts it from the *estimate*. The
 plan being flown is where it should be; a wrong mass, a gust or a thruster at its limit keeps it from there.
 Planned from the estimate, the flight is optimal from where it really is, and even without an autopilot the planner
-closes a loop. What that costs is that noise of the estimate reaches the reference: filtering is the estimator's task.
+closes a loop. The price is that noise of the estimate reaches the reference: filtering is the estimator's task.
 
 The horizon is the time that is left, on the same number of nodes. As it comes to nothing a deviation asks for inputs
 that grow as 1 / T^2, so below a given time to go the last plan is flown out. An optimisation that fails is a status,
@@ -18,10 +18,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mathnavi.controllers.missile.aim import TerminalCondition
 from mathnavi.controllers.missile.autopilot import Autopilot, checked_state
+from mathnavi.controllers.missile.optimiser import Optimiser
+from mathnavi.controllers.missile.problem import TerminalCondition
 from mathnavi.controllers.missile.shooting import Failed
-from mathnavi.controllers.missile.trajectory import Optimiser
 from mathnavi.models.missile.mission import MissileMission, Target
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array, Message, Phase, Plan, PlanRequest, Status
@@ -61,8 +61,8 @@ class MissilePlanner:
         if current is not None:
             start = self._autopilot.predict(request.estimate, current, t)
         began = time.thread_time()
-        aim = TerminalCondition.at(self._target, t, self._mission.aspect_angle, lead=self._lead)
-        found = self._optimiser.optimise(t, start, aim)
+        terminal = TerminalCondition.at(self._target, t, self._mission.aspect_angle, lead=self._lead)
+        found = self._optimiser.optimise(t, start, terminal)
         solve_ms = 1e3 * (time.thread_time() - began)
         if isinstance(found, Failed):
             status = Status.INFEASIBLE if found.infeasible else Status.SOLVER_FAILED
@@ -80,7 +80,7 @@ class MissilePlanner:
                 self._target = message.payload
 
     def _rest(self, plan: Plan, t: float) -> Plan:
-        """What is left of a plan at t [s]; past its end its last input is held on."""
+        """The rest of a plan at t [s]; past its end its last input is held on."""
         coordinates, body = self._mission.coordinates, self._mission.body
         left = plan.t > t + TIME_TOLERANCE
         start = coordinates.state_at(plan, t, body)

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from mathnavi.controllers.compilation import compiler
-from mathnavi.controllers.missile.autopilot import Autopilot
+from mathnavi.controllers.missile.autopilot import Autopilot, OpenLoop
 from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
-from mathnavi.controllers.missile.open_loop import OpenLoop
+from mathnavi.controllers.missile.optimiser import JointOptimiser, Optimiser
 from mathnavi.controllers.missile.pitch_and_yaw import PitchAndYaw
-from mathnavi.controllers.missile.plane_problems import Limits
+from mathnavi.controllers.missile.planes import Limits
 from mathnavi.controllers.missile.planner import MissilePlanner
-from mathnavi.controllers.missile.trajectory import Optimiser
 from mathnavi.controllers.missile.tvlqr import TimeVaryingLQR
-from mathnavi.controllers.missile.whole import WholeFlight
 from mathnavi.controllers.ocp.backend import Backend
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.models.missile.coordinates import PLANAR
@@ -114,7 +112,7 @@ def _autopilot(config: MissileConfig, mission: MissileMission) -> Autopilot:
 
 
 def _backend(config: MissileConfig) -> tuple[Backend, str]:
-    """The solver, and what is to be said of it."""
+    """The solver, and a remark on its choice."""
     if config.backend != "auto":
         return config.backend, ""
     if compiler() is not None:
@@ -129,7 +127,7 @@ def _optimiser(config: MissileConfig, mission: MissileMission, backend: Backend)
     if mission.coordinates is not PLANAR and config.spatial == "pitch-and-yaw":
         planned, most = _in_space(limits), _in_space(mission.input_max)
         return PitchAndYaw(mission.case, mission.body, planned, most, config.nodes, backend, distribution)
-    return WholeFlight(mission.case, mission.body, mission.coordinates, limits, config.nodes, backend, distribution)
+    return JointOptimiser(mission.case, mission.body, mission.coordinates, limits, config.nodes, backend, distribution)
 
 
 def _in_space(limits: tuple[float, ...]) -> Limits:

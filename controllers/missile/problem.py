@@ -13,23 +13,25 @@ degrees of freedom and no aerodynamics theta alone says nothing about the path.
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import Body
-from mathnavi.models.missile.mission import Case
+from mathnavi.models.missile.mission import Case, Target, running_cost
 from mathnavi.sim.interfaces.signals import Array
 
 LEAST_SPEED = 1.0
 """[m/s] of u: below it the angle of attack w / u means nothing"""
 MOST_YAW = math.radians(85.0)
-"""[rad] of psi, which must not come to 90 degrees"""
+"""[rad] of psi, which must stay below 90 degrees"""
 DURATIONS = (0.02, 600.0)
 """[s] limits of T"""
 TYPICAL_DURATION = 5.0
@@ -38,11 +40,70 @@ TYPICAL_DURATION = 5.0
 STATE_SCALES = {"u": 100.0, "v": 100.0, "w": 100.0, "x_e": 100.0, "y_e": 100.0, "z_e": 100.0}
 STATE_LIMITS = {"u": (LEAST_SPEED, math.inf), "psi": (-MOST_YAW, MOST_YAW)}
 END = ("x_e", "y_e", "z_e", "theta", "psi", "v", "w")
-"""the states that the end fixes"""
+"""states that the terminal condition fixes"""
+
+
+@dataclass(frozen=True, eq=False)
+class TerminalCondition:
+    """Terminal condition of a flight of unknown duration T: end at ``place`` + ``velocity`` T, attitude, drift."""
+
+    place: Array  # (3,) [m] Earth frame, where the target is at the start of the flight
+    velocity: Array  # (3,) [m/s]
+    theta: float  # [rad]
+    psi: float = 0.0  # [rad]
+    v: float = 0.0  # [m/s]
+    w: float = 0.0  # [m/s]
+
+    @staticmethod
+    def at(target: Target, t: float, aspect_angle: float, *, lead: bool) -> TerminalCondition:
+        """The condition for a flight that starts at t [s] towards a target; without ``lead`` as if that stood still."""
+        velocity = np.array(target.velocity) if lead else np.zeros(3)
+        return TerminalCondition(target.at(t), velocity, aspect_angle)
+
+    def after(self, T: float) -> Array:
+        """Place (3,) [m] of the target after T [s]."""
+        place: Array = self.place + T * self.velocity
+        return place
+
+    def parameters(self, start: Array, coordinates: Coordinates) -> Array:
+        """Parameters (np,) of ``guidance_problem``, but for the weights, from the state ``start`` (nx,)."""
+        values = {
+            **dict(zip(("x_e", "y_e", "z_e"), self.place.tolist(), strict=True)),
+            **{name: getattr(self, name) for name in ("theta", "psi", "v", "w")},
+        }
+        rates = dict(zip(("x_e", "y_e", "z_e"), self.velocity.tolist(), strict=True))
+        end: list[float] = []
+        for name in END:
+            if name in coordinates.states:
+                end.append(values[name])
+                if name in rates:
+                    end.append(rates[name])
+        return np.concatenate([start, end])
+
+    def error_of(self, end: Array, T: float, coordinates: Coordinates) -> TerminalCondition:
+        """Error of the state ``end`` (nx,) after T [s], component by component."""
+        x = coordinates.in_space(end)
+        theta = wrapped(x[5] - self.theta)
+        return TerminalCondition(
+            x[7:] - self.after(T), np.zeros(3), theta, x[6] - self.psi, x[1] - self.v, x[2] - self.w
+        )
+
+    @property
+    def norm(self) -> float:
+        """Norm of an error [m], a radian counted as 10 m and 1 m/s as 1 m."""
+        return math.hypot(*self.place, 10.0 * self.theta, 10.0 * self.psi, self.v, self.w)
+
+    def corrected_for(self, error: TerminalCondition) -> TerminalCondition:
+        """The condition shifted against an error, so that a flight which errs by it again ends at the target."""
+        return dataclasses.replace(
+            self,
+            place=self.place - error.place,
+            **{name: getattr(self, name) - getattr(error, name) for name in ("theta", "psi", "v", "w")},
+        )
 
 
 def out_of_bounds(x: Array, coordinates: Coordinates) -> str | None:
-    """Why no flight starts at a state (nx,); None if one may."""
+    """The reason why no flight may start at a state (nx,); None if one may."""
     for name, value in zip(coordinates.states, x.tolist(), strict=True):
         lower, upper = STATE_LIMITS.get(name, (-math.inf, math.inf))
         if not lower <= value <= upper:
@@ -57,35 +118,22 @@ def input_scales(body: Body) -> dict[str, float]:
 
 
 WEIGHTS = ("a_x", "a_z", "b", "k")
-"""parameters of the running cost: with them known late, one compiled problem does for every case"""
+"""weights of the running cost, which are parameters, so that one compiled problem serves every case"""
 
 
 def weights(case: Case) -> Array:
-    """(4,) values of ``WEIGHTS``."""
+    """Values (4,) of ``WEIGHTS`` in a case."""
     return np.array([getattr(case, name) for name in WEIGHTS])
 
 
 def declared_weights(ocp: Statement) -> list[ca.SX]:
-    """``WEIGHTS`` as parameters of a problem."""
+    """Declare ``WEIGHTS`` as parameters of a problem."""
     return [ocp.parameter(name, 1.0) for name in WEIGHTS]
-
-
-def running_cost(
-    cost: Sequence[ca.SX], body: Body, velocity: Sequence[ca.SX], force: Sequence[ca.SX], moments: ca.SX
-) -> ca.SX:
-    """L with its weights: of velocity (u, v, w) and force (F_x, F_y, F_z) along the body's axes, and of the sum of the
-    moments' squares.
-    """
-    a_x, a_z, b, k = cost
-    weight = body.mass * body.gravity
-    (u, v, w), (F_x, F_y, F_z) = velocity, force
-    axial, lateral = (F_x / weight) ** 2, (F_y**2 + F_z**2) / weight**2
-    return 1 + a_x * axial + a_z * lateral + b * moments / body.inertia**2 + k * (v**2 + w**2) / u**2
 
 
 @lru_cache(maxsize=16)
 def guidance_problem(body: Body, coordinates: Coordinates, limits: tuple[float, ...]) -> OptimalControlProblem:
-    """The problem of the module docstring, whole; ``limits`` (nu,) are those of the inputs.
+    """The joint problem of the module docstring; ``limits`` (nu,) [N, N m] are those of the inputs.
 
     Its parameters are ``WEIGHTS`` and ``TerminalCondition.parameters``.
     """

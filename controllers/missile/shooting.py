@@ -22,7 +22,7 @@ from mathnavi.sim.interfaces.signals import Array
 TOLERANCE = 1e-6
 """of the scaled optimality conditions: a tenth of a millimetre at the target"""
 ITERATIONS, FIRST_ITERATIONS = 20, 100
-"""after which a solve is given up: from the last solution it takes 3 to 10, from a first guess 10 to 50"""
+"""after which a solve stops: from the last solution it takes 3 to 10, from a first guess 10 to 50"""
 
 CLOCK = "T"
 """a last state by this name is the final time of a problem in τ = t / T"""
@@ -49,7 +49,7 @@ class Solved:
         return self.nodes * self.duration
 
     def after(self, shift: float) -> Solved:
-        """What is left of it after ``shift`` [s], on as many nodes, which are spread as they were."""
+        """The rest of it after ``shift`` [s], on as many nodes, distributed as they were."""
         index = np.arange(len(self.nodes), dtype=float)
         first = float(np.interp(shift, self.times, index))
         fractions = np.interp(np.linspace(first, index[-1], len(index)), index, self.nodes)
@@ -69,7 +69,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class Failed:
-    """Why there is no solution."""
+    """The reason why there is no solution."""
 
     message: str
     infeasible: bool
@@ -116,8 +116,8 @@ class Shooting:
         known = parameters if layout.moving else np.concatenate([parameters, widths])
         answer = transcribed.solver.solve(layout.join(np.hstack(z), np.hstack(w), np.empty(0)), known)
         if not answer.ok:
-            said = f"{answer.status.value} ({answer.message}) after {answer.iterations} iterations"
-            return Failed(said, answer.status is Outcome.INFEASIBLE)
+            reason = f"{answer.status.value} ({answer.message}) after {answer.iterations} iterations"
+            return Failed(reason, answer.status is Outcome.INFEASIBLE)
         states, inputs, _ = layout.split(answer.x)
         constants = nx + int(self._timed)
         nodes = guess.nodes
@@ -144,7 +144,7 @@ class Shooting:
 
 
 def mean_between(breaks: Array, held: Array, at: Array) -> Array:
-    """(n - 1, m) means over each [at_i, at_i+1] of values (k, m) held between ``breaks`` (k + 1,).
+    """Means (n - 1, m) over each [at_i, at_i+1] of values (k, m) held between ``breaks`` (k + 1,).
 
     Before the first break and after the last the nearest value is held on.
     """

@@ -37,7 +37,7 @@ AT_THE_END = {"m": 0.01, "m/s": 0.5, "rad": 0.002, "rad/s": 0.2}
 
 
 @dataclass(frozen=True, eq=False)
-class Gains:
+class RegulatorGains:
     """The regulator of one plan, step by step."""
 
     plan: Plan
@@ -51,7 +51,7 @@ class Gains:
 
 
 class TimeVaryingLQR:
-    """Flies the plan with the regulator's gains."""
+    """Autopilot: flies the plan with the regulator's gains."""
 
     def __init__(self, mission: MissileMission) -> None:
         self.period = mission.control_period
@@ -61,12 +61,12 @@ class TimeVaryingLQR:
         self._Q_T = np.diag([AT_THE_END[unit] ** -2.0 for unit in coordinates.units])
         units = ["N" if name.startswith("F") else "N m" for name in coordinates.inputs]
         self._R = np.diag([EFFORT[unit] ** -2.0 for unit in units])
-        self._gains: Gains | None = None
+        self._gains: RegulatorGains | None = None
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         gains, e = self._along(plan), self._error(estimate, plan)
-        beside = disturbance(estimate, len(self._R))
-        u: Array = feed_forward(plan, t, self.period) - gains.K[gains.at(t)] @ e - beside
+        external = disturbance(estimate, len(self._R))
+        u: Array = feed_forward(plan, t, self.period) - gains.K[gains.at(t)] @ e - external
         return u
 
     def predict(self, estimate: Estimate, plan: Plan, t: float) -> Array:
@@ -76,7 +76,7 @@ class TimeVaryingLQR:
             e = gains.transition[k] @ e
         return self._mission.coordinates.state_at(plan, t, self._mission.body) + e
 
-    def _along(self, plan: Plan) -> Gains:
+    def _along(self, plan: Plan) -> RegulatorGains:
         if self._gains is None or self._gains.plan is not plan:
             self._gains = gains(plan, self._mission.coordinates, self._mission.body, self._Q, self._R, self._Q_T)
         return self._gains
@@ -89,7 +89,7 @@ class TimeVaryingLQR:
         return e
 
 
-def gains(plan: Plan, coordinates: Coordinates, body: Body, Q: Array, R: Array, Q_T: Array) -> Gains:
+def gains(plan: Plan, coordinates: Coordinates, body: Body, Q: Array, R: Array, Q_T: Array) -> RegulatorGains:
     """The regulator along a plan, with weights of state (nx, nx), input (nu, nu) and end (nx, nx)."""
     parts = np.maximum(1, np.ceil(np.diff(plan.t) / STEP - 1e-9)).astype(int)
     widths = np.repeat(np.diff(plan.t) / parts, parts)
@@ -97,7 +97,7 @@ def gains(plan: Plan, coordinates: Coordinates, body: Body, Q: Array, R: Array, 
     x = coordinates.state_at(plan, 0.5 * (t[:-1] + t[1:]), body)
     A, B = _along(_jacobians(coordinates, body), x, np.repeat(plan.u, parts, axis=0))
     K, transition = _riccati(A, B, widths, Q, R, Q_T)
-    return Gains(plan, t, K, transition)
+    return RegulatorGains(plan, t, K, transition)
 
 
 @lru_cache(maxsize=8)

@@ -14,21 +14,10 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, Monitor
 from mathnavi.sim.interfaces.checks import check_positive
 from mathnavi.sim.interfaces.signals import Array
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """One interval i of the grid as the node distribution sees it; S are the states' scales."""
-
-    count: int  # N - 1
-    index: ca.SX  # i - 1, from 0
-    relative_width: ca.SX  # D_i
-    duration: ca.SX  # T [s]
-    chord: ca.SX  # (nx,) S^-1 (x_{i+1} - x_i)
-    turn: ca.SX  # (nx,) S^-1 T^2 (f_{i+1} - f_i) / d_i, the second derivative with respect to τ = t / T
 
 
 class NodeDistribution(Hashable, Protocol):

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.mesh import Mesh
+from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.sim.interfaces.signals import Array
-
-if TYPE_CHECKING:
-    from mathnavi.controllers.ocp.distribution import Mesh
-    from mathnavi.controllers.ocp.solution import Solution
 
 
 @dataclass(frozen=True, eq=False)

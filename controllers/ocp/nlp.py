@@ -18,7 +18,8 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.distribution import Mesh, NodeDistribution
+from mathnavi.controllers.ocp.distribution import NodeDistribution
+from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.stagewise import Assembly, Block
 from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme

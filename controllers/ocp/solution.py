@@ -4,27 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import astuple, dataclass
-from enum import Enum
 from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
+from mathnavi.controllers.nlp_solver import Outcome as Outcome
 from mathnavi.controllers.ocp.grid import Grid
 from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
 from mathnavi.sim.interfaces.signals import Array, Integers
-
-
-class Outcome(Enum):
-    """How a solve ended; the value is the message for the user."""
-
-    OPTIMAL = "a local optimum of the transcribed problem"
-    INFEASIBLE = "the solver found no feasible point"
-    LIMIT = "the solver stopped at its limit of iterations"
-    NOT_FINITE = "the problem or its guess holds NaN or infinity"
-    FAILED = "the solver gave up"
-    REFUSED = "the adaptive solution replays worse than the uniform one, which is returned in its place"
 
 
 @dataclass(frozen=True)

@@ -70,17 +70,6 @@ def advanced(
 
 
 @njit(cache=True, nogil=True)
-def rotation(q: Array) -> Array:
-    """R (3, 3) of a quaternion (4,)."""
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    R = np.empty((3, 3))
-    R[0, 0], R[0, 1], R[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
-    R[1, 0], R[1, 1], R[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
-    R[2, 0], R[2, 1], R[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
-    return R
-
-
-@njit(cache=True, nogil=True)
 def attitude_of(f: Array, heading: float) -> Array:
     """R_d (3, 3): b_3 along f, b_1 in the half-plane of b_3 and the heading [rad]."""
     R = np.empty((3, 3))

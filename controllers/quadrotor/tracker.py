@@ -37,12 +37,12 @@ from mathnavi.controllers.quadrotor.kernels import (
     limited,
     moments,
     rates_of,
-    rotation,
     within_tilt,
 )
 from mathnavi.controllers.quadrotor.reference import ReferenceFilter
 from mathnavi.models.quadrotor.allocation import allocated
 from mathnavi.models.quadrotor.dynamics import Quadrotor
+from mathnavi.models.quaternion import rotation
 from mathnavi.sim.interfaces.checks import check, check_positive
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
+from mathnavi.models.runge_kutta import classical_step
 from mathnavi.sim.interfaces.signals import Array
 
 Instant = tuple[Array, Array]
@@ -39,12 +40,9 @@ class ContinuousObserver:
 
     def step(self, h: float, begin: Instant, middle: Instant, end: Instant) -> None:
         """Integrate over h [s], in which the system moves from ``begin`` through ``middle`` to ``end``."""
+        instants = {0.0: begin, 0.5: middle, 1.0: end}
         z = np.stack([self.xi, self.eta])
-        k_1 = self._slope(begin, z)
-        k_2 = self._slope(middle, z + 0.5 * h * k_1)
-        k_3 = self._slope(middle, z + 0.5 * h * k_2)
-        k_4 = self._slope(end, z + h * k_3)
-        xi, eta = z + (h / 6.0) * (k_1 + 2.0 * k_2 + 2.0 * k_3 + k_4)
+        xi, eta = classical_step(lambda z, c: self._slope(instants[c], z), z, h)
         self.xi = self._space.project(xi)
         self.eta = self._space.tangent(self.xi, eta)
 

@@ -31,8 +31,10 @@ At psi = r = v = y_e = 0 and F_y = N = 0 that is the pitch plane. The tests hold
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import casadi
 
@@ -89,19 +91,29 @@ NOMINAL = Body()
 def pitch_dynamics(body: Body = NOMINAL) -> casadi.Function:
     """f(x, u) -> x' (6,) in the pitch plane, as printed."""
     x, u = casadi.SX.sym("x", 6), casadi.SX.sym("u", 3)
-    forward, downward, q, theta, _, _ = casadi.vertsplit(x)  # u, w, q, theta
-    F_x, F_z, M = casadi.vertsplit(u)
+    sin, cos = casadi.sin(x[3]), casadi.cos(x[3])  # once: derivatives of the recorded plans are summed over one node
+    rates = pitch_rates(casadi.vertsplit(x), casadi.vertsplit(u), body, sin=lambda _: sin, cos=lambda _: cos)
+    return casadi.Function("f", [x, u], [casadi.vertcat(*rates)], ["x", "u"], ["x_dot"])
+
+
+def pitch_rates(
+    x: Sequence[Any], u: Sequence[Any], body: Body, *, sin: Callable[[Any], Any], cos: Callable[[Any], Any]
+) -> tuple[Any, ...]:
+    """Rates x' of (u, w, q, theta, x_e, z_e) under (F_x, F_z, M) in the pitch plane: the one statement of them.
+
+    ``x`` and ``u`` are numbers, arrays or CasADi expressions, ``sin`` and ``cos`` the functions of theta for them.
+    """
+    forward, downward, q, theta, _, _ = x  # u, w, q, theta
+    F_x, F_z, M = u
     m, I_y, _, g = body.numbers
-    sin, cos = casadi.sin(theta), casadi.cos(theta)
-    rate = casadi.vertcat(
-        F_x / m - q * downward - g * sin,
-        F_z / m + q * forward + g * cos,
+    return (
+        F_x / m - q * downward - g * sin(theta),
+        F_z / m + q * forward + g * cos(theta),
         M / I_y,
         q,
-        forward * cos + downward * sin,
-        -forward * sin + downward * cos,
+        forward * cos(theta) + downward * sin(theta),
+        -forward * sin(theta) + downward * cos(theta),
     )
-    return casadi.Function("f", [x, u], [rate], ["x", "u"], ["x_dot"])
 
 
 @lru_cache(maxsize=8)

@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numba import njit
 
+from mathnavi.models.runge_kutta import compiled_halfway, compiled_sum
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array
 
@@ -65,13 +66,19 @@ def flow(x: Array, u: Array, dt: float, numbers: Numbers, step: float) -> Array:
     now = x.copy()
     count = max(1, math.ceil(abs(dt) / step - TIME_TOLERANCE))
     h = dt / count
-    k1, k2, k3, k4 = np.empty(10), np.empty(10), np.empty(10), np.empty(10)
+    k_1, k_2, k_3, k_4 = np.empty(10), np.empty(10), np.empty(10), np.empty(10)
+    middle = np.empty(10)
     for _ in range(count):
-        _rate(now, u, numbers, k1)
-        _rate(now + 0.5 * h * k1, u, numbers, k2)
-        _rate(now + 0.5 * h * k2, u, numbers, k3)
-        _rate(now + h * k3, u, numbers, k4)
-        now += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        _rate(now, u, numbers, k_1)
+        for i in range(10):
+            middle[i] = compiled_halfway(now[i], h, k_1[i])
+        _rate(middle, u, numbers, k_2)
+        for i in range(10):
+            middle[i] = compiled_halfway(now[i], h, k_2[i])
+        _rate(middle, u, numbers, k_3)
+        _rate(now + h * k_3, u, numbers, k_4)
+        for i in range(10):
+            now[i] = compiled_sum(now[i], h, k_1[i], k_2[i], k_3[i], k_4[i])
     return now
 
 

@@ -7,6 +7,7 @@ quality of the sensors. It holds no truth of a run.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -38,7 +39,10 @@ class Case:
     k: float
 
     def running_cost(self, coordinates: Coordinates, x: Array, u: Array, body: Body = NOMINAL) -> Array:
-        """L (...,) at states (..., nx) and inputs (..., nu)."""
+        """L (...,) at states (..., nx) and inputs (..., nu): ``running_cost`` of arrays.
+
+        It divides before it squares, as the recorded costs do; a test holds it against ``running_cost``.
+        """
         x, u = coordinates.in_space(x), coordinates.input_in_space(u)
         weight = body.mass * body.gravity
         force, moment = u[..., :3] / weight, u[..., 3:] / body.inertia
@@ -52,6 +56,21 @@ class Case:
             + self.k * drift
         )
         return cost
+
+
+def running_cost(
+    weights: Sequence[Any], body: Body, velocity: Sequence[Any], force: Sequence[Any], moments: Any
+) -> Any:
+    """L of ``Case``, the one statement of it, for numbers, arrays or CasADi expressions.
+
+    ``weights`` are (a_x, a_z, b, k), ``velocity`` (u, v, w) [m/s] and ``force`` (F_x, F_y, F_z) [N] are along the axes
+    of the body, and ``moments`` is M^2 + N^2 [N^2 m^2].
+    """
+    a_x, a_z, b, k = weights
+    weight = body.mass * body.gravity
+    (u, v, w), (F_x, F_y, F_z) = velocity, force
+    axial, lateral = (F_x / weight) ** 2, (F_y**2 + F_z**2) / weight**2
+    return 1 + a_x * axial + a_z * lateral + b * moments / body.inertia**2 + k * (v**2 + w**2) / u**2
 
 
 CASES = {

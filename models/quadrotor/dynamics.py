@@ -27,6 +27,7 @@ from functools import cached_property, lru_cache
 import casadi
 import numpy as np
 
+from mathnavi.models.quaternion import symbolic_rotation
 from mathnavi.models.runge_kutta import classical_step
 from mathnavi.sim.interfaces.checks import check, check_positive
 from mathnavi.sim.interfaces.signals import Array
@@ -103,7 +104,7 @@ def rigid_dynamics(vehicle: Quadrotor = NOMINAL) -> casadi.Function:
     x, thrusts = casadi.SX.sym("x", STATE_SIZE), casadi.SX.sym("T", ROTOR_COUNT)
     q, v, omega = x[ATTITUDE], x[VELOCITY], x[RATE]
     wrench = casadi.DM(vehicle.allocation) @ thrusts
-    R, J, D = rotation(q), casadi.diag(casadi.DM(vehicle.inertia)), casadi.diag(casadi.DM(vehicle.drag))
+    R, J, D = symbolic_rotation(q), casadi.diag(casadi.DM(vehicle.inertia)), casadi.diag(casadi.DM(vehicle.drag))
     force = casadi.vertcat(0.0, 0.0, wrench[0]) - D @ R.T @ v
     w, axis = q[0], q[1:]
     rate = casadi.vertcat(
@@ -126,16 +127,6 @@ def dynamics(vehicle: Quadrotor = NOMINAL) -> casadi.Function:
     return casadi.Function("f", [x, thrusts, u], rates, ["x", "T", "u"], ["x_dot", "T_dot"])
 
 
-def rotation(q: casadi.SX) -> casadi.SX:
-    """R (3, 3) of a unit quaternion (4,), from the body frame to the map frame."""
-    w, x, y, z = casadi.vertsplit(q)
-    return casadi.vertcat(
-        casadi.horzcat(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        casadi.horzcat(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        casadi.horzcat(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-
-
 def flow(vehicle: Quadrotor, x: Array, thrusts: Array, dt: float) -> Array:
     """State (13,) after the rotors pushed with ``thrusts`` (4,) [N] for dt [s] from x (13,), by Runge-Kutta steps of
     order 4.
@@ -147,7 +138,7 @@ def flow(vehicle: Quadrotor, x: Array, thrusts: Array, dt: float) -> Array:
     steps = max(1, math.ceil(dt / _STEP - 1e-9))
     h = dt / steps
 
-    def rate(state: Array) -> Array:
+    def rate(state: Array, _: float) -> Array:
         return np.asarray(f(state, thrusts), dtype=np.float64)[:, 0]
 
     for _ in range(steps):

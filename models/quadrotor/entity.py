@@ -18,6 +18,7 @@ import numpy as np
 
 from mathnavi.models.aerial.entity import TerrainArena
 from mathnavi.models.quadrotor.dynamics import NOMINAL, ROTOR_COUNT, ROTORS, Quadrotor
+from mathnavi.models.quaternion import rotation_entries
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.vehicle_names import check_vehicle_names
 from mathnavi.sim.interfaces.errors import FieldError
@@ -117,5 +118,5 @@ class RotorDrive:
 
 def tilt(quaternion: Array) -> float:
     """Angle [rad] between the thrust and the vertical at an attitude (4,), scalar first."""
-    _, x, y, _ = quaternion
-    return math.acos(min(1.0, max(-1.0, 1.0 - 2.0 * float(x * x + y * y))))
+    upright = float(rotation_entries(*quaternion)[2][2])  # of the thrust's direction
+    return math.acos(min(1.0, max(-1.0, upright)))

@@ -92,7 +92,10 @@ class Disc:
 
 
 def nose(p: Array) -> Array:
-    """(m, 3) the images of e_1 under unit quaternions (m, 4)."""
+    """Images (m, 3) of e_1 under unit quaternions (m, 4): the first column of ``models.quaternion``'s R.
+
+    It adds up the squares instead, as the recorded pictures do: the two differ by rounding.
+    """
     w, x, y, z = p.T
     return np.stack([w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)], axis=1)
 

@@ -79,10 +79,10 @@ def test_a_start_beyond_every_bound_has_escaped() -> None:
 
 def test_the_classical_step_is_of_order_four_and_the_same_for_numbers_and_expressions() -> None:
     x, h = casadi.SX.sym("x", 2), casadi.SX.sym("h")
-    symbolic = casadi.Function("step", [x, h], [classical_step(lambda at: casadi.vertcat(at[1], -at[0]), x, h)])
+    symbolic = casadi.Function("step", [x, h], [classical_step(lambda at, c: casadi.vertcat(at[1], -at[0]), x, h)])
     start, errors = np.array([1.0, 0.0]), []
     for step in (0.1, 0.05):
-        after = classical_step(lambda at: np.array([at[1], -at[0]]), start, step)
+        after = classical_step(lambda at, c: np.array([at[1], -at[0]]), start, step)
         np.testing.assert_array_equal(after, np.array(symbolic(start, step)).ravel())
         errors.append(np.abs(after - [math.cos(step), -math.sin(step)]).max())
     assert errors[0] / errors[1] == pytest.approx(2.0**5, rel=0.05)

@@ -14,13 +14,14 @@ from functools import cache
 import casadi as ca
 
 from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
-from mathnavi.models.missile.dynamics import NOMINAL
+from mathnavi.models.missile.dynamics import NOMINAL, pitch_rates
 from mathnavi.models.missile.mission import CASES
+from mathnavi.sim.interfaces.errors import ProblemError
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """Of an independent computation."""
+    """Optimal cost and final time, by an independent computation."""
 
     cost: float  # J*
     duration: float  # [s] T*
@@ -38,7 +39,7 @@ OPTIMA = {
 def missile(case: str = "SM2") -> OptimalControlProblem:
     """From (0, 10) at level flight to (700, 0) straight down."""
     if case not in CASES:
-        raise ValueError(f"case = {case!r}; allowed: {', '.join(CASES)}")
+        raise ProblemError(f"case = {case!r}; allowed: {', '.join(CASES)}")
     c, T = CASES[case], OPTIMA[case].duration
     m, I_y, g, V_0 = NOMINAL.mass, NOMINAL.inertia, NOMINAL.gravity, c.speed
     ocp = Statement(f"missile, {case}")
@@ -47,13 +48,14 @@ def missile(case: str = "SM2") -> OptimalControlProblem:
     w = ocp.state("w", scale=100.0)
     q = ocp.state("q", scale=1.0)
     theta = ocp.state("theta", scale=1.0, guess=(0.0, 1.0, 0.5, -1.0, -math.pi / 2))
-    x = ocp.state("x_e", scale=100.0, guess=(0.0, 200.0, 450.0, 650.0, 700.0))
-    z = ocp.state("z_e", scale=100.0, guess=(-10.0, -80.0, -120.0, -80.0, 0.0))
+    x_e = ocp.state("x_e", scale=100.0, guess=(0.0, 200.0, 450.0, 650.0, 700.0))
+    z_e = ocp.state("z_e", scale=100.0, guess=(-10.0, -80.0, -120.0, -80.0, 0.0))
     F_x = ocp.control("F_x", scale=5.0 * m * g)
     F_z = ocp.control("F_z", scale=5.0 * m * g)
     M = ocp.control("M", scale=2.0 * I_y)
     ocp.free_duration(guess=T, lower=0.5, upper=60.0)
 
+    # ``mission.running_cost`` in the pitch plane, in the order in which the reference optima were computed.
     ocp.minimise(
         running=1
         + c.a_x * (F_x / (m * g)) ** 2
@@ -62,15 +64,12 @@ def missile(case: str = "SM2") -> OptimalControlProblem:
         + c.k * (w / u) ** 2
     )
 
-    ocp.dynamics(u, F_x / m - q * w - g * ca.sin(theta))
-    ocp.dynamics(w, F_z / m + q * u + g * ca.cos(theta))
-    ocp.dynamics(q, M / I_y)
-    ocp.dynamics(theta, q)
-    ocp.dynamics(x, u * ca.cos(theta) + w * ca.sin(theta))
-    ocp.dynamics(z, -u * ca.sin(theta) + w * ca.cos(theta))
+    x = (u, w, q, theta, x_e, z_e)
+    for state, rate in zip(x, pitch_rates(x, (F_x, F_z, M), NOMINAL, sin=ca.sin, cos=ca.cos), strict=True):
+        ocp.dynamics(state, rate)
 
-    for state, value in ((u, V_0), (w, 0.0), (q, 0.0), (theta, 0.0), (x, 0.0), (z, -10.0)):
+    for state, value in ((u, V_0), (w, 0.0), (q, 0.0), (theta, 0.0), (x_e, 0.0), (z_e, -10.0)):
         ocp.start(state, value)
-    for state, value in ((w, 0.0), (theta, -math.pi / 2), (x, 700.0), (z, 0.0)):
+    for state, value in ((w, 0.0), (theta, -math.pi / 2), (x_e, 700.0), (z_e, 0.0)):
         ocp.end(state, value)
     return ocp.problem()

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from mathnavi.controllers.ocp.transcriptions.scheme import Interval, Rates
+from mathnavi.models.runge_kutta import classical_sum, halfway
 
 
 @dataclass(frozen=True)
@@ -37,9 +38,8 @@ class MultipleShooting:
         for k in range(self.steps):
             now = t + k * h
             f_1, l_1 = rates(x, U[0], now)
-            f_2, l_2 = rates(x + h / 2 * f_1, U[0], now + h / 2)
-            f_3, l_3 = rates(x + h / 2 * f_2, U[0], now + h / 2)
+            f_2, l_2 = rates(halfway(x, h, f_1), U[0], now + h / 2)
+            f_3, l_3 = rates(halfway(x, h, f_2), U[0], now + h / 2)
             f_4, l_4 = rates(x + h * f_3, U[0], now + h)
-            x = x + h / 6 * (f_1 + 2 * f_2 + 2 * f_3 + f_4)
-            cost = cost + h / 6 * (l_1 + 2 * l_2 + 2 * l_3 + l_4)
+            x, cost = classical_sum(x, h, f_1, f_2, f_3, f_4), classical_sum(cost, h, l_1, l_2, l_3, l_4)
         return Interval(x, ca.SX(0, 1), cost, (x_0,))

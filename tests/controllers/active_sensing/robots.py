@@ -1,4 +1,4 @@
-"""A robot within a wall that the parts of ``active_sensing`` drive, with any estimator, without MuJoCo."""
+"""A robot within a wall that active sensing drives, with an estimator of one's choice, without MuJoCo."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.controllers.active_sensing.input_sequence import InputSequence
-from mathnavi.controllers.active_sensing.motion import planned
 from mathnavi.controllers.active_sensing.plugin import ActiveSensing
+from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.models.field.curve import Curve, ellipse
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
@@ -106,4 +105,4 @@ def winding_path(task: RangingMission) -> Plan:
     rng = np.random.default_rng(3)
     duration = rng.uniform(0.3, 0.7, 9)
     u = rng.uniform(-0.5, 0.5, (9, 2)) * np.array([task.speed_max, task.turn_rate_max])
-    return planned(InputSequence(duration, u, Phase.CRUISE), 0.0, START, math.nan)
+    return InputSequence(duration, u, Phase.CRUISE).plan(0.0, START, math.nan)

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.controllers.active_sensing.active import Active
 from mathnavi.controllers.active_sensing.belief import Belief
-from mathnavi.controllers.active_sensing.candidate_search import candidates
-from mathnavi.controllers.active_sensing.containment import Containment
+from mathnavi.controllers.active_sensing.candidate_search import Containment, candidates
+from mathnavi.controllers.active_sensing.criteria import ExpectedCovariance
 from mathnavi.models.field.curve import BEAN, EGG, Curve
 from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Status
 from tests.controllers.active_sensing.robots import FIELD, START, assert_well_formed, built, fly, knowing, mission
@@ -39,7 +38,7 @@ def test_candidates_are_symmetric_and_within_the_limits() -> None:
 def test_active_prefers_what_leaves_the_least_trace_even_if_it_is_shorter() -> None:
     task = mission()
     belief, inputs = unsure(START, 0.8), candidates(task)
-    active = Active(task, 1.0, 10)
+    active = ExpectedCovariance(task, 1.0, 10)
     whole = np.full(len(inputs), 10)
     k, least = active.best(belief, inputs, whole)
     for other in range(len(inputs)):
@@ -52,7 +51,7 @@ def test_active_prefers_what_leaves_the_least_trace_even_if_it_is_shorter() -> N
 def test_two_sensors_are_not_left_standing_still_by_who_is_unsure() -> None:
     """Zero input tells nothing of one direction; a robot that is unsure of it has to drive."""
     task = mission(turn_rate_max=0.15)
-    active, inputs = Active(task, 1.0, 10), candidates(task)
+    active, inputs = ExpectedCovariance(task, 1.0, 10), candidates(task)
     rng = np.random.default_rng(0)
     for _ in range(10):
         pose = task.curve.draw(rng, 0.6)
@@ -123,7 +122,7 @@ def test_without_an_estimate_the_robot_turns_on_the_spot(status: Status) -> None
 def test_the_less_sure_the_estimate_the_shorter_inputs_are_held() -> None:
     task = mission()
     inside, inputs = Containment(task, 1.0, 10, 3.0), candidates(task)
-    held = [inside.nodes(Belief(START, size**2 * np.eye(3)), inputs) for size in (0.0, 0.1, 0.2, 1.0)]
+    held = [inside.admissible_nodes(Belief(START, size**2 * np.eye(3)), inputs) for size in (0.0, 0.1, 0.2, 1.0)]
     for surer, other in itertools.pairwise(held):
         assert (other <= surer).all()
     assert held[0].sum() > held[-1].sum()

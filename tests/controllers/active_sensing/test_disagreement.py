@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.controllers.active_sensing.belief_from_estimates import BeliefFromEstimates
-from mathnavi.controllers.active_sensing.disagreement import Disagreement
+from mathnavi.controllers.active_sensing.belief import BeliefFromEstimates, Disagreement
 from mathnavi.controllers.active_sensing.motion import pose_on
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from tests.controllers.active_sensing.robots import FIELD, START, built, fly, mission, winding_path
@@ -28,42 +27,42 @@ def at(t: float) -> Array:
 def test_poses_along_what_is_driven_agree() -> None:
     disagreement = Disagreement(1.0)
     for t in np.arange(0.0, 3.0, 0.2):
-        assert disagreement.of(float(t), at(t), np.zeros(2), path()) == pytest.approx((0.0, 0.0), abs=1e-9)
+        assert disagreement.update(float(t), at(t), np.zeros(2), path()) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
 def test_a_jump_is_as_large_as_it_is_and_is_forgotten_after_the_span() -> None:
     disagreement = Disagreement(1.0)
     for t in np.arange(0.0, 4.0, 0.25):
         jumped = t >= 1.5
-        found = disagreement.of(float(t), at(t) + (np.array([0.3, -0.4, 0.0]) if jumped else 0.0), SURE, path())
+        found = disagreement.update(float(t), at(t) + (np.array([0.3, -0.4, 0.0]) if jumped else 0.0), SURE, path())
         assert found == pytest.approx((0.5 if 1.5 <= t < 2.5 else 0.0, 0.0), abs=1e-9)
 
 
 def test_what_an_estimate_said_that_it_may_be_off_by_is_no_disagreement() -> None:
     for deviation, expected in ((0.2, (0.0, 0.7)), (0.3, (0.0, 0.0)), (0.1, (0.5, 0.7))):
         disagreement = Disagreement(1.0)
-        disagreement.of(0.0, at(0.0), np.full(2, deviation), path())
-        assert disagreement.of(0.2, at(0.2) + OFFSET, SURE, path()) == pytest.approx(expected, abs=1e-9)
+        disagreement.update(0.0, at(0.0), np.full(2, deviation), path())
+        assert disagreement.update(0.2, at(0.2) + OFFSET, SURE, path()) == pytest.approx(expected, abs=1e-9)
 
 
 def test_headings_are_compared_the_short_way_round() -> None:
     disagreement = Disagreement(1.0)
-    disagreement.of(0.0, at(0.0), np.zeros(2), path())
-    turned = disagreement.of(0.2, at(0.2) + np.array([0.0, 0.0, 4.0 * math.pi + 0.1]), np.zeros(2), path())
+    disagreement.update(0.0, at(0.0), np.zeros(2), path())
+    turned = disagreement.update(0.2, at(0.2) + np.array([0.0, 0.0, 4.0 * math.pi + 0.1]), np.zeros(2), path())
     assert turned == pytest.approx((0.0, 0.1), abs=1e-9)
 
 
 def test_before_the_first_plan_nothing_is_known_of_what_was_driven() -> None:
     disagreement = Disagreement(1.0)
-    disagreement.of(0.0, at(0.0), np.zeros(2), None)
-    assert disagreement.of(0.2, at(0.2) + OFFSET, np.zeros(2), path()) == (0.0, 0.0)
+    disagreement.update(0.0, at(0.0), np.zeros(2), None)
+    assert disagreement.update(0.2, at(0.2) + OFFSET, np.zeros(2), path()) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("covariance", [None, 1e-4 * np.eye(3)], ids=["none", "too small"])
 def test_who_contradicts_himself_is_believed_less(covariance: Array | None) -> None:
     believing = BeliefFromEstimates(0.1, 1.0)
     first, second = (
-        believing.at(PlanRequest(t, t + 0.2, Estimate(t, at(t) + off, covariance), path()))
+        believing.update(PlanRequest(t, t + 0.2, Estimate(t, at(t) + off, covariance), path()))
         for t, off in ((0.0, np.zeros(3)), (0.2, OFFSET))
     )
     assert first.position_deviation <= 0.1 + 1e-12

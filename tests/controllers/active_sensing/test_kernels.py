@@ -10,6 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.active_sensing.kernels import (
+    PredictionHorizon,
+    RangeSensors,
+    WallTable,
     clearance,
     expected_covariance,
     expected_traces,
@@ -26,6 +29,7 @@ from tests.controllers.active_sensing.robots import FIELD, TWO, mission
 CURVES = [FIELD, EGG, BEAN]
 NOISE = np.array([0.05, 1e-3])
 ANGLES = np.array(TWO)
+SENSORS = RangeSensors(ANGLES, NOISE)
 curves = st.sampled_from(CURVES)
 seeds = st.integers(0, 2**32 - 1)
 
@@ -39,6 +43,10 @@ def slopes(function: object, x: Array, step: float = 1e-5) -> Array:
 def covariance(rng: np.random.Generator, size: float) -> Array:
     root = size * rng.standard_normal((3, 3))
     return root @ root.T + 1e-6 * np.eye(3)
+
+
+def wall_of(curve: Curve) -> WallTable:
+    return WallTable(curve.table, curve.polyline)
 
 
 def ranges(curve: Curve, x: Array) -> Array:
@@ -60,7 +68,7 @@ def test_the_expected_covariance_is_that_of_the_formula(curve: Curve, held: int)
         R = np.diag(np.square(NOISE[0] * ranges(curve, node(j, pose))) + NOISE[1] ** 2)
         information = information + HF.T @ (n * np.linalg.inv(R)) @ HF
     F = slopes(lambda x: node(10, x), pose)
-    x, found = expected_covariance(curve.table, curve.polyline, ANGLES, NOISE, pose, P, u, held, h, 10, float(n))
+    x, found = expected_covariance(wall_of(curve), SENSORS, PredictionHorizon(h, 10, float(n)), pose, P, u, held)
     np.testing.assert_allclose(x, node(10, pose), atol=1e-12)
     np.testing.assert_allclose(found, F @ np.linalg.inv(information) @ F.T, rtol=1e-5, atol=1e-9)
 
@@ -68,18 +76,18 @@ def test_the_expected_covariance_is_that_of_the_formula(curve: Curve, held: int)
 def test_the_trace_is_that_of_the_expected_covariance_of_each_input() -> None:
     pose, P = np.array([0.3, 0.1, 0.8]), covariance(np.random.default_rng(2), 0.2)
     inputs, held = np.array([[0.5, 0.2], [0.0, -1.0], [-1.0, 0.0]]), np.array([10, 3, 1])
-    wall = (FIELD.table, FIELD.polyline)
-    traces = expected_traces(*wall, ANGLES, NOISE, pose, P, inputs, held, 0.1, 10, 10.0)
+    wall, horizon = wall_of(FIELD), PredictionHorizon(0.1, 10, 10.0)
+    traces = expected_traces(wall, SENSORS, horizon, pose, P, inputs, held)
     for trace, u, n in zip(traces, inputs, held, strict=True):
-        _, expected = expected_covariance(*wall, ANGLES, NOISE, pose, P, u, int(n), 0.1, 10, 10.0)
+        _, expected = expected_covariance(wall, SENSORS, horizon, pose, P, u, int(n))
         assert trace == pytest.approx(np.trace(expected), rel=1e-12)
 
 
 def test_readings_never_make_less_sure() -> None:
-    wall, pose, P = (FIELD.table, FIELD.polyline), np.array([1.0, 0.5, 0.3]), covariance(np.random.default_rng(3), 0.3)
+    wall, pose, P = wall_of(FIELD), np.array([1.0, 0.5, 0.3]), covariance(np.random.default_rng(3), 0.3)
     u = np.array([[0.5, 1.0]])
     few, many = (
-        expected_traces(*wall, ANGLES, NOISE, pose, P, u, np.array([10]), 0.1, 10, readings)[0]
+        expected_traces(wall, SENSORS, PredictionHorizon(0.1, 10, readings), pose, P, u, np.array([10]))[0]
         for readings in (1.0, 10.0)
     )
     assert many < few
@@ -112,13 +120,13 @@ def test_the_smallest_singular_value_is_that_of_ranges_and_rates() -> None:
         return np.concatenate([ranges(FIELD, x), (ahead - back) / 2e-4])
 
     expected = np.linalg.svd(slopes(both, pose, 1e-4), compute_uv=False)[-1]
-    found = smallest_singular_values(FIELD.table, FIELD.polyline, ANGLES, pose, u[None, :])
+    found = smallest_singular_values(wall_of(FIELD), ANGLES, pose, u[None, :])
     assert found[0] == pytest.approx(expected, rel=1e-4)
 
 
 def test_two_sensors_that_stand_still_tell_nothing_of_one_direction() -> None:
     inputs = np.array([[0.0, 0.0], [0.5, 0.0]])
-    still, driving = smallest_singular_values(FIELD.table, FIELD.polyline, ANGLES, np.array([1.0, 0.4, 0.9]), inputs)
+    still, driving = smallest_singular_values(wall_of(FIELD), ANGLES, np.array([1.0, 0.4, 0.9]), inputs)
     assert still == pytest.approx(0.0, abs=1e-7)
     assert driving > 1e-3
 
@@ -128,7 +136,7 @@ def test_two_sensors_that_stand_still_tell_nothing_of_one_direction() -> None:
 def test_the_clearance_is_the_distance_to_the_wall(curve: Curve, seed: int) -> None:
     rng = np.random.default_rng(seed)
     p = rng.uniform(*curve.polyline.min(axis=0, keepdims=True), *curve.polyline.max(axis=0, keepdims=True))
-    found = clearance(curve.table, curve.polyline, p[0], p[1])
+    found = clearance(wall_of(curve), p[0], p[1])
     assert abs(found) == pytest.approx(curve.distance(p), abs=2e-2)
     if curve.distance(p) > 0.01:
         assert (found > 0.0) is curve.contains(p)
@@ -139,12 +147,12 @@ def test_the_clearance_is_the_distance_to_the_wall(curve: Curve, seed: int) -> N
 def test_an_input_is_held_as_long_as_no_pose_nears_the_wall_and_no_longer(curve: Curve, seed: int) -> None:
     rng, margin = np.random.default_rng(seed), 0.3
     poses, inputs = np.array([curve.draw(rng, 0.1) for _ in range(3)]), rng.uniform(-1.5, 1.5, (4, 2))
-    held = nodes_within(curve.table, curve.polyline, poses, margin, inputs, 0.1, 10)
+    held = nodes_within(wall_of(curve), poses, margin, inputs, 0.1, 10)
     for u, n in zip(inputs, held, strict=True):
         keeps = [
             all(
-                clearance(curve.table, curve.polyline, *mission().flow(x, u, 0.1 * j)[:2])
-                >= min(margin, clearance(curve.table, curve.polyline, *x[:2])) - 1e-8
+                clearance(wall_of(curve), *mission().flow(x, u, 0.1 * j)[:2])
+                >= min(margin, clearance(wall_of(curve), *x[:2])) - 1e-8
                 for x in poses
             )
             for j in range(1, 11)
@@ -155,7 +163,7 @@ def test_an_input_is_held_as_long_as_no_pose_nears_the_wall_and_no_longer(curve:
 
 def test_turning_on_the_spot_keeps_inside_wherever_the_robot_may_be() -> None:
     poses = np.array([[3.6, 0.0, 0.0], [0.0, 1.41, 1.0], [0.0, 3.0, 0.0]])
-    held = nodes_within(FIELD.table, FIELD.polyline, poses, 0.3, np.array([[0.0, 2.0], [0.0, 0.0]]), 0.1, 10)
+    held = nodes_within(wall_of(FIELD), poses, 0.3, np.array([[0.0, 2.0], [0.0, 0.0]]), 0.1, 10)
     assert held.tolist() == [10, 10]
 
 
@@ -164,15 +172,15 @@ def test_turning_on_the_spot_keeps_inside_wherever_the_robot_may_be() -> None:
 def test_sigma_poses_are_not_where_the_robot_is_not(curve: Curve, seed: int, size: float) -> None:
     rng = np.random.default_rng(seed)
     pose, P = curve.draw(rng, 0.1), covariance(rng, size)
-    poses = sigma_poses(curve.table, curve.polyline, pose, P, 3.0, 0.3)
-    least = min(0.3, clearance(curve.table, curve.polyline, *pose[:2]))
+    poses = sigma_poses(wall_of(curve), pose, P, 3.0, 0.3)
+    least = min(0.3, clearance(wall_of(curve), *pose[:2]))
     np.testing.assert_array_equal(poses[0], pose)
-    assert all(clearance(curve.table, curve.polyline, *x[:2]) >= least - 1e-9 for x in poses)
+    assert all(clearance(wall_of(curve), *x[:2]) >= least - 1e-9 for x in poses)
 
 
 def test_far_from_the_wall_sigma_poses_have_the_covariance() -> None:
     P = covariance(np.random.default_rng(4), 0.05)
-    away = sigma_poses(FIELD.table, FIELD.polyline, np.zeros(3), P, 3.0, 0.3)[1:]
+    away = sigma_poses(wall_of(FIELD), np.zeros(3), P, 3.0, 0.3)[1:]
     np.testing.assert_allclose(away.T @ away / (2.0 * 9.0), P, atol=1e-12)
 
 

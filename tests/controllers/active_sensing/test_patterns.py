@@ -7,12 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.controllers.active_sensing.circle import Circle
-from mathnavi.controllers.active_sensing.figure_eight import FigureEight
-from mathnavi.controllers.active_sensing.open_loop import Pattern, check_drivable, path
 from mathnavi.controllers.active_sensing.plugin import ActiveSensing
-from mathnavi.controllers.active_sensing.still import Still
-from mathnavi.controllers.active_sensing.straight import Straight
+from mathnavi.controllers.active_sensing.policies import (
+    Circle,
+    FigureEight,
+    Pattern,
+    Still,
+    Straight,
+    check_drivable,
+    path,
+)
 from mathnavi.sim.interfaces.signals import Estimate
 from tests.controllers.active_sensing.robots import START, built, fly, mission
 

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.controllers.active_sensing.belief import Belief
-from mathnavi.controllers.active_sensing.belief_from_estimates import BeliefFromEstimates
-from mathnavi.controllers.active_sensing.motion import mean_input, predicted
+from mathnavi.controllers.active_sensing.belief import Belief, BeliefFromEstimates
+from mathnavi.controllers.active_sensing.motion import mean_input
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests.controllers.active_sensing.robots import START, assert_well_formed, built, mission, winding_path
 
@@ -21,7 +20,7 @@ def asked(covariance: Array | None, x: Array = START, status: Status = Status.OK
 
 def believed(covariance: Array | None, deviation: float) -> Belief:
     """Of a first estimate."""
-    return BeliefFromEstimates(deviation, 1.0).at(PlanRequest(0.0, 0.0, Estimate(0.0, START, covariance), None))
+    return BeliefFromEstimates(deviation, 1.0).update(PlanRequest(0.0, 0.0, Estimate(0.0, START, covariance), None))
 
 
 @pytest.mark.parametrize(
@@ -71,7 +70,7 @@ def test_deviations_are_those_of_the_worst_direction() -> None:
 def test_what_is_predicted_is_where_samples_of_the_belief_go() -> None:
     rng, task = np.random.default_rng(1), mission()
     plan, P = winding_path(task), np.diag([1e-4, 4e-4, 2.5e-4])
-    end = predicted(Belief(START, P), plan, 0.5, 2.5)
+    end = Belief(START, P).predicted(plan, 0.5, 2.5)
     samples = []
     for x in rng.multivariate_normal(START, P, 2000):
         for k, u in enumerate(plan.u):

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.controllers.active_sensing.circle import Circle
-from mathnavi.controllers.active_sensing.figure_eight import FigureEight
-from mathnavi.controllers.active_sensing.reference import Reference
+from mathnavi.controllers.active_sensing.policies import Circle, FigureEight
+from mathnavi.controllers.active_sensing.then_track import ReferencePath
 from mathnavi.models.field.curve import BEAN, EGG, Curve
 from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Status
 from tests.controllers.active_sensing.robots import FIELD, START, assert_well_formed, built, fly, mission
@@ -20,7 +19,7 @@ PATH = {"then": "figure-eight", "speed": 0.3}
 def off_path(flown: Array, then: str, curve: Curve) -> float:
     """[m] how far the points (n, 2) flown are off the path at most."""
     pattern = FigureEight(0.3, 8.0) if then == "figure-eight" else Circle(0.3, 8.0)
-    points = Reference(pattern, mission(curve)).poses[:, :2]
+    points = ReferencePath(pattern, mission(curve)).poses[:, :2]
     return max(float(np.linalg.norm(points - p, axis=1).min()) for p in flown)
 
 
@@ -38,7 +37,7 @@ def test_the_path_is_joined_and_kept_again_and_again(curve: Curve, then: str) ->
         assert_well_formed(plan, task)
 
 
-def test_it_excites_until_the_estimate_is_sure() -> None:
+def test_it_explores_until_the_estimate_is_certain() -> None:
     task = mission()
     believing = lambda t, truth: Estimate(t, truth.copy(), (0.2 if t < 3.0 else 0.01) ** 2 * np.eye(3))  # noqa: E731
     flight = fly(built(task, **PATH), task, START, 6.0, believing)
@@ -48,7 +47,7 @@ def test_it_excites_until_the_estimate_is_sure() -> None:
 
 
 @pytest.mark.parametrize("worse", ["unsure", "lost"])
-def test_when_the_estimate_degrades_it_excites_again(worse: str) -> None:
+def test_when_the_estimate_degrades_it_explores_again(worse: str) -> None:
     task = mission()
 
     def believing(t: float, truth: Array) -> Estimate:
@@ -69,7 +68,7 @@ def test_a_little_less_sure_is_still_sure_enough() -> None:
     assert fly(built(task, **PATH), task, START, 5.0, believing).kinds == ["tracking"]
 
 
-def test_after_an_estimate_that_jumps_it_excites_for_a_second_and_joins_the_path_anew() -> None:
+def test_after_an_estimate_that_jumps_it_explores_for_a_second_and_joins_the_path_anew() -> None:
     task, jump = mission(), np.array([1.2, 0.2, 0.0])
     believing = lambda t, truth: Estimate(t, truth + (jump if t >= 5.0 else 0.0), 1e-6 * np.eye(3))  # noqa: E731
     flight = fly(built(task, **PATH), task, START, 12.0, believing)
@@ -102,7 +101,7 @@ def test_a_path_is_kept_in_spite_of_wheels_that_turn_too_slowly() -> None:
 
 def test_the_path_lies_about_the_centre_along_the_longer_axis() -> None:
     for curve, angle in ((FIELD, 0.0), (Curve(((0.5, 0.0, 1.0, 0.0), (0.0, -1.5, 3.0, 0.0))), math.pi / 2.0)):
-        points = Reference(FigureEight(0.5, 8.0), mission(curve)).poses[:-1, :2] - curve.centre
+        points = ReferencePath(FigureEight(0.5, 8.0), mission(curve)).poses[:-1, :2] - curve.centre
         np.testing.assert_allclose(points.mean(axis=0), 0.0, atol=1e-9)
         long, short = (
             np.ptp(points @ np.array([[math.cos(angle)], [math.sin(angle)]])),
@@ -121,7 +120,7 @@ def test_round_a_corner_there_is_no_way_until_the_robot_has_come_round_it() -> N
     bent = Curve(((0.0, 0.0, 0.0, 0.0), (2.8, 0.0, 0.0, 1.6), (0.0, 0.0, -1.3, 0.0)), "bent")
     task, behind = mission(bent, margin=0.2), np.array([2.25, -0.85, 1.0])
     assert bent.contains(behind, task.margin)
-    assert Reference(Circle(0.05, 8.0), task).way(behind) is None
+    assert ReferencePath(Circle(0.05, 8.0), task).way_from(behind) is None
     flight = fly(built(task, then="circle", speed=0.05), task, behind, 3.0)
     assert flight.kinds == ["no-way"]
     assert flight.clearance(bent) > 0.19

@@ -1,4 +1,4 @@
-"""The tracker: exciting inputs as they are, and the way back onto a path."""
+"""The tracker: exploring inputs as they are, and the way back onto a path."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.controllers.active_sensing.input_sequence import InputSequence
-from mathnavi.controllers.active_sensing.motion import planned, pose_on
+from mathnavi.controllers.active_sensing.motion import pose_on
+from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.controllers.active_sensing.tracker import PathTracker
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan
@@ -21,7 +21,7 @@ SPEED, BANDWIDTH = 0.5, 2.0
 
 
 def along(phase: Phase, u: tuple[float, float] = (SPEED, 0.4), duration: float = 40.0) -> Plan:
-    return planned(InputSequence(np.array([duration]), np.array([u]), phase), 0.0, START, math.nan)
+    return InputSequence(np.array([duration]), np.array([u]), phase).plan(0.0, START, math.nan)
 
 
 def error(x: Array, plan: Plan, t: float) -> tuple[float, float]:
@@ -69,14 +69,14 @@ def test_inputs_stay_within_what_the_robot_can_do() -> None:
 
 
 @pytest.mark.parametrize("phase", [Phase.OPTIMISED, Phase.MANOEUVRE])
-def test_inputs_that_excite_are_driven_whatever_the_estimate_says(phase: Phase) -> None:
+def test_inputs_that_explore_are_driven_whatever_the_estimate_says(phase: Phase) -> None:
     tracker = PathTracker(mission(), BANDWIDTH, SPEED)
     for x in (START, np.array([-3.0, 1.0, 2.0])):
         np.testing.assert_allclose(tracker.command(1.0, Estimate(1.0, x), along(phase)), [SPEED, 0.4])
 
 
 @pytest.mark.parametrize("phase", list(Phase)[:3])
-def test_after_the_end_of_a_plan_that_excites_the_robot_rests(phase: Phase) -> None:
+def test_after_the_end_of_a_plan_that_explores_the_robot_rests(phase: Phase) -> None:
     tracker, plan = PathTracker(mission(), BANDWIDTH, SPEED), along(phase, duration=1.0)
     np.testing.assert_array_equal(tracker.command(1.5, Estimate(1.5, START), plan), [0.0, 0.0])
     np.testing.assert_allclose(tracker.command(0.995, Estimate(0.995, START), plan), [0.5 * SPEED, 0.2])

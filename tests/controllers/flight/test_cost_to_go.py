@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.controllers.flight.cost_to_go import (
-    TARGET_LENGTH,
     FactoredCost,
     TerrainGrid,
     TrilinearCost,
@@ -20,6 +19,7 @@ from mathnavi.controllers.flight.cost_to_go import (
     threat_density,
     trilinear_cost,
 )
+from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import Radar

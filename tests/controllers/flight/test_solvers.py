@@ -21,6 +21,7 @@ from mathnavi.controllers.flight.problem import (
 )
 from mathnavi.controllers.flight.reference import InteriorPoint
 from mathnavi.controllers.flight.sqp import CondensedSqp
+from mathnavi.controllers.nlp_solver import NlpPlugin
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.interfaces.signals import Array
@@ -198,7 +199,7 @@ def test_the_balls_have_the_slope_and_the_curvature_of_norms(
 
 @pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
 def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_find(
-    landscape: PlanningEnvironment, backend: reference.Backend
+    landscape: PlanningEnvironment, backend: NlpPlugin
 ) -> None:
     condensed, interior = CondensedSqp(1e-6, 50), InteriorPoint(backend, 1e-6)
     for problem in some_problems(landscape):

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from mathnavi.controllers.missile.autopilot import Autopilot
+from mathnavi.controllers.missile.autopilot import Autopilot, OpenLoop
 from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
-from mathnavi.controllers.missile.open_loop import OpenLoop
 from mathnavi.controllers.missile.tvlqr import TimeVaryingLQR, gains
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, Body

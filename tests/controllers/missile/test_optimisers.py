@@ -8,11 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mathnavi.controllers.missile.aim import TerminalCondition
+from mathnavi.controllers.missile.optimiser import JointOptimiser, MissileTrajectory, Optimiser
 from mathnavi.controllers.missile.pitch_and_yaw import PitchAndYaw
+from mathnavi.controllers.missile.problem import TerminalCondition
 from mathnavi.controllers.missile.shooting import Failed
-from mathnavi.controllers.missile.trajectory import Optimiser, Trajectory
-from mathnavi.controllers.missile.whole import WholeFlight
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problems.missile import missile
@@ -27,12 +26,12 @@ DOWN = -0.5 * math.pi
 NODES = 25
 
 
-def planar(case: str) -> WholeFlight:
-    return WholeFlight(CASES[case], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Fixed())
+def planar(case: str) -> JointOptimiser:
+    return JointOptimiser(CASES[case], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Fixed())
 
 
-def joint(case: str) -> WholeFlight:
-    return WholeFlight(CASES[case], NOMINAL, SPATIAL, INPUT_MAX[SPATIAL], NODES, "fatrop", Fixed())
+def joint(case: str) -> JointOptimiser:
+    return JointOptimiser(CASES[case], NOMINAL, SPATIAL, INPUT_MAX[SPATIAL], NODES, "fatrop", Fixed())
 
 
 def pitch_and_yaw(case: str) -> PitchAndYaw:
@@ -54,9 +53,9 @@ def level(case: str, heading: float = 0.0) -> Array:
     return x
 
 
-def found(optimiser: Optimiser, start: Array, at: TerminalCondition, t: float = 0.0) -> Trajectory:
+def found(optimiser: Optimiser, start: Array, at: TerminalCondition, t: float = 0.0) -> MissileTrajectory:
     flight = optimiser.optimise(t, start, at)
-    assert isinstance(flight, Trajectory), flight
+    assert isinstance(flight, MissileTrajectory), flight
     return flight
 
 
@@ -88,7 +87,7 @@ def test_a_flight_starts_where_it_should_joins_and_ends_on_the_target(
     for k in range(0, len(flight.u), 7):
         after = coordinates.flow(flight.x[k], flight.u[k], flight.t[k + 1] - flight.t[k])
         np.testing.assert_allclose(flight.x[k + 1], after, rtol=0.0, atol=1e-9)
-    assert at.missed_by(flight.x[-1], flight.duration, coordinates).size < 5e-3
+    assert at.error_of(flight.x[-1], flight.duration, coordinates).norm < 5e-3
 
 
 @pytest.mark.parametrize(("case", "heading", "y"), [("SM2", 0.0, 150.0), ("SM2", 30.0, 0.0), ("FAST", 0.0, 100.0)])
@@ -123,13 +122,13 @@ def test_a_plan_from_the_last_one_is_the_plan_from_nothing() -> None:
     t = float(first.t[30])
     again, fresh = found(warm, later, at, t), found(pitch_and_yaw("SM2"), later, at)
     assert again.cost == pytest.approx(fresh.cost, rel=2e-3)
-    assert at.missed_by(again.x[-1], again.duration, SPATIAL).size < 2e-3
+    assert at.error_of(again.x[-1], again.duration, SPATIAL).norm < 2e-3
 
 
 def test_limits_are_kept() -> None:
     limits = (2e3, 8e3, 80.0)
     flight = found(
-        WholeFlight(CASES["SM2"], NOMINAL, PLANAR, limits, NODES, "fatrop", Fixed()),
+        JointOptimiser(CASES["SM2"], NOMINAL, PLANAR, limits, NODES, "fatrop", Fixed()),
         level("SM2")[[0, 2, 3, 5, 7, 9]],
         aim(),
     )
@@ -153,11 +152,11 @@ def test_pitch_and_yaw_that_ask_for_more_than_the_thrusters_have_are_refused() -
 
 
 def test_nodes_may_be_equidistributed_while_it_flies() -> None:
-    optimiser = WholeFlight(CASES["SM3"], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Equidistributed())
+    optimiser = JointOptimiser(CASES["SM3"], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Equidistributed())
     flight = found(optimiser, level("SM3")[[0, 2, 3, 5, 7, 9]], aim())
     again = found(optimiser, flight.x[5], aim(), float(flight.t[5]))
     assert np.ptp(np.diff(again.t)) > 0.01
-    assert aim().missed_by(again.x[-1], again.duration, PLANAR).size < 2e-3
+    assert aim().error_of(again.x[-1], again.duration, PLANAR).norm < 2e-3
 
 
 @pytest.mark.parametrize("make", [joint, pitch_and_yaw])

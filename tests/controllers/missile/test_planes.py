@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.controllers.missile.planes import inputs_between, split, together
+from mathnavi.controllers.missile.optimiser import flown
+from mathnavi.controllers.missile.planes import inputs_between, joined, split
 from mathnavi.controllers.missile.shooting import Solved
-from mathnavi.controllers.missile.trajectory import flown
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
 from mathnavi.models.missile.dynamics import Body
 from mathnavi.sim.interfaces.signals import Array
@@ -39,7 +39,7 @@ def planned(seed: int, duration: float) -> tuple[Solved, Solved]:
 @given(st.integers(0, 10_000))
 def test_a_motion_falls_apart_into_two_and_two_make_it_again(seed: int) -> None:
     x = state(seed)
-    np.testing.assert_allclose(together(*split(x)), x, atol=1e-9)
+    np.testing.assert_allclose(joined(*split(x)), x, atol=1e-9)
 
 
 def test_the_pitch_plane_is_a_pitch_motion_without_yaw() -> None:
@@ -54,7 +54,7 @@ def test_each_plane_moves_as_if_there_were_no_other(seed: int) -> None:
     _, u = inputs_between(pitch, yaw, 1, BODY)
     # Rates of both planes' states along the spatial motion, by differences about the middle of the interval.
     h = 0.5e-3
-    start = together(pitch.x[0], yaw.x[0])
+    start = joined(pitch.x[0], yaw.x[0])
     middle = flown(start, np.array([0.0, h]), u, SPATIAL, BODY)[-1]
     ends = [flown(middle, np.array([0.0, dt]), u, SPATIAL, BODY)[-1] for dt in (-h, h)]
     rates = [(after - before) / (2.0 * h) for before, after in zip(split(ends[0]), split(ends[1]), strict=True)]
@@ -72,7 +72,7 @@ def test_the_error_of_holding_inputs_along_the_body_falls_with_the_square_of_the
         t, u = inputs_between(pitch, yaw, parts, BODY)
         assert t[-1] == pytest.approx(0.4)
         assert len(u) == parts
-        end, _ = split(flown(together(pitch.x[0], yaw.x[0]), t, u, SPATIAL, BODY)[-1])
+        end, _ = split(flown(joined(pitch.x[0], yaw.x[0]), t, u, SPATIAL, BODY)[-1])
         off.append(np.linalg.norm((end - exact)[4:]))
     assert off[0] / off[1] == pytest.approx(4.0, rel=0.2)
     assert off[1] / off[2] == pytest.approx(4.0, rel=0.2)

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.controllers.missile.aim import TerminalCondition
 from mathnavi.controllers.missile.feedback_linearisation import FeedbackLinearisation
+from mathnavi.controllers.missile.optimiser import MissileTrajectory, flown
 from mathnavi.controllers.missile.planner import MissilePlanner
+from mathnavi.controllers.missile.problem import TerminalCondition
 from mathnavi.controllers.missile.shooting import Failed
-from mathnavi.controllers.missile.trajectory import Trajectory, flown
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
 from mathnavi.models.missile.mission import MissileMission, Target
 from mathnavi.sim.engine.agent_runner import Agent
@@ -31,13 +31,13 @@ class Scripted:
         self.asked: list[tuple[float, Array, TerminalCondition]] = []
         self.fails = False
 
-    def optimise(self, t: float, start: Array, aim: TerminalCondition) -> Trajectory | Failed:
+    def optimise(self, t: float, start: Array, aim: TerminalCondition) -> MissileTrajectory | Failed:
         self.asked.append((t, start.copy(), aim))
         if self.fails:
             return Failed("it was told to", infeasible=False)
         breaks = np.linspace(0.0, 2.0, 11)
         u = np.tile([100.0, -2000.0, 0.0], (10, 1))
-        return Trajectory(breaks, flown(start, breaks, u, PLANAR, mission().body), u, 1.0)
+        return MissileTrajectory(breaks, flown(start, breaks, u, PLANAR, mission().body), u, 1.0)
 
 
 def planner(optimiser: Scripted, of: MissileMission | None = None, **fields: Any) -> MissilePlanner:

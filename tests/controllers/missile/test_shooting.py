@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.controllers.missile.aim import TerminalCondition
 from mathnavi.controllers.missile.guess import pitch_guess
-from mathnavi.controllers.missile.problem import guidance_problem, weights
+from mathnavi.controllers.missile.problem import TerminalCondition, guidance_problem, weights
 from mathnavi.controllers.missile.shooting import Failed, Shooting, Solved, mean_between
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.models.missile.coordinates import PLANAR

@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.controllers.quadrotor.kernels import attitude_error, attitude_of, rates_of, rotation
+from mathnavi.controllers.quadrotor.kernels import attitude_error, attitude_of, rates_of
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, RATE, VELOCITY, Quadrotor, at_rest
 from mathnavi.models.quadrotor.entity import tilt
+from mathnavi.models.quaternion import rotation
 from mathnavi.sim.engine.faults import ConstantWrench
 from mathnavi.sim.interfaces.protocols import Tracker
 from mathnavi.sim.interfaces.signals import Array, Estimate

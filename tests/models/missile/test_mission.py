@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
-from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Target
+from mathnavi.models.missile.dynamics import NOMINAL, Body
+from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Target, running_cost
 from mathnavi.models.missile.sensors import MissileStateSensor, StateNoise
 from mathnavi.models.missile.target import TargetMotion
 from mathnavi.sim.interfaces.signals import Array
@@ -38,6 +40,21 @@ def test_the_cost_is_the_printed_one() -> None:
     assert case.running_cost(PLANAR, x, u) == pytest.approx(expected, rel=1e-14)
     in_space = case.running_cost(SPATIAL, PLANAR.in_space(x), PLANAR.input_in_space(u))
     assert in_space == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.parametrize("body", [NOMINAL, Body(150.0, 180.0, 2.0, 9.0)], ids=["nominal", "other"])
+@pytest.mark.parametrize("name", CASES)
+def test_the_cost_of_arrays_and_of_the_benchmark_is_the_one_statement(name: str, body: Body) -> None:
+    case, rng = CASES[name], np.random.default_rng(1)
+    x, u = rng.uniform(1.0, 100.0, (20, 10)), rng.uniform(-3000.0, 3000.0, (20, 5))
+    weights = (case.a_x, case.a_z, case.b, case.k)
+    stated = running_cost(weights, body, x[:, :3].T, u[:, :3].T, (u[:, 3:] ** 2).sum(axis=1))
+    np.testing.assert_allclose(case.running_cost(SPATIAL, x, u, body), stated, rtol=1e-14)
+    in_plane, given = x[:, [0, 2, 3, 5, 7, 9]], u[:, [0, 2, 3]]
+    none = np.zeros(20)
+    stated = running_cost(weights, NOMINAL, (x[:, 0], none, x[:, 2]), (u[:, 0], none, u[:, 2]), given[:, 2] ** 2)
+    solved = [float(missile(name).running_cost(a, b, 0.0, [])) for a, b in zip(in_plane, given, strict=True)]
+    np.testing.assert_allclose(solved, stated, rtol=1e-14)
 
 
 def test_sizes_that_do_not_fit_are_refused() -> None:

@@ -16,7 +16,7 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from mathnavi.controllers.active_sensing.plugin import PATTERNS, ActiveSensing
-from mathnavi.controllers.active_sensing.reference import Reference
+from mathnavi.controllers.active_sensing.then_track import ReferencePath
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.sim.interfaces.signals import Array
@@ -140,5 +140,5 @@ def _draw_path(axes: Axes, summary: Mapping[str, Sequence[float]], title: str, c
 
 def _draw_reference(axes: Axes) -> None:
     config = ActiveSensing.Config(**PATH)
-    path = Reference(PATTERNS[config.then](config), RangingMission(WALL, (0.0,))).poses
+    path = ReferencePath(PATTERNS[config.then](config), RangingMission(WALL, (0.0,))).poses
     axes.plot(path[:, 0], path[:, 1], color=INK, lw=1.0, ls=(0, (4, 3)), zorder=1)

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.controllers.active_sensing.open_loop import path
 from mathnavi.controllers.active_sensing.plugin import PATTERNS, ActiveSensing
-from mathnavi.controllers.active_sensing.reference import Reference
+from mathnavi.controllers.active_sensing.policies import path
+from mathnavi.controllers.active_sensing.then_track import ReferencePath
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import Errors, rms
@@ -130,7 +130,7 @@ def tracked(outcome: RunResult) -> dict[str, Any]:
     """A measure of a run that keeps a path: how far off it is, and how far the wheels slipped."""
     recording = outcome.recording
     fields, mission = outcome.config["controller"]["fields"], RangingMission(WALL, (0.0,))
-    reference = Reference(PATTERNS[fields["then"]](ActiveSensing.Config(**fields)), mission).poses[:, :2]
+    reference = ReferencePath(PATTERNS[fields["then"]](ActiveSensing.Config(**fields)), mission).poses[:, :2]
     truth = recording.truths[VEHICLE]
     off = np.array([np.linalg.norm(reference - place, axis=1).min() for place in truth[:, :2]])
     errors, kept = _errors(outcome), _kept(outcome)

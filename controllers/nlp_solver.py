@@ -1,0 +1,136 @@
+"""CasADi's NLP solvers, for whoever states a programme: IPOPT, or FATROP with its stages, interpreted or compiled.
+
+    minimise f(x, p)    subject to    lbg <= g(x, p) <= ubg,    lbx <= x <= ubx.
+
+A solver is called again and again with other guesses and parameters, on line within milliseconds, so its arguments and
+results live in buffers. However a call ends, it ends as a status.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from mathnavi.controllers.compilation import compiled as compiled_functions
+from mathnavi.models.buffered_function import BufferedFunction
+from mathnavi.sim.interfaces.signals import Array
+
+NlpPlugin = Literal["ipopt", "fatrop"]
+
+
+class Outcome(Enum):
+    """How a solve ended; the value is the message for the user."""
+
+    OPTIMAL = "a local optimum of the transcribed problem"
+    INFEASIBLE = "the solver found no feasible point"
+    LIMIT = "the solver stopped at its limit of iterations"
+    NOT_FINITE = "the problem or its guess holds NaN or infinity"
+    FAILED = "the solver gave up"
+    REFUSED = "the adaptive solution replays worse than the uniform one, which is returned in its place"
+
+
+_REASONS = {  # return_status of IPOPT
+    "Infeasible_Problem_Detected": Outcome.INFEASIBLE,
+    "Maximum_Iterations_Exceeded": Outcome.LIMIT,
+    "Maximum_CpuTime_Exceeded": Outcome.LIMIT,
+    "Invalid_Number_Detected": Outcome.NOT_FINITE,
+    "Restoration_Failed": Outcome.INFEASIBLE,
+}
+IPOPT_WARM_START: Mapping[str, Any] = {
+    "warm_start_init_point": "yes",
+    "warm_start_bound_push": 1e-9,
+    "warm_start_bound_frac": 1e-9,
+    "warm_start_slack_bound_push": 1e-9,
+    "warm_start_slack_bound_frac": 1e-9,
+    "warm_start_mult_bound_push": 1e-9,
+    "mu_init": 1e-4,
+}
+"""a warm start stays where it is put: the usual push away from the bounds would undo it"""
+
+
+@dataclass(frozen=True)
+class StageStructure:
+    """The stages of a programme as FATROP wants them: N + 1 states with N or N + 1 inputs between them."""
+
+    states: Sequence[int]  # (N + 1,) sizes
+    inputs: Sequence[int]  # (N + 1,) sizes, the last one after the last state
+    path_rows: Sequence[int]  # (N + 1,) constraints of each stage beside its gap
+    equality: Sequence[bool]  # (m,) of the rows of g
+
+
+def ipopt_settings(tolerance: float, iterations: int, more: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings for ``NlpSolver`` with IPOPT, silent; ``more`` are further options of IPOPT's own."""
+    return {"ipopt": {"print_level": 0, "sb": "yes", "tol": tolerance, "max_iter": iterations, **more}}
+
+
+def fatrop_settings(
+    stages: StageStructure, tolerance: float, iterations: int, more: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Settings for ``NlpSolver`` with FATROP, silent; ``more`` are further options of FATROP's own."""
+    return {
+        "structure_detection": "manual",
+        "nx": list(stages.states),
+        "nu": list(stages.inputs),
+        "ng": list(stages.path_rows),
+        "N": len(stages.states) - 1,
+        "equality": list(stages.equality),
+        "fatrop": {"print_level": 0, "tolerance": tolerance, "max_iter": iterations, **more},
+    }
+
+
+@dataclass(frozen=True)
+class NlpReport:
+    """How a call of a solver ended."""
+
+    outcome: Outcome
+    message: str  # the solver's return status, or the last line of the exception that it raised
+    iterations: int | None  # None if it raised an exception
+
+
+class NlpSolver:
+    """One of CasADi's NLP solvers with buffers for its arguments and results.
+
+    ``functions`` are x, p, f and g, ``settings`` those of ``ipopt_settings`` or ``fatrop_settings`` and ``results`` the
+    names of the outputs that are kept. ``cache`` holds derivatives that are known already. ``compiled`` translates the
+    functions to C once (seconds, kept in the user's cache folder); otherwise they run in CasADi's virtual machine.
+
+    Raises FileNotFoundError where there is no C compiler named cc, and OSError where it fails.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        plugin: NlpPlugin,
+        functions: Mapping[str, ca.MX],
+        settings: Mapping[str, Any],
+        results: Sequence[str],
+        *,
+        compiled: bool = False,
+        cache: Mapping[str, Any] | None = None,
+    ) -> None:
+        options = {"print_time": False, "calc_lam_p": False, **settings}
+        known = {} if cache is None else {"cache": cache}
+        function = ca.nlpsol(name, plugin, dict(functions), options | known)
+        if compiled:
+            function = ca.nlpsol(name, plugin, str(compiled_functions(function)), options)
+        self.inputs = {key: np.zeros(function.nnz_in(key)) for key in function.name_in()}
+        self.outputs: dict[str, Array] = {key: np.zeros(function.nnz_out(key)) for key in results}
+        self._evaluate = BufferedFunction(
+            function, list(self.inputs.values()), [self.outputs.get(key) for key in function.name_out()]
+        )
+
+    def solve(self) -> NlpReport:
+        """Solve with what stands in ``inputs``; the solution, or the last iterate, stands in ``outputs``."""
+        try:
+            self._evaluate()
+        except RuntimeError as error:  # FATROP's way to give up
+            return NlpReport(Outcome.FAILED, str(error).strip().splitlines()[-1], None)
+        statistics = self._evaluate.stats()
+        message = str(statistics["return_status"])
+        outcome = Outcome.OPTIMAL if statistics["success"] else _REASONS.get(message, Outcome.FAILED)
+        return NlpReport(outcome, message, int(statistics["iter_count"]))

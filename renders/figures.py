@@ -20,7 +20,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.relief import relief
 from mathnavi.sim.interfaces.signals import Array, Event, Integers, Plan
-from mathnavi.sim.records.run_log import described
+from mathnavi.sim.records.run_folder import described
 
 INK, GRID = "#1b2733", "#b9c2cc"
 GROUND, BOUND = "#9a8468", "#c2183b"

@@ -30,6 +30,9 @@ COLUMN, ROW = 'th scope="col"', 'th scope="row"'
 NUMBER = re.compile(rf"{UNKNOWN}|[<≤+−-]?\s?[\d.,]+(e[+-]?\d+)?\s?[^\W\d]{{0,3}}(/s²?)?%?")  # with or without a unit
 
 
+Drawn = tuple[str, Figure, str]  # name, drawing, caption
+
+
 class Markup(str):
     """A piece of HTML; a plain string is text."""
 
@@ -168,6 +171,11 @@ def figure_block(figure: Figure, name: str, alt: str) -> Markup:
         f'<figure class="card" style="--width: {1.12 * width:.0f}">{inline_svg(figure, name, alt)}'
         f"<figcaption>{text(alt)}</figcaption></figure>\n"
     )
+
+
+def figure_blocks(figures: Sequence[Drawn]) -> tuple[Markup, ...]:
+    """Drawings one after the other, each with its description below."""
+    return tuple(figure_block(figure, name, caption) for name, figure, caption in figures)
 
 
 def picture_block(file: Path, alt: str, caption: str) -> Markup:

@@ -7,19 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from matplotlib.figure import Figure
-
-from mathnavi.renders.page import UNKNOWN, number
-from mathnavi.renders.study_report import Table
+from mathnavi.renders.page import UNKNOWN, Drawn, number
 from mathnavi.sim.records.sweep_data import format_value, is_number
+from mathnavi.sim.records.table import Table
 
 LEFT, RIGHT = "left", "right"
 SAME = "the same in both"
 LEAST = 1e-3  # of a difference; a smaller one has a power of ten
 MOST = 1e6  # times as large
 LONGEST = 60  # [characters] of a value in a cell
-
-Drawn = tuple[str, Figure, str]  # name, drawing, caption
 
 
 @dataclass(frozen=True)

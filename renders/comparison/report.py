@@ -10,8 +10,8 @@ from mathnavi.renders.comparison.runs import compare_runs
 from mathnavi.renders.comparison.studies import compare_studies, documents
 from mathnavi.renders.comparison.sweeps import compare_sweeps
 from mathnavi.renders.page import Markup
-from mathnavi.renders.study_report import Table
-from mathnavi.sim.engine.log import write_text
+from mathnavi.sim.records.files import write_text
+from mathnavi.sim.records.table import Table
 
 MARK = "Written by mathnavi compare."  # by which such a page is known again
 COMPARED = {"run": compare_runs, "sweep": compare_sweeps, "study": compare_studies}
@@ -55,7 +55,7 @@ def is_comparison(path: Path) -> bool:
 def report(comparison: Comparison) -> Markup:
     """The page's HTML."""
     places = page.table((), [(LEFT, comparison.left), (RIGHT, comparison.right)])
-    figures = [page.figure_block(drawing, name, caption) for name, drawing, caption in comparison.draw()]
+    figures = page.figure_blocks(comparison.draw())
     first, *others = comparison.tables
     return page.document(
         comparison.title,

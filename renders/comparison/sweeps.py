@@ -14,14 +14,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, Drawn, differences, differing_fields
-from mathnavi.renders.page import UNKNOWN
+from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differences, differing_fields
+from mathnavi.renders.page import UNKNOWN, Drawn
 from mathnavi.renders.statistics_figures import medians_figure, rates_figure
-from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.statistics import Band, Rate, rate
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import Group, Sweep, Test, format_value, is_number
+from mathnavi.sim.records.table import Table
 
 MOST_PANELS = 6
 MOST_VALUES = 4  # of a field that are listed

@@ -23,9 +23,9 @@ from mathnavi.renders.figures import (
     thinned,
 )
 from mathnavi.renders.fleet.run_data import FleetRun
-from mathnavi.renders.fleet.storyboard import highlight
+from mathnavi.renders.fleet.shot_list import highlight
 from mathnavi.renders.flight.figures import draw_changes
-from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.palette import hexadecimal
 from mathnavi.sim.interfaces.signals import Array
 
@@ -151,7 +151,7 @@ def clearance_figure(run: FleetRun) -> Figure:
     return figure
 
 
-def _each(run: FleetRun) -> Sequence[tuple[RunData, str, str]]:
+def _each(run: FleetRun) -> Sequence[tuple[FlightRun, str, str]]:
     """Flight, colour and name of every vehicle."""
     colours = [hexadecimal(colour) for colour in run.colours]
     return list(zip(run.flights, colours, run.vehicles, strict=True))

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.renders.flight.run_data import RunData, flight_of
+from mathnavi.renders.flight.run_data import FlightRun, flight_of
 from mathnavi.renders.palette import Colour, vehicle_colour
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.metrics.fleet import arrival_time
-from mathnavi.sim.records.run_log import last_at, read_fleet
+from mathnavi.sim.records.run_folder import CONFIG, last_at, read_fleet
 
 AGREED = re.compile(r"arrival time from .*: (\S+)")  # how a vehicle's log tells of the time that it has agreed to
 _SAME = 0.5  # [s] from which on two times of arrival are told apart
@@ -30,11 +31,11 @@ class FleetRun:
     config: Mapping[str, Any]
     summary: Mapping[str, Any]
     events: tuple[Event, ...]  # of all, in order of time
-    vehicles: Mapping[str, RunData]
+    vehicles: Mapping[str, FlightRun]
     separation: float  # [m] what vehicles keep between them
 
     @cached_property
-    def flights(self) -> tuple[RunData, ...]:
+    def flights(self) -> tuple[FlightRun, ...]:
         """The vehicles' flights."""
         return tuple(self.vehicles.values())
 
@@ -151,16 +152,16 @@ def _mission_of(name: str) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
 
 
 def load_run(directory: str | Path) -> FleetRun:
-    """Read a fleet's run; FileNotFoundError where something is missing, ValueError where something is broken."""
+    """Read a fleet's run; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_fleet(directory)
-    path = log.directory / "config.json"
+    path = log.directory / CONFIG
     try:
         mission = log.config["mission"]
         names, separation = tuple(mission["vehicles"]), float(mission["separation"])
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{str(path)!r} does not describe the flight of a fleet: {error!r}") from None
+        raise RunFolderError(f"{str(path)!r} does not describe the flight of a fleet: {error!r}") from None
     if set(names) != set(log.vehicles) or len(names) < 2:
-        raise ValueError(
+        raise RunFolderError(
             f"{str(path)!r} has the vehicles {', '.join(names) or 'none'}, log.npz {', '.join(log.vehicles)}; allowed: "
             "the same in both, two at least"
         )

@@ -16,7 +16,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from mathnavi.renders.gallery.table import HERE, README, Command, Entry, chosen, entries
+from mathnavi.renders.gallery.table import HERE, README, Command, GalleryPicture, chosen, entries
 
 ROOT = HERE.parent.parent
 MISSIONS = 0, 1  # exit codes of a command that ran, whatever came of the mission or the claims
@@ -41,7 +41,7 @@ def main(wanted: Sequence[str]) -> int:
     return 1 if failed else 0
 
 
-def _make(entry: Entry, done: dict[Command, str]) -> Path:
+def _make(entry: GalleryPicture, done: dict[Command, str]) -> Path:
     """Run what makes a picture, as far as that has not been run, and put it here."""
     for command in entry.commands:
         _check(command)

@@ -27,7 +27,7 @@ Command = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Entry:
+class GalleryPicture:
     """A picture, and how it is made."""
 
     name: str
@@ -46,7 +46,7 @@ class Entry:
         raise ValueError(f"{self.name}: {shlex.join(last)!r} makes no picture; allowed: render, study, --screenshot")
 
 
-def entries(text: str) -> Mapping[str, Entry]:
+def entries(text: str) -> Mapping[str, GalleryPicture]:
     """The rows of a README.md by the names of their pictures; ValueError for a row without a command."""
     found = {}
     for line in text.splitlines():
@@ -54,13 +54,13 @@ def entries(text: str) -> Mapping[str, Entry]:
             name, commands = row[1], tuple(tuple(shlex.split(words)) for words in re.findall(r"`([^`]+)`", row[3]))
             if not commands:
                 raise ValueError(f"{name}: {row[3]!r} holds no command; allowed: commands between backquotes")
-            found[name] = Entry(name, commands)
+            found[name] = GalleryPicture(name, commands)
     return found
 
 
-def chosen(wanted: Sequence[str], known: Mapping[str, Entry]) -> list[Entry]:
+def chosen(wanted: Sequence[str], known: Mapping[str, GalleryPicture]) -> list[GalleryPicture]:
     """The entries asked for by name, with or without its ending, or by pattern; ValueError for what is none of them."""
-    found: dict[str, Entry] = {}
+    found: dict[str, GalleryPicture] = {}
     for pattern in wanted or ["*"]:
         matching = [entry for name, entry in known.items() if pattern == Path(name).stem or fnmatch(name, pattern)]
         if not matching:

@@ -14,7 +14,7 @@ from mathnavi.renders.figures import BOUND, INK, STYLE, canvas, thinned
 from mathnavi.renders.lagrangian.names import symbol, with_unit
 from mathnavi.renders.lagrangian.path_drawing import ESTIMATE, GEODESIC, REFERENCE, TRUTH, PathDrawing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.storyboard import slow_until
+from mathnavi.renders.lagrangian.shot_list import slow_until
 from mathnavi.renders.lagrangian.views import chart_of
 from mathnavi.sim.interfaces.signals import Array, Integers
 
@@ -81,7 +81,7 @@ def errors_figure(run: LagrangianRun) -> Figure:
             length, parts, place = drawn[:, column]
             i = _until(run, end)
             t = run.t_estimate[i]
-            _log(length, t, run.off[i], INK, 1.2)
+            _log(length, t, run.velocity_error[i], INK, 1.2)
             length.axhline(run.tolerance, color=BOUND, ls=":", lw=1.1)
             for k, name in enumerate(names):
                 _log(

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from mathnavi.renders.lagrangian.charts import Chart
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.storyboard import RECENT
+from mathnavi.renders.lagrangian.shot_list import RECENT
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.sim.interfaces.signals import Array
 
@@ -57,8 +57,8 @@ class PathDrawing:
 
     def show(self, t: float) -> None:
         """Everything up to ``t`` [s]."""
-        run, n, now = self._run, self._run.manifold.size, self._run.look(t)
-        recent = run.look(t - RECENT)
+        run, n, now = self._run, self._run.manifold.size, self._run.index(t)
+        recent = run.index(t - RECENT)
         self._draw("past", run.log.x[_thinned(0, recent), :n])
         self._draw("truth", run.log.x[_thinned(recent, now), :n])
         self._mark("truth", run.log.x[now, :n])

@@ -19,9 +19,11 @@ from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.system import heavier
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.renders.logged_run import LoggedRun
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.lagrangian import VelocityErrors
-from mathnavi.sim.records.run_log import LoggedRun, RunLog, last_at, read_log
+from mathnavi.sim.records.run_folder import RunLog, last_at, read_log
 
 REACH = 0.5  # [rad, m] that an error of the position, the largest or a usual one, is drawn as, at most
 USUAL = 0.9  # share of the errors of a mechanism that are not larger than that
@@ -63,7 +65,7 @@ class LagrangianRun(LoggedRun):
         )
 
     @cached_property
-    def off(self) -> Array:
+    def velocity_error(self) -> Array:
         """(m,) the length of the components of the velocity error, in their units."""
         lengths: Array = np.linalg.norm(self.errors.components, axis=1)
         return lengths
@@ -93,13 +95,13 @@ class LagrangianRun(LoggedRun):
     @property
     def has_begun_wrong(self) -> bool:
         """Whether the first estimate of the velocity was further off than the run may be."""
-        return bool(self.off[0] > self.tolerance)
+        return bool(self.velocity_error[0] > self.tolerance)
 
     @property
     def found_from(self) -> float | None:
         """[s] from when on the velocity is known to one percent of that at the start; None where that is at rest."""
-        told = self.log.summary.get("found_from_s")
-        return None if told is None else float(told)
+        found = self.log.summary.get("found_from_s")
+        return None if found is None else float(found)
 
     @cached_property
     def lyapunov_gain(self) -> float | None:
@@ -122,10 +124,6 @@ class LagrangianRun(LoggedRun):
         power = 10.0 ** math.floor(math.log10(REACH / largest))
         return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= REACH / largest)
 
-    def look(self, t: float) -> int:
-        """The last look at or before ``t`` [s]."""
-        return max(last_at(self.t, t), 0)
-
     def belief(self, t: float) -> int:
         """Which estimate is the newest at ``t`` [s]; -1 where there is none, or none that knows anything."""
         k = last_at(self.t_estimate, t)
@@ -133,7 +131,7 @@ class LagrangianRun(LoggedRun):
 
     def position(self, t: float) -> Array:
         """(size,) at ``t`` [s]."""
-        x: Array = self.log.x[self.look(t), : self.manifold.size]
+        x: Array = self.log.x[self.index(t), : self.manifold.size]
         return x
 
     def apart(self, k: int) -> Array | None:
@@ -168,14 +166,14 @@ class LagrangianRun(LoggedRun):
 
 
 def load_run(directory: str | Path) -> LagrangianRun:
-    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory, may_diverge=True)
-    with np.load(log.directory / "log.npz", allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files if name.startswith("estimate.")}
     try:
-        return _described(log, log.config["mission"], arrays)
+        return _described(log, log.config["mission"], log.arrays)
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{str(log.directory)!r} does not hold the run of a Lagrangian system: {error!r}") from None
+        raise RunFolderError(
+            f"{str(log.directory)!r} does not hold the run of a Lagrangian system: {error!r}"
+        ) from None
 
 
 def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Array]) -> LagrangianRun:
@@ -191,6 +189,6 @@ def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Arr
     t, x = arrays["estimate.t"][seen], arrays["estimate.x"][seen]
     size = manifold.size + manifold.vector_size
     if not (len(states) == log.x.shape[1] == size and x.shape == (len(t), size) and len(t)):
-        raise ValueError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states {states}")
+        raise RunFolderError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states {states}")
     innovation = arrays["estimate.innovation"][seen, 0] if "estimate.innovation" in arrays else None
     return LagrangianRun(log, manifold, space, mechanism, states, inputs, float(mission["tolerance"]), t, x, innovation)

@@ -15,11 +15,11 @@ import mujoco
 import numpy as np
 
 from mathnavi.models.mechanism.entity import build_spec
-from mathnavi.renders.caption import Label
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.storyboard import RECENT
+from mathnavi.renders.lagrangian.shot_list import RECENT
 from mathnavi.renders.lagrangian.views import AZIMUTH, ELEVATION, azimuth
+from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.stage import Optics, Stage, Staged
 from mathnavi.sim.interfaces.signals import Array
@@ -41,7 +41,7 @@ NOSE = (0.26, 0.0, 0.0)  # [m] of the rigid body
 TIP = 0.9  # of the distance of the farthest geom of the last body, beyond which geoms are its tip
 
 
-class Scene(Staged):
+class MechanismScene(Staged):
     """A context manager, see ``Staged``."""
 
     def __init__(self, run: LagrangianRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
@@ -68,7 +68,7 @@ class Scene(Staged):
         )
         self._size = float(np.ptp(points, axis=0).max())
         speeds = [
-            np.linalg.norm(self._velocity_of(run.log.x[run.look(t)])) for t in np.linspace(0.0, run.duration, 400)
+            np.linalg.norm(self._velocity_of(run.log.x[run.index(t)])) for t in np.linspace(0.0, run.duration, 400)
         ]
         self._scale = (TURNING if self._is_ball else ARROW) * self._size / max(float(np.max(speeds)), 1e-9)
 
@@ -98,7 +98,7 @@ class Scene(Staged):
     def _picture(self, t: float, *, shadows: bool, ghosts: bool) -> Picture:
         self.stage.begin(fog=False, shadows=shadows)
         self._add_path(t)
-        self._add_arrow(self.run.log.x[self.run.look(t)], SceneElement.TRUE_VELOCITY, THIN, 1.0)
+        self._add_arrow(self.run.log.x[self.run.index(t)], SceneElement.TRUE_VELOCITY, THIN, 1.0)
         if ghosts:
             self._add_ghosts(t)
         return self.stage.end(sky=False)

@@ -34,7 +34,7 @@ def chase_view(run: MissileRun, t: float, turn: float) -> View:
 def target_view(run: MissileRun, t: float) -> View:
     """Beside the target, with it and the missile in the picture: the camera comes nearer as the missile does."""
     tall = 2.0 * math.tan(math.radians(OPTICS["target"].field_of_view) / 2.0) * TARGET_SHARE
-    distance = max(run.away(t) / tall, TARGET_DISTANCE)
+    distance = max(run.distance(t) / tall, TARGET_DISTANCE)
     lookat = 0.5 * (run.target_at(t) + run.place(t)) + np.array([0.0, 0.0, 2.0])
     return View(lookat, distance, TARGET_AZIMUTH, TARGET_ELEVATION)
 

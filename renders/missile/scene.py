@@ -15,11 +15,11 @@ import mujoco
 import numpy as np
 
 from mathnavi.models.missile.entity import build_spec
-from mathnavi.renders.caption import Label
 from mathnavi.renders.missile.cameras import OPTICS, chase_view, side_view, target_view
 from mathnavi.renders.missile.ground import PIXELS, TILE, ground_picture
 from mathnavi.renders.missile.run_data import TO_WORLD, MissileRun
-from mathnavi.renders.missile.storyboard import TO_SCALE
+from mathnavi.renders.missile.shot_list import TO_SCALE
+from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.stage import HORIZON, NADIR, Stage, Staged
 from mathnavi.sim.interfaces.signals import Array
@@ -42,7 +42,7 @@ RULER = 50.0  # [m] of height between the lines in the side view
 FLAME, CORE = (1.0, 0.42, 0.05), (1.0, 0.88, 0.55)
 
 
-class Scene(Staged):
+class MissileScene(Staged):
     """A context manager, see ``Staged``."""
 
     def __init__(self, run: MissileRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
@@ -94,7 +94,7 @@ class Scene(Staged):
             named += [(f"{x:.0f} m", np.array([x, 0.0, 0.0]), True) for x in steps if len(steps) < 16]
             named.append((SceneElement.TARGET.value, target + np.array([SIDE_RINGS * TARGET_RADIUS, 0.0, 0.0]), False))
             clear = here[0] - left > 0.1 * (right - left)  # of the numbers at the left ends of the lines
-            if clear and run.away(t) > 0.5 * RULER:
+            if clear and run.distance(t) > 0.5 * RULER:
                 named.append((f"{here[2]:.0f} m", here + _up(0.5 * self._scale(camera, t) * SPAN), False))
         if camera == "chase":
             lift = 26.0 * unit * float(self.stage.metres_per_pixel(target[None])[0])
@@ -113,7 +113,7 @@ class Scene(Staged):
         """How much larger than it is the missile is drawn."""
         if camera == "side":
             return SIDE_SPAN * 2.0 * self._side.distance * self.stage.tangent() / SPAN
-        return 1.0 if camera == "chase" else max(1.0, self.run.away(t) / TO_SCALE)
+        return 1.0 if camera == "chase" else max(1.0, self.run.distance(t) / TO_SCALE)
 
     # ---- what is added
 

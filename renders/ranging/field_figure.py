@@ -14,9 +14,9 @@ from mathnavi.renders.figures import GRID, INK, STYLE, canvas, thinned
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.ranging import shapes
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.ranging.storyboard import begun
+from mathnavi.renders.ranging.shot_list import begun
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.records.run_log import last_at
+from mathnavi.sim.records.run_folder import last_at
 
 DRIVEN, ESTIMATE, IMAGE = (
     hexadecimal(COLOURS[part]) for part in (SceneElement.DRIVEN, SceneElement.ESTIMATE, SceneElement.IMAGE)

@@ -15,7 +15,7 @@ from mathnavi.renders.figures import BOUND, INK, STYLE, canvas, thinned
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.ranging.beliefs import FADED
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.ranging.storyboard import decided
+from mathnavi.renders.ranging.shot_list import decided
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.entity import DriveName
 from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.renders.ranging.beliefs import Beliefs, read_beliefs, shaped
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
-from mathnavi.sim.records.run_log import LoggedRun, last_at, read_log
+from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, last_at, read_log
 
 Flags = NDArray[np.bool_]
 
@@ -52,8 +54,8 @@ class RangingRun(LoggedRun):
     @cached_property
     def believed_at(self) -> Array:
         """(k, 3) the true poses at the times of the estimates."""
-        looks = np.clip(np.searchsorted(self.t, self.beliefs.t + 1e-9, side="right") - 1, 0, None)
-        poses: Array = self.pose[looks]
+        samples = np.clip(np.searchsorted(self.t, self.beliefs.t + 1e-9, side="right") - 1, 0, None)
+        poses: Array = self.pose[samples]
         return poses
 
     @cached_property
@@ -148,25 +150,14 @@ class RangingRun(LoggedRun):
         after = int(bad[-1]) + 1 if len(bad) else 0
         return float(self.beliefs.t[after]) if after < len(self.beliefs.t) else None
 
-    def status(self, t: float) -> Status:
-        """Of the newest estimate at ``t`` [s]."""
-        return self.log.status(t)
-
     @cached_property
     def said(self) -> Flags:
         """(k,) whether an estimate says where the robot is: the estimator has seen enough."""
         return np.array([self.status(float(t)) is not Status.INITIALISING for t in self.beliefs.t], dtype=bool)
 
-    def index(self, t: float) -> int:
-        """The last look at or before ``t`` [s]."""
-        return max(last_at(self.t, t), 0)
-
     def joints(self, t: float) -> Array:
-        """(2 nq,) MuJoCo's joint coordinates and rates at ``t`` [s], linear between looks."""
-        i = min(self.index(t), len(self.t) - 2)
-        share = float(np.clip((t - self.t[i]) / (self.t[i + 1] - self.t[i]), 0.0, 1.0))
-        between: Array = (1.0 - share) * self.log.x[i] + share * self.log.x[i + 1]
-        return between
+        """(2 nq,) MuJoCo's joint coordinates and rates at ``t`` [s], linear between samples."""
+        return self.interpolated(self.log.x, t)
 
     def belief(self, t: float) -> int:
         """Which estimate is the newest at ``t`` [s]; -1 where there is none, or none that says where the robot is."""
@@ -175,28 +166,26 @@ class RangingRun(LoggedRun):
 
 
 def load_run(directory: str | Path) -> RangingRun:
-    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory)
     try:
         mission = _mission(log.config["mission"])
         drive, friction = _drive(log.config["mission"]["drive"]), float(log.config["mission"]["friction"])
     except (KeyError, TypeError, ValueError) as error:
-        name = str(log.directory / "config.json")
-        raise ValueError(f"{name!r} does not describe a robot with range sensors: {error!r}") from None
+        name = str(log.directory / CONFIG)
+        raise RunFolderError(f"{name!r} does not describe a robot with range sensors: {error!r}") from None
     if log.x.shape[1] < 6 or log.x.shape[1] % 2 or log.u.shape[1] != 2:
-        raise ValueError(
-            f"{str(log.directory / 'log.npz')!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of a "
+        raise RunFolderError(
+            f"{str(log.directory / ARRAYS)!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of a "
             "unicycle, (n, 2 nq) with nq at least 3 and (n, 2)"
         )
-    with np.load(log.directory / "log.npz", allow_pickle=False) as archive:
-        arrays = dict(archive)
-    n, sensors = len(log.t), mission.sensors
+    arrays, n, sensors = log.arrays, len(log.t), mission.sensors
     try:
         ranges = shaped(arrays, "measurement.ranges", (n, sensors))
         odometry = shaped(arrays, "measurement.odometry", (n, 2))
         beliefs = read_beliefs(arrays, sensors)
     except ValueError as error:
-        raise ValueError(f"{str(log.directory / 'log.npz')!r}: {error}") from None
+        raise RunFolderError(f"{str(log.directory / ARRAYS)!r}: {error}") from None
     missing = np.nan
     return RangingRun(
         log, mission, drive, friction,
@@ -211,7 +200,7 @@ def _drive(told: object) -> DriveName:
         if told == name:
             found: DriveName = name
             return found
-    raise ValueError(f"drive = {told!r}; allowed: {', '.join(get_args(DriveName))}")
+    raise RunFolderError(f"drive = {told!r}; allowed: {', '.join(get_args(DriveName))}")
 
 
 def _mission(told: Mapping[str, Any]) -> RangingMission:

@@ -17,7 +17,7 @@ import numpy as np
 
 from mathnavi.models.field.arena import DRAWN_GROUP, FLOOR_GROUP, SENSOR_HEIGHT
 from mathnavi.models.unicycle.entity import FLOOR, build_spec
-from mathnavi.renders.caption import Label
+from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.ranging import shapes
 from mathnavi.renders.ranging.cameras import OPTICS, chase_view, top_view
@@ -25,7 +25,7 @@ from mathnavi.renders.ranging.floor import OUTSIDE, extent, floor_picture, pale
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.stage import Stage, Staged
 from mathnavi.sim.interfaces.signals import Array, Status
-from mathnavi.sim.records.run_log import last_at
+from mathnavi.sim.records.run_folder import last_at
 
 ROBOT_GROUP = 2  # of the geoms of the robot that eyes see
 LIGHT, DIFFUSE = (-0.35, -0.30, 0.9), 0.42  # where it comes from, and how strong it is
@@ -44,7 +44,7 @@ LIFT = 0.002  # [m] of a ghost, so that its nose and that of a robot in the same
 APART = 0.3  # [m] between robot and estimate from which on both are named
 
 
-class Scene(Staged):
+class RangingScene(Staged):
     """A context manager, see ``Staged``."""
 
     def __init__(self, run: RangingRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:

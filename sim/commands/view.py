@@ -22,7 +22,7 @@ from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import prepare, read_order
 from mathnavi.sim.engine.replay import Replay
 from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.records.run_log import RunLog, read_fleet, read_json, read_log
+from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_json, read_log
 
 DESCRIPTION = "Replay a run in MuJoCo's viewer, with the path in orange, until its window is closed."
 FRAME = 1.0 / 60.0  # [s]

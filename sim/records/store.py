@@ -26,8 +26,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mathnavi.sim.engine.log import write_text
 from mathnavi.sim.interfaces.fields import flattened, plain
+from mathnavi.sim.records.files import write_text
 
 APPLICATION = 0x6D6E6176  # "mnav", in the header of the file: what kind of database it is
 SCHEMA = 1

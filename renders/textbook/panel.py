@@ -1,4 +1,4 @@
-"""Truth and estimate of a textbook system on one board, up to any moment: what videos and reports show.
+"""Truth and estimate of a textbook system on one panel, up to any moment: what videos and reports show.
 
 On the left the plane of the first two states, or that of the flags; on the right every state and the error over time.
 Truths are blue and dashed, estimates red, as the thesis draws them.
@@ -30,7 +30,7 @@ _LATE = 0.9  # of the time to an escape, up to which the axes reach
 _HEADING = 0.5  # [m] long
 
 
-class Board:
+class TextbookPanel:
     """A figure, and the parts of it that grow with time."""
 
     def __init__(self, run: TextbookRun, width: float, height: float, *, brief: bool = False) -> None:
@@ -64,7 +64,7 @@ class Board:
     def show(self, t: float) -> None:
         """Everything up to ``t`` [s]."""
         run = self.run
-        i, k = max(run.looks(t), 1), max(run.estimates(t), 1)
+        i, k = max(run.sample_count(t), 1), max(run.estimate_count(t), 1)
         x, estimate = run.log.x[:i], run.estimate[:k]
         plane = self._lines["plane"]
         for name, line, path in (("truth", "truth", x), ("estimate", "estimate", estimate)):

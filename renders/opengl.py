@@ -24,7 +24,7 @@ class NoOpenGLError(RuntimeError):
 
 
 def available() -> str | None:
-    """The backend that will draw ("osmesa", "egl" or what MUJOCO_GL says), or None; then tell ``HOW_TO_INSTALL``."""
+    """The backend that will draw, "osmesa", "egl" or MUJOCO_GL's; None where there is none (``HOW_TO_INSTALL``)."""
     chosen = os.environ.get("MUJOCO_GL", "").strip().lower()
     if chosen:
         return None if chosen in SWITCHED_OFF else chosen

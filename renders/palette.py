@@ -70,7 +70,7 @@ COLOURS: dict[SceneElement, Colour] = {
 }
 
 
-# Of the vehicles of a fleet, in their order: to be told apart over snow and rock, on white and on black.
+# Of the vehicles of a fleet, in their order: distinguishable over snow and rock, on white and on black.
 VEHICLES: tuple[Colour, ...] = (
     (1.00, 0.50, 0.05),
     (0.10, 0.45, 1.00),

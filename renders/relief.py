@@ -26,15 +26,15 @@ SHADOW = np.array([0.30, 0.36, 0.52])  # what shade multiplies the colours by: b
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """What a kind of ground looks like."""
+class GroundStyle:
+    """Colours of a kind of ground."""
 
     tints: Array  # (k, 4) share of the map's range of heights, red, green, blue
     rock: Array | None = None  # (3,) of steep slopes; None where the tints are those of rock
     ambient: float = 0.18  # light that comes from everywhere
 
 
-MOUNTAINS = Look(
+MOUNTAINS = GroundStyle(
     np.array(
         [
             [0.00, 0.36, 0.43, 0.27],
@@ -49,7 +49,7 @@ MOUNTAINS = Look(
     np.array([0.44, 0.39, 0.35]),
 )
 # Sand and scrub on the floor, beds of red and pale sandstone, juniper on the plateau.
-SANDSTONE = Look(
+SANDSTONE = GroundStyle(
     np.array(
         [
             [0.00, 0.42, 0.44, 0.25],

@@ -31,7 +31,7 @@ HORIZON, ZENITH, NADIR = (0.82, 0.88, 0.93), (0.20, 0.42, 0.74), (0.46, 0.55, 0.
 
 @dataclass(frozen=True)
 class View:
-    """Where the camera looks: MuJoCo's free camera."""
+    """Pose of MuJoCo's free camera."""
 
     lookat: Array  # (3,) [m] in the world that is drawn
     distance: float  # [m]

@@ -115,7 +115,7 @@ def distribution_figure(samples: Mapping[str, Array], xlabel: str, bound: float 
 
 
 def _cut_off(axes: Axes, values: Array, bound: float | None) -> None:
-    """End the axis where the bulk of the values does; what is beyond is told."""
+    """End the axis where the bulk of the values does; a note says how much lies beyond."""
     finite = values[np.isfinite(values)]
     lower, upper = np.quantile(finite, [0.25, 0.75]) if finite.size else (0.0, 0.0)
     end = float(upper + FAR_OUT * (upper - lower))

@@ -31,8 +31,8 @@ from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import (
     CLEARANCE,
     CLEARANCE_BOUND,
-    Group,
     Sweep,
+    TrialGroup,
     figures,
     format_numbers,
     format_value,
@@ -86,7 +86,7 @@ def report(sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], c
 
 
 def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:
-    everything = Group("all", (), sweep.records)
+    everything = TrialGroup("all", (), sweep.records)
     failed = sum(record.status != "ok" for record in sweep.records)
     missed = sum(record.status == "ok" and not record.success for record in sweep.records)
     counts = {
@@ -154,7 +154,7 @@ def _medians(sweep: Sweep) -> list[Markup]:
 
 
 def _at_the_edge(sweep: Sweep) -> str:
-    """What there is to add to a caption of ``figures`` where some are infinite."""
+    """Addition to a caption where some figures are infinite."""
     infinite = any(np.isinf(figures(sweep.records, key)).any() for key in sweep.figures[:MOST_PANELS])
     return " What is infinite stands at the edge." if infinite else ""
 
@@ -198,7 +198,7 @@ def _clearance(sweep: Sweep) -> list[Markup]:
     if CLEARANCE not in sweep.figures:
         return []
     few = len(sweep.groups) <= len(SERIES)
-    groups = sweep.groups if few else [Group("", (), sweep.records)]
+    groups = sweep.groups if few else [TrialGroup("", (), sweep.records)]
     samples = {group.name if len(groups) > 1 else "": figures(group.records, CLEARANCE) for group in groups}
     samples = {name: sample[~np.isnan(sample)] for name, sample in samples.items()}
     bounds = {record.fields[CLEARANCE_BOUND] for record in sweep.records if CLEARANCE_BOUND in record.fields}
@@ -273,7 +273,7 @@ def _varied(sweep: Sweep, record: Record) -> list[str]:
 
 
 def _error(record: Record) -> Markup:
-    lines = (record.error or "it said nothing").strip().splitlines()
+    lines = (record.error or "it gave no reason").strip().splitlines()
     if len(lines) == 1:
         return page.text(lines[0])
     return page.details(lines[-1], page.preformatted("\n".join(lines)))
@@ -285,7 +285,7 @@ def _more(records: Sequence[Record]) -> list[Markup]:
 
 
 def _times(sweep: Sweep) -> Markup:
-    everything = Group("all", (), sweep.records)
+    everything = TrialGroup("all", (), sweep.records)
     rows = [(_named(key), _band_text(everything.band(key), len(sweep.records))) for key in sweep.timings]
     return page.card(
         page.table((), rows, "What depends on the machine and its load: medians with 95 % bootstrap bands.")

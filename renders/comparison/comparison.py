@@ -43,8 +43,8 @@ def differing_fields(left: Mapping[str, Any], right: Mapping[str, Any]) -> Table
 def _value(fields: Mapping[str, Any], name: str) -> str:
     if name not in fields:
         return UNKNOWN
-    said = format_value(fields[name])
-    return said if len(said) <= LONGEST else f"{said[: LONGEST - 1]}…"
+    text = format_value(fields[name])
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
 def differences(left: object, right: object) -> tuple[str, str]:

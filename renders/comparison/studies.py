@@ -14,7 +14,7 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.run_folder import read_json
 from mathnavi.sim.records.table import Table
 
-KEYS = ("study", "claims")  # that tell a study's document from other JSON
+KEYS = ("study", "claims")  # by which a study's document is recognised
 
 HEADS = ("study", "claim", LEFT, RIGHT)
 MOST_NAMED = 3  # studies in a title
@@ -55,14 +55,14 @@ def compare_studies(left: Path, right: Path) -> Comparison:
     one, other = read_studies(left), read_studies(right)
     shared = [name for name in one if name in other]
     if not shared:
-        held, other_held = (", ".join(map(_called, some)) for some in (one, other))
+        held, other_held = (", ".join(map(_called, names)) for names in (one, other))
         raise ValueError(f"{left} holds {held} and {right} {other_held}; allowed: a study in common")
     pairs = [pair for name in shared for pair in _pairs(name, one[name], other[name])]
     both = [pair for pair in pairs if pair.left and pair.right]
     verdicts = [pair for pair in both if pair.changed]
     counts = Counter(f"{pair.left.verdict} → {pair.right.verdict}" for pair in verdicts if pair.left and pair.right)
     changes = f": {', '.join(f'{count} {change}' for change, count in counts.items())}" if counts else ""
-    listed = {
+    lists = {
         "Claims with another verdict": verdicts,
         "Claims of one side only": [pair for pair in pairs if pair not in both],
         "Claims with the same verdict and another figure": [
@@ -76,7 +76,7 @@ def compare_studies(left: Path, right: Path) -> Comparison:
         str(right),
         [
             differing_fields(_fields(one, shared, other), _fields(other, shared, one)),
-            *(Table(title, HEADS, [pair.row for pair in some]) for title, some in listed.items() if some),
+            *(Table(title, HEADS, [pair.row for pair in listed]) for title, listed in lists.items() if listed),
         ],
         lambda: (),
     )

@@ -84,11 +84,11 @@ def to_go_figure(run: FleetRun) -> Figure:
         begin = _last_seconds(run)
         late = np.flatnonzero(run.t >= begin)
         for flight, colour, name in _each(run):
-            away = np.linalg.norm(flight.x[:, :3] - flight.mission.target, axis=1)
+            distance = np.linalg.norm(flight.x[:, :3] - flight.mission.target, axis=1)
             i = thinned(len(run.t), 0)
-            whole.plot(run.t[i], away[i] / 1e3, color=colour, label=name)
+            whole.plot(run.t[i], distance[i] / 1e3, color=colour, label=name)
             k = late[thinned(len(late), 0)]
-            end.plot(run.t[k], away[k], color=colour)
+            end.plot(run.t[k], distance[k], color=colour)
         radius = run.flights[0].mission.arrival_radius
         end.axhline(radius, color=BOUND, ls=":", lw=1.0)
         end.annotate(f"arrived within {radius:g} m", (0.02, radius), (0, 3), xycoords=("axes fraction", "data"),
@@ -175,10 +175,10 @@ def _bound(axes: Axes, value: float, name: str) -> None:
 
 def _mark(axes: Axes, run: FleetRun, k: int, value: float, key: str) -> None:
     """The least of all at a look, with the figure of the summary."""
-    told = run.summary.get(key)
+    recorded = run.summary.get(key)
     late = run.t[k] > 0.8 * run.duration  # the label would leave the axes
     axes.plot(run.t[k], value, "o", ms=4.0, color=INK)
     axes.annotate(
-        f"least {value if told is None else told:.1f} m", (float(run.t[k]), value), (-8 if late else 8, 0),
+        f"least {value if recorded is None else recorded:.1f} m", (float(run.t[k]), value), (-8 if late else 8, 0),
         textcoords="offset points", ha="right" if late else "left", va="center",
     )  # fmt: skip

@@ -19,8 +19,8 @@ from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.metrics.fleet import arrival_time
 from mathnavi.sim.records.run_folder import CONFIG, last_at, read_fleet
 
-AGREED = re.compile(r"arrival time from .*: (\S+)")  # how a vehicle's log tells of the time that it has agreed to
-_SAME = 0.5  # [s] from which on two times of arrival are told apart
+AGREED = re.compile(r"arrival time from .*: (\S+)")  # the message in a vehicle's log of the time that it has agreed to
+_SAME = 0.5  # [s] from which on two times of arrival count as different
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,17 +108,19 @@ class FleetRun:
         found = np.full(places.shape[:2], np.inf)
         for k in range(len(places)):
             for other in range(k + 1, len(places)):
-                away = np.linalg.norm(places[k] - places[other], axis=1)
-                found[k], found[other] = np.minimum(found[k], away), np.minimum(found[other], away)
+                distance = np.linalg.norm(places[k] - places[other], axis=1)
+                found[k], found[other] = np.minimum(found[k], distance), np.minimum(found[other], distance)
         return found
 
     @cached_property
     def _agreements(self) -> tuple[tuple[Array, Array], ...]:
-        """For each vehicle, when [s] it was told of a time of arrival, and of which [s]."""
+        """For each vehicle, times [s] at which it received a time of arrival, and those arrivals [s]."""
         found = []
         for flight in self.flights:
-            told = [(event.t, AGREED.fullmatch(event.message)) for event in flight.events if event.kind == "message"]
-            known = [(t, float(match[1])) for t, match in told if match]
+            messages = [
+                (event.t, AGREED.fullmatch(event.message)) for event in flight.events if event.kind == "message"
+            ]
+            known = [(t, float(match[1])) for t, match in messages if match]
             found.append((np.array([t for t, _ in known]), np.array([arrival for _, arrival in known])))
         return tuple(found)
 
@@ -141,9 +143,9 @@ class FleetRun:
 
 def _distances(places: Array) -> Array:
     """(n, n) between points (n, 3); NaN from each to itself."""
-    away: Array = np.linalg.norm(places[:, None] - places[None], axis=-1)
-    away[np.diag_indices(len(places))] = np.nan
-    return away
+    distance: Array = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    distance[np.diag_indices(len(places))] = np.nan
+    return distance
 
 
 def _mission_of(name: str) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:

@@ -160,7 +160,7 @@ class FleetScene(Staged):
                 points = np.vstack([points for _, points in arcs])
                 self.stage.line(self.world(points, camera), colour, 1.7, dashed=part is SceneElement.COMPLETION)
         place = flight.state(t)[:3]
-        # A plumb line tells where over the ground the vehicle is.
+        # A plumb line shows where over the ground the vehicle is.
         if self.run.terrain.contains(place[0], place[1]):
             self.stage.line(self.world(np.array([self._foot(place), place]), camera), colour, 1.4)
         if camera != "arrival":

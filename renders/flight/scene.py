@@ -125,7 +125,7 @@ class FlightScene(Staged):
         for part, points in self._lines(t, camera):
             self.stage.line(self.world(points, camera), COLOURS[part], width, dashed=part is SceneElement.COMPLETION)
         x = self.run.state(t)
-        # A plumb line tells where over the ground the vehicle is.
+        # A plumb line shows where over the ground the vehicle is.
         if camera != "chase" and self.run.terrain.contains(x[0], x[1]):
             foot = np.array([x[0], x[1], float(self.run.terrain.height(x[0], x[1]))])
             self.stage.line(self.world(np.array([foot, x[:3]]), camera), COLOURS[SceneElement.FLOWN], 2.0)
@@ -162,7 +162,7 @@ class Following:
     smoothing: float  # [s] standard deviation of the Gaussian that steadies the camera
     clear: float  # [m] over the ground between itself and the vehicle, at least
     rise: float = 0.36  # over the vehicle, in distances
-    ahead: float = 0.55  # of the vehicle lies what it looks at, in distances
+    ahead: float = 0.55  # distance of the point of aim in front of the vehicle, in distances
 
 
 AFAR = Following(1300.0, 0.25, 2.5, 110.0)

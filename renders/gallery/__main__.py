@@ -4,7 +4,7 @@
 
 Without a name all of them, which takes hours: pictures of studies are those of whole studies. A name stands with or
 without its ending, or is a pattern: ``safe_flight``, ``safe_flight.png``, ``"*.webp"``. Exit code 0: all were made;
-1: some were not, each told in one line; 2: there is no such picture.
+1: some were not, each reported in one line; 2: there is no such picture.
 """
 
 from __future__ import annotations

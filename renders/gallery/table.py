@@ -19,7 +19,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 README = HERE / "README.md"
-STUDIES = Path("renders/out/study")  # what `mathnavi study` writes to, unless it is told otherwise
+STUDIES = Path("renders/out/study")  # what `mathnavi study` writes to, by default
 MATHNAVI = ".venv/bin/mathnavi"
 _ROW = re.compile(r"^\| \[([\w.]+)\]\(\1\) \| (.+) \| (.+) \|$")
 

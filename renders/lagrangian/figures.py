@@ -19,7 +19,7 @@ from mathnavi.renders.lagrangian.views import chart_of
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 SMALLEST = 1e-12  # that a logarithmic axis shows
-FIRST = 0.15  # of a run that is looked at closely, where nothing is found at its start
+FIRST = 0.15  # of a run that is shown enlarged, where nothing is found at its start
 DIPS = 0.02  # share of the components of the error that are below the axis
 MOST_IN_A_ROW = 4  # names of a legend
 PATH_LOOKS = 3  # moments at which a path is drawn
@@ -28,7 +28,7 @@ _LEGEND = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 
 
 
 def first_part(run: LagrangianRun) -> float:
-    """[s] up to when the start of a run is looked at."""
+    """Time [s] up to which the start of a run is shown."""
     return slow_until(run) or FIRST * run.duration
 
 

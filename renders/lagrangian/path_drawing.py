@@ -67,13 +67,13 @@ class PathDrawing:
             self._draw("estimate", np.empty((0, n)))
             self._draw("geodesic", np.empty((0, n)))
         else:
-            said = [j for j in _thinned(first, k) if run.errors.found[j] > 0.0]
-            self._draw("estimate", np.array([run.drawn(j) for j in said]))
+            known = [j for j in _thinned(first, k) if run.errors.found[j] > 0.0]
+            self._draw("estimate", np.array([run.drawn(j) for j in known]))
             self._draw("geodesic", np.array([run.towards(k, float(s)) for s in np.linspace(0.0, 1.0, ON_GEODESIC)]))
         self._mark("estimate", None if k < 0 else run.drawn(k))
-        asked = [p for s in np.linspace(max(t - RECENT, 0.0), t, 60) if (p := run.reference(float(s))) is not None]
-        self._draw("reference", np.array(asked).reshape(-1, n))
-        self._mark("reference", asked[-1] if asked else None)
+        targets = [p for s in np.linspace(max(t - RECENT, 0.0), t, 60) if (p := run.reference(float(s))) is not None]
+        self._draw("reference", np.array(targets).reshape(-1, n))
+        self._mark("reference", targets[-1] if targets else None)
 
     def _draw(self, name: str, points: Array) -> None:
         place, is_near = self._chart.project(points)

@@ -27,7 +27,7 @@ from mathnavi.sim.records.run_folder import RunLog, last_at, read_log
 
 REACH = 0.5  # [rad, m] that an error of the position, the largest or a usual one, is drawn as, at most
 USUAL = 0.9  # share of the errors of a mechanism that are not larger than that
-MOST_LOOKED_AT = 2000  # estimates among which that is looked for
+MOST_EXAMINED = 2000  # estimates that are examined for that
 SPACES: dict[str, Manifold] = {"body": Attitude(), "sphere": sphere(3), "hyperbolic-plane": hyperbolic_space(2)}
 
 
@@ -58,15 +58,15 @@ class LagrangianRun(LoggedRun):
 
     @cached_property
     def errors(self) -> VelocityErrors:
-        """Of all estimates."""
-        said = np.array([self.log.status(float(t)) is not Status.INITIALISING for t in self.t_estimate])
+        """Errors of all estimates."""
+        initialised = np.array([self.log.status(float(t)) is not Status.INITIALISING for t in self.t_estimate])
         return VelocityErrors.between(
-            self.t_estimate, self.truth, self.estimate, said.astype(np.float64), self.manifold
+            self.t_estimate, self.truth, self.estimate, initialised.astype(np.float64), self.manifold
         )
 
     @cached_property
     def velocity_error(self) -> Array:
-        """(m,) the length of the components of the velocity error, in their units."""
+        """(m,) norm of the components of the velocity error, in their units."""
         lengths: Array = np.linalg.norm(self.errors.components, axis=1)
         return lengths
 
@@ -114,8 +114,8 @@ class LagrangianRun(LoggedRun):
     @cached_property
     def magnification(self) -> float:
         """By how much the errors of the position are drawn larger than they are: 1, 2, 5, 10 and so on."""
-        looked_at = np.unique(np.linspace(0, len(self.t_estimate) - 1, MOST_LOOKED_AT).astype(int))
-        sizes = [float(np.abs(c).max()) for k in looked_at if self.errors.found[k] and (c := self.apart(k)) is not None]
+        examined = np.unique(np.linspace(0, len(self.t_estimate) - 1, MOST_EXAMINED).astype(int))
+        sizes = [float(np.abs(c).max()) for k in examined if self.errors.found[k] and (c := self.apart(k)) is not None]
         # Of a mechanism found at rest even the largest error is small, and most are much smaller than that.
         share = USUAL if self.space is None and not self.has_begun_wrong else 1.0
         largest = float(np.quantile(sizes, share)) if sizes else 0.0

@@ -119,7 +119,7 @@ class MechanismScene(Staged):
                 self._add_arrow(found, SceneElement.FOUND_VELOCITY, THICK, 0.45)
 
     def _light(self, spec: Any) -> None:
-        """From where it comes to the camera that looks at a mechanism: what is near the ends of shadows flickers."""
+        """Turn the lights with the camera of a mechanism: what is near the ends of shadows flickers."""
         turn = math.radians(azimuth(self.run) - AZIMUTH)
         c, s = math.cos(turn), math.sin(turn)
         rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -184,8 +184,8 @@ class MechanismScene(Staged):
         places = self.model.geom_pos[list(self._geoms[self._last])]
         if not len(places):
             return np.zeros(3)
-        away = np.linalg.norm(places, axis=1)
-        middle: Array = places[away >= TIP * away.max()].mean(axis=0)
+        distance = np.linalg.norm(places, axis=1)
+        middle: Array = places[distance >= TIP * distance.max()].mean(axis=0)
         return middle
 
     def places(self, position: Array) -> Array:

@@ -66,11 +66,11 @@ def verdict(run: LagrangianRun) -> str:
 def annotations_of(run: LagrangianRun) -> list[Annotation]:
     """Annotations of a video, in order of time; of each change of status only the first."""
     shown = [(run.duration, verdict(run))]
-    said = run.t_estimate[run.errors.found > 0.0]
-    if not len(said):
+    known = run.t_estimate[run.errors.found > 0.0]
+    if not len(known):
         shown.append((0.0, "no usable reading yet"))
-    elif float(said[0]) > CLEAR:
-        shown.append((float(said[0]), "first estimate"))
+    elif float(known[0]) > CLEAR:
+        shown.append((float(known[0]), "first estimate"))
     if run.has_begun_wrong and run.found_from is not None:
         shown.append((run.found_from, "velocity found to one percent"))
     if "settled_at_s" in run.log.summary:

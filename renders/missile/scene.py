@@ -36,7 +36,7 @@ PLUME = 0.8  # [m] at a thrust of m g; it grows with the square root
 LONGEST_PLUME = 3.2  # [m]
 NOSE, TAIL = 1.1, -1.85  # [m] along X_b: where plumes leave
 PLAN_POINTS = 90
-NEAR = 60  # looks back up to which the path flown is drawn through each
+NEAR = 60  # samples back up to which the path flown is drawn through each
 MINUTE = {"chase": 3.0, "side": 3.2, "target": 3.4}  # [pixels] width of lines at a picture 720 pixels high
 RULER = 50.0  # [m] of height between the lines in the side view
 FLAME, CORE = (1.0, 0.42, 0.05), (1.0, 0.88, 0.55)
@@ -132,7 +132,7 @@ class MissileScene(Staged):
             if camera != "side":
                 ahead = ahead[np.linalg.norm(ahead - here, axis=1) > 2.4 * scale]
             self.stage.line(ahead, COLOURS[SceneElement.PLAN], width)
-        if camera == "side":  # a plumb line tells how high it is
+        if camera == "side":  # a plumb line shows how high it is
             self.stage.line(np.array([here * (1.0, 1.0, 0.0), here]), COLOURS[SceneElement.FLOWN], 1.2)
 
     def _add_target(self, t: float, camera: str) -> None:

@@ -51,7 +51,7 @@ def annotations_of(run: MissileRun) -> list[Annotation]:
             found.setdefault("thrusters at their limit", event.t)
     turns = [(leg.t, "the target changes its course") for leg in run.target.legs[1:] if leg.t < run.duration]
     updates = [e.t for e in run.log.events if e.kind == "message" and e.message.startswith("target")]
-    late = [(t, "the planner is told") for t in updates if all(abs(t - turn) > 1e-3 for turn, _ in turns)]
+    late = [(t, "the planner is updated") for t in updates if all(abs(t - turn) > 1e-3 for turn, _ in turns)]
     return sorted([*turns, *late, *((t, text) for text, t in found.items())])
 
 

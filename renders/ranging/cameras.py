@@ -20,7 +20,7 @@ OPTICS = {"top": Optics(11.0, 2.0, 150.0), "chase": Optics(42.0, 0.1, 40.0)}
 FREE = ((0.02, 0.98, 0.13, 0.745), (0.222, 0.805, 0.11, 0.95))
 CHASE_DISTANCE, CHASE_ELEVATION = 2.7, -38.0  # [m], [degrees]
 CHASE_MEMORY = 2.0  # [s] before and after, over which the camera behind the robot takes the mean of its headings
-CHASE_AHEAD = 0.15  # [m] of the robot, what that camera looks at
+CHASE_AHEAD = 0.15  # [m] point of aim of that camera in front of the robot
 
 
 def top_view(curve: Curve, aspect: float) -> View:

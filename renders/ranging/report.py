@@ -69,7 +69,7 @@ def _figures(run: RangingRun) -> list[Drawn]:
     beliefs = run.beliefs
     drawn: list[Drawn] = []
     stated = "" if beliefs.covariance is None else ", and the bands in which the estimator expects them"
-    if run.said.any():
+    if run.initialised.any():
         drawn += [
             ("errors", figures.errors_figure(run), "The errors on logarithmic axes; dotted what counts as found."),
             ("bands", figures.bands_figure(run), f"The errors of each coordinate{stated}."),

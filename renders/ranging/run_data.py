@@ -107,8 +107,8 @@ class RangingRun(LoggedRun):
     @cached_property
     def indistinguishable(self) -> Flags:
         """(k,) whether an estimate is right, but not the true pose: one from which the robot would read the same."""
-        away = np.linalg.norm(self.seen_as[:, :2] - self.believed_at[:, :2], axis=1)
-        such: Flags = (away > POSITION) & (self.position_error < POSITION) & (self.heading_error < HEADING)
+        distance = np.linalg.norm(self.seen_as[:, :2] - self.believed_at[:, :2], axis=1)
+        such: Flags = (distance > POSITION) & (self.position_error < POSITION) & (self.heading_error < HEADING)
         return such
 
     @cached_property
@@ -116,8 +116,8 @@ class RangingRun(LoggedRun):
         """Which of ``curve.images`` of the truth the last estimate is nearest to; 0 is the truth itself."""
         if self.curve.symmetry < 2 or not len(self.beliefs.x):
             return 0
-        away = self.curve.images(self.believed_at[-1]) - self.seen_as[-1]
-        return int(np.argmin(np.square(away[:, :2]).sum(axis=1) + np.square(np.sin(0.5 * away[:, 2]))))
+        distance = self.curve.images(self.believed_at[-1]) - self.seen_as[-1]
+        return int(np.argmin(np.square(distance[:, :2]).sum(axis=1) + np.square(np.sin(0.5 * distance[:, 2]))))
 
     @cached_property
     def mirrored(self) -> Array:
@@ -146,12 +146,12 @@ class RangingRun(LoggedRun):
     def found(self) -> float | None:
         """[s] from when on the estimate was right; None if it was not at the end, or if there was none."""
         wrong = (self.position_error > POSITION) | (self.heading_error > HEADING)
-        bad = np.flatnonzero(wrong | ~self.said)
+        bad = np.flatnonzero(wrong | ~self.initialised)
         after = int(bad[-1]) + 1 if len(bad) else 0
         return float(self.beliefs.t[after]) if after < len(self.beliefs.t) else None
 
     @cached_property
-    def said(self) -> Flags:
+    def initialised(self) -> Flags:
         """(k,) whether an estimate says where the robot is: the estimator has seen enough."""
         return np.array([self.status(float(t)) is not Status.INITIALISING for t in self.beliefs.t], dtype=bool)
 
@@ -162,7 +162,7 @@ class RangingRun(LoggedRun):
     def belief(self, t: float) -> int:
         """Which estimate is the newest at ``t`` [s]; -1 where there is none, or none that says where the robot is."""
         k = last_at(self.beliefs.t, t)
-        return k if k >= 0 and self.said[k] else -1
+        return k if k >= 0 and self.initialised[k] else -1
 
 
 def load_run(directory: str | Path) -> RangingRun:
@@ -195,26 +195,28 @@ def load_run(directory: str | Path) -> RangingRun:
     )  # fmt: skip
 
 
-def _drive(told: object) -> DriveName:
+def _drive(value: object) -> DriveName:
     for name in get_args(DriveName):
-        if told == name:
+        if value == name:
             found: DriveName = name
             return found
-    raise RunFolderError(f"drive = {told!r}; allowed: {', '.join(get_args(DriveName))}")
+    raise RunFolderError(f"drive = {value!r}; allowed: {', '.join(get_args(DriveName))}")
 
 
-def _mission(told: Mapping[str, Any]) -> RangingMission:
-    start, odometry = told["known_start"], told["odometry"]
+def _mission(fields: Mapping[str, Any]) -> RangingMission:
+    start, odometry = fields["known_start"], fields["odometry"]
+    coefficients = tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in fields["coefficients"])
     return RangingMission(
         curve=Curve(
-            tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in told["coefficients"]), str(told["field"])
+            tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in fields["coefficients"]),
+            str(fields["field"]),
         ),
-        angles=tuple(float(angle) for angle in told["angles"]),
-        ranging=RangeQuality(**told["ranging"]),
+        angles=tuple(float(angle) for angle in fields["angles"]),
+        ranging=RangeQuality(**fields["ranging"]),
         odometry=OdometryQuality(**{**odometry, "noise": tuple(odometry["noise"]), "slip": tuple(odometry["slip"])}),
         start=None if start is None else KnownStart(tuple(start["pose"]), tuple(start["deviation"])),
-        speed_max=float(told["speed_max"]),
-        turn_rate_max=float(told["turn_rate_max"]),
-        margin=float(told["margin"]),
-        period=float(told["period"]),
+        speed_max=float(fields["speed_max"]),
+        turn_rate_max=float(fields["turn_rate_max"]),
+        margin=float(fields["margin"]),
+        period=float(fields["period"]),
     )

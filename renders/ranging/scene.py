@@ -94,8 +94,8 @@ class RangingScene(Staged):
     def _add_paths(self, t: float, camera: str) -> None:
         run, width = self.run, LINE[camera]
         driven = run.pose[: run.index(t) + 1, :2]
-        said = run.beliefs.x[: last_at(run.beliefs.t, t) + 1][run.said[: last_at(run.beliefs.t, t) + 1]]
-        self._add_path(said[:, :2], SceneElement.ESTIMATE, PATH, 0.75 * width)
+        known = run.beliefs.x[: last_at(run.beliefs.t, t) + 1][run.initialised[: last_at(run.beliefs.t, t) + 1]]
+        self._add_path(known[:, :2], SceneElement.ESTIMATE, PATH, 0.75 * width)
         self._add_path(np.vstack([driven, run.joints(t)[:2]]), SceneElement.DRIVEN, 0.5 * PATH, width)
 
     def _add_path(self, places: Array, part: SceneElement, height: float, width: float) -> None:

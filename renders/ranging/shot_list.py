@@ -30,8 +30,8 @@ FORCED_LENGTH = 11.0  # [s of video] after it was decided, where one camera film
 
 def begun(run: RangingRun) -> float:
     """Time [s] of the first estimate that says where the robot is; the end of the run if there is none."""
-    said = run.beliefs.t[run.said]
-    return float(said[0]) if len(said) else run.duration
+    known = run.beliefs.t[run.initialised]
+    return float(known[0]) if len(known) else run.duration
 
 
 def decided(run: RangingRun) -> float:

@@ -39,7 +39,7 @@ def test_turns_of_the_target_limits_and_the_end_are_told(missile_run: MissileRun
     late = Event(3.5, "missile", "message", "target from target watch")
     log = replace(missile_run.log, events=(*clipped, late))
     told = [text for _, text in annotations_of(replace(missile_run, log=log))]
-    assert told[:3] == ["thrusters at their limit", "the target changes its course", "the planner is told"]
+    assert told[:3] == ["thrusters at their limit", "the target changes its course", "the planner is updated"]
     assert verdict(replace(missile_run, miss_allowed=1e-9)).startswith("missed by ")
 
 

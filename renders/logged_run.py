@@ -33,7 +33,7 @@ class LoggedRun:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """In order of time."""
+        """Events in order of time."""
         return self.log.events
 
     @property

@@ -55,7 +55,7 @@ class Overlay:
 
 
 def pace(frame: Frame, duration: float) -> str:
-    """How fast time passes in a frame; in a still, how long the run takes [s]."""
+    """Rate of time in a frame as text; in a still, the length of the run [s]."""
     if frame.rate <= 0.0:
         return f"of {duration:.1f} s"
     if frame.rate < 0.95:
@@ -163,7 +163,7 @@ class OverlayWriter:
         draw.text((left + pad, self.height - self._px(48)), overlay.state, WHITE, self._plain[15], "lm")
 
     def _two_numbers(self, draw: ImageDraw.ImageDraw, numbers: Sequence[tuple[str, str, str]]) -> None:
-        """In the corner of the title."""
+        """Write the first two numbers in the corner of the title."""
         edge, pad, gap = self._px(8), self._px(9), self._px(16)
         widths = [max(self._plain[13].getlength(name), self._bold[26].getlength(value)) for name, value, _ in numbers]
         self._title_corner = edge + sum(widths) + gap * (len(numbers) - 1) + 2 * pad, edge + self._px(52)
@@ -255,7 +255,7 @@ class OverlayWriter:
 
 
 def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
-    """Whether two boxes (left, top, right, bottom) have a point in common."""
+    """True if two boxes (left, top, right, bottom) have a point in common."""
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 

@@ -1,4 +1,4 @@
-"""The one look of every report: a page that needs nothing beside itself and no network.
+"""The common style of all reports: a page that needs nothing beside itself and no network.
 
 Blocks are pieces of HTML (``Markup``); everything else that is put on a page is text and is escaped. Figures are SVG
 inside the page, so that they follow the reader's light or dark theme and print sharply. The page forbids the browser
@@ -129,7 +129,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str
 
 
 def _are_numbers(column: Sequence[object]) -> bool:
-    """Whether most of the cells are numbers."""
+    """True if most of the cells are numbers."""
     return sum(not isinstance(cell, str) or bool(NUMBER.fullmatch(cell)) for cell in column) > 0.5 * len(column)
 
 

@@ -41,7 +41,7 @@ class RecordedRun(Protocol):
 
 @dataclass(frozen=True)
 class Headline:
-    """What a report says first."""
+    """The head of a report: title, verdict and the figures that matter most."""
 
     title: str
     verdict: str  # what came out, in a sentence
@@ -130,7 +130,7 @@ def summary_cards(summary: Mapping[str, Any]) -> Markup:
 
 
 def events_card(events: Sequence[Event], *, by_vehicle: bool = False) -> Markup:
-    """What happened, in order; with ``by_vehicle``, to which vehicle."""
+    """Table of the events, in order; with ``by_vehicle``, a column names their vehicle."""
     if not events:
         return page.paragraph("Nothing happened that is worth a line.")
     columns = ("time", *(["vehicle"] if by_vehicle else []), "kind", "message")

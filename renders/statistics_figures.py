@@ -211,7 +211,7 @@ def _forest(axes: Axes, names: Sequence[str], values: Sequence[float], limits: A
 
 
 def _limits(rate: Rate) -> tuple[float, float]:
-    """What a rate's bar spans: without an event up to the one-sided bound, as its text says."""
+    """Ends of a rate's bar: without an event up to the one-sided bound, as in its text."""
     return (0.0, rate.upper) if rate.events == 0 else (rate.low, rate.high)
 
 

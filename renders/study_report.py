@@ -18,7 +18,7 @@ from mathnavi.sim.records.table import Table as Table
 
 @dataclass(frozen=True, eq=False)
 class StudyPage:
-    """What the page of a study shows."""
+    """Contents of the page of a study."""
 
     name: str
     title: str

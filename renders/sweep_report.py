@@ -218,7 +218,7 @@ def _clearance(sweep: Sweep) -> list[Markup]:
 
 
 def _over(sweep: Sweep, name: str) -> list[Markup]:
-    """What changes with a continuous field."""
+    """Figures over a continuous field."""
     bins = sweep.bins(name)
     drawn = _undecided({kind: [part.rate(happened) for part in bins] for kind, happened in sweep.events.items()})
     ordered = [record for part in bins for record in part.records]
@@ -327,6 +327,6 @@ def _whole(value: float) -> float:
 
 
 def _spans_decades(values: Iterable[float]) -> bool:
-    """Whether values are spread like those of a logarithm: evenly spread ones have a ratio of 9 here."""
+    """True if values are spread like those of a logarithm: evenly spread ones have a ratio of 9 here."""
     low, high = np.quantile(list(values), [0.1, 0.9])
     return bool(0.0 < DECADES * low <= high)

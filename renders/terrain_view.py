@@ -52,7 +52,7 @@ class Track:
 
 
 def script() -> str:
-    """What a page with at least one view runs; about 5 MB, of plotly."""
+    """JavaScript of a page with at least one view; about 5 MB, of plotly."""
     from plotly.offline import get_plotlyjs  # not needed for anything but this
 
     own = Path(__file__).with_name("terrain_view.js").read_text(encoding="utf-8")
@@ -195,7 +195,7 @@ def _dome(radar: Radar, terrain: HeightField, *, first: bool) -> dict[str, Any]:
     vertices = np.array([x, y, z]) + radius * np.column_stack(
         [level * np.cos(around), level * np.sin(around), np.sin(up)]
     )
-    look = {
+    style = {
         "name": SceneElement.RADAR.value,
         "legendgroup": SceneElement.RADAR.value,
         "showlegend": first,
@@ -203,7 +203,7 @@ def _dome(radar: Radar, terrain: HeightField, *, first: bool) -> dict[str, Any]:
         "opacity": 0.28,
         "lighting": {"ambient": 0.7, "diffuse": 0.4, "specular": 0.1, "fresnel": 0.0},
     }
-    return _mesh(vertices, LEVELS, SECTORS) | look
+    return _mesh(vertices, LEVELS, SECTORS) | style
 
 
 def _line(track: Track, *, first: bool) -> dict[str, Any]:

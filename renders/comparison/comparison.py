@@ -20,7 +20,7 @@ LONGEST = 60  # [characters] of a value in a cell
 
 @dataclass(frozen=True)
 class Comparison:
-    """What there is to say of two results of a kind."""
+    """Two results of one kind: verdict, tables and figures."""
 
     title: str
     verdict: str  # in a sentence

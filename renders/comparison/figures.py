@@ -28,7 +28,7 @@ Curve = Callable[[StateHistory], tuple[Array, Array]]  # times (n,) [s] and valu
 
 
 def run_figures(left: ComparedRun, right: ComparedRun) -> list[Drawn]:
-    """What can be drawn of both runs in one figure."""
+    """Figures of both runs in one: paths, states and errors."""
     drawn: list[Drawn] = []
     ground = _ground(left, right)
     if ground is not None:

@@ -19,7 +19,7 @@ KINDS = {"run": "the run of a scenario", "sweep": "the store of a sweep", "study
 
 
 def kind_of(path: Path) -> str:
-    """What there is at a place: "run", "sweep" or "study"; ValueError if it is none of these."""
+    """Kind of result at a place: "run", "sweep" or "study"; ValueError if it is none of these."""
     if not path.exists():
         raise ValueError(f"{path} does not exist; allowed: the folder of a run or of studies, or the store of a sweep")
     if path.is_dir() and (path / "config.json").is_file():
@@ -48,7 +48,7 @@ def write_comparison(path: Path, comparison: Comparison) -> None:
 
 
 def is_comparison(path: Path) -> bool:
-    """Whether a file is such a page."""
+    """True if a file is such a page."""
     return path.is_file() and MARK.encode() in path.read_bytes()
 
 

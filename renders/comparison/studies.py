@@ -31,7 +31,7 @@ class StudyDocument:
 
 
 def is_study(path: Path) -> bool:
-    """Whether a file is a study's document."""
+    """True if a file is a study's document."""
     try:
         document = read_json(path)
     except (OSError, ValueError):
@@ -93,7 +93,7 @@ class ClaimPair:
 
     @property
     def changed(self) -> bool:
-        """Whether the verdict did."""
+        """True if the verdicts of the two sides differ."""
         return self.left is None or self.right is None or self.left.holds is not self.right.holds
 
     @property

@@ -80,7 +80,7 @@ def paired(left: Sequence[Record], right: Sequence[Record]) -> list[tuple[Record
 
 
 def differ(rates: tuple[Rate, Rate], pairs: Pairs, happened: Test) -> str:
-    """Whether an event is more likely on one side, in words."""
+    """Text that says whether an event is more likely on one side."""
     known = [(one, other) for a, b in pairs if None not in (one := happened(a), other := happened(b))]
     if known:
         only_left = sum(bool(one) and not other for one, other in known)
@@ -128,7 +128,7 @@ def _apart(one: Band | None, other: Band | None) -> str:
 
 
 def _fields(records: Sequence[Record]) -> dict[str, Any]:
-    """What each field is in a sweep: its value, or what its values are."""
+    """Value of each field of a sweep, or its values in short."""
     names = dict.fromkeys(name for record in records for name in record.fields)
     values: dict[str, Any] = {name: _values([record.fields.get(name) for record in records]) for name in names}
     seeds = sorted({record.seed for record in records})

@@ -77,7 +77,7 @@ def _slots(axes: Axes, run: FleetRun, middle: Array) -> float:
 
 
 def to_go_figure(run: FleetRun) -> Figure:
-    """How far it is from every vehicle to its slot: over the whole time, and in the last seconds."""
+    """Distance of every vehicle to its slot: over the whole time, and in the last seconds."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 4.4)
         whole, end = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
@@ -112,7 +112,7 @@ def to_go_figure(run: FleetRun) -> Figure:
 
 
 def separation_figure(run: FleetRun) -> Figure:
-    """How far it is from every vehicle to the nearest other one, over time, with what is allowed."""
+    """Distance of every vehicle to the nearest other one, over time, with the least one allowed."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 3.4)
         axes = figure.add_subplot()
@@ -174,7 +174,7 @@ def _bound(axes: Axes, value: float, name: str) -> None:
 
 
 def _mark(axes: Axes, run: FleetRun, k: int, value: float, key: str) -> None:
-    """The least of all at a look, with the figure of the summary."""
+    """Mark the least of all samples, with the figure of the summary."""
     recorded = run.summary.get(key)
     late = run.t[k] > 0.8 * run.duration  # the label would leave the axes
     axes.plot(run.t[k], value, "o", ms=4.0, color=INK)

@@ -55,13 +55,13 @@ class FleetRun:
 
     @property
     def title(self) -> str:
-        """What flew where."""
+        """Scenario, number of vehicles, terrain and seed."""
         seed = self.config["seed"]
         return f"{self.config['scenario']} of {len(self.flights)} over {self.terrain.name}, seed {seed}"
 
     @cached_property
     def colours(self) -> tuple[Colour, ...]:
-        """Of the vehicles."""
+        """Colours of the vehicles."""
         return tuple(vehicle_colour(k) for k in range(len(self.flights)))
 
     @cached_property
@@ -90,7 +90,7 @@ class FleetRun:
         return float(np.ptp(self.arrivals))
 
     def arrived(self, t: float) -> int:
-        """How many have arrived by ``t`` [s]."""
+        """Number of vehicles that have arrived by ``t`` [s]."""
         return int(np.count_nonzero(self.arrivals <= t + 1e-9))
 
     def positions(self, t: float) -> Array:
@@ -149,7 +149,7 @@ def _distances(places: Array) -> Array:
 
 
 def _mission_of(name: str) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-    """What picks a vehicle's own mission from that of the fleet: its start and target, and what all have in common."""
+    """A function that picks a vehicle's mission from the fleet's: its start and target, and all that is shared."""
     return lambda fleet: {**fleet, **fleet["vehicles"][name]}
 
 

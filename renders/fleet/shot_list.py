@@ -26,12 +26,12 @@ ANNOTATED = {  # kinds of events that a video shows; the rest is for the report
 
 
 def highlight(run: FleetRun) -> tuple[float, float]:
-    """From when to when [s] there is most to see: while all arrive."""
+    """Times [s] between which there is most to see: while all arrive."""
     return run.duration - min(CLOSING, MOST_CLOSING * run.duration), run.duration
 
 
 def verdict(run: FleetRun) -> str:
-    """How the run ended, in a few words."""
+    """Outcome of the run in a few words."""
     count = len(run.flights)
     if run.everybody_arrived:
         return f"all {count} arrived within {run.spread:.2f} s"

@@ -30,7 +30,7 @@ PHASES = {
 
 
 def phase_name(run: FlightRun, t: float) -> str:
-    """What the plan being flown is doing at ``t`` [s]."""
+    """Phase of the plan being flown at ``t`` [s], in words."""
     plan = run.plan(t)
     if t >= run.duration:
         return "arrived" if run.summary.get("arrived") else "the flight is over"

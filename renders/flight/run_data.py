@@ -29,7 +29,7 @@ MISSION_NUMBERS = ("clearance_min", "speed_max", "acceleration_max", "arrival_ra
 
 @dataclass(frozen=True, eq=False)
 class FlownMission:
-    """What was asked of the vehicle."""
+    """The mission as config.json records it."""
 
     start: Array  # (3,) [m] map frame
     target: Array  # (3,) [m] map frame
@@ -88,7 +88,7 @@ class FlightRun(LoggedRun):
 
 
 def plan_arcs(plan: Plan, t: float, step: float) -> list[tuple[int, Array]]:
-    """What is left of a plan at ``t`` [s]: (phase, points (m, 3) [m]) of each arc, a point about every ``step`` [s]."""
+    """The rest of a plan at ``t`` [s]: (phase, points (m, 3) [m]) of each arc, a point about every ``step`` [s]."""
     arcs = []
     for k, phase in enumerate(plan.phase):
         begin, end = max(t, float(plan.t[k])), float(plan.t[k + 1])

@@ -155,7 +155,7 @@ class FlightScene(Staged):
 
 @dataclass(frozen=True)
 class Following:
-    """How a camera follows a vehicle."""
+    """Parameters of a camera that follows a vehicle."""
 
     distance: float  # [m] behind it
     step: float  # [s] between the precomputed places

@@ -38,7 +38,7 @@ ANNOTATED = {  # kinds of events that a video shows; the rest is for the report
 
 
 def highlight(run: FlightRun) -> tuple[float, float]:
-    """From when to when [s] to look closely: from where a radar pops up until it is passed.
+    """Times [s] between which there is most to see: from where a radar pops up until it is passed.
 
     Without such a radar it is a stretch about the moment at which the ground is closest in mid-flight.
     """
@@ -71,7 +71,7 @@ def annotations_of(run: FlightRun) -> list[Annotation]:
 
 
 def _changes(run: FlightRun) -> list[tuple[float, str]]:
-    """What turned out otherwise on the way."""
+    """Changes of the mission on the way."""
     mission = run.mission
     changes = [(radar.time, "radar on") for radar in mission.radars]
     changes += [(radar.until, "radar off") for radar in mission.radars]

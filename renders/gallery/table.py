@@ -34,7 +34,7 @@ class GalleryPicture:
     commands: tuple[Command, ...]
 
     def made(self, printed: str) -> Path:
-        """Where the last command, which printed this, has left the picture; ValueError for one that makes none."""
+        """Path of the picture that the last command made, given what it printed; ValueError for one that makes none."""
         last = self.commands[-1]
         if last[:2] == (MATHNAVI, "render"):
             return Path(printed.strip().rpartition("\n")[2])

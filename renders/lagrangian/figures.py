@@ -1,4 +1,4 @@
-"""What was estimated of a system of Paper D over time, in the style of ``mathnavi.renders.figures``."""
+"""Figures of a Lagrangian system and its estimates over time, in the style of ``mathnavi.renders.figures``."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def _squared(run: LagrangianRun) -> str:
 
 
 def signals_figure(run: LagrangianRun) -> Figure:
-    """The inputs, and how far each reading was from what was predicted of it."""
+    """The inputs, and the distance of each reading from its prediction."""
     inputs = [with_unit(name) for name in run.inputs]
     with matplotlib.rc_context(STYLE):
         count = len(inputs) + (run.innovation is not None)

@@ -1,4 +1,4 @@
-"""Overlay of the pictures of a system of Paper D."""
+"""Overlay of the pictures of a Lagrangian system."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SUBJECTS = {
 
 
 def subject(run: LagrangianRun) -> str:
-    """What moves, in a few words."""
+    """The moving system in a few words."""
     if run.space is not None:
         return SUBJECTS[run.space]
     joints = run.manifold.dimension
@@ -54,7 +54,7 @@ def overlay(run: LagrangianRun, frame: Frame) -> Overlay:
 
 
 def distance(run: LagrangianRun, k: int) -> str:
-    """By how much the position of estimate k is off, to be read: the largest of its coordinates about the truth."""
+    """Position error of estimate k as text: the largest of its coordinates about the truth."""
     apart = run.apart(k)
     if apart is None:
         return "half a turn"
@@ -78,7 +78,7 @@ def _state(run: LagrangianRun, t: float, k: int) -> str:
 
 
 def _legend(run: LagrangianRun, camera: str) -> list[SceneElement]:
-    """What there is to see."""
+    """Elements that the picture shows."""
     reference = [SceneElement.REFERENCE] if run.reference(run.duration) is not None else []
     if run.mechanism is None:
         return [SceneElement.TRUE_PATH, SceneElement.ESTIMATE, SceneElement.GEODESIC]

@@ -29,7 +29,7 @@ TOP_FREE = (0.0, 0.0, 1.0, 0.985)  # of the figure: what its parts may take
 
 
 class VelocityPanel:
-    """A figure of its own, and the parts of it that grow with time."""
+    """A figure, and its parts that grow with time."""
 
     def __init__(self, run: LagrangianRun, width: int, height: int) -> None:
         """``width`` and ``height`` in pixels."""

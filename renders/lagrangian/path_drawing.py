@@ -23,7 +23,7 @@ FAR = 0.45  # opacity on the far side of a sphere, of that on the near one
 
 
 class PathDrawing:
-    """What is in one set of axes, which has no ticks."""
+    """Draws the paths into one set of axes, which has no ticks."""
 
     def __init__(self, run: LagrangianRun, axes: Axes, chart: Chart, scale: float = 1.0) -> None:
         """``scale`` is of the width of lines."""
@@ -52,7 +52,7 @@ class PathDrawing:
 
     @property
     def moving(self) -> list[Artist]:
-        """What changes with time."""
+        """Artists that change with time."""
         return [*self._lines.values(), *self._dots.values()]
 
     def show(self, t: float) -> None:
@@ -92,7 +92,7 @@ class PathDrawing:
 
 
 def _thinned(first: int, last: int) -> list[int]:
-    """From the first of two indices to the last one, not too many."""
+    """Indices from the first to the last one, not too many."""
     count = min(last - first + 1, MOST_POINTS)
     chosen: list[int] = np.unique(np.linspace(first, last, max(count, 1)).astype(int)).tolist()
     return chosen

@@ -1,4 +1,4 @@
-"""A run of Paper D on one page: whether the velocity was found, pictures of it, errors and signals over time."""
+"""A run of a Lagrangian system on one page: whether the velocity was found, pictures, errors and signals over time."""
 
 from __future__ import annotations
 
@@ -78,5 +78,5 @@ def _errors(run: LagrangianRun) -> list[Drawn]:
 def _signals(run: LagrangianRun) -> list[Drawn]:
     words = "What acted on it"
     if run.innovation is not None:
-        words += ", and the distance between each reading and what was predicted of it"
+        words += ", and the distance between each reading and its prediction"
     return [("signals", figures.signals_figure(run), f"{words}."), *event_figures(run, run.duration)]

@@ -1,4 +1,4 @@
-"""A run of Paper D as pictures need it: where the system was, where it is believed to be, and both velocities."""
+"""A run of a Lagrangian system as pictures need it: true and estimated positions and velocities."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ class LagrangianRun(LoggedRun):
     tolerance: float  # of the velocity [rad/s, m/s, 1/s]
     t_estimate: Array  # (m,) [s]
     estimate: Array  # (m, nx)
-    innovation: Array | None  # (m,) distance between a reading and what was predicted of it; NaN before the first
+    innovation: Array | None  # (m,) distance between a reading and its prediction; NaN before the first
 
     @property
     def diverged(self) -> bool:
-        """Whether the run ended early, because the state was no longer finite."""
+        """True if the run ended early, because the state was no longer finite."""
         return self.duration < float(self.log.config["fields"]["duration"]) - TIME_TOLERANCE
 
     @cached_property
@@ -88,13 +88,13 @@ class LagrangianRun(LoggedRun):
 
     @property
     def unit(self) -> str:
-        """Of velocities; of a mechanism with joints of two kinds, both."""
+        """Unit of velocities; of a mechanism with joints of two kinds, both."""
         units = dict.fromkeys(name.partition("[")[2].rstrip("]") for name in self.velocity_names)
         return ", ".join(units)
 
     @property
     def has_begun_wrong(self) -> bool:
-        """Whether the first estimate of the velocity was further off than the run may be."""
+        """True if the first estimate of the velocity had a larger error than is allowed."""
         return bool(self.velocity_error[0] > self.tolerance)
 
     @property
@@ -113,7 +113,7 @@ class LagrangianRun(LoggedRun):
 
     @cached_property
     def magnification(self) -> float:
-        """By how much the errors of the position are drawn larger than they are: 1, 2, 5, 10 and so on."""
+        """Factor by which errors of the position are drawn larger than they are: 1, 2, 5, 10 and so on."""
         examined = np.unique(np.linspace(0, len(self.t_estimate) - 1, MOST_EXAMINED).astype(int))
         sizes = [float(np.abs(c).max()) for k in examined if self.errors.found[k] and (c := self.apart(k)) is not None]
         # Of a mechanism found at rest even the largest error is small, and most are much smaller than that.
@@ -125,7 +125,7 @@ class LagrangianRun(LoggedRun):
         return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= REACH / largest)
 
     def belief(self, t: float) -> int:
-        """Which estimate is the newest at ``t`` [s]; -1 where there is none, or none that knows anything."""
+        """Index of the newest estimate at ``t`` [s]; -1 where there is none, or none that knows anything."""
         k = last_at(self.t_estimate, t)
         return k if k >= 0 and self.errors.found[k] > 0.0 else -1
 

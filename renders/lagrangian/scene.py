@@ -32,7 +32,7 @@ SAMPLES = 60  # of the run, for what moves to be in the picture
 MERGED, FAINT, SHOWN = 0.25, 0.08, 0.42  # drawn error at which a ghost is clear; opacity merged and clear
 REFERENCE_SHOWN = 0.30  # likewise; where a body is on its reference, that is not seen
 ARROW, TURNING = 0.42, 0.62  # of the size of the scene: the fastest velocity, of the tip or of a body that turns
-THICK, THIN = 0.020, 0.010  # of it: radii of the arrows
+THICK, THIN = 0.020, 0.010  # of the size of the scene: radii of the arrows
 HULL = 1.08  # of a ghost: how much larger it is, so that where it lies on the truth it is a hull around it
 PATH_POINTS = 160
 PATH_WIDTH = 3.2  # [pixels] at a picture 720 pixels high
@@ -104,7 +104,7 @@ class MechanismScene(Staged):
         return self.stage.end(sky=False)
 
     def _add_ghosts(self, t: float) -> None:
-        """Of the reference and of the estimate, with the velocity that it has found."""
+        """Add ghosts of the reference and of the estimate, with the estimated velocity."""
         run = self.run
         if (reference := run.reference(t)) is not None:
             apart = float(run.manifold.distance(run.position(t), reference))
@@ -130,7 +130,7 @@ class MechanismScene(Staged):
     # ---- what is added
 
     def _add_ghost(self, position: Array, part: SceneElement, opacity: float) -> None:
-        """What moves once more, at a position (nq,)."""
+        """Add a copy of what moves, at a position (nq,)."""
         data = self._ghost
         data.qpos[:] = position
         mujoco.mj_kinematics(self.model, data)
@@ -141,13 +141,13 @@ class MechanismScene(Staged):
             self.stage.copy(geoms, rotation, shift, (*COLOURS[part], opacity), HULL)
 
     def _add_arrow(self, state: Array, part: SceneElement, radius: float, opacity: float) -> None:
-        """Of the velocity in a state (nq + nv,)."""
+        """Add an arrow for the velocity in a state (nq + nv,)."""
         velocity = self._velocity_of(state)
         start = self._ghost.xpos[self._last] if self._is_ball else self._place()
         self.stage.arrow(start, start + self._scale * velocity, radius * self._size, COLOURS[part], opacity)
 
     def _add_path(self, t: float) -> None:
-        """Where the tip has been lately."""
+        """Add the recent path of the tip."""
         times = np.linspace(max(t - RECENT, 0.0), t, PATH_POINTS)
         places = []
         for s in times:

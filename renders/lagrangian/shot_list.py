@@ -35,14 +35,14 @@ def slow_until(run: LagrangianRun) -> float:
 
 
 def highlight(run: LagrangianRun) -> tuple[float, float]:
-    """Between which times [s] there is most to see: while the velocity is found; else the middle of the run."""
+    """Times [s] between which there is most to see: while the velocity is found; else the middle of the run."""
     if not run.has_begun_wrong:
         return 0.4 * run.duration, 0.6 * run.duration
     return 0.0, 0.6 * slow_until(run)
 
 
 def is_good(run: LagrangianRun) -> bool:
-    """Whether the run did what it should."""
+    """True if the run fulfilled its requirements."""
     return SHORTFALL not in run.log.summary
 
 
@@ -54,7 +54,7 @@ def amount(value: float) -> str:
 
 
 def verdict(run: LagrangianRun) -> str:
-    """How the run ended, in a few words."""
+    """Outcome of the run in a few words."""
     if run.diverged:
         return f"the motion diverged after {run.duration:.3g} s"
     rms = run.log.summary.get("velocity_rms")

@@ -1,4 +1,4 @@
-"""From where a missile is filmed: from beside it, from the side of its whole path, from beside its target.
+"""Views of a missile: from beside it, from the side of its whole path, from beside its target.
 
 Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
@@ -40,7 +40,7 @@ def target_view(run: MissileRun, t: float) -> View:
 
 
 def side_view(run: MissileRun, aspect: float) -> View:
-    """From the side, so that path and target fill the free part of a picture of that width over height."""
+    """View from the side, so that path and target fill the free part of a picture of that width over height."""
     ends = np.array([run.target_at(t) for t in (0.0, run.duration)])
     points = np.vstack([run.path, ends, *(run.plan_ahead(plan.t_start, 40) for plan in run.log.plans[:1])])
     low, high = points.min(axis=0), points.max(axis=0)

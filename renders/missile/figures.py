@@ -109,7 +109,7 @@ def states_figure(run: MissileRun) -> Figure:
 
 
 def inputs_figure(run: MissileRun) -> Figure:
-    """What the thrusters were asked for, what the plan says, and the limits where they are near."""
+    """Commands of the thrusters, inputs of the plan, and the limits where they are near."""
     with matplotlib.rc_context(STYLE):
         coordinates = run.coordinates
         figure = canvas(9.4, 1.45 * coordinates.input_size + 0.4)

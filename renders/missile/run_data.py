@@ -73,7 +73,7 @@ class MissileRun(LoggedRun):
 
     @cached_property
     def approach(self) -> Approach:
-        """Where it came nearest to the target."""
+        """Time and distance of the closest approach to the target."""
         return closest_approach(self.t, self.log.x, self.coordinates, self.target)
 
     def joints(self, t: float) -> Array:

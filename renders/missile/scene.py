@@ -110,7 +110,7 @@ class MissileScene(Staged):
         ]  # fmt: skip
 
     def _scale(self, camera: str, t: float) -> float:
-        """How much larger than it is the missile is drawn."""
+        """Factor by which the missile is drawn larger than it is."""
         if camera == "side":
             return SIDE_SPAN * 2.0 * self._side.distance * self.stage.tangent() / SPAN
         return 1.0 if camera == "chase" else max(1.0, self.run.distance(t) / TO_SCALE)
@@ -136,7 +136,7 @@ class MissileScene(Staged):
             self.stage.line(np.array([here * (1.0, 1.0, 0.0), here]), COLOURS[SceneElement.FLOWN], 1.2)
 
     def _add_target(self, t: float, camera: str) -> None:
-        """How the target has moved and is moving."""
+        """Add the path and the velocity of the target."""
         run, target, velocity = self.run, self.run.target_at(t), self.run.target_velocity(t)
         lift = _up(0.3)
         moved = [run.target_at(s) for s in np.linspace(0.0, t, 30)]

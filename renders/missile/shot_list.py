@@ -25,7 +25,7 @@ FORCED_LENGTH = 11.0  # [s of video] before the last shot, where one camera film
 
 
 def highlight(run: MissileRun) -> tuple[float, float]:
-    """From when to when [s] to look closely: the dive, which is the last third of the flight."""
+    """Times [s] between which there is most to see: the dive, the last third of the flight."""
     return 0.7 * run.duration, 0.94 * run.duration
 
 
@@ -37,7 +37,7 @@ def closing(run: MissileRun) -> float:
 
 
 def verdict(run: MissileRun) -> str:
-    """How the run ended, in a few words."""
+    """Outcome of the run in a few words."""
     miss = run.approach.miss
     distance = "under 1 mm" if miss < 1e-3 else f"{100.0 * miss:.1f} cm" if miss < 1.0 else f"{miss:.1f} m"
     return f"hit, {distance} off" if miss <= run.miss_allowed else f"missed by {distance}"

@@ -37,7 +37,7 @@ def clearance_figure(run: QuadrotorRun) -> Figure:
 
 
 def tracking_figure(run: QuadrotorRun) -> Figure:
-    """How far the centre is from the plan being flown, across and along the vertical, against what was certified."""
+    """Distance of the centre from the plan being flown, across and along the vertical, with the certified bound."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 3.9)
         panels = figure.subplots(2, 1, sharex=True)

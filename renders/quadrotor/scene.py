@@ -39,7 +39,7 @@ FREE = {"overview": Box(0.02, 0.98, 0.06, 0.98), "top": Box(0.03, 0.97, 0.03, 0.
 SPAN = 0.07  # of the picture's height: the airframe from afar
 WIDTH = {"chase": 3.4, "overview": 3.2, "top": 3.4}  # [pixels] of lines, at a picture 720 pixels high
 PIN = 34.0  # [pixels] likewise: height of the pins at start and target
-TRAIL, BEHIND = 2.0, 14.0  # [m] between points of the trail from afar; what of it is drawn finely beside the vehicle
+TRAIL, BEHIND = 2.0, 14.0  # [m] between points of the trail from afar; length that is drawn finely beside the vehicle
 _UP = np.array([0.0, 0.0, 1.0])
 LOW = 0.16  # [m] under the vehicle's centre the trail is drawn beside it, not through it
 

@@ -25,7 +25,7 @@ FORCED_LENGTH = 20.0  # [s of video] before the last moment, where one camera fi
 
 
 def highlight(run: QuadrotorRun) -> tuple[float, float]:
-    """From when to when [s] to look closely: about the moment at which the ground is closest in mid-flight."""
+    """Times [s] between which there is most to see: about the moment at which the ground is closest in mid-flight."""
     return flights.highlight(run.flight)
 
 

@@ -42,7 +42,7 @@ class Beliefs:
 
 
 def read_beliefs(arrays: Mapping[str, Array], sensors: int) -> Beliefs:
-    """Of the arrays of a log; ValueError for shapes that are not those of ``Beliefs``."""
+    """Read the estimator's output from the arrays of a log; ValueError for shapes that do not fit ``Beliefs``."""
     t = arrays.get("estimate.t", np.empty(0))
     k = len(t)
     x = shaped(arrays, "estimate.x", (k, 3))

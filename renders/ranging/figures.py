@@ -1,4 +1,4 @@
-"""What a robot that finds itself read, believed and did over time, in the style of ``mathnavi.renders.figures``."""
+"""Figures of measurements, estimates and inputs of a robot, in the style of ``mathnavi.renders.figures``."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ def _draw_nis(axes: Axes, run: RangingRun) -> None:
 
 
 def hypotheses_figure(run: RangingRun) -> Figure:
-    """How much less than the best each hypothesis explains, until it is dropped."""
+    """Log-likelihood of each hypothesis less that of the best one, until it is dropped."""
     scores, left = run.beliefs.scores, run.beliefs.left
     assert scores is not None
     assert left is not None

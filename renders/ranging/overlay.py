@@ -1,4 +1,4 @@
-"""Overlay of the pictures of a robot that finds itself."""
+"""Overlay of the pictures of a robot that localises itself."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _state(run: RangingRun, t: float, k: int) -> str:
 
 
 def _legend(run: RangingRun) -> list[SceneElement]:
-    """What there is to see in this run."""
+    """Elements that pictures of this run show."""
     beliefs = run.beliefs
     return [
         SceneElement.DRIVEN,

@@ -1,4 +1,4 @@
-"""A run of a robot that finds itself on one page: whether it did, its path, pictures of the scene, time histories."""
+"""A run of a robot that localises itself on one page: whether it did, its path, pictures, time histories."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A finished run of a robot that finds itself, as pictures need it: the truth, what was read, what was believed."""
+"""A finished run of a robot that localises itself, as pictures need it: truth, measurements and estimates."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class RangingRun(LoggedRun):
 
     @cached_property
     def image(self) -> int:
-        """Which of ``curve.images`` of the truth the last estimate is nearest to; 0 is the truth itself."""
+        """Index of the image (``curve.images``) of the truth nearest to the last estimate; 0 is the truth itself."""
         if self.curve.symmetry < 2 or not len(self.beliefs.x):
             return 0
         distance = self.curve.images(self.believed_at[-1]) - self.seen_as[-1]
@@ -160,7 +160,7 @@ class RangingRun(LoggedRun):
         return self.interpolated(self.log.x, t)
 
     def belief(self, t: float) -> int:
-        """Which estimate is the newest at ``t`` [s]; -1 where there is none, or none that says where the robot is."""
+        """Index of the newest estimate at ``t`` [s]; -1 where there is none, or none of the pose."""
         k = last_at(self.beliefs.t, t)
         return k if k >= 0 and self.initialised[k] else -1
 
@@ -207,10 +207,7 @@ def _mission(fields: Mapping[str, Any]) -> RangingMission:
     start, odometry = fields["known_start"], fields["odometry"]
     coefficients = tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in fields["coefficients"])
     return RangingMission(
-        curve=Curve(
-            tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in fields["coefficients"]),
-            str(fields["field"]),
-        ),
+        curve=Curve(coefficients, str(fields["field"])),
         angles=tuple(float(angle) for angle in fields["angles"]),
         ranging=RangeQuality(**fields["ranging"]),
         odometry=OdometryQuality(**{**odometry, "noise": tuple(odometry["noise"]), "slip": tuple(odometry["slip"])}),

@@ -1,4 +1,4 @@
-"""A robot that finds itself, drawn by MuJoCo: its field, its rays, and the poses at which its estimator sees it.
+"""A robot that localises itself, drawn by MuJoCo: its field, its rays, and the poses that its estimator holds likely.
 
 The model is the one that was driven, with a floor, a light and walls to look at. What is believed is drawn as ghosts of
 the robot: the estimate with its standard deviations, the hypotheses the paler the less they explain, and outlined the
@@ -108,7 +108,7 @@ class RangingScene(Staged):
                 self.stage.line(_lifted(piece[chosen], height), pale(COLOURS[part], 0.8), width)
 
     def _add_rays(self, t: float, camera: str) -> None:
-        """From the turret to the wall, with a dot where the reading has it; dashed and grey where it was lost."""
+        """Add rays from the turret to the wall, with a dot at each reading; dashed and grey where it was lost."""
         run, stage = self.run, self.stage
         pose = run.joints(t)[:3]
         true, _ = run.curve.ranges(pose, run.mission.alpha)

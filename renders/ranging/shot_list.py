@@ -1,7 +1,7 @@
 """Shot list of the video of a robot's run, and the annotations over it.
 
-Where the robot is is decided within the first second, often within a fifth of it: that is shown in slow motion, however
-short it is, and what follows faster.
+The pose of the robot is found within the first second, often within a fifth of a second: that is shown in slow motion,
+however short it is, and what follows faster.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _agreed(run: RangingRun) -> float | None:
 
 
 def highlight(run: RangingRun) -> tuple[float, float]:
-    """Between which times [s] there is most to see: while more than half of the hypotheses are left."""
+    """Times [s] between which there is most to see: while more than half of the hypotheses are left."""
     first, left = begun(run), run.beliefs.left
     if left is None or not left.any():
         return first, decided(run)
@@ -58,7 +58,7 @@ def highlight(run: RangingRun) -> tuple[float, float]:
 
 
 def verdict(run: RangingRun) -> str:
-    """How the run ended, in a few words."""
+    """Outcome of the run in a few words."""
     if run.log.summary.get("touched_wall"):
         return "touched the wall"
     rms = run.log.summary.get("position_rms_m")

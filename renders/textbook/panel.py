@@ -31,7 +31,7 @@ _HEADING = 0.5  # [m] long
 
 
 class TextbookPanel:
-    """A figure, and the parts of it that grow with time."""
+    """A figure, and its parts that grow with time."""
 
     def __init__(self, run: TextbookRun, width: float, height: float, *, brief: bool = False) -> None:
         """``width`` and ``height`` in inches; a ``brief`` one leaves out the states over time, and its title."""
@@ -58,7 +58,7 @@ class TextbookPanel:
 
     @property
     def moving(self) -> list[Artist]:
-        """What changes with time."""
+        """Artists that change with time."""
         return [artist for lines in self._lines.values() for artist in lines.values()]
 
     def show(self, t: float) -> None:

@@ -1,4 +1,4 @@
-"""A textbook system's run on one page: whether its observer converged, and the curves of it."""
+"""A textbook system's run on one page: whether its observer converged, and its curves."""
 
 from __future__ import annotations
 

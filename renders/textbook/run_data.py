@@ -32,7 +32,7 @@ class TextbookRun(LoggedRun):
 
     @property
     def has_flags(self) -> bool:
-        """Whether it is the robot with its camera in the plane of the flags."""
+        """True for the robot with its camera in the plane of the flags."""
         return bool(self.log.config["fields"]["system"] == "camera-and-flags")
 
     @cached_property

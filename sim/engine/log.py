@@ -1,4 +1,4 @@
-"""What a run leaves behind: arrays over time, events, and the times its solvers took.
+"""Recording of a run while it flies: arrays over time, events, and the times its solvers took.
 
 Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m; the newest, NaN where none),
 ``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``.
@@ -85,7 +85,7 @@ class AgentRecorder:
 
 @dataclass
 class Recording:
-    """The log of a run. ``arrays()`` is what log.npz holds."""
+    """The log of a run, in memory; ``mathnavi.sim.records.run_folder`` writes it."""
 
     t: Array  # (n,) [s]
     truths: dict[str, Array]  # (n, nx) by vehicle
@@ -118,12 +118,13 @@ class Recording:
         self.length = k + 1
 
     def end(self) -> Recording:
-        """Truncate to what was flown."""
+        """Truncate to the samples that were flown, and return itself."""
         self.t = self.t[: self.length]
         self.truths = {name: x[: self.length] for name, x in self.truths.items()}
         return self
 
     def arrays(self) -> dict[str, Array]:
+        """All arrays by name, as log.npz holds them."""
         out = {"t": self.t}
         for name, truth in self.truths.items():
             prefix = "" if len(self.truths) == 1 else f"{name}."

@@ -1,4 +1,4 @@
-"""What the thesis prints and what was asked for, each beside what was measured: claims, and their ledger."""
+"""Claims: what the thesis prints or what was required, each beside what was measured; and their ledger."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ class Claim:
 
     @property
     def verdict(self) -> str:
-        """Whether it holds, in words."""
+        """Verdict in a word."""
         return VERDICTS[self.holds]
 
 
 def tally(claims: Sequence[Claim]) -> str:
-    """How many hold, in words."""
+    """Numbers of claims that hold and that do not, in words."""
     counts = Counter(claim.verdict for claim in claims)
     counted = [f"{counts['yes']} of {len(claims)} claims hold"]
     if missed := counts["no"]:

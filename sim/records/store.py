@@ -99,7 +99,7 @@ class Record:
 
 
 class Ending(NamedTuple):
-    """How a trial ended, as in its record."""
+    """End of a trial, as in its record."""
 
     status: str
     success: bool | None
@@ -205,7 +205,7 @@ class Store:
         return set(self.endings())
 
     def endings(self) -> dict[str, Ending]:
-        """How every trial ended, by its key."""
+        """End of every trial, by its key."""
         with self._errors_named():
             rows = self._connection.execute("SELECT key, status, success FROM trials")
             return {key: Ending(status, None if success is None else bool(success)) for key, status, success in rows}
@@ -249,7 +249,7 @@ class Store:
         return Record(**{**named, **loaded, "success": success, "timings": dict(figures.fetchall())})
 
     def _created(self) -> bool:
-        """Whether the file was empty; then it is a store now."""
+        """True if the file was empty; it is a store now."""
         with _opening(self.path), self._transaction():
             if self.path.stat().st_size > 0:
                 return False
@@ -320,7 +320,7 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
 
 @contextmanager
 def _opening(path: Path) -> Iterator[None]:
-    """What goes wrong while a store is opened is the fault of what was given."""
+    """Raise StoreError for whatever goes wrong while a store is opened: the path is at fault."""
     try:
         yield
     except OSError as error:

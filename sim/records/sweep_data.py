@@ -46,12 +46,12 @@ class TrialGroup:
     records: Sequence[Record]
 
     def rate(self, happened: Test) -> Rate | None:
-        """Of an event among the trials that can say; None without any."""
+        """Rate of an event among the trials where it is known; None without any."""
         known = [event for record in self.records if (event := happened(record)) is not None]
         return rate(sum(known), len(known)) if known else None
 
     def band(self, key: str) -> Band | None:
-        """Of a figure among the trials that have it, always from the same resamples; None without any.
+        """Median and band of a figure among the trials that have it, from fixed resamples; None without any.
 
         An infinite value, such as the clearance of who has left the map, is a value.
         """
@@ -89,7 +89,7 @@ class Sweep:
 
     @cached_property
     def groups(self) -> list[TrialGroup]:
-        """By the values of ``listed``, in order; a single one without such a field."""
+        """Groups by the values of ``listed``, in order; a single one without such a field."""
         return grouped(self.records, self.listed) if self.listed else [TrialGroup("all trials", (), self.records)]
 
     @cached_property
@@ -130,7 +130,7 @@ class Sweep:
         return list(dict.fromkeys(key for record in self.records for key in record.timings))
 
     def values(self, name: str) -> list[Any]:
-        """Of a field, one a record."""
+        """Values of a field, one a record."""
         return [_hashable(record.fields.get(name)) for record in self.records]
 
     def bins(self, name: str) -> list[TrialGroup]:
@@ -218,7 +218,7 @@ def format_numbers(*values: float) -> list[str]:
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Whether a value is a number; a truth value is none."""
+    """True if a value is a number; a truth value is none."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 

@@ -15,7 +15,7 @@ from mathnavi.renders.sweep_report import MOST_PANELS, report, write_sweep_repor
 from mathnavi.renders.terrain_view import Track
 from mathnavi.sim.records.statistics import median_band, rate
 from mathnavi.sim.records.store import Record
-from mathnavi.sim.records.sweep_data import TrialGroup, Sweep, format_numbers
+from mathnavi.sim.records.sweep_data import Sweep, TrialGroup, format_numbers
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 from tests.renders.synthetic import ridges
 

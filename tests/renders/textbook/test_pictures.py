@@ -31,9 +31,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: folder / name for name in SYSTEMS}
 
 
-def pixels(run: TextbookRun, t: float, notice: str = "") -> np.ndarray:
+def pixels(run: TextbookRun, t: float, annotation: str = "") -> np.ndarray:
     with drawing.painter(run, 640, 360, 0) as artist:
-        return artist.paint(Frame(t, "board", 0.0, 1.0, notice)).astype(int)
+        return artist.paint(Frame(t, "board", 0.0, 1.0, annotation)).astype(int)
 
 
 @pytest.mark.parametrize("name", SYSTEMS)

@@ -21,8 +21,8 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from mathnavi.sim.engine.log import write_json
 from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.files import write_json
 from mathnavi.sim.sweep.execution import available_cores
 
 Ratio = Literal["other / ours", "ours / other"]

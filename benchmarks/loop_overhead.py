@@ -131,7 +131,7 @@ def bare_steps(flight: Flight) -> float:
     return cpu
 
 
-class Replay:
+class ReplayAgent:
     """A task of dm_control, by shape: the state is observed, nothing is rewarded and nothing ends it."""
 
     def __init__(self, start: Array) -> None:
@@ -159,7 +159,7 @@ class Replay:
 def dm_control_steps(flight: Flight) -> float:
     """Thread CPU time [s] of dm_control's environment."""
     physics = Physics.from_model(MjModel(flight.model))
-    environment = Environment(physics, Replay(flight.start), n_sub_steps=CONTROL_TICKS)
+    environment = Environment(physics, ReplayAgent(flight.start), n_sub_steps=CONTROL_TICKS)
     environment.reset()
 
     def stepped() -> None:

@@ -14,7 +14,7 @@ from mathnavi.renders.palette import Picture
 
 
 class Blitted:
-    """Takes a figure over, with the artists of it that change from picture to picture."""
+    """Draws a figure of which some artists change from picture to picture."""
 
     def __init__(self, figure: Figure, moving: Sequence[Artist], dpi: float) -> None:
         figure.set_dpi(dpi)

@@ -14,12 +14,12 @@ from pathlib import Path
 
 from PIL import Image
 
-from mathnavi.renders.drawing import checked_camera, drawing_of
-from mathnavi.renders.film import Shot, frames_of
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.film import Shot, checked_camera, frames_of
 from mathnavi.renders.video import STILL_SAMPLES, draw
 
 WIDTH, HEIGHT, FPS = 640, 360, 12
-LENGTH, LAST_LOOK = 5.0, 1.0  # [s] of the clip: while time passes, and for which its last picture stays
+LENGTH, LAST_MOMENT = 5.0, 1.0  # [s] of the clip: while time passes, and for which its last picture stays
 MOST_BYTES = 1_200_000
 QUALITIES = (80, 70, 60, 50, 40, 30)  # of WebP, in [0, 100]: the first that keeps to that
 
@@ -51,9 +51,9 @@ def write_clip(
         raise ValueError(f"begin = {first:g} s; allowed: 0 to less than {run.duration:g} s, the length of the run")
     if not first < last <= run.duration:
         raise ValueError(f"end = {last:g} s; allowed: more than {first:g}, where it begins, to {run.duration:g} s")
-    told = [notice for notice in drawing.notices(run) if first <= notice[0] <= last]
+    seen = [annotation for annotation in drawing.annotations(run) if first <= annotation[0] <= last]
     shots = (Shot(shown, first, last, length), Shot(shown, last, last, 1.0 / fps))
-    frames = [replace(frame, brief=True) for frame in frames_of(shots, told, fps, 0.0)]
+    frames = [replace(frame, brief=True) for frame in frames_of(shots, seen, fps, 0.0)]
     with closing(draw(directory, frames, width, height, STILL_SAMPLES)) as drawn:
         pictures = [Image.fromarray(picture) for picture in drawn]
     target = Path(path) if path is not None else directory / f"{shown}.webp"
@@ -68,7 +68,7 @@ def write_clip(
 
 def _encoded(pictures: list[Image.Image], fps: int) -> bytes:
     """An animated WebP that is shown over and over, of the best quality that is small enough."""
-    lengths = [round(1000.0 / fps)] * (len(pictures) - 1) + [round(1000.0 * LAST_LOOK)]  # [ms]
+    lengths = [round(1000.0 / fps)] * (len(pictures) - 1) + [round(1000.0 * LAST_MOMENT)]  # [ms]
     for quality in QUALITIES:
         file = io.BytesIO()
         pictures[0].save(

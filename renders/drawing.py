@@ -1,4 +1,4 @@
-"""How the runs of a scenario are drawn: a module that config.json names, with the parts of ``Drawing``.
+"""How the runs of a scenario are drawn: a module that config.json names, with a ``Drawing`` called ``drawing``.
 
 A run that names none is a flight. A stranger's scenario names a module of its own, "drawing": "my_package.pictures".
 """
@@ -6,21 +6,24 @@ A run that names none is a flight. A stranger's scenario names a module of its o
 from __future__ import annotations
 
 import importlib
-from collections.abc import Sequence
+import pkgutil
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from mathnavi.renders.film import Frame
+from mathnavi.renders.film import TOUR, Annotation, Frame, Shot, checked_camera, frames_of
 from mathnavi.renders.palette import Picture
-from mathnavi.sim.records.run_log import existing_folder, read_json
+from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.records.run_folder import CONFIG, existing_folder, read_json
 
 if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes that draw make none
     from mathnavi.renders.page import Markup
 
 FLIGHT = "mathnavi.renders.flight.drawing"
-TOUR = "tour"  # the direction that cuts between the cameras
-PARTS = ("cameras", "still_camera", "load_run", "storyboard", "highlight", "notices", "painter", "report")
+
+R = TypeVar("R")
 
 
 class Painter(Protocol):
@@ -31,53 +34,47 @@ class Painter(Protocol):
         ...
 
 
-class Drawing(Protocol):
-    """A module that draws; ``run`` is what its own ``load_run`` returns."""
+@dataclass(frozen=True)
+class Drawing(Generic[R]):
+    """Everything that videos, stills, clips and reports need to know of the runs of a scenario.
+
+    ``R`` is the type of a run as it is drawn; it has a ``duration`` [s].
+    """
 
     cameras: Sequence[str]
     still_camera: str  # of a still, unless another is asked for
+    load_run: Callable[[Path], R]  # FileNotFoundError where something is missing, RunFolderError where it is broken
+    shot_list: Callable[[R, str], Sequence[Shot]]  # of a run and one of the cameras, or TOUR
+    highlight: Callable[[R], tuple[float, float]]  # between which times [s] there is most to see
+    annotations: Callable[[R], Sequence[Annotation]]  # in order of time
+    painter: Callable[[R, int, int, int], AbstractContextManager[Painter]]  # run, width, height [pixels], samples
+    report: str  # "package.module:function" that makes a page of a run; its libraries take a while to import
+    turn: float = 0.0  # [degrees/s of video] at which the cameras that turn do
 
-    def load_run(self, directory: Path) -> Any:
-        """The run; FileNotFoundError where something is missing, ValueError where something is broken."""
-        ...
+    def frames(self, run: R, direction: str = TOUR, fps: int = 24) -> list[Frame]:
+        """The frames of a video by one of the cameras or of the tour; ValueError for another direction."""
+        if direction != TOUR:
+            checked_camera(direction, self.cameras)
+        return frames_of(self.shot_list(run, direction), self.annotations(run), fps, self.turn)
 
-    def storyboard(self, run: Any, direction: str, fps: int) -> list[Frame]:
-        """The frames of a video by one of the cameras, or of the tour; ValueError for another word."""
-        ...
-
-    def highlight(self, run: Any) -> tuple[float, float]:
-        """Between which times [s] there is most to see."""
-        ...
-
-    def notices(self, run: Any) -> list[tuple[float, str]]:
-        """(time [s], text) of what a viewer should be told, in order of time."""
-        ...
-
-    def painter(self, run: Any, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
-        """What draws; made in a process of its own, where OpenGL has been chosen."""
-        ...
-
-    def report(self, run: Any) -> Markup:
+    def page(self, run: R) -> Markup:
         """The run on one page."""
-        ...
+        report: Callable[[R], Markup] = pkgutil.resolve_name(self.report)
+        return report(run)
 
 
-def drawing_of(directory: str | Path) -> Drawing:
-    """What draws the run in a folder; errors as of ``load_run``."""
-    path = existing_folder(directory) / "config.json"
+def drawing_of(directory: str | Path) -> Drawing[Any]:
+    """The drawing of the run in a folder; errors as of ``Drawing.load_run``."""
+    path = existing_folder(directory) / CONFIG
     name = read_json(path).get("drawing", FLIGHT)
     try:
-        drawing: Any = importlib.import_module(name)
+        module = importlib.import_module(name)
     except (ImportError, AttributeError, ValueError) as error:
-        raise ValueError(f"{str(path)!r}: drawing = {name!r} cannot be imported: {error}") from None
-    if missing := [part for part in PARTS if not hasattr(drawing, part)]:
-        raise ValueError(f"{str(path)!r}: drawing = {name!r} lacks {', '.join(missing)}; allowed: {', '.join(PARTS)}")
-    found: Drawing = drawing
-    return found
-
-
-def checked_camera(camera: str, cameras: Sequence[str]) -> str:
-    """The camera, if it is one of these; ValueError names them."""
-    if camera not in cameras:
-        raise ValueError(f"camera = {camera!r}; allowed: {', '.join(cameras)}")
-    return camera
+        raise RunFolderError(f"{str(path)!r}: drawing = {name!r} cannot be imported: {error}") from None
+    drawing = getattr(module, "drawing", None)
+    if not isinstance(drawing, Drawing):
+        raise RunFolderError(
+            f"{str(path)!r}: drawing = {name!r} lacks `drawing`; allowed: a module in which that is a "
+            f"{Drawing.__module__}.{Drawing.__name__}"
+        )
+    return drawing

@@ -20,7 +20,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.relief import relief
 from mathnavi.sim.interfaces.signals import Array, Event, Integers, Plan
-from mathnavi.sim.records.run_log import described
+from mathnavi.sim.records.run_folder import described
 
 INK, GRID = "#1b2733", "#b9c2cc"
 GROUND, BOUND = "#9a8468", "#c2183b"
@@ -58,7 +58,7 @@ def canvas(width: float, height: float) -> Figure:
 
 
 def colour_of(part: SceneElement) -> str:
-    """As matplotlib takes it."""
+    """Colour of an element as matplotlib takes it."""
     return hexadecimal(COLOURS[part])
 
 
@@ -116,7 +116,7 @@ def cost_figure(plans: Sequence[Plan], adopted: Array, duration: float) -> Figur
 
 
 def solve_figure(summary: Mapping[str, Any]) -> Figure:
-    """How long the optimisation of a plan took: mean, median, 99th percentile and the longest."""
+    """Times of the optimisation of a plan: mean, median, 99th percentile and the longest."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 2.2)
         axes = figure.add_subplot()

@@ -19,7 +19,7 @@ _STEPS = 12  # centre, then fill; perspective couples the two only weakly
 
 @dataclass(frozen=True)
 class Box:
-    """Of a picture: shares of its width and height, rows counted from the top."""
+    """A part of a picture: shares of its width and height, rows counted from the top."""
 
     left: float
     right: float

@@ -39,7 +39,7 @@ ELEVATION, SIDEWAYS = -36.0, 24.0  # [degrees] of the overview, and off north-up
 
 @dataclass(frozen=True, eq=False)
 class Landscape:
-    """Where things are in the tall world, and from where the whole of it is seen."""
+    """Places in the tall world, and the views that show the whole of it."""
 
     terrain: HeightField
 
@@ -82,14 +82,14 @@ class Airframe:
         self._alpha = model.geom_rgba[self._geoms, 3].copy()
 
     def place(self, stage: Stage, position: Array, quaternion: Array, span: float) -> None:
-        """At a position (3,) of the world that is drawn, ``span`` [m] across."""
+        """Place the airframe at a position (3,) of the world that is drawn, ``span`` [m] across."""
         self._put(stage, position, quaternion, span, self._alpha)
 
     def place_afar(self, stage: Stage, position: Array, quaternion: Array, span: float, eye: Array) -> None:
-        """As it is seen from an eye (3,) far away, however large."""
+        """Place the airframe so that it can be seen from an eye (3,) far away."""
         # Drawn so large it would stick in the ground: it is seen at the tip of its path, but nearer to the camera.
         nearer = span / float(np.linalg.norm(eye - position))
-        # The discs of the rotors, nearly clear beside the vehicle, are what is seen of it from afar.
+        # The discs of the rotors, nearly clear beside the vehicle, are what can be seen from afar.
         self._put(stage, position + nearer * (eye - position), quaternion, (1.0 - nearer) * span, 1.0)
 
     def _put(self, stage: Stage, position: Array, quaternion: Array, span: float, alpha: Any) -> None:

@@ -1,4 +1,4 @@
-"""Which OpenGL draws without a screen: what the user says in MUJOCO_GL, else OSMesa, else EGL.
+"""The OpenGL that draws without a screen: that of MUJOCO_GL, else OSMesa, else EGL.
 
 MuJoCo reads MUJOCO_GL once, when it is first imported, and PyOpenGL reads a variable of its own. A process that has
 flown a mission has imported both long ago; so pictures are drawn by child processes started in ``environment()``.
@@ -24,7 +24,7 @@ class NoOpenGLError(RuntimeError):
 
 
 def available() -> str | None:
-    """The backend that will draw ("osmesa", "egl" or what MUJOCO_GL says), or None; then tell ``HOW_TO_INSTALL``."""
+    """The backend that will draw, "osmesa", "egl" or MUJOCO_GL's; None where there is none (``HOW_TO_INSTALL``)."""
     chosen = os.environ.get("MUJOCO_GL", "").strip().lower()
     if chosen:
         return None if chosen in SWITCHED_OFF else chosen

@@ -1,4 +1,4 @@
-"""The one look of every report: a page that needs nothing beside itself and no network.
+"""The common style of all reports: a page that needs nothing beside itself and no network.
 
 Blocks are pieces of HTML (``Markup``); everything else that is put on a page is text and is escaped. Figures are SVG
 inside the page, so that they follow the reader's light or dark theme and print sharply. The page forbids the browser
@@ -28,6 +28,9 @@ POLICY = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; sc
 UNKNOWN = "–"
 COLUMN, ROW = 'th scope="col"', 'th scope="row"'
 NUMBER = re.compile(rf"{UNKNOWN}|[<≤+−-]?\s?[\d.,]+(e[+-]?\d+)?\s?[^\W\d]{{0,3}}(/s²?)?%?")  # with or without a unit
+
+
+Drawn = tuple[str, Figure, str]  # name, drawing, caption
 
 
 class Markup(str):
@@ -126,7 +129,7 @@ def table(columns: Sequence[str], rows: Sequence[Sequence[object]], caption: str
 
 
 def _are_numbers(column: Sequence[object]) -> bool:
-    """Whether most of the cells are numbers."""
+    """True if most of the cells are numbers."""
     return sum(not isinstance(cell, str) or bool(NUMBER.fullmatch(cell)) for cell in column) > 0.5 * len(column)
 
 
@@ -168,6 +171,11 @@ def figure_block(figure: Figure, name: str, alt: str) -> Markup:
         f'<figure class="card" style="--width: {1.12 * width:.0f}">{inline_svg(figure, name, alt)}'
         f"<figcaption>{text(alt)}</figcaption></figure>\n"
     )
+
+
+def figure_blocks(figures: Sequence[Drawn]) -> tuple[Markup, ...]:
+    """Drawings one after the other, each with its description below."""
+    return tuple(figure_block(figure, name, caption) for name, figure, caption in figures)
 
 
 def picture_block(file: Path, alt: str, caption: str) -> Markup:

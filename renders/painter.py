@@ -1,38 +1,55 @@
-"""What draws the frames of a run: its scene, and the caption over it."""
+"""Draws the frames of a run: its scene, and the overlay on it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import pkgutil
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from mathnavi.renders.caption import Caption
-from mathnavi.renders.film import Frame
+from mathnavi.renders.film import Annotation, Frame
+from mathnavi.renders.overlay import Overlay, OverlayWriter
 from mathnavi.renders.palette import Picture
 
 
 @dataclass(frozen=True)
-class Painter:
+class ScenePainter:
     """Draws any frame of one run."""
 
     run: Any
-    scene: Any  # its draw() paints a frame, its labels() name what is in sight
-    caption: Caption
-    brief: Caption  # of frames that have to be brief
-    words: Callable[[Any, Frame, Any], Any]  # what the caption says
+    scene: Any  # its draw() makes the picture of a frame, its labels() name what is in sight
+    overlay: Callable[[Any, Frame], Overlay]
+    marks: Sequence[float]  # shares of the run at which something happened
+    whole: OverlayWriter
+    brief: OverlayWriter  # of frames that have to be brief
 
     def paint(self, frame: Frame) -> Picture:
+        """The picture (height, width, 3) of a frame."""
         picture = self.scene.draw(frame.t, frame.camera, frame.turn)
         labels = self.scene.labels(frame.t, frame.camera)
-        caption = self.brief if frame.brief else self.caption
-        return caption.write(picture, self.words(self.run, frame, labels))
+        writer = self.brief if frame.brief else self.whole
+        overlay, progress = self.overlay(self.run, frame), frame.t / self.run.duration
+        return writer.write(picture, overlay, frame.annotation, progress, self.marks, labels)
 
 
-@contextmanager
-def painting(
-    scene: type[Any], words: Callable[[Any, Frame, Any], Any], run: Any, width: int, height: int, samples: int
-) -> Iterator[Painter]:
-    """A painter, for as long as its scene is open."""
-    with scene(run, width, height, samples) as opened:
-        yield Painter(run, opened, Caption(width, height), Caption(width, height, brief=True), words)
+@dataclass(frozen=True)
+class SceneDrawing:
+    """Opens the scene of a run, with its overlay, as a painter."""
+
+    scene: type[Any] | str  # or "package.module:Class", which is imported where OpenGL's backend has been chosen
+    overlay: Callable[[Any, Frame], Overlay]
+    annotations: Callable[[Any], Sequence[Annotation]]
+
+    @contextmanager
+    def _opened(self, run: Any, width: int, height: int, samples: int) -> Iterator[ScenePainter]:
+        scene: Any = pkgutil.resolve_name(self.scene) if isinstance(self.scene, str) else self.scene
+        marks = [t / run.duration for t, _ in self.annotations(run)]
+        with scene(run, width, height, samples) as opened:
+            yield ScenePainter(
+                run, opened, self.overlay, marks, OverlayWriter(width, height), OverlayWriter(width, height, brief=True)
+            )
+
+    def __call__(self, run: Any, width: int, height: int, samples: int) -> AbstractContextManager[ScenePainter]:
+        """A painter of pictures of a size in pixels, for as long as its scene is open."""
+        return self._opened(run, width, height, samples)

@@ -14,7 +14,7 @@ Colour = tuple[float, float, float]  # red, green, blue in [0, 1]
 
 
 class SceneElement(Enum):
-    """What a line or a mark stands for; the value is its name in a legend."""
+    """Meaning of a line or a mark; the value is its name in a legend."""
 
     FLOWN = "flown"
     OPTIMISED = "optimised plan"
@@ -70,7 +70,7 @@ COLOURS: dict[SceneElement, Colour] = {
 }
 
 
-# Of the vehicles of a fleet, in their order: to be told apart over snow and rock, on white and on black.
+# Of the vehicles of a fleet, in their order: distinguishable over snow and rock, on white and on black.
 VEHICLES: tuple[Colour, ...] = (
     (1.00, 0.50, 0.05),
     (0.10, 0.45, 1.00),
@@ -92,7 +92,7 @@ VEHICLES: tuple[Colour, ...] = (
 
 
 def vehicle_colour(k: int) -> Colour:
-    """Of the k-th vehicle of a fleet; they repeat after sixteen."""
+    """Colour of the k-th vehicle of a fleet; colours repeat after sixteen."""
     return VEHICLES[k % len(VEHICLES)]
 
 

@@ -26,15 +26,15 @@ SHADOW = np.array([0.30, 0.36, 0.52])  # what shade multiplies the colours by: b
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """What a kind of ground looks like."""
+class GroundStyle:
+    """Colours of a kind of ground."""
 
     tints: Array  # (k, 4) share of the map's range of heights, red, green, blue
     rock: Array | None = None  # (3,) of steep slopes; None where the tints are those of rock
     ambient: float = 0.18  # light that comes from everywhere
 
 
-MOUNTAINS = Look(
+MOUNTAINS = GroundStyle(
     np.array(
         [
             [0.00, 0.36, 0.43, 0.27],
@@ -49,7 +49,7 @@ MOUNTAINS = Look(
     np.array([0.44, 0.39, 0.35]),
 )
 # Sand and scrub on the floor, beds of red and pale sandstone, juniper on the plateau.
-SANDSTONE = Look(
+SANDSTONE = GroundStyle(
     np.array(
         [
             [0.00, 0.42, 0.44, 0.25],
@@ -77,7 +77,7 @@ SANDSTONE = Look(
     ),
     ambient=0.42,
 )
-LOOKS = {"canyon": SANDSTONE}  # by the first word of a terrain's name; mountains otherwise
+STYLES = {"canyon": SANDSTONE}  # by the first word of a terrain's name; mountains otherwise
 
 
 def resampled(terrain: HeightField, size: int, order: int) -> Array:
@@ -99,13 +99,13 @@ def relief(terrain: HeightField, size: int) -> Picture:
     north, east = np.gradient(z, spacing)
     low, high = float(terrain.z.min()), float(terrain.z.max())
     height = np.clip((z - low) / max(high - low, 1.0), 0.0, 1.0)
-    look = LOOKS.get(terrain.name.partition(" ")[0], MOUNTAINS)
-    colour = np.stack([np.interp(height, look.tints[:, 0], look.tints[:, k]) for k in (1, 2, 3)], axis=-1)
+    style = STYLES.get(terrain.name.partition(" ")[0], MOUNTAINS)
+    colour = np.stack([np.interp(height, style.tints[:, 0], style.tints[:, k]) for k in (1, 2, 3)], axis=-1)
 
     slope = np.hypot(east, north)
     roughness = np.clip(np.percentile(slope, 95), 0.05, 1.0)  # flat maps get their relief, too
-    if look.rock is not None:
-        colour = _mix(colour, look.rock, _step(slope, 0.55, 1.1) * _step(height, 0.15, 0.45))
+    if style.rock is not None:
+        colour = _mix(colour, style.rock, _step(slope, 0.55, 1.1) * _step(height, 0.15, 0.45))
     snow_line = max(SNOW_LINE_LEAST, low + 0.50 * (high - low))
     depth = 0.10 * (high - low) + 100.0
     facing_south = np.clip(north, -0.6, 0.6)  # uphill to the north: the sun melts these slopes first
@@ -125,7 +125,7 @@ def relief(terrain: HeightField, size: int) -> Picture:
     lit = np.clip(normal @ sun, 0.0, None) / np.sin(SUN_ELEVATION)  # 1 on level ground
     prominence = z - ndimage.gaussian_filter(z, 0.02 * size, mode="nearest")
     openness = np.clip(prominence / max(2.0 * float(prominence.std()), 1.0), -1.0, 1.0)
-    light = np.clip((0.98 - look.ambient) * lit + look.ambient + 0.12 * openness, 0.0, 1.35)[..., None]
+    light = np.clip((0.98 - style.ambient) * lit + style.ambient + 0.12 * openness, 0.0, 1.35)[..., None]
     shaded = colour * np.where(light < 1.0, SHADOW + (1.0 - SHADOW) * light, 1.0 + 0.45 * (light - 1.0))
     picture: Picture = (255.0 * np.clip(shaded[::-1], 0.0, 1.0)).astype(np.uint8)
     picture.flags.writeable = False  # for it is shared

@@ -1,7 +1,8 @@
-"""A run on one page: ``report.html``, which needs nothing beside itself and no network; and what any such page has.
+"""A run on one page: ``report.html``, which needs nothing beside itself and no network; the skeleton of such a page.
 
-What is on the page is for the run's drawing to say. Pictures of the scene are in it where OpenGL is at hand, and one
-line that says how to install it where not.
+Every report has a headline, figures of merit, summary, figures, events and configuration; a drawing fills them
+(``run_page``). Pictures of the scene are in it where OpenGL is at hand, and one line that says how to install it where
+not.
 """
 
 from __future__ import annotations
@@ -9,19 +10,43 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-from mathnavi.renders import opengl, page
+from mathnavi.renders import figures, opengl, page
 from mathnavi.renders.drawing import drawing_of
-from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.video import write_still
-from mathnavi.sim.engine.log import write_text
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
-from mathnavi.sim.records.run_log import described
+from mathnavi.sim.records.files import write_text
+from mathnavi.sim.records.run_folder import described
 
 MOST_EVENTS = 200  # rows of the table; the rest is counted
+
+
+class RecordedRun(Protocol):
+    """The records of a run, of one vehicle or of a fleet, that every report shows."""
+
+    @property
+    def directory(self) -> Path: ...
+    @property
+    def config(self) -> Mapping[str, Any]: ...
+    @property
+    def summary(self) -> Mapping[str, Any]: ...
+    @property
+    def events(self) -> Sequence[Event]: ...
+
+
+@dataclass(frozen=True)
+class Headline:
+    """The head of a report: title, verdict and the figures that matter most."""
+
+    title: str
+    verdict: str  # what came out, in a sentence
+    good: bool
+    tiles: Mapping[str, object]  # the few figures that matter most, by name
 
 
 def write_report(run_dir: str | Path) -> Path:
@@ -31,8 +56,56 @@ def write_report(run_dir: str | Path) -> Path:
     """
     directory, drawing = Path(run_dir), drawing_of(run_dir)
     path = directory / "report.html"
-    write_text(path, drawing.report(drawing.load_run(directory)))
+    write_text(path, drawing.page(drawing.load_run(directory)))
     return path
+
+
+def run_page(
+    run: RecordedRun,
+    headline: Headline,
+    opening: Sequence[Markup],
+    closing: Sequence[Markup] = (),
+    *,
+    by_vehicle: bool = False,
+    script: str = "",
+) -> Markup:
+    """The page of a run.
+
+    Args:
+        run: its records.
+        headline: what it says first.
+        opening: blocks before the summary.
+        closing: blocks between the summary and the events.
+        by_vehicle: whether the events name the vehicle they happened to.
+        script: JavaScript that the blocks need.
+    """
+    return page.document(
+        headline.title,
+        page.heading(headline.title, headline.verdict, headline.good),
+        page.tiles(headline.tiles),
+        *opening,
+        page.section("Summary", summary_cards(run.summary)),
+        *closing,
+        page.section("Events", events_card(run.events, by_vehicle=by_vehicle)),
+        page.section("Do it again", *again(run.directory, run.config)),
+        page.footer(rest(run.summary)),
+        script=script,
+    )
+
+
+def solve_figures(summary: Mapping[str, Any]) -> list[Drawn]:
+    """The figure of solve times, where plans were optimised."""
+    if summary.get("solve_ms_mean") is None:
+        return []
+    return [("solve", figures.solve_figure(summary), "Thread CPU time of one optimisation.")]
+
+
+def event_figures(run: RecordedRun, duration: float, of_all: str = "") -> list[Drawn]:
+    """The figure of the events up to ``duration`` [s], where there were any; ``of_all`` follows its caption."""
+    if not run.events:
+        return []
+    caption = f"The times at which each kind of event happened{of_all}."
+    return [("events", figures.events_figure(run.events, duration), caption)]
 
 
 def still_block(directory: Path, camera: str, t: float, alt: str, caption: str) -> Markup:
@@ -56,23 +129,20 @@ def summary_cards(summary: Mapping[str, Any]) -> Markup:
     )
 
 
-def events_card(events: Sequence[Event], *, who: bool = False) -> Markup:
-    """What happened, in order; with ``who``, to whom."""
+def events_card(events: Sequence[Event], *, by_vehicle: bool = False) -> Markup:
+    """Table of the events, in order; with ``by_vehicle``, a column names their vehicle."""
     if not events:
         return page.paragraph("Nothing happened that is worth a line.")
-    rows = [(f"{event.t:.2f} s", *([event.agent] if who else []), *described(event)) for event in events[:MOST_EVENTS]]
+    columns = ("time", *(["vehicle"] if by_vehicle else []), "kind", "message")
+    rows = [(f"{e.t:.2f} s", *([e.agent] if by_vehicle else []), *described(e)) for e in events[:MOST_EVENTS]]
     more = len(events) - MOST_EVENTS
     counted = page.paragraph(f"{more} more in events.jsonl.") if more > 0 else Markup("")
     title = f"{len(events)} event{'s' if len(events) > 1 else ''}"
-    return page.card(
-        page.details(
-            title, page.table(("time", *(["vehicle"] if who else []), "kind", "message"), rows), counted, is_open=True
-        )
-    )
+    return page.card(page.details(title, page.table(columns, rows), counted, is_open=True))
 
 
 def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
-    """How to make the run once more."""
+    """The command that repeats a run, and its configuration."""
     text = json.dumps(config, indent=2, ensure_ascii=False, default=str)
     command = f"mathnavi run {config['scenario']} --from {directory}"
     return (
@@ -83,12 +153,12 @@ def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
 
 
 def why(summary: Mapping[str, Any]) -> str:
-    """What a run did not do that it should have done, to follow the sentence that says so; "" if nothing."""
+    """The shortfall of a run, in brackets after the sentence that names it; "" if there is none."""
     return f" ({summary[SHORTFALL]})" if SHORTFALL in summary else ""
 
 
 def rest(summary: Mapping[str, Any]) -> str:
-    """What the summary's cards do not show: seed, version, how fast it ran."""
+    """Figures of the summary that its cards leave out: seed, version, how fast it ran."""
     named = {key for keys in SUMMARY_GROUPS.values() for key in keys} | {SHORTFALL}
     others = (f" · {label(key)[0]} {quantity(key, summary[key])}" for key in summary if key not in named)
     return f"mathnavi{''.join(others)}"

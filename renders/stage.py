@@ -1,4 +1,4 @@
-"""What every scene needs of MuJoCo's renderer: a camera, lines of a width in pixels, where things are in the picture.
+"""Base of every scene over MuJoCo's renderer: a camera, lines of a width in pixels, places in the picture.
 
 Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
@@ -31,7 +31,7 @@ HORIZON, ZENITH, NADIR = (0.82, 0.88, 0.93), (0.20, 0.42, 0.74), (0.46, 0.55, 0.
 
 @dataclass(frozen=True)
 class View:
-    """Where the camera looks: MuJoCo's free camera."""
+    """Pose of MuJoCo's free camera."""
 
     lookat: Array  # (3,) [m] in the world that is drawn
     distance: float  # [m]
@@ -48,7 +48,7 @@ class View:
 
     @staticmethod
     def between(eye: Array, lookat: Array) -> View:
-        """From one point (3,) [m] to another."""
+        """View from one point (3,) [m] to another."""
         sight = lookat - eye
         distance = float(np.linalg.norm(sight))
         azimuth = math.degrees(math.atan2(sight[1], sight[0]))
@@ -57,7 +57,7 @@ class View:
 
 @dataclass(frozen=True)
 class Optics:
-    """How the camera sees."""
+    """Field of view and clipping planes of a camera."""
 
     field_of_view: float  # [degrees] vertical
     near: float  # plane, in units of the model's extent
@@ -65,7 +65,7 @@ class Optics:
 
 
 class Stage:
-    """A model, and the picture of it that is being drawn; close it, or OSMesa complains when the process ends."""
+    """A model, and its picture that is being drawn; close it, or OSMesa complains when the process ends."""
 
     def __init__(self, model: Any, width: int, height: int, glow: float) -> None:
         """``glow`` is the emission of what is added to the pictures: with the light of the model it makes up 1."""
@@ -81,7 +81,7 @@ class Stage:
 
     @property
     def unit(self) -> float:
-        """What a pixel of a picture 720 pixels high is here."""
+        """Pixels here for a pixel of a picture 720 pixels high."""
         share = self.height / 720.0
         return max(share, min(LEAST_UNIT, MOST_ENLARGED * share))
 
@@ -170,21 +170,21 @@ class Stage:
                 self.capsule(a, b, float(radii[k]), colour)
 
     def capsule(self, a: Array, b: Array, radius: float, colour: Colour) -> None:
-        """From one point (3,) to another, of a radius [m]."""
+        """Add a capsule from one point (3,) to another, of a radius [m]."""
         geom = self._geom(mujoco.mjtGeom.mjGEOM_CAPSULE, a, b, (*colour, 1.0))
         if geom is not None:
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)
             geom.emission = self._glow
 
     def pin(self, foot: Array, place: Array, height: float, colour: Colour) -> None:
-        """From a foot (3,) through a place (3,) to a head ``height`` pixels above it, in a picture 720 pixels high."""
+        """Add a pin from a foot (3,) through a place (3,) to a head ``height`` pixels above it (at 720 pixels high)."""
         pixel = float(self.metres_per_pixel(place[None])[0]) * self.unit
         head = place + np.array([0.0, 0.0, height * pixel])
         self.capsule(foot, head, 1.6 * pixel, colour)
         self.capsule(head, head + np.array([0.0, 0.0, 0.1 * pixel]), 6.0 * pixel, colour)
 
     def arrow(self, a: Array, b: Array, radius: float, colour: Colour, opacity: float = 1.0) -> None:
-        """From one point (3,) to another, its shaft of a radius [m]."""
+        """Add an arrow from one point (3,) to another, its shaft of a radius [m]."""
         geom = self._geom(mujoco.mjtGeom.mjGEOM_ARROW, a, b, (*colour, opacity))
         if geom is not None:
             mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_ARROW, radius, a, b)
@@ -243,7 +243,7 @@ class Stage:
 
 
 class Staged:
-    """What is drawn on a stage, a context manager: the renderer is closed at its end, or OSMesa complains at exit."""
+    """A scene on a stage, as a context manager: its end closes the renderer, or OSMesa complains at exit."""
 
     stage: Stage
 

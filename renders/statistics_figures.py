@@ -115,7 +115,7 @@ def distribution_figure(samples: Mapping[str, Array], xlabel: str, bound: float 
 
 
 def _cut_off(axes: Axes, values: Array, bound: float | None) -> None:
-    """End the axis where the bulk of the values does; what is beyond is told."""
+    """End the axis where the bulk of the values does; a note says how much lies beyond."""
     finite = values[np.isfinite(values)]
     lower, upper = np.quantile(finite, [0.25, 0.75]) if finite.size else (0.0, 0.0)
     end = float(upper + FAR_OUT * (upper - lower))
@@ -211,7 +211,7 @@ def _forest(axes: Axes, names: Sequence[str], values: Sequence[float], limits: A
 
 
 def _limits(rate: Rate) -> tuple[float, float]:
-    """What a rate's bar spans: without an event up to the one-sided bound, as its text says."""
+    """Ends of a rate's bar: without an event up to the one-sided bound, as in its text."""
     return (0.0, rate.upper) if rate.events == 0 else (rate.low, rate.high)
 
 

@@ -6,38 +6,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders import page
-from mathnavi.renders.page import Markup
+from mathnavi.renders.page import Drawn, Markup
 from mathnavi.renders.terrain_view import Track, script, terrain_view
-from mathnavi.sim.engine.log import write_text
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim, tally
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of text or numbers under their columns' names."""
-
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[object]]
+from mathnavi.sim.records.files import write_text
+from mathnavi.sim.records.table import Table as Table
 
 
 @dataclass(frozen=True, eq=False)
 class StudyPage:
-    """What the page of a study shows."""
+    """Contents of the page of a study."""
 
     name: str
     title: str
     summary: Sequence[str]  # paragraphs
     tables: Sequence[Table]
-    figures: Sequence[tuple[str, Figure, str]]  # name, drawing, caption
+    figures: Sequence[Drawn]
     claims: Sequence[Claim]
-    command: str  # that does it again
-    first_look: str = ""  # what of it is smaller than in full
+    command: str  # that repeats it
+    first_look: str = ""  # how it is smaller than the full study
     terrain: HeightField | None = None  # what it was done on, if anything
     tracks: Sequence[Track] = ()
     places: Mapping[str, Array] = field(default_factory=dict)  # (3,) [m] map frame
@@ -59,7 +49,7 @@ def report(study: StudyPage) -> Markup:
         *(page.paragraph(words) for words in study.summary),
         page.section("Claims", page.card(_claims(study))),
         page.section("Numbers", *(page.card(page.table(t.columns, t.rows, t.title)) for t in study.tables)),
-        page.section("Figures", *(page.figure_block(drawing, name, words) for name, drawing, words in study.figures)),
+        page.section("Figures", *page.figure_blocks(study.figures)),
         *view,
         page.section("Do it again", page.card(page.preformatted(study.command))),
         script=script() if view else "",

@@ -24,15 +24,15 @@ from mathnavi.renders.statistics_figures import (
     scatter_figure,
 )
 from mathnavi.renders.terrain_view import Track, script, terrain_view
-from mathnavi.sim.engine.log import write_text
 from mathnavi.sim.records.figure_names import SHORTFALL, label
+from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.statistics import Band, Rate, percent
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import (
     CLEARANCE,
     CLEARANCE_BOUND,
-    Group,
     Sweep,
+    TrialGroup,
     figures,
     format_numbers,
     format_value,
@@ -86,7 +86,7 @@ def report(sweep: Sweep, terrain: HeightField | None, tracks: Sequence[Track], c
 
 
 def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:
-    everything = Group("all", (), sweep.records)
+    everything = TrialGroup("all", (), sweep.records)
     failed = sum(record.status != "ok" for record in sweep.records)
     missed = sum(record.status == "ok" and not record.success for record in sweep.records)
     counts = {
@@ -154,7 +154,7 @@ def _medians(sweep: Sweep) -> list[Markup]:
 
 
 def _at_the_edge(sweep: Sweep) -> str:
-    """What there is to add to a caption of ``figures`` where some are infinite."""
+    """Addition to a caption where some figures are infinite."""
     infinite = any(np.isinf(figures(sweep.records, key)).any() for key in sweep.figures[:MOST_PANELS])
     return " What is infinite stands at the edge." if infinite else ""
 
@@ -198,7 +198,7 @@ def _clearance(sweep: Sweep) -> list[Markup]:
     if CLEARANCE not in sweep.figures:
         return []
     few = len(sweep.groups) <= len(SERIES)
-    groups = sweep.groups if few else [Group("", (), sweep.records)]
+    groups = sweep.groups if few else [TrialGroup("", (), sweep.records)]
     samples = {group.name if len(groups) > 1 else "": figures(group.records, CLEARANCE) for group in groups}
     samples = {name: sample[~np.isnan(sample)] for name, sample in samples.items()}
     bounds = {record.fields[CLEARANCE_BOUND] for record in sweep.records if CLEARANCE_BOUND in record.fields}
@@ -218,7 +218,7 @@ def _clearance(sweep: Sweep) -> list[Markup]:
 
 
 def _over(sweep: Sweep, name: str) -> list[Markup]:
-    """What changes with a continuous field."""
+    """Figures over a continuous field."""
     bins = sweep.bins(name)
     drawn = _undecided({kind: [part.rate(happened) for part in bins] for kind, happened in sweep.events.items()})
     ordered = [record for part in bins for record in part.records]
@@ -273,7 +273,7 @@ def _varied(sweep: Sweep, record: Record) -> list[str]:
 
 
 def _error(record: Record) -> Markup:
-    lines = (record.error or "it said nothing").strip().splitlines()
+    lines = (record.error or "it gave no reason").strip().splitlines()
     if len(lines) == 1:
         return page.text(lines[0])
     return page.details(lines[-1], page.preformatted("\n".join(lines)))
@@ -285,7 +285,7 @@ def _more(records: Sequence[Record]) -> list[Markup]:
 
 
 def _times(sweep: Sweep) -> Markup:
-    everything = Group("all", (), sweep.records)
+    everything = TrialGroup("all", (), sweep.records)
     rows = [(_named(key), _band_text(everything.band(key), len(sweep.records))) for key in sweep.timings]
     return page.card(
         page.table((), rows, "What depends on the machine and its load: medians with 95 % bootstrap bands.")
@@ -327,6 +327,6 @@ def _whole(value: float) -> float:
 
 
 def _spans_decades(values: Iterable[float]) -> bool:
-    """Whether values are spread like those of a logarithm: evenly spread ones have a ratio of 9 here."""
+    """True if values are spread like those of a logarithm: evenly spread ones have a ratio of 9 here."""
     low, high = np.quantile(list(values), [0.1, 0.9])
     return bool(0.0 < DECADES * low <= high)

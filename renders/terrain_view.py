@@ -29,7 +29,7 @@ HEIGHT_UNIT = 0.1  # [m]
 SIDE = 0.05  # of the longer side of the map: how far the block goes down below the lowest ground
 EARTH = "#5d5145"  # of the block's sides
 LEVELS, SECTORS = 25, 73  # of a radar's dome
-ELEVATION = math.radians(40.0)  # of the camera over what it looks at
+ELEVATION = math.radians(40.0)  # of the camera over its point of aim
 TANGENT, ASPECT = math.tan(math.pi / 8.0), 16.0 / 9.0  # of half of plotly's field of view; of the view (page.css)
 FILL = 0.93  # share of the view that is filled
 MARGIN = 0.06  # around the map for the numbers along its edges, in lengths of the map's longer side
@@ -52,7 +52,7 @@ class Track:
 
 
 def script() -> str:
-    """What a page with at least one view runs; about 5 MB, of plotly."""
+    """JavaScript of a page with at least one view; about 5 MB, of plotly."""
     from plotly.offline import get_plotlyjs  # not needed for anything but this
 
     own = Path(__file__).with_name("terrain_view.js").read_text(encoding="utf-8")
@@ -195,7 +195,7 @@ def _dome(radar: Radar, terrain: HeightField, *, first: bool) -> dict[str, Any]:
     vertices = np.array([x, y, z]) + radius * np.column_stack(
         [level * np.cos(around), level * np.sin(around), np.sin(up)]
     )
-    look = {
+    style = {
         "name": SceneElement.RADAR.value,
         "legendgroup": SceneElement.RADAR.value,
         "showlegend": first,
@@ -203,7 +203,7 @@ def _dome(radar: Radar, terrain: HeightField, *, first: bool) -> dict[str, Any]:
         "opacity": 0.28,
         "lighting": {"ambient": 0.7, "diffuse": 0.4, "specular": 0.1, "fresnel": 0.0},
     }
-    return _mesh(vertices, LEVELS, SECTORS) | look
+    return _mesh(vertices, LEVELS, SECTORS) | style
 
 
 def _line(track: Track, *, first: bool) -> dict[str, Any]:

@@ -23,8 +23,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from mathnavi.renders import opengl
-from mathnavi.renders.drawing import TOUR, checked_camera, drawing_of
-from mathnavi.renders.film import Frame
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.film import TOUR, Frame, checked_camera
 from mathnavi.renders.palette import Picture
 
 WIDTH, HEIGHT, FPS = 1280, 720, 24
@@ -51,7 +51,7 @@ def write_video(
     if width % 2 or height % 2 or min(width, height) < 16:
         raise ValueError(f"size = {width} x {height}; allowed: even numbers of at least 16")
     directory, drawing = Path(run_dir), drawing_of(run_dir)
-    frames = drawing.storyboard(drawing.load_run(directory), camera, fps)
+    frames = drawing.frames(drawing.load_run(directory), camera, fps)
     target = Path(path) if path is not None else directory / "video.mp4"
     partial = target.with_name(f".{target.name}.partial")
     bar = Progress(
@@ -119,12 +119,12 @@ class _Artist:
     """A process that draws; it ends with the context."""
 
     def __init__(self, job: dict[str, object], environment: dict[str, str]) -> None:
-        self._complaints: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
+        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         self._process = subprocess.Popen(
             [sys.executable, "-m", "mathnavi.renders.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=self._complaints,
+            stderr=self._errors,
             env=environment,
         )
         assert self._process.stdin is not None
@@ -139,7 +139,7 @@ class _Artist:
         self._process.stdout.close()
         self._process.terminate()
         self._process.wait()
-        self._complaints.close()
+        self._errors.close()
 
     def read(self, size: int) -> bytes:
         assert self._process.stdout is not None
@@ -147,8 +147,8 @@ class _Artist:
         if len(data) == size:
             return data
         self._process.wait()
-        self._complaints.seek(0)
-        lines = self._complaints.read().decode(errors="replace").strip().splitlines() or ["it said nothing"]
+        self._errors.seek(0)
+        lines = self._errors.read().decode(errors="replace").strip().splitlines() or ["it gave no reason"]
         raise RuntimeError(f"the process that draws ended with status {self._process.returncode}: {lines[-1]}")
 
 

@@ -7,11 +7,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from matplotlib.figure import Figure
-
-from mathnavi.renders.page import UNKNOWN, number
-from mathnavi.renders.study_report import Table
+from mathnavi.renders.page import UNKNOWN, Drawn, number
 from mathnavi.sim.records.sweep_data import format_value, is_number
+from mathnavi.sim.records.table import Table
 
 LEFT, RIGHT = "left", "right"
 SAME = "the same in both"
@@ -19,12 +17,10 @@ LEAST = 1e-3  # of a difference; a smaller one has a power of ten
 MOST = 1e6  # times as large
 LONGEST = 60  # [characters] of a value in a cell
 
-Drawn = tuple[str, Figure, str]  # name, drawing, caption
-
 
 @dataclass(frozen=True)
 class Comparison:
-    """What there is to say of two results of a kind."""
+    """Two results of one kind: verdict, tables and figures."""
 
     title: str
     verdict: str  # in a sentence
@@ -47,8 +43,8 @@ def differing_fields(left: Mapping[str, Any], right: Mapping[str, Any]) -> Table
 def _value(fields: Mapping[str, Any], name: str) -> str:
     if name not in fields:
         return UNKNOWN
-    said = format_value(fields[name])
-    return said if len(said) <= LONGEST else f"{said[: LONGEST - 1]}…"
+    text = format_value(fields[name])
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
 
 
 def differences(left: object, right: object) -> tuple[str, str]:

@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Drawn
-from mathnavi.renders.comparison.runs import Run, Track
+from mathnavi.renders.comparison.comparison import LEFT, RIGHT
+from mathnavi.renders.comparison.run_data import ComparedRun, StateHistory
 from mathnavi.renders.figures import STYLE, canvas, draw_map, thinned
+from mathnavi.renders.page import Drawn
 from mathnavi.renders.statistics_figures import SERIES
 from mathnavi.sim.interfaces.signals import Array
 
@@ -23,11 +24,11 @@ WIDTHS = (1.8, 1.2)  # the right one is drawn over the left one
 ACROSS, HEIGHT, WIDTH = 3, 1.9, 9.4  # panels in a row; [inches] of a row and of a figure
 MOST_PANELS = 18
 
-Curve = Callable[[Track], tuple[Array, Array]]  # times (n,) [s] and values (n, nx)
+Curve = Callable[[StateHistory], tuple[Array, Array]]  # times (n,) [s] and values (n, nx)
 
 
-def run_figures(left: Run, right: Run) -> list[Drawn]:
-    """What can be drawn of both runs in one figure."""
+def run_figures(left: ComparedRun, right: ComparedRun) -> list[Drawn]:
+    """Figures of both runs in one: paths, states and errors."""
     drawn: list[Drawn] = []
     ground = _ground(left, right)
     if ground is not None:
@@ -37,17 +38,17 @@ def run_figures(left: Run, right: Run) -> list[Drawn]:
     names = left.states[:MOST_PANELS]
     more = len(left.states) - len(names)
     rest = f" The first {len(names)} of {len(left.states)} are shown." if more else ""
-    states = _panels(left, right, names, lambda track: (track.t, track.x))
+    states = _panels(left, right, names, lambda history: (history.t, history.x))
     drawn.append(("states", states, f"The true state over time, component by component.{rest}"))
     if any(
-        track.error.any() for run in (left, right) for track in run.tracks.values()
+        history.error.any() for run in (left, right) for history in run.histories.values()
     ):  # not of a reading of the truth
-        errors = _panels(left, right, names, lambda track: (track.t_estimate, _wrapped(track.error, left.states)))
+        errors = _panels(left, right, names, lambda history: (history.t_estimate, _wrapped(history.error, left.states)))
         drawn.append(("errors", errors, f"The error of the estimate, component by component.{rest}"))
     return drawn
 
 
-def _ground(left: Run, right: Run) -> HeightField | None:
+def _ground(left: ComparedRun, right: ComparedRun) -> HeightField | None:
     """The terrain that both runs are over, if they are over one and the same that is still there."""
     one, other = (run.config.get("terrain", {}) for run in (left, right))
     if not one or one.get("digest") != other.get("digest"):
@@ -59,22 +60,22 @@ def _ground(left: Run, right: Run) -> HeightField | None:
     return ground if ground.digest == one["digest"] else None
 
 
-def _map(ground: HeightField, left: Run, right: Run) -> Figure:
+def _map(ground: HeightField, left: ComparedRun, right: ComparedRun) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = canvas(7.6, 7.2)
         axes = figure.add_subplot()
         draw_map(axes, ground)
         outline = [patheffects.withStroke(linewidth=3.6, foreground="white", alpha=0.85)]
         for run, side, colour in zip((left, right), (LEFT, RIGHT), COLOURS, strict=True):
-            for k, track in enumerate(run.tracks.values()):
-                i = thinned(len(track.t), 0)
-                x, y = track.x[i, :2].T / 1e3
+            for k, history in enumerate(run.histories.values()):
+                i = thinned(len(history.t), 0)
+                x, y = history.x[i, :2].T / 1e3
                 axes.plot(x, y, color=colour, lw=2.0, label="" if k else side, path_effects=outline)
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=2)
     return figure
 
 
-def _panels(left: Run, right: Run, names: Sequence[str], curve: Curve) -> Figure:
+def _panels(left: ComparedRun, right: ComparedRun, names: Sequence[str], curve: Curve) -> Figure:
     """A panel for each component of the state, in each of them the curves of both runs, of every vehicle."""
     rows = math.ceil(len(names) / ACROSS)
     with matplotlib.rc_context(STYLE):
@@ -83,8 +84,8 @@ def _panels(left: Run, right: Run, names: Sequence[str], curve: Curve) -> Figure
         for cell in cells.ravel()[len(names) :]:
             cell.remove()
         for run, side, colour, style, width in zip((left, right), (LEFT, RIGHT), COLOURS, STYLES, WIDTHS, strict=True):
-            for number, track in enumerate(run.tracks.values()):
-                t, values = curve(track)
+            for number, history in enumerate(run.histories.values()):
+                t, values = curve(history)
                 i = thinned(len(t), 0) if len(t) else np.empty(0, dtype=np.int64)
                 for k, axes in enumerate(cells.ravel()[: len(names)]):
                     axes.plot(t[i], values[i, k], style, color=colour, lw=width, label="" if number else side)

@@ -10,8 +10,8 @@ from mathnavi.renders.comparison.runs import compare_runs
 from mathnavi.renders.comparison.studies import compare_studies, documents
 from mathnavi.renders.comparison.sweeps import compare_sweeps
 from mathnavi.renders.page import Markup
-from mathnavi.renders.study_report import Table
-from mathnavi.sim.engine.log import write_text
+from mathnavi.sim.records.files import write_text
+from mathnavi.sim.records.table import Table
 
 MARK = "Written by mathnavi compare."  # by which such a page is known again
 COMPARED = {"run": compare_runs, "sweep": compare_sweeps, "study": compare_studies}
@@ -19,7 +19,7 @@ KINDS = {"run": "the run of a scenario", "sweep": "the store of a sweep", "study
 
 
 def kind_of(path: Path) -> str:
-    """What there is at a place: "run", "sweep" or "study"; ValueError if it is none of these."""
+    """Kind of result at a place: "run", "sweep" or "study"; ValueError if it is none of these."""
     if not path.exists():
         raise ValueError(f"{path} does not exist; allowed: the folder of a run or of studies, or the store of a sweep")
     if path.is_dir() and (path / "config.json").is_file():
@@ -48,14 +48,14 @@ def write_comparison(path: Path, comparison: Comparison) -> None:
 
 
 def is_comparison(path: Path) -> bool:
-    """Whether a file is such a page."""
+    """True if a file is such a page."""
     return path.is_file() and MARK.encode() in path.read_bytes()
 
 
 def report(comparison: Comparison) -> Markup:
     """The page's HTML."""
     places = page.table((), [(LEFT, comparison.left), (RIGHT, comparison.right)])
-    figures = [page.figure_block(drawing, name, caption) for name, drawing, caption in comparison.draw()]
+    figures = page.figure_blocks(comparison.draw())
     first, *others = comparison.tables
     return page.document(
         comparison.title,

@@ -10,11 +10,11 @@ from typing import Any
 
 from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differing_fields
 from mathnavi.renders.page import UNKNOWN
-from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.records.run_log import read_json
+from mathnavi.sim.records.run_folder import read_json
+from mathnavi.sim.records.table import Table
 
-KEYS = ("study", "claims")  # that tell a study's document from other JSON
+KEYS = ("study", "claims")  # by which a study's document is recognised
 
 HEADS = ("study", "claim", LEFT, RIGHT)
 MOST_NAMED = 3  # studies in a title
@@ -23,15 +23,15 @@ Name = tuple[str, str]  # of a study and of its terrain, "" for none
 
 
 @dataclass(frozen=True)
-class Study:
-    """What a study has written of itself."""
+class StudyDocument:
+    """The document that a study writes: what was done, and its claims."""
 
     fields: Mapping[str, Any]  # what it was done on and with
     claims: Mapping[str, Claim]  # by id
 
 
 def is_study(path: Path) -> bool:
-    """Whether a file is a study's document."""
+    """True if a file is a study's document."""
     try:
         document = read_json(path)
     except (OSError, ValueError):
@@ -45,7 +45,7 @@ def documents(path: Path) -> list[Path]:
     return [file for file in found if is_study(file)]
 
 
-def read_studies(path: Path) -> dict[Name, Study]:
+def read_studies(path: Path) -> dict[Name, StudyDocument]:
     """The studies at a place; ValueError for a broken document."""
     return dict(map(_read, documents(path)))
 
@@ -55,14 +55,14 @@ def compare_studies(left: Path, right: Path) -> Comparison:
     one, other = read_studies(left), read_studies(right)
     shared = [name for name in one if name in other]
     if not shared:
-        held, other_held = (", ".join(map(_called, some)) for some in (one, other))
+        held, other_held = (", ".join(map(_called, names)) for names in (one, other))
         raise ValueError(f"{left} holds {held} and {right} {other_held}; allowed: a study in common")
     pairs = [pair for name in shared for pair in _pairs(name, one[name], other[name])]
     both = [pair for pair in pairs if pair.left and pair.right]
     verdicts = [pair for pair in both if pair.changed]
     counts = Counter(f"{pair.left.verdict} → {pair.right.verdict}" for pair in verdicts if pair.left and pair.right)
     changes = f": {', '.join(f'{count} {change}' for change, count in counts.items())}" if counts else ""
-    listed = {
+    lists = {
         "Claims with another verdict": verdicts,
         "Claims of one side only": [pair for pair in pairs if pair not in both],
         "Claims with the same verdict and another figure": [
@@ -76,14 +76,14 @@ def compare_studies(left: Path, right: Path) -> Comparison:
         str(right),
         [
             differing_fields(_fields(one, shared, other), _fields(other, shared, one)),
-            *(Table(title, HEADS, [pair.row for pair in some]) for title, some in listed.items() if some),
+            *(Table(title, HEADS, [pair.row for pair in listed]) for title, listed in lists.items() if listed),
         ],
         lambda: (),
     )
 
 
 @dataclass(frozen=True)
-class Pair:
+class ClaimPair:
     """One claim on both sides; None where it is not."""
 
     study: str
@@ -93,25 +93,25 @@ class Pair:
 
     @property
     def changed(self) -> bool:
-        """Whether the verdict did."""
+        """True if the verdicts of the two sides differ."""
         return self.left is None or self.right is None or self.left.holds is not self.right.holds
 
     @property
     def row(self) -> tuple[str, str, str, str]:
-        """As it is told."""
+        """Study, claim, and what was found on either side."""
         statement = next(claim.statement for claim in (self.left, self.right) if claim)
         left, right = (f"{claim.verdict}: {claim.measured}" if claim else UNKNOWN for claim in (self.left, self.right))
         return self.study, f"{self.id}: {statement}", left, right
 
 
-def _read(path: Path) -> tuple[Name, Study]:
+def _read(path: Path) -> tuple[Name, StudyDocument]:
     document = read_json(path)
     try:
         claims = {claim["id"]: Claim(**claim) for claim in document["claims"]}
         terrain = document.get("terrain") or {}
         fields = {key: document.get(key) for key in ("first_look", "command")}
         fields |= {"terrain's digest": terrain.get("digest")}
-        return (str(document["study"]), str(terrain.get("name", ""))), Study(fields, claims)
+        return (str(document["study"]), str(terrain.get("name", ""))), StudyDocument(fields, claims)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{str(path)!r} is not a study's document: {error!r}") from None
 
@@ -120,13 +120,15 @@ def _called(name: Name) -> str:
     return f"{name[0]} over {name[1]}" if name[1] else name[0]
 
 
-def _fields(some: Mapping[Name, Study], shared: Sequence[Name], others: Mapping[Name, Study]) -> dict[str, Any]:
-    """What each study was done on and with, and which are here and not there."""
-    fields = {f"{_called(name)}: {key}": value for name in shared for key, value in some[name].fields.items()}
-    alone = [_called(name) for name in some if name not in others]
+def _fields(
+    studies: Mapping[Name, StudyDocument], shared: Sequence[Name], others: Mapping[Name, StudyDocument]
+) -> dict[str, Any]:
+    """The fields of each study in common, and the studies of this side only."""
+    fields = {f"{_called(name)}: {key}": value for name in shared for key, value in studies[name].fields.items()}
+    alone = [_called(name) for name in studies if name not in others]
     return {"studies of this side only": ", ".join(alone) or "none", **fields}
 
 
-def _pairs(name: Name, left: Study, right: Study) -> list[Pair]:
+def _pairs(name: Name, left: StudyDocument, right: StudyDocument) -> list[ClaimPair]:
     ids = dict.fromkeys([*left.claims, *right.claims])
-    return [Pair(_called(name), key, left.claims.get(key), right.claims.get(key)) for key in ids]
+    return [ClaimPair(_called(name), key, left.claims.get(key), right.claims.get(key)) for key in ids]

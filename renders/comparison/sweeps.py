@@ -14,14 +14,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, Drawn, differences, differing_fields
-from mathnavi.renders.page import UNKNOWN
+from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, differences, differing_fields
+from mathnavi.renders.page import UNKNOWN, Drawn
 from mathnavi.renders.statistics_figures import medians_figure, rates_figure
-from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.statistics import Band, Rate, rate
 from mathnavi.sim.records.store import Record, Store
-from mathnavi.sim.records.sweep_data import Group, Sweep, Test, format_value, is_number
+from mathnavi.sim.records.sweep_data import Sweep, Test, TrialGroup, format_value, is_number
+from mathnavi.sim.records.table import Table
 
 MOST_PANELS = 6
 MOST_VALUES = 4  # of a field that are listed
@@ -46,20 +46,20 @@ def compare_sweeps(left: Path, right: Path) -> Comparison:
     if scenarios[0] != scenarios[1]:
         raise ValueError(f"{left} is a sweep of {scenarios[0]} and {right} of {scenarios[1]}; allowed: one scenario")
     pairs = paired(one, other)
-    groups = Group(LEFT, (), one), Group(RIGHT, (), other)
+    groups = TrialGroup(LEFT, (), one), TrialGroup(RIGHT, (), other)
     tests = {name: test for records in (one, other) for name, test in Sweep(records, ()).events.items()}
     known = {name: found for name, test in tests.items() if (found := _rates(groups, test)) is not None}
     verdicts = {name: differ(found, pairs, tests[name]) for name, found in known.items()}
     together = Sweep([*one, *other], ())
     bands = {key: (groups[0].band(key), groups[1].band(key)) for key in (*together.figures, *together.timings)}
-    clear = [name for name, said in verdicts.items() if said.startswith("yes")]
+    clear = [name for name, verdict in verdicts.items() if verdict.startswith("yes")]
 
     def draw() -> Sequence[Drawn]:
         return list(_figures(known, {key: bands[key] for key in together.figures}))
 
     return Comparison(
         f"{scenarios[0]}: sweeps of {len(one):,} and {len(other):,} trials",
-        f"Rates that differ: {', '.join(clear)}." if clear else "No rate can be told from the other side's.",
+        f"Rates that differ: {', '.join(clear)}." if clear else "No rate differs clearly from the other side's.",
         str(left),
         str(right),
         [
@@ -74,25 +74,25 @@ def compare_sweeps(left: Path, right: Path) -> Comparison:
 def paired(left: Sequence[Record], right: Sequence[Record]) -> list[tuple[Record, Record]]:
     """The trials with the same seed; none where a seed is in a sweep twice."""
     by_seed = [{record.seed: record for record in records} for records in (left, right)]
-    if any(len(some) < len(records) for some, records in zip(by_seed, (left, right), strict=True)):
+    if any(len(trials) < len(records) for trials, records in zip(by_seed, (left, right), strict=True)):
         return []
     return [(record, by_seed[1][seed]) for seed, record in by_seed[0].items() if seed in by_seed[1]]
 
 
 def differ(rates: tuple[Rate, Rate], pairs: Pairs, happened: Test) -> str:
-    """Whether an event is more likely on one side, in words."""
+    """Text that says whether an event is more likely on one side."""
     known = [(one, other) for a, b in pairs if None not in (one := happened(a), other := happened(b))]
     if known:
         only_left = sum(bool(one) and not other for one, other in known)
         only_right = sum(bool(other) and not one for one, other in known)
-        told = f"{only_left} only left, {only_right} only right"
+        counts = f"{only_left} only left, {only_right} only right"
         share = rate(only_left, only_left + only_right) if only_left + only_right else None
-        return f"{'yes' if share and not share.low <= 0.5 <= share.high else 'not shown'}: {told}"
+        return f"{'yes' if share and not share.low <= 0.5 <= share.high else 'not shown'}: {counts}"
     (low, high), (other_low, other_high) = ((found.low, found.high) for found in rates)
     return "yes: limits apart" if high < other_low or other_high < low else "not shown: limits overlap"
 
 
-def _rates(groups: tuple[Group, Group], happened: Test) -> tuple[Rate, Rate] | None:
+def _rates(groups: tuple[TrialGroup, TrialGroup], happened: Test) -> tuple[Rate, Rate] | None:
     one, other = (group.rate(happened) for group in groups)
     return None if one is None or other is None else (one, other)
 
@@ -128,13 +128,13 @@ def _apart(one: Band | None, other: Band | None) -> str:
 
 
 def _fields(records: Sequence[Record]) -> dict[str, Any]:
-    """What each field is in a sweep: its value, or what its values are."""
+    """Value of each field of a sweep, or its values in short."""
     names = dict.fromkeys(name for record in records for name in record.fields)
-    told: dict[str, Any] = {name: _values([record.fields.get(name) for record in records]) for name in names}
+    values: dict[str, Any] = {name: _values([record.fields.get(name) for record in records]) for name in names}
     seeds = sorted({record.seed for record in records})
     return {
         "seeds": f"{len(seeds):,} from {seeds[0]} to {seeds[-1]}",
-        **told,
+        **values,
         "code": _values([r.code for r in records]),
     }
 

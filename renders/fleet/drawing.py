@@ -1,22 +1,21 @@
-"""How fleets of aerial vehicles are drawn (``mathnavi.renders.drawing``)."""
+"""Drawing of fleets of aerial vehicles (``mathnavi.renders.drawing``)."""
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from mathnavi.renders.drawing import Drawing
+from mathnavi.renders.fleet.overlay import overlay
+from mathnavi.renders.fleet.run_data import load_run
+from mathnavi.renders.fleet.shot_list import CAMERAS, TURN, annotations_of, highlight, shot_list
+from mathnavi.renders.painter import SceneDrawing
 
-from mathnavi.renders.fleet.caption import words
-from mathnavi.renders.fleet.report import report
-from mathnavi.renders.fleet.run_data import FleetRun, load_run
-from mathnavi.renders.fleet.storyboard import CAMERAS, highlight, notices, storyboard
-from mathnavi.renders.painter import Painter, painting
-
-__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
-
-cameras, still_camera = CAMERAS, "overview"
-
-
-def painter(run: FleetRun, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
-    """What draws the frames of a run; OpenGL's backend must have been chosen."""
-    from mathnavi.renders.fleet.scene import Scene  # imports mujoco
-
-    return painting(Scene, words, run, width, height, samples)
+drawing = Drawing(
+    cameras=CAMERAS,
+    still_camera="overview",
+    load_run=load_run,
+    shot_list=shot_list,
+    highlight=highlight,
+    annotations=annotations_of,
+    painter=SceneDrawing("mathnavi.renders.fleet.scene:FleetScene", overlay, annotations_of),
+    report="mathnavi.renders.fleet.report:report",
+    turn=TURN,
+)

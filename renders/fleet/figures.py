@@ -23,9 +23,9 @@ from mathnavi.renders.figures import (
     thinned,
 )
 from mathnavi.renders.fleet.run_data import FleetRun
-from mathnavi.renders.fleet.storyboard import highlight
+from mathnavi.renders.fleet.shot_list import highlight
 from mathnavi.renders.flight.figures import draw_changes
-from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.palette import hexadecimal
 from mathnavi.sim.interfaces.signals import Array
 
@@ -77,18 +77,18 @@ def _slots(axes: Axes, run: FleetRun, middle: Array) -> float:
 
 
 def to_go_figure(run: FleetRun) -> Figure:
-    """How far it is from every vehicle to its slot: over the whole time, and in the last seconds."""
+    """Distance of every vehicle to its slot: over the whole time, and in the last seconds."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 4.4)
         whole, end = figure.subplots(1, 2, width_ratios=(1.5, 1.0))
         begin = _last_seconds(run)
         late = np.flatnonzero(run.t >= begin)
         for flight, colour, name in _each(run):
-            away = np.linalg.norm(flight.x[:, :3] - flight.mission.target, axis=1)
+            distance = np.linalg.norm(flight.x[:, :3] - flight.mission.target, axis=1)
             i = thinned(len(run.t), 0)
-            whole.plot(run.t[i], away[i] / 1e3, color=colour, label=name)
+            whole.plot(run.t[i], distance[i] / 1e3, color=colour, label=name)
             k = late[thinned(len(late), 0)]
-            end.plot(run.t[k], away[k], color=colour)
+            end.plot(run.t[k], distance[k], color=colour)
         radius = run.flights[0].mission.arrival_radius
         end.axhline(radius, color=BOUND, ls=":", lw=1.0)
         end.annotate(f"arrived within {radius:g} m", (0.02, radius), (0, 3), xycoords=("axes fraction", "data"),
@@ -112,7 +112,7 @@ def to_go_figure(run: FleetRun) -> Figure:
 
 
 def separation_figure(run: FleetRun) -> Figure:
-    """How far it is from every vehicle to the nearest other one, over time, with what is allowed."""
+    """Distance of every vehicle to the nearest other one, over time, with the least one allowed."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 3.4)
         axes = figure.add_subplot()
@@ -151,7 +151,7 @@ def clearance_figure(run: FleetRun) -> Figure:
     return figure
 
 
-def _each(run: FleetRun) -> Sequence[tuple[RunData, str, str]]:
+def _each(run: FleetRun) -> Sequence[tuple[FlightRun, str, str]]:
     """Flight, colour and name of every vehicle."""
     colours = [hexadecimal(colour) for colour in run.colours]
     return list(zip(run.flights, colours, run.vehicles, strict=True))
@@ -174,11 +174,11 @@ def _bound(axes: Axes, value: float, name: str) -> None:
 
 
 def _mark(axes: Axes, run: FleetRun, k: int, value: float, key: str) -> None:
-    """The least of all at a look, with the figure of the summary."""
-    told = run.summary.get(key)
+    """Mark the least of all samples, with the figure of the summary."""
+    recorded = run.summary.get(key)
     late = run.t[k] > 0.8 * run.duration  # the label would leave the axes
     axes.plot(run.t[k], value, "o", ms=4.0, color=INK)
     axes.annotate(
-        f"least {value if told is None else told:.1f} m", (float(run.t[k]), value), (-8 if late else 8, 0),
+        f"least {value if recorded is None else recorded:.1f} m", (float(run.t[k]), value), (-8 if late else 8, 0),
         textcoords="offset points", ha="right" if late else "left", va="center",
     )  # fmt: skip

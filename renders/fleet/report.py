@@ -6,15 +6,14 @@ import math
 from collections import Counter
 
 from mathnavi.renders import page
-from mathnavi.renders.figures import events_figure, solve_figure
 from mathnavi.renders.fleet import figures
 from mathnavi.renders.fleet.run_data import FleetRun
-from mathnavi.renders.fleet.storyboard import highlight, verdict
+from mathnavi.renders.fleet.shot_list import highlight, verdict
 from mathnavi.renders.flight.run_data import antennas
-from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.palette import hexadecimal
 from mathnavi.renders.relief import EXAGGERATION
-from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards, why
+from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
 from mathnavi.renders.terrain_view import Track, script, terrain_view
 from mathnavi.sim.records.figure_names import SHORTFALL
 
@@ -23,22 +22,16 @@ MOST_NAMED = 8  # starts that have a name in the view of the terrain: of more th
 
 def report(run: FleetRun) -> Markup:
     """The report's HTML."""
-    return page.document(
-        run.title,
-        *_headline(run),
+    opening = (
         _terrain(run),
         *_pictures(run),
         page.section("The vehicles", _vehicles(run)),
-        page.section("The flight", *_figures(run)),
-        page.section("Summary", summary_cards(run.summary)),
-        page.section("Events", events_card(run.events, who=True)),
-        page.section("Do it again", *again(run.directory, run.config)),
-        page.footer(rest(run.summary)),
-        script=script(),
+        page.section("The flight", *page.figure_blocks(_figures(run))),
     )
+    return run_page(run, _headline(run), opening, by_vehicle=True, script=script())
 
 
-def _headline(run: FleetRun) -> tuple[Markup, Markup]:
+def _headline(run: FleetRun) -> Headline:
     summary, least = run.summary, run.flights[0].mission.clearance_min
     shown = {
         key: quantity(key, summary.get(key))
@@ -52,9 +45,7 @@ def _headline(run: FleetRun) -> tuple[Markup, Markup]:
         f"least clearance (allowed {least:g} m)": shown["min_clearance_m"],
         "plans not admitted by the others": page.number(summary.get("plans_not_admitted")),
     }
-    told = verdict(run)
-    sentence = f"Of the fleet {told}{why(summary)}."
-    return page.heading(run.title, sentence, SHORTFALL not in summary), page.tiles(tiles)
+    return Headline(run.title, f"Of the fleet {verdict(run)}{why(summary)}.", SHORTFALL not in summary, tiles)
 
 
 def _terrain(run: FleetRun) -> Markup:
@@ -95,7 +86,7 @@ def _vehicles(run: FleetRun) -> Markup:
                 f"{straight / 1e3:.1f} km",
                 f"{flight.travelled[-1] / 1e3:.1f} km",
                 f"{flight.travelled[-1] / flight.duration:.0f} m/s",
-                len(flight.plans),
+                len(flight.log.plans),
                 refused[name],
             )
         )
@@ -103,7 +94,7 @@ def _vehicles(run: FleetRun) -> Markup:
     return page.card(page.table(head, rows))
 
 
-def _figures(run: FleetRun) -> list[Markup]:
+def _figures(run: FleetRun) -> list[Drawn]:
     separation = quantity("separation_min_m", run.summary.get("separation_min_m"))
     clearance = quantity("min_clearance_m", run.summary.get("min_clearance_m"))
     drawn = [
@@ -126,9 +117,4 @@ def _figures(run: FleetRun) -> list[Markup]:
             "a log scale.",
         ),
     ]
-    if run.summary.get("solve_ms_mean") is not None:
-        drawn.append(("solve", solve_figure(run.summary), "Thread CPU time of one optimisation."))
-    if run.events:
-        alt = "The times at which each kind of event happened, of all vehicles."
-        drawn.append(("events", events_figure(run.events, run.duration), alt))
-    return [page.figure_block(figure, name, alt) for name, figure, alt in drawn]
+    return [*drawn, *solve_figures(run.summary), *event_figures(run, run.duration, ", of all vehicles")]

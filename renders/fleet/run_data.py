@@ -12,14 +12,15 @@ from typing import Any
 import numpy as np
 
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.renders.flight.run_data import RunData, flight_of
+from mathnavi.renders.flight.run_data import FlightRun, flight_of
 from mathnavi.renders.palette import Colour, vehicle_colour
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.metrics.fleet import arrival_time
-from mathnavi.sim.records.run_log import last_at, read_fleet
+from mathnavi.sim.records.run_folder import CONFIG, last_at, read_fleet
 
-AGREED = re.compile(r"arrival time from .*: (\S+)")  # how a vehicle's log tells of the time that it has agreed to
-_SAME = 0.5  # [s] from which on two times of arrival are told apart
+AGREED = re.compile(r"arrival time from .*: (\S+)")  # the message in a vehicle's log of the time that it has agreed to
+_SAME = 0.5  # [s] from which on two times of arrival count as different
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +31,11 @@ class FleetRun:
     config: Mapping[str, Any]
     summary: Mapping[str, Any]
     events: tuple[Event, ...]  # of all, in order of time
-    vehicles: Mapping[str, RunData]
+    vehicles: Mapping[str, FlightRun]
     separation: float  # [m] what vehicles keep between them
 
     @cached_property
-    def flights(self) -> tuple[RunData, ...]:
+    def flights(self) -> tuple[FlightRun, ...]:
         """The vehicles' flights."""
         return tuple(self.vehicles.values())
 
@@ -54,13 +55,13 @@ class FleetRun:
 
     @property
     def title(self) -> str:
-        """What flew where."""
+        """Scenario, number of vehicles, terrain and seed."""
         seed = self.config["seed"]
         return f"{self.config['scenario']} of {len(self.flights)} over {self.terrain.name}, seed {seed}"
 
     @cached_property
     def colours(self) -> tuple[Colour, ...]:
-        """Of the vehicles."""
+        """Colours of the vehicles."""
         return tuple(vehicle_colour(k) for k in range(len(self.flights)))
 
     @cached_property
@@ -89,7 +90,7 @@ class FleetRun:
         return float(np.ptp(self.arrivals))
 
     def arrived(self, t: float) -> int:
-        """How many have arrived by ``t`` [s]."""
+        """Number of vehicles that have arrived by ``t`` [s]."""
         return int(np.count_nonzero(self.arrivals <= t + 1e-9))
 
     def positions(self, t: float) -> Array:
@@ -107,17 +108,19 @@ class FleetRun:
         found = np.full(places.shape[:2], np.inf)
         for k in range(len(places)):
             for other in range(k + 1, len(places)):
-                away = np.linalg.norm(places[k] - places[other], axis=1)
-                found[k], found[other] = np.minimum(found[k], away), np.minimum(found[other], away)
+                distance = np.linalg.norm(places[k] - places[other], axis=1)
+                found[k], found[other] = np.minimum(found[k], distance), np.minimum(found[other], distance)
         return found
 
     @cached_property
     def _agreements(self) -> tuple[tuple[Array, Array], ...]:
-        """For each vehicle, when [s] it was told of a time of arrival, and of which [s]."""
+        """For each vehicle, times [s] at which it received a time of arrival, and those arrivals [s]."""
         found = []
         for flight in self.flights:
-            told = [(event.t, AGREED.fullmatch(event.message)) for event in flight.events if event.kind == "message"]
-            known = [(t, float(match[1])) for t, match in told if match]
+            messages = [
+                (event.t, AGREED.fullmatch(event.message)) for event in flight.events if event.kind == "message"
+            ]
+            known = [(t, float(match[1])) for t, match in messages if match]
             found.append((np.array([t for t, _ in known]), np.array([arrival for _, arrival in known])))
         return tuple(found)
 
@@ -140,27 +143,27 @@ class FleetRun:
 
 def _distances(places: Array) -> Array:
     """(n, n) between points (n, 3); NaN from each to itself."""
-    away: Array = np.linalg.norm(places[:, None] - places[None], axis=-1)
-    away[np.diag_indices(len(places))] = np.nan
-    return away
+    distance: Array = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    distance[np.diag_indices(len(places))] = np.nan
+    return distance
 
 
 def _mission_of(name: str) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-    """What picks a vehicle's own mission from that of the fleet: its start and target, and what all have in common."""
+    """A function that picks a vehicle's mission from the fleet's: its start and target, and all that is shared."""
     return lambda fleet: {**fleet, **fleet["vehicles"][name]}
 
 
 def load_run(directory: str | Path) -> FleetRun:
-    """Read a fleet's run; FileNotFoundError where something is missing, ValueError where something is broken."""
+    """Read a fleet's run; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_fleet(directory)
-    path = log.directory / "config.json"
+    path = log.directory / CONFIG
     try:
         mission = log.config["mission"]
         names, separation = tuple(mission["vehicles"]), float(mission["separation"])
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{str(path)!r} does not describe the flight of a fleet: {error!r}") from None
+        raise RunFolderError(f"{str(path)!r} does not describe the flight of a fleet: {error!r}") from None
     if set(names) != set(log.vehicles) or len(names) < 2:
-        raise ValueError(
+        raise RunFolderError(
             f"{str(path)!r} has the vehicles {', '.join(names) or 'none'}, log.npz {', '.join(log.vehicles)}; allowed: "
             "the same in both, two at least"
         )

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from mathnavi.models.aerial.entity import airframe_pose
-from mathnavi.renders.caption import Label
 from mathnavi.renders.domes import add_domes, place_domes
 from mathnavi.renders.fleet.run_data import FleetRun
-from mathnavi.renders.flight.run_data import RunData, plan_arcs, trail
+from mathnavi.renders.flight.run_data import FlightRun, plan_arcs, trail
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.landscape import (
     AIRFRAME,
@@ -29,6 +28,7 @@ from mathnavi.renders.landscape import (
     add_airframe,
     landscape,
 )
+from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import Colour, Picture, SceneElement, part_of
 from mathnavi.renders.stage import Optics, Stage, Staged, View
 from mathnavi.sim.interfaces.signals import Array
@@ -57,7 +57,7 @@ DARK: Colour = (0.08, 0.10, 0.14)  # of no vehicle
 APART = 17.0  # [pixels] at a picture 720 pixels high, between two labels
 
 
-class Scene(Staged):
+class FleetScene(Staged):
     """A context manager, see ``Staged``."""
 
     def __init__(self, run: FleetRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
@@ -145,7 +145,7 @@ class Scene(Staged):
             span = share * 2.0 * float(np.linalg.norm(view.eye - position)) * self.stage.tangent()
             airframe.place_afar(self.stage, position, quaternion, span, view.eye)
 
-    def _add_lines(self, flight: RunData, colour: Colour, t: float, camera: str) -> None:
+    def _add_lines(self, flight: FlightRun, colour: Colour, t: float, camera: str) -> None:
         pieces = MOST_PIECES / len(self.run.flights)
         if flight.index(t) > 0:
             step = max(float(flight.travelled[-1]), 1.0) / min(pieces, 260.0)
@@ -160,7 +160,7 @@ class Scene(Staged):
                 points = np.vstack([points for _, points in arcs])
                 self.stage.line(self.world(points, camera), colour, 1.7, dashed=part is SceneElement.COMPLETION)
         place = flight.state(t)[:3]
-        # A plumb line tells where over the ground the vehicle is.
+        # A plumb line shows where over the ground the vehicle is.
         if self.run.terrain.contains(place[0], place[1]):
             self.stage.line(self.world(np.array([self._foot(place), place]), camera), colour, 1.4)
         if camera != "arrival":

@@ -1,32 +1,21 @@
-"""How flights of aerial vehicles are drawn (``mathnavi.renders.drawing``)."""
+"""Drawing of flights of aerial vehicles (``mathnavi.renders.drawing``)."""
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING
+from mathnavi.renders.drawing import Drawing
+from mathnavi.renders.flight.overlay import overlay
+from mathnavi.renders.flight.run_data import load_run
+from mathnavi.renders.flight.shot_list import CAMERAS, TURN, annotations_of, highlight, shot_list
+from mathnavi.renders.painter import SceneDrawing
 
-from mathnavi.renders.flight.caption import words
-from mathnavi.renders.flight.run_data import RunData, load_run
-from mathnavi.renders.flight.storyboard import CAMERAS, highlight, notices, storyboard
-from mathnavi.renders.painter import Painter, painting
-
-if TYPE_CHECKING:
-    from mathnavi.renders.page import Markup
-
-__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
-
-cameras, still_camera = CAMERAS, "overview"
-
-
-def painter(run: RunData, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
-    """What draws the frames of a run; OpenGL's backend must have been chosen."""
-    from mathnavi.renders.flight.scene import Scene  # imports mujoco
-
-    return painting(Scene, words, run, width, height, samples)
-
-
-def report(run: RunData) -> Markup:
-    """The run on one page."""
-    from mathnavi.renders.flight.report import report  # imports matplotlib
-
-    return report(run)
+drawing = Drawing(
+    cameras=CAMERAS,
+    still_camera="overview",
+    load_run=load_run,
+    shot_list=shot_list,
+    highlight=highlight,
+    annotations=annotations_of,
+    painter=SceneDrawing("mathnavi.renders.flight.scene:FlightScene", overlay, annotations_of),
+    report="mathnavi.renders.flight.report:report",
+    turn=TURN,
+)

@@ -22,11 +22,11 @@ from mathnavi.renders.figures import (
     name_place,
     thinned,
 )
-from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.palette import SceneElement
 
 
-def map_figure(run: RunData) -> Figure:
+def map_figure(run: FlightRun) -> Figure:
     """The hill-shaded map with the path flown, the first plan, radars, start and target."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(7.6, 7.2)
@@ -34,8 +34,8 @@ def map_figure(run: RunData) -> Figure:
         draw_map(axes, run.terrain)
         outline = [patheffects.withStroke(linewidth=3.4, foreground="white", alpha=0.85)]
         draw_changes(axes, run)
-        if run.plans:
-            first = run.plans[0]
+        if run.log.plans:
+            first = run.log.plans[0]
             axes.plot(
                 first.x[:, 0] / 1e3, first.x[:, 1] / 1e3, "--", color=colour_of(SceneElement.COMPLETION),
                 label="first plan, to rest",
@@ -59,7 +59,7 @@ def map_figure(run: RunData) -> Figure:
     return figure
 
 
-def draw_changes(axes: Axes, run: RunData) -> None:
+def draw_changes(axes: Axes, run: FlightRun) -> None:
     """Radars, where they are and where they drive to, and hills that the map did not show, on a map [km]."""
     for number, track in enumerate(run.mission.radars, start=1):
         radar, last = track.radar, track.at(min(track.until, run.duration) - 1e-6, run.terrain)
@@ -80,7 +80,7 @@ def draw_changes(axes: Axes, run: RunData) -> None:
         name_place(axes, f"not on the map until {run.mission.charted_at:.0f} s", top, (0, 0), "center")
 
 
-def profile_figure(run: RunData) -> Figure:
+def profile_figure(run: FlightRun) -> Figure:
     """Heights of the path and of the ground below it over the distance flown, and the least clearance."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 5.2)
@@ -112,7 +112,7 @@ def profile_figure(run: RunData) -> Figure:
     return figure
 
 
-def motion_figure(run: RunData) -> Figure:
+def motion_figure(run: FlightRun) -> Figure:
     """Speed and commanded acceleration over time against their bounds."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 3.9)

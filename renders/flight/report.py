@@ -6,34 +6,24 @@ import numpy as np
 
 from mathnavi.renders import figures, page
 from mathnavi.renders.flight.figures import map_figure, motion_figure, profile_figure
-from mathnavi.renders.flight.run_data import RunData, antennas, plan_arcs
-from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.flight.run_data import FlightRun, antennas, plan_arcs
+from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.relief import EXAGGERATION
-from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards, why
+from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
 from mathnavi.renders.terrain_view import Track, script, terrain_view
 from mathnavi.sim.records.figure_names import SHORTFALL
 
 PLAN_STEP = 0.5  # [s] between the points of a plan that is drawn
 
 
-def report(run: RunData) -> Markup:
+def report(run: FlightRun) -> Markup:
     """The report's HTML."""
-    return page.document(
-        run.title,
-        *_headline(run),
-        _terrain(run),
-        _overview(run),
-        page.section("Summary", summary_cards(run.summary)),
-        page.section("The flight", *_figures(run)),
-        page.section("Events", events_card(run.events)),
-        page.section("Do it again", *again(run.directory, run.config)),
-        page.footer(rest(run.summary)),
-        script=script(),
-    )
+    flight = page.section("The flight", *page.figure_blocks(_figures(run)))
+    return run_page(run, _headline(run), (_terrain(run), _overview(run)), (flight,), script=script())
 
 
-def _headline(run: RunData) -> tuple[Markup, Markup]:
+def _headline(run: FlightRun) -> Headline:
     summary, mission = run.summary, run.mission
     arrived, clearance = bool(summary.get("arrived")), summary.get("min_clearance_m")
     safe = clearance is not None and clearance >= mission.clearance_min and not summary.get("ground_contacts")
@@ -49,14 +39,14 @@ def _headline(run: RunData) -> tuple[Markup, Markup]:
         "radar exposure": shown["radar_exposure_s"],
     }
     good = arrived and safe and SHORTFALL not in summary
-    return page.heading(run.title, f"The vehicle {verdict}{why(summary)}.", good), page.tiles(tiles)
+    return Headline(run.title, f"The vehicle {verdict}{why(summary)}.", good, tiles)
 
 
-def _terrain(run: RunData) -> Markup:
+def _terrain(run: FlightRun) -> Markup:
     mission, ground = run.mission, run.terrain
     tracks = [Track(SceneElement.FLOWN.value, run.x[:, :3], hexadecimal(COLOURS[SceneElement.FLOWN]))]
-    if run.plans:
-        first = run.plans[0]
+    if run.log.plans:
+        first = run.log.plans[0]
         arcs = [points for _, points in plan_arcs(first, first.t_start, PLAN_STEP)]
         colour = hexadecimal(COLOURS[SceneElement.COMPLETION])
         tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
@@ -66,7 +56,7 @@ def _terrain(run: RunData) -> Markup:
     return terrain_view(ground, tracks, places, radars, note)
 
 
-def _overview(run: RunData) -> Markup:
+def _overview(run: FlightRun) -> Markup:
     return still_block(
         run.directory,
         "overview",
@@ -76,7 +66,7 @@ def _overview(run: RunData) -> Markup:
     )
 
 
-def _figures(run: RunData) -> list[Markup]:
+def _figures(run: FlightRun) -> list[Drawn]:
     least = quantity("min_clearance_m", run.summary.get("min_clearance_m"))
     drawn = [
         (
@@ -92,22 +82,12 @@ def _figures(run: RunData) -> list[Markup]:
         ),
         ("motion", motion_figure(run), "Speed and commanded acceleration over time with their bounds."),
     ]
-    if run.plans:
+    if run.log.plans:
         drawn.append(
             (
                 "cost",
-                figures.cost_figure(run.plans, run.adopted, run.duration),
+                figures.cost_figure(run.log.plans, run.log.adopted, run.duration),
                 "Composite cost of the plan being flown, over time.",
             )
         )
-    if run.summary.get("solve_ms_mean") is not None:
-        drawn.append(("solve", figures.solve_figure(run.summary), "Thread CPU time of one optimisation."))
-    if run.events:
-        drawn.append(
-            (
-                "events",
-                figures.events_figure(run.events, run.duration),
-                "The times at which each kind of event happened.",
-            )
-        )
-    return [page.figure_block(figure, name, alt) for name, figure, alt in drawn]
+    return [*drawn, *solve_figures(run.summary), *event_figures(run, run.duration)]

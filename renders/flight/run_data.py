@@ -1,7 +1,7 @@
 """A finished flight as pictures need it: what was flown, over which ground, behind which plans.
 
-Everything comes from the run's folder (``mathnavi.sim.records.run_log``) and from the terrain that config.json names;
-whether that is still the terrain that was flown over is checked by its digest.
+Everything comes from the run's folder (``mathnavi.sim.records.run_folder``) and from the terrain that config.json
+names; its digest shows whether that is still the terrain that was flown over.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.hill import Hill, hills_of, with_hills
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import Radar, RadarTrack
-from mathnavi.sim.interfaces.signals import Array, Event, Plan
-from mathnavi.sim.records.run_log import RunLog, last_at, read_log
+from mathnavi.renders.logged_run import LoggedRun
+from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.signals import Array, Plan
+from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, RunLog, read_log
 
 FINE_TRAIL = 6000.0  # [m] at the end of a trail
 MISSION_NUMBERS = ("clearance_min", "speed_max", "acceleration_max", "arrival_radius")
 
 
 @dataclass(frozen=True, eq=False)
-class Mission:
-    """What was asked of the vehicle."""
+class FlownMission:
+    """The mission as config.json records it."""
 
     start: Array  # (3,) [m] map frame
     target: Array  # (3,) [m] map frame
@@ -38,7 +40,7 @@ class Mission:
     radars: tuple[RadarTrack, ...]
     target_path: Array = field(default_factory=lambda: np.empty((0, 4)))  # t [s], x, y, z [m] of a target that moves
     hills: tuple[Hill, ...] = ()  # that the map did not show
-    charted_at: float = 0.0  # [s] when it was told to show them
+    charted_at: float = 0.0  # [s] when the map was updated with them
 
     def target_at(self, t: float) -> Array:
         """(3,) [m] where the target is at ``t`` [s]."""
@@ -47,28 +49,25 @@ class Mission:
 
 
 @dataclass(frozen=True, eq=False)
-class RunData:
+class FlightRun(LoggedRun):
     """The run of a single vehicle."""
 
-    directory: Path
-    config: Mapping[str, Any]
-    summary: Mapping[str, Any]
-    events: tuple[Event, ...]  # in order of time
-    mission: Mission
+    mission: FlownMission
     terrain: HeightField
-    t: Array  # (n,) [s]
-    x: Array  # (n, 6) true position [m] and velocity [m/s], map frame
-    u: Array  # (n, 3) [m/s^2] commanded acceleration, held over [t_i, t_i+1)
-    plans: tuple[Plan, ...]  # in order of adoption
-    adopted: Array  # (len(plans),) [s]
 
     @property
-    def duration(self) -> float:
-        """[s] of flight."""
-        return float(self.t[-1])
+    def x(self) -> Array:
+        """(n, 6) true position [m] and velocity [m/s], map frame."""
+        return self.log.x
+
+    @property
+    def u(self) -> Array:
+        """(n, 3) [m/s^2] commanded acceleration, held over [t_i, t_i+1), map frame."""
+        return self.log.u
 
     @property
     def title(self) -> str:
+        """Scenario, terrain and seed."""
         return f"{self.config['scenario']} over {self.terrain.name}, seed {self.config['seed']}"
 
     @cached_property
@@ -83,25 +82,13 @@ class RunData:
         travelled: Array = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.x[:, :3], axis=0), axis=1))])
         return travelled
 
-    def index(self, t: float) -> int:
-        """The last tick at or before ``t`` [s]."""
-        return max(last_at(self.t, t), 0)
-
     def state(self, t: float) -> Array:
-        """(6,) true state at ``t`` [s], linear between ticks; the first and last state beyond them."""
-        i = min(self.index(t), len(self.t) - 2)
-        share = float(np.clip((t - self.t[i]) / (self.t[i + 1] - self.t[i]), 0.0, 1.0))
-        between: Array = (1.0 - share) * self.x[i] + share * self.x[i + 1]
-        return between
-
-    def plan(self, t: float) -> Plan | None:
-        """The plan being flown at ``t`` [s]; None before the first."""
-        i = last_at(self.adopted, t)
-        return self.plans[i] if i >= 0 else None
+        """(6,) true state at ``t`` [s], linear between samples; the first and last state beyond them."""
+        return self.interpolated(self.x, t)
 
 
 def plan_arcs(plan: Plan, t: float, step: float) -> list[tuple[int, Array]]:
-    """What is left of a plan at ``t`` [s]: (phase, points (m, 3) [m]) of each arc, a point about every ``step`` [s]."""
+    """The rest of a plan at ``t`` [s]: (phase, points (m, 3) [m]) of each arc, a point about every ``step`` [s]."""
     arcs = []
     for k, phase in enumerate(plan.phase):
         begin, end = max(t, float(plan.t[k])), float(plan.t[k + 1])
@@ -112,7 +99,7 @@ def plan_arcs(plan: Plan, t: float, step: float) -> list[tuple[int, Array]]:
     return arcs
 
 
-def trail(run: RunData, t: float, fine: float, coarse: float) -> Array:
+def trail(run: FlightRun, t: float, fine: float, coarse: float) -> Array:
     """The path flown until ``t`` [s] as points (m, 3) [m], ``fine`` [m] apart at its end and ``coarse`` [m] before."""
     here = float(run.travelled[run.index(t)])
     near = max(0.0, here - FINE_TRAIL)
@@ -120,49 +107,52 @@ def trail(run: RunData, t: float, fine: float, coarse: float) -> Array:
     return np.vstack([run.x[np.searchsorted(run.travelled, stops), :3], run.state(t)[:3]])
 
 
-def antennas(run: RunData) -> list[tuple[float, float, float, float]]:
+def antennas(run: FlightRun) -> list[tuple[float, float, float, float]]:
     """x, y, z and radius [m] of each radar when it is switched on."""
     return [(*track.radar.position(run.terrain).tolist(), track.radar.radius) for track in run.mission.radars]
 
 
-def load_run(directory: str | Path) -> RunData:
-    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+def load_run(directory: str | Path) -> FlightRun:
+    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory)
     return flight_of(log, lambda mission: mission)
 
 
-def flight_of(log: RunLog, told: Callable[[Mapping[str, Any]], Mapping[str, Any]], prefix: str = "") -> RunData:
-    """What was flown according to a log; ``told`` picks the vehicle's mission from that of config.json.
+def flight_of(log: RunLog, mission_of: Callable[[Mapping[str, Any]], Mapping[str, Any]], prefix: str = "") -> FlightRun:
+    """The flight in a log.
 
-    ``prefix`` is that of the names of the vehicle's arrays. ValueError for a log that is not that of a flight, or over
-    a terrain that has changed since.
+    Args:
+        log: of the vehicle.
+        mission_of: picks the vehicle's mission from that of config.json.
+        prefix: of the names of the vehicle's arrays, for messages.
+
+    Raises:
+        RunFolderError: the log is not that of a flight, or is over a terrain that has changed since.
     """
     folder, config = log.directory, log.config
     try:
         place = config["terrain"]
         hills = hills_of(place.get("hills", ()))
         terrain = with_hills(load_terrain(place.get("path") or place["name"]), hills)
-        mission = _mission(told(config["mission"]), hills)
+        mission = _mission(mission_of(config["mission"]), hills)
     except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"{str(folder / 'config.json')!r} does not describe a flight: {error!r}") from None
+        raise RunFolderError(f"{str(folder / CONFIG)!r} does not describe a flight: {error!r}") from None
     if place.get("digest", terrain.digest) != terrain.digest:
-        raise ValueError(
+        raise RunFolderError(
             f"terrain {place['name']!r} is no longer the one that run {str(folder)!r} flew over: its digest is "
             f"{terrain.digest[:12]}..., the run's {str(place['digest'])[:12]}..."
         )
     if log.x.shape[1] != 6 or log.u.shape[1] != 3:
-        raise ValueError(
-            f"{str(folder / 'log.npz')!r}: {prefix}truth.x {log.x.shape} and {prefix}command.u {log.u.shape} are not "
+        raise RunFolderError(
+            f"{str(folder / ARRAYS)!r}: {prefix}truth.x {log.x.shape} and {prefix}command.u {log.u.shape} are not "
             "(n, 6) and (n, 3)"
         )
-    return RunData(
-        folder, config, log.summary, log.events, mission, terrain, log.t, log.x, log.u, log.plans, log.adopted
-    )
+    return FlightRun(log, mission, terrain)
 
 
-def _mission(fields: Mapping[str, Any], hills: tuple[Hill, ...]) -> Mission:
+def _mission(fields: Mapping[str, Any], hills: tuple[Hill, ...]) -> FlownMission:
     start, target = (np.array(fields[name], dtype=float) for name in ("start", "target"))
-    return Mission(
+    return FlownMission(
         start,
         target,
         **{name: float(fields[name]) for name in MISSION_NUMBERS},

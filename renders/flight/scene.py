@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from mathnavi.models.aerial.entity import airframe_pose
 from mathnavi.renders.domes import add_domes, place_domes
-from mathnavi.renders.flight.run_data import RunData, plan_arcs, trail
+from mathnavi.renders.flight.run_data import FlightRun, plan_arcs, trail
 from mathnavi.renders.landscape import (
     AIRFRAME,
     OPTICS,
@@ -28,6 +28,7 @@ from mathnavi.renders.landscape import (
     add_airframe,
     landscape,
 )
+from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement, part_of
 from mathnavi.renders.relief import EXAGGERATION
 from mathnavi.renders.stage import Optics, Stage, Staged, View
@@ -40,10 +41,10 @@ _ANGLE, _RISE = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False), n
 DOME = np.stack([np.cos(_ANGLE) * np.cos(_RISE), np.sin(_ANGLE) * np.cos(_RISE), np.sin(_RISE)], -1).reshape(-1, 3)
 
 
-class Scene(Staged):
+class FlightScene(Staged):
     """A context manager, see ``Staged``."""
 
-    def __init__(self, run: RunData, width: int = 1280, height: int = 720, samples: int = 0) -> None:
+    def __init__(self, run: FlightRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
         self.run = run
         self._land = Landscape(run.terrain)
         self.model = _model(run, width, height, samples)
@@ -70,8 +71,8 @@ class Scene(Staged):
         """(n, 3) column, row and depth [m] of map points (n, 3) in the picture drawn last; depth <= 0 is behind."""
         return self.stage.pixels(self.world(points, camera))
 
-    def labels(self, t: float, camera: str) -> list[tuple[str, float, float]]:
-        """(text, column, row) of what is in sight of the picture drawn last: start, target, radars that are on."""
+    def labels(self, t: float, camera: str) -> list[Label]:
+        """Names of what is in sight of the picture drawn last: start, target, radars that are on."""
         run = self.run
         lift = PIN * self.stage.unit
         found = []
@@ -92,7 +93,7 @@ class Scene(Staged):
                     SceneElement.RADAR.value if len(run.mission.radars) == 1 else f"{SceneElement.RADAR.value} {number}"
                 )
                 found.append((name, self.stage.inside(self.world(points, camera))))
-        return [(name, *pixels.mean(axis=0).tolist()) for name, pixels in found if len(pixels)]
+        return [Label(name, *pixels.mean(axis=0).tolist()) for name, pixels in found if len(pixels)]
 
     # ---- cameras
 
@@ -124,7 +125,7 @@ class Scene(Staged):
         for part, points in self._lines(t, camera):
             self.stage.line(self.world(points, camera), COLOURS[part], width, dashed=part is SceneElement.COMPLETION)
         x = self.run.state(t)
-        # A plumb line tells where over the ground the vehicle is.
+        # A plumb line shows where over the ground the vehicle is.
         if camera != "chase" and self.run.terrain.contains(x[0], x[1]):
             foot = np.array([x[0], x[1], float(self.run.terrain.height(x[0], x[1]))])
             self.stage.line(self.world(np.array([foot, x[:3]]), camera), COLOURS[SceneElement.FLOWN], 2.0)
@@ -154,14 +155,14 @@ class Scene(Staged):
 
 @dataclass(frozen=True)
 class Following:
-    """How a camera follows a vehicle."""
+    """Parameters of a camera that follows a vehicle."""
 
     distance: float  # [m] behind it
     step: float  # [s] between the precomputed places
     smoothing: float  # [s] standard deviation of the Gaussian that steadies the camera
     clear: float  # [m] over the ground between itself and the vehicle, at least
     rise: float = 0.36  # over the vehicle, in distances
-    ahead: float = 0.55  # of the vehicle lies what it looks at, in distances
+    ahead: float = 0.55  # distance of the point of aim in front of the vehicle, in distances
 
 
 AFAR = Following(1300.0, 0.25, 2.5, 110.0)
@@ -170,7 +171,7 @@ AFAR = Following(1300.0, 0.25, 2.5, 110.0)
 class ChaseCamera:
     """Behind and above the vehicle, on a smoothed path that stays clear of the ground."""
 
-    def __init__(self, run: RunData, how: Following) -> None:
+    def __init__(self, run: FlightRun, how: Following) -> None:
         self.t = np.arange(0.0, run.duration + how.step, how.step)
         position = np.array([run.state(float(t))[:3] for t in self.t])
         sigma = how.smoothing / how.step
@@ -203,7 +204,7 @@ class ChaseCamera:
 # ---- the model
 
 
-def _model(run: RunData, width: int, height: int, samples: int) -> Any:
+def _model(run: FlightRun, width: int, height: int, samples: int) -> Any:
     spec = landscape(run.terrain, width, height, samples)
     add_domes(spec, run.terrain, run.mission.radars)
     add_airframe(spec, "airframe")

@@ -4,7 +4,7 @@
 
 Without a name all of them, which takes hours: pictures of studies are those of whole studies. A name stands with or
 without its ending, or is a pattern: ``safe_flight``, ``safe_flight.png``, ``"*.webp"``. Exit code 0: all were made;
-1: some were not, each told in one line; 2: there is no such picture.
+1: some were not, each reported in one line; 2: there is no such picture.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from mathnavi.renders.gallery.table import HERE, README, Command, Entry, chosen, entries
+from mathnavi.renders.gallery.table import HERE, README, Command, GalleryPicture, chosen, entries
 
 ROOT = HERE.parent.parent
 MISSIONS = 0, 1  # exit codes of a command that ran, whatever came of the mission or the claims
@@ -41,7 +41,7 @@ def main(wanted: Sequence[str]) -> int:
     return 1 if failed else 0
 
 
-def _make(entry: Entry, done: dict[Command, str]) -> Path:
+def _make(entry: GalleryPicture, done: dict[Command, str]) -> Path:
     """Run what makes a picture, as far as that has not been run, and put it here."""
     for command in entry.commands:
         _check(command)

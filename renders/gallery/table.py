@@ -19,7 +19,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 README = HERE / "README.md"
-STUDIES = Path("renders/out/study")  # what `mathnavi study` writes to, unless it is told otherwise
+STUDIES = Path("renders/out/study")  # what `mathnavi study` writes to, by default
 MATHNAVI = ".venv/bin/mathnavi"
 _ROW = re.compile(r"^\| \[([\w.]+)\]\(\1\) \| (.+) \| (.+) \|$")
 
@@ -27,14 +27,14 @@ Command = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Entry:
+class GalleryPicture:
     """A picture, and how it is made."""
 
     name: str
     commands: tuple[Command, ...]
 
     def made(self, printed: str) -> Path:
-        """Where the last command, which printed this, has left the picture; ValueError for one that makes none."""
+        """Path of the picture that the last command made, given what it printed; ValueError for one that makes none."""
         last = self.commands[-1]
         if last[:2] == (MATHNAVI, "render"):
             return Path(printed.strip().rpartition("\n")[2])
@@ -46,7 +46,7 @@ class Entry:
         raise ValueError(f"{self.name}: {shlex.join(last)!r} makes no picture; allowed: render, study, --screenshot")
 
 
-def entries(text: str) -> Mapping[str, Entry]:
+def entries(text: str) -> Mapping[str, GalleryPicture]:
     """The rows of a README.md by the names of their pictures; ValueError for a row without a command."""
     found = {}
     for line in text.splitlines():
@@ -54,13 +54,13 @@ def entries(text: str) -> Mapping[str, Entry]:
             name, commands = row[1], tuple(tuple(shlex.split(words)) for words in re.findall(r"`([^`]+)`", row[3]))
             if not commands:
                 raise ValueError(f"{name}: {row[3]!r} holds no command; allowed: commands between backquotes")
-            found[name] = Entry(name, commands)
+            found[name] = GalleryPicture(name, commands)
     return found
 
 
-def chosen(wanted: Sequence[str], known: Mapping[str, Entry]) -> list[Entry]:
+def chosen(wanted: Sequence[str], known: Mapping[str, GalleryPicture]) -> list[GalleryPicture]:
     """The entries asked for by name, with or without its ending, or by pattern; ValueError for what is none of them."""
-    found: dict[str, Entry] = {}
+    found: dict[str, GalleryPicture] = {}
     for pattern in wanted or ["*"]:
         matching = [entry for name, entry in known.items() if pattern == Path(name).stem or fnmatch(name, pattern)]
         if not matching:

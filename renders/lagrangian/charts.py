@@ -72,7 +72,7 @@ class Globe:
 
 
 class Disc:
-    """Poincare's disc, as much of it as some points need."""
+    """Poincare's disc, as much as given points need."""
 
     def __init__(self, points: Array) -> None:
         """``points`` (m, 3) are to be in sight."""

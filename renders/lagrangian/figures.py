@@ -1,4 +1,4 @@
-"""What was estimated of a system of Paper D over time, in the style of ``mathnavi.renders.figures``."""
+"""Figures of a Lagrangian system and its estimates over time, in the style of ``mathnavi.renders.figures``."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from mathnavi.renders.figures import BOUND, INK, STYLE, canvas, thinned
 from mathnavi.renders.lagrangian.names import symbol, with_unit
 from mathnavi.renders.lagrangian.path_drawing import ESTIMATE, GEODESIC, REFERENCE, TRUTH, PathDrawing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.storyboard import slow_until
+from mathnavi.renders.lagrangian.shot_list import slow_until
 from mathnavi.renders.lagrangian.views import chart_of
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 SMALLEST = 1e-12  # that a logarithmic axis shows
-FIRST = 0.15  # of a run that is looked at closely, where nothing is found at its start
+FIRST = 0.15  # of a run that is shown enlarged, where nothing is found at its start
 DIPS = 0.02  # share of the components of the error that are below the axis
 MOST_IN_A_ROW = 4  # names of a legend
 PATH_LOOKS = 3  # moments at which a path is drawn
@@ -28,7 +28,7 @@ _LEGEND = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 
 
 
 def first_part(run: LagrangianRun) -> float:
-    """[s] up to when the start of a run is looked at."""
+    """Time [s] up to which the start of a run is shown."""
     return slow_until(run) or FIRST * run.duration
 
 
@@ -81,7 +81,7 @@ def errors_figure(run: LagrangianRun) -> Figure:
             length, parts, place = drawn[:, column]
             i = _until(run, end)
             t = run.t_estimate[i]
-            _log(length, t, run.off[i], INK, 1.2)
+            _log(length, t, run.velocity_error[i], INK, 1.2)
             length.axhline(run.tolerance, color=BOUND, ls=":", lw=1.1)
             for k, name in enumerate(names):
                 _log(
@@ -130,7 +130,7 @@ def _squared(run: LagrangianRun) -> str:
 
 
 def signals_figure(run: LagrangianRun) -> Figure:
-    """The inputs, and how far each reading was from what was predicted of it."""
+    """The inputs, and the distance of each reading from its prediction."""
     inputs = [with_unit(name) for name in run.inputs]
     with matplotlib.rc_context(STYLE):
         count = len(inputs) + (run.innovation is not None)

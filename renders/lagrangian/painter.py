@@ -1,4 +1,4 @@
-"""Draws the frames of a run of Paper D: its scene, and beside that the panel of its velocity."""
+"""Draws the frames of a run of a Lagrangian system: its scene, and beside that the panel of its velocity."""
 
 from __future__ import annotations
 
@@ -6,23 +6,26 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from mathnavi.renders.drawing import Painter
 from mathnavi.renders.film import Frame
-from mathnavi.renders.lagrangian.board import Board
-from mathnavi.renders.lagrangian.caption import words
-from mathnavi.renders.lagrangian.panel import Panel
+from mathnavi.renders.lagrangian.chart_scene import ChartScene
+from mathnavi.renders.lagrangian.overlay import overlay
+from mathnavi.renders.lagrangian.panel import VelocityPanel
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.painter import Painter, painting
+from mathnavi.renders.lagrangian.shot_list import annotations_of
+from mathnavi.renders.painter import SceneDrawing
 from mathnavi.renders.palette import Picture
 
 PANEL = 0.375  # of the width of a picture
+MECHANISM = SceneDrawing("mathnavi.renders.lagrangian.scene:MechanismScene", overlay, annotations_of)
+POINT = SceneDrawing(ChartScene, overlay, annotations_of)
 
 
 @dataclass(frozen=True, eq=False)
-class ScenePainter:
+class LagrangianPainter:
     """Opens what a camera needs when its first frame is drawn."""
 
     run: LagrangianRun
@@ -42,8 +45,8 @@ class ScenePainter:
         return round(PANEL * self.width)
 
     @cached_property
-    def _panel(self) -> Panel:
-        return Panel(self.run, self._panel_width, self.height)
+    def _panel(self) -> VelocityPanel:
+        return VelocityPanel(self.run, self._panel_width, self.height)
 
     @cached_property
     def _beside(self) -> Painter:
@@ -54,16 +57,12 @@ class ScenePainter:
         return self._open(self.width)
 
     def _open(self, width: int) -> Painter:
-        drawn: type[Any] = Board
-        if self.run.mechanism is not None:
-            from mathnavi.renders.lagrangian.scene import Scene  # opens what OpenGL there is
-
-            drawn = Scene
-        return self.stack.enter_context(painting(drawn, words, self.run, width, self.height, self.samples))
+        scene = POINT if self.run.mechanism is None else MECHANISM
+        return self.stack.enter_context(scene(self.run, width, self.height, self.samples))
 
 
 @contextmanager
-def scene_painting(run: LagrangianRun, width: int, height: int, samples: int) -> Iterator[ScenePainter]:
+def painting(run: LagrangianRun, width: int, height: int, samples: int) -> Iterator[LagrangianPainter]:
     """A painter of pictures of a size in pixels; OpenGL's backend must have been chosen."""
     with ExitStack() as stack:
-        yield ScenePainter(run, width, height, samples, stack)
+        yield LagrangianPainter(run, width, height, samples, stack)

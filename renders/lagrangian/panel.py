@@ -18,7 +18,7 @@ from mathnavi.renders.lagrangian.path_drawing import ESTIMATE, TRUTH, PathDrawin
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.views import INCHES_HIGH, chart_of
 from mathnavi.renders.palette import Picture
-from mathnavi.sim.records.run_log import last_at
+from mathnavi.sim.records.run_folder import last_at
 
 WINDOW, LEAST_WINDOW, AFTERWARDS = 2.0, 0.5, 1.5  # [s] of velocity in sight; times as long as until it is found
 MOST_POINTS = 700  # of a curve
@@ -28,8 +28,8 @@ GROUND = "#f6f8fa"
 TOP_FREE = (0.0, 0.0, 1.0, 0.985)  # of the figure: what its parts may take
 
 
-class Panel:
-    """A figure of its own, and the parts of it that grow with time."""
+class VelocityPanel:
+    """A figure, and its parts that grow with time."""
 
     def __init__(self, run: LagrangianRun, width: int, height: int) -> None:
         """``width`` and ``height`` in pixels."""
@@ -80,7 +80,7 @@ class Panel:
             truth.set_data(run.t_estimate[i] - t, true[i, k])
             estimate.set_data(run.t_estimate[i] - t, known[:, k])
         j = np.unique(np.linspace(0, last, min(last + 1, MOST_POINTS)).astype(int))
-        self._error.set_data(run.t_estimate[j], np.maximum(run.off[j], SMALLEST))
+        self._error.set_data(run.t_estimate[j], np.maximum(run.velocity_error[j], SMALLEST))
         return self._blitted.picture()
 
     def _velocity(self, axes: Axes, k: int) -> tuple[Line2D, Line2D]:
@@ -99,7 +99,7 @@ class Panel:
 
     def _errors(self, axes: Axes) -> Line2D:
         run = self._run
-        sizes = np.maximum(run.off[np.isfinite(run.off)], SMALLEST)
+        sizes = np.maximum(run.velocity_error[np.isfinite(run.velocity_error)], SMALLEST)
         (line,) = axes.plot([], [], color=INK, lw=1.2)
         axes.axhline(run.tolerance, color=BOUND, ls=":", lw=1.1)
         axes.set(xlim=(0.0, run.duration), xlabel="time [s]", ylabel=f"off by\n[{run.unit}]")

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from mathnavi.renders.lagrangian.charts import Chart
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.storyboard import RECENT
+from mathnavi.renders.lagrangian.shot_list import RECENT
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.sim.interfaces.signals import Array
 
@@ -23,7 +23,7 @@ FAR = 0.45  # opacity on the far side of a sphere, of that on the near one
 
 
 class PathDrawing:
-    """What is in one set of axes, which has no ticks."""
+    """Draws the paths into one set of axes, which has no ticks."""
 
     def __init__(self, run: LagrangianRun, axes: Axes, chart: Chart, scale: float = 1.0) -> None:
         """``scale`` is of the width of lines."""
@@ -52,13 +52,13 @@ class PathDrawing:
 
     @property
     def moving(self) -> list[Artist]:
-        """What changes with time."""
+        """Artists that change with time."""
         return [*self._lines.values(), *self._dots.values()]
 
     def show(self, t: float) -> None:
         """Everything up to ``t`` [s]."""
-        run, n, now = self._run, self._run.manifold.size, self._run.look(t)
-        recent = run.look(t - RECENT)
+        run, n, now = self._run, self._run.manifold.size, self._run.index(t)
+        recent = run.index(t - RECENT)
         self._draw("past", run.log.x[_thinned(0, recent), :n])
         self._draw("truth", run.log.x[_thinned(recent, now), :n])
         self._mark("truth", run.log.x[now, :n])
@@ -67,13 +67,13 @@ class PathDrawing:
             self._draw("estimate", np.empty((0, n)))
             self._draw("geodesic", np.empty((0, n)))
         else:
-            said = [j for j in _thinned(first, k) if run.errors.found[j] > 0.0]
-            self._draw("estimate", np.array([run.drawn(j) for j in said]))
+            known = [j for j in _thinned(first, k) if run.errors.found[j] > 0.0]
+            self._draw("estimate", np.array([run.drawn(j) for j in known]))
             self._draw("geodesic", np.array([run.towards(k, float(s)) for s in np.linspace(0.0, 1.0, ON_GEODESIC)]))
         self._mark("estimate", None if k < 0 else run.drawn(k))
-        asked = [p for s in np.linspace(max(t - RECENT, 0.0), t, 60) if (p := run.reference(float(s))) is not None]
-        self._draw("reference", np.array(asked).reshape(-1, n))
-        self._mark("reference", asked[-1] if asked else None)
+        targets = [p for s in np.linspace(max(t - RECENT, 0.0), t, 60) if (p := run.reference(float(s))) is not None]
+        self._draw("reference", np.array(targets).reshape(-1, n))
+        self._mark("reference", targets[-1] if targets else None)
 
     def _draw(self, name: str, points: Array) -> None:
         place, is_near = self._chart.project(points)
@@ -92,7 +92,7 @@ class PathDrawing:
 
 
 def _thinned(first: int, last: int) -> list[int]:
-    """From the first of two indices to the last one, not too many."""
+    """Indices from the first to the last one, not too many."""
     count = min(last - first + 1, MOST_POINTS)
     chosen: list[int] = np.unique(np.linspace(first, last, max(count, 1)).astype(int)).tolist()
     return chosen

@@ -1,49 +1,40 @@
-"""A run of Paper D on one page: whether the velocity was found, pictures of it, errors and signals over time."""
+"""A run of a Lagrangian system on one page: whether the velocity was found, pictures, errors and signals over time."""
 
 from __future__ import annotations
 
 from mathnavi.renders import page
-from mathnavi.renders.figures import events_figure
 from mathnavi.renders.lagrangian import figures
-from mathnavi.renders.lagrangian.caption import subject
+from mathnavi.renders.lagrangian.overlay import subject
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.storyboard import amount, highlight, is_good, verdict
-from mathnavi.renders.page import Markup, quantity
-from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards, why
+from mathnavi.renders.lagrangian.shot_list import amount, highlight, is_good, verdict
+from mathnavi.renders.page import Drawn, Markup, quantity
+from mathnavi.renders.report import Headline, event_figures, run_page, still_block, why
 
 
 def report(run: LagrangianRun) -> Markup:
     """The report's HTML."""
     config = run.log.config
     title = f"{config['scenario']}, {run.space or run.mechanism}, seed {config['seed']}"
-    return page.document(
-        title,
-        *_headline(run, title),
-        *_pictures(run),
-        page.section("Errors", *_errors(run)),
-        page.section("Summary", summary_cards(run.log.summary)),
-        page.section("Signals", *_signals(run)),
-        page.section("Events", events_card(run.log.events)),
-        page.section("Do it again", *again(run.directory, config)),
-        page.footer(rest(run.log.summary)),
-    )
+    errors = page.section("Errors", *page.figure_blocks(_errors(run)))
+    signals = page.section("Signals", *page.figure_blocks(_signals(run)))
+    return run_page(run, _headline(run, title), (*_pictures(run), errors), (signals,))
 
 
-def _headline(run: LagrangianRun, title: str) -> tuple[Markup, Markup]:
+def _headline(run: LagrangianRun, title: str) -> Headline:
     summary, unit = run.log.summary, run.unit
     tiles: dict[str, object] = {
         f"velocity error, RMS once settled (allowed {run.tolerance:g})": _measured(summary.get("velocity_rms"), unit),
-        "at the end": _measured(float(run.off[-1]), unit),
+        "at the end": _measured(float(run.velocity_error[-1]), unit),
     }
     if run.has_begun_wrong:
-        tiles["at the start"] = _measured(float(run.off[0]), unit)
+        tiles["at the start"] = _measured(float(run.velocity_error[0]), unit)
         tiles["found to one percent after"] = quantity("found_from_s", summary.get("found_from_s"))
     if "attitude_rms_rad" in summary:
         tiles["angle to the reference, RMS once settled"] = quantity("attitude_rms_rad", summary["attitude_rms_rad"])
         tiles["settled on the reference after"] = quantity("settled_at_s", summary.get("settled_at_s"))
-    said = verdict(run)
-    told = f"{said[0].upper()}{said[1:]}{why(summary)}. What moves: {subject(run)}."
-    return page.heading(title, told, is_good(run)), page.tiles(tiles)
+    ending = verdict(run)
+    sentence = f"{ending[0].upper()}{ending[1:]}{why(summary)}. What moves: {subject(run)}."
+    return Headline(title, sentence, is_good(run), tiles)
 
 
 def _measured(value: float | None, unit: str) -> str:
@@ -67,29 +58,25 @@ def _pictures(run: LagrangianRun) -> list[Markup]:
     return blocks
 
 
-def _errors(run: LagrangianRun) -> list[Markup]:
+def _errors(run: LagrangianRun) -> list[Drawn]:
     words = "Each component of the velocity, true and estimated."
-    blocks = [page.figure_block(figures.velocity_figure(run), "velocity", words)]
+    drawn = [("velocity", figures.velocity_figure(run), words)]
     words = "The error of the velocity, moved in parallel to where the system is, its components, and the distance."
     if run.space == "body":
         words += " The distance of attitudes is half the angle between them."
-    blocks.append(page.figure_block(figures.errors_figure(run), "errors", words))
+    drawn.append(("errors", figures.errors_figure(run), words))
     B = run.lyapunov_gain
     if B is not None:
         words = (
             f"V = |Δv|²/2 + B S and W = |Δv|²/2 + 3/2 B |s|² − √B ⟨s, Δv⟩ with B = {B:g} 1/s²: with constant gains it "
             "is W that shows that the velocity converges too."
         )
-        blocks.append(page.figure_block(figures.lyapunov_figure(run, B), "lyapunov", words))
-    return blocks
+        drawn.append(("lyapunov", figures.lyapunov_figure(run, B), words))
+    return drawn
 
 
-def _signals(run: LagrangianRun) -> list[Markup]:
+def _signals(run: LagrangianRun) -> list[Drawn]:
     words = "What acted on it"
     if run.innovation is not None:
-        words += ", and the distance between each reading and what was predicted of it"
-    blocks = [page.figure_block(figures.signals_figure(run), "signals", f"{words}.")]
-    if run.log.events:
-        drawn = events_figure(run.log.events, run.duration)
-        blocks.append(page.figure_block(drawn, "events", "The times at which each kind of event happened."))
-    return blocks
+        words += ", and the distance between each reading and its prediction"
+    return [("signals", figures.signals_figure(run), f"{words}."), *event_figures(run, run.duration)]

@@ -1,4 +1,4 @@
-"""A run of Paper D as pictures need it: where the system was, where it is believed to be, and both velocities."""
+"""A run of a Lagrangian system as pictures need it: true and estimated positions and velocities."""
 
 from __future__ import annotations
 
@@ -19,13 +19,15 @@ from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.models.mechanism.system import heavier
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.renders.logged_run import LoggedRun
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.lagrangian import VelocityErrors
-from mathnavi.sim.records.run_log import LoggedRun, RunLog, last_at, read_log
+from mathnavi.sim.records.run_folder import RunLog, last_at, read_log
 
 REACH = 0.5  # [rad, m] that an error of the position, the largest or a usual one, is drawn as, at most
 USUAL = 0.9  # share of the errors of a mechanism that are not larger than that
-MOST_LOOKED_AT = 2000  # estimates among which that is looked for
+MOST_EXAMINED = 2000  # estimates that are examined for that
 SPACES: dict[str, Manifold] = {"body": Attitude(), "sphere": sphere(3), "hyperbolic-plane": hyperbolic_space(2)}
 
 
@@ -41,11 +43,11 @@ class LagrangianRun(LoggedRun):
     tolerance: float  # of the velocity [rad/s, m/s, 1/s]
     t_estimate: Array  # (m,) [s]
     estimate: Array  # (m, nx)
-    innovation: Array | None  # (m,) distance between a reading and what was predicted of it; NaN before the first
+    innovation: Array | None  # (m,) distance between a reading and its prediction; NaN before the first
 
     @property
     def diverged(self) -> bool:
-        """Whether the run ended early, because the state was no longer finite."""
+        """True if the run ended early, because the state was no longer finite."""
         return self.duration < float(self.log.config["fields"]["duration"]) - TIME_TOLERANCE
 
     @cached_property
@@ -56,15 +58,15 @@ class LagrangianRun(LoggedRun):
 
     @cached_property
     def errors(self) -> VelocityErrors:
-        """Of all estimates."""
-        said = np.array([self.log.status(float(t)) is not Status.INITIALISING for t in self.t_estimate])
+        """Errors of all estimates."""
+        initialised = np.array([self.log.status(float(t)) is not Status.INITIALISING for t in self.t_estimate])
         return VelocityErrors.between(
-            self.t_estimate, self.truth, self.estimate, said.astype(np.float64), self.manifold
+            self.t_estimate, self.truth, self.estimate, initialised.astype(np.float64), self.manifold
         )
 
     @cached_property
-    def off(self) -> Array:
-        """(m,) the length of the components of the velocity error, in their units."""
+    def velocity_error(self) -> Array:
+        """(m,) norm of the components of the velocity error, in their units."""
         lengths: Array = np.linalg.norm(self.errors.components, axis=1)
         return lengths
 
@@ -86,20 +88,20 @@ class LagrangianRun(LoggedRun):
 
     @property
     def unit(self) -> str:
-        """Of velocities; of a mechanism with joints of two kinds, both."""
+        """Unit of velocities; of a mechanism with joints of two kinds, both."""
         units = dict.fromkeys(name.partition("[")[2].rstrip("]") for name in self.velocity_names)
         return ", ".join(units)
 
     @property
     def has_begun_wrong(self) -> bool:
-        """Whether the first estimate of the velocity was further off than the run may be."""
-        return bool(self.off[0] > self.tolerance)
+        """True if the first estimate of the velocity had a larger error than is allowed."""
+        return bool(self.velocity_error[0] > self.tolerance)
 
     @property
     def found_from(self) -> float | None:
         """[s] from when on the velocity is known to one percent of that at the start; None where that is at rest."""
-        told = self.log.summary.get("found_from_s")
-        return None if told is None else float(told)
+        found = self.log.summary.get("found_from_s")
+        return None if found is None else float(found)
 
     @cached_property
     def lyapunov_gain(self) -> float | None:
@@ -111,9 +113,9 @@ class LagrangianRun(LoggedRun):
 
     @cached_property
     def magnification(self) -> float:
-        """By how much the errors of the position are drawn larger than they are: 1, 2, 5, 10 and so on."""
-        looked_at = np.unique(np.linspace(0, len(self.t_estimate) - 1, MOST_LOOKED_AT).astype(int))
-        sizes = [float(np.abs(c).max()) for k in looked_at if self.errors.found[k] and (c := self.apart(k)) is not None]
+        """Factor by which errors of the position are drawn larger than they are: 1, 2, 5, 10 and so on."""
+        examined = np.unique(np.linspace(0, len(self.t_estimate) - 1, MOST_EXAMINED).astype(int))
+        sizes = [float(np.abs(c).max()) for k in examined if self.errors.found[k] and (c := self.apart(k)) is not None]
         # Of a mechanism found at rest even the largest error is small, and most are much smaller than that.
         share = USUAL if self.space is None and not self.has_begun_wrong else 1.0
         largest = float(np.quantile(sizes, share)) if sizes else 0.0
@@ -122,18 +124,14 @@ class LagrangianRun(LoggedRun):
         power = 10.0 ** math.floor(math.log10(REACH / largest))
         return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= REACH / largest)
 
-    def look(self, t: float) -> int:
-        """The last look at or before ``t`` [s]."""
-        return max(last_at(self.t, t), 0)
-
     def belief(self, t: float) -> int:
-        """Which estimate is the newest at ``t`` [s]; -1 where there is none, or none that knows anything."""
+        """Index of the newest estimate at ``t`` [s]; -1 where there is none, or none that knows anything."""
         k = last_at(self.t_estimate, t)
         return k if k >= 0 and self.errors.found[k] > 0.0 else -1
 
     def position(self, t: float) -> Array:
         """(size,) at ``t`` [s]."""
-        x: Array = self.log.x[self.look(t), : self.manifold.size]
+        x: Array = self.log.x[self.index(t), : self.manifold.size]
         return x
 
     def apart(self, k: int) -> Array | None:
@@ -168,14 +166,14 @@ class LagrangianRun(LoggedRun):
 
 
 def load_run(directory: str | Path) -> LagrangianRun:
-    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory, may_diverge=True)
-    with np.load(log.directory / "log.npz", allow_pickle=False) as archive:
-        arrays = {name: archive[name] for name in archive.files if name.startswith("estimate.")}
     try:
-        return _described(log, log.config["mission"], arrays)
+        return _described(log, log.config["mission"], log.arrays)
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{str(log.directory)!r} does not hold the run of a Lagrangian system: {error!r}") from None
+        raise RunFolderError(
+            f"{str(log.directory)!r} does not hold the run of a Lagrangian system: {error!r}"
+        ) from None
 
 
 def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Array]) -> LagrangianRun:
@@ -191,6 +189,6 @@ def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Arr
     t, x = arrays["estimate.t"][seen], arrays["estimate.x"][seen]
     size = manifold.size + manifold.vector_size
     if not (len(states) == log.x.shape[1] == size and x.shape == (len(t), size) and len(t)):
-        raise ValueError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states {states}")
+        raise RunFolderError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states {states}")
     innovation = arrays["estimate.innovation"][seen, 0] if "estimate.innovation" in arrays else None
     return LagrangianRun(log, manifold, space, mechanism, states, inputs, float(mission["tolerance"]), t, x, innovation)

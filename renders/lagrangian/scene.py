@@ -15,11 +15,11 @@ import mujoco
 import numpy as np
 
 from mathnavi.models.mechanism.entity import build_spec
-from mathnavi.renders.caption import Label
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.storyboard import RECENT
+from mathnavi.renders.lagrangian.shot_list import RECENT
 from mathnavi.renders.lagrangian.views import AZIMUTH, ELEVATION, azimuth
+from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.stage import Optics, Stage, Staged
 from mathnavi.sim.interfaces.signals import Array
@@ -32,7 +32,7 @@ SAMPLES = 60  # of the run, for what moves to be in the picture
 MERGED, FAINT, SHOWN = 0.25, 0.08, 0.42  # drawn error at which a ghost is clear; opacity merged and clear
 REFERENCE_SHOWN = 0.30  # likewise; where a body is on its reference, that is not seen
 ARROW, TURNING = 0.42, 0.62  # of the size of the scene: the fastest velocity, of the tip or of a body that turns
-THICK, THIN = 0.020, 0.010  # of it: radii of the arrows
+THICK, THIN = 0.020, 0.010  # of the size of the scene: radii of the arrows
 HULL = 1.08  # of a ghost: how much larger it is, so that where it lies on the truth it is a hull around it
 PATH_POINTS = 160
 PATH_WIDTH = 3.2  # [pixels] at a picture 720 pixels high
@@ -41,7 +41,7 @@ NOSE = (0.26, 0.0, 0.0)  # [m] of the rigid body
 TIP = 0.9  # of the distance of the farthest geom of the last body, beyond which geoms are its tip
 
 
-class Scene(Staged):
+class MechanismScene(Staged):
     """A context manager, see ``Staged``."""
 
     def __init__(self, run: LagrangianRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
@@ -68,7 +68,7 @@ class Scene(Staged):
         )
         self._size = float(np.ptp(points, axis=0).max())
         speeds = [
-            np.linalg.norm(self._velocity_of(run.log.x[run.look(t)])) for t in np.linspace(0.0, run.duration, 400)
+            np.linalg.norm(self._velocity_of(run.log.x[run.index(t)])) for t in np.linspace(0.0, run.duration, 400)
         ]
         self._scale = (TURNING if self._is_ball else ARROW) * self._size / max(float(np.max(speeds)), 1e-9)
 
@@ -98,13 +98,13 @@ class Scene(Staged):
     def _picture(self, t: float, *, shadows: bool, ghosts: bool) -> Picture:
         self.stage.begin(fog=False, shadows=shadows)
         self._add_path(t)
-        self._add_arrow(self.run.log.x[self.run.look(t)], SceneElement.TRUE_VELOCITY, THIN, 1.0)
+        self._add_arrow(self.run.log.x[self.run.index(t)], SceneElement.TRUE_VELOCITY, THIN, 1.0)
         if ghosts:
             self._add_ghosts(t)
         return self.stage.end(sky=False)
 
     def _add_ghosts(self, t: float) -> None:
-        """Of the reference and of the estimate, with the velocity that it has found."""
+        """Add ghosts of the reference and of the estimate, with the estimated velocity."""
         run = self.run
         if (reference := run.reference(t)) is not None:
             apart = float(run.manifold.distance(run.position(t), reference))
@@ -119,7 +119,7 @@ class Scene(Staged):
                 self._add_arrow(found, SceneElement.FOUND_VELOCITY, THICK, 0.45)
 
     def _light(self, spec: Any) -> None:
-        """From where it comes to the camera that looks at a mechanism: what is near the ends of shadows flickers."""
+        """Turn the lights with the camera of a mechanism: what is near the ends of shadows flickers."""
         turn = math.radians(azimuth(self.run) - AZIMUTH)
         c, s = math.cos(turn), math.sin(turn)
         rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -130,7 +130,7 @@ class Scene(Staged):
     # ---- what is added
 
     def _add_ghost(self, position: Array, part: SceneElement, opacity: float) -> None:
-        """What moves once more, at a position (nq,)."""
+        """Add a copy of what moves, at a position (nq,)."""
         data = self._ghost
         data.qpos[:] = position
         mujoco.mj_kinematics(self.model, data)
@@ -141,13 +141,13 @@ class Scene(Staged):
             self.stage.copy(geoms, rotation, shift, (*COLOURS[part], opacity), HULL)
 
     def _add_arrow(self, state: Array, part: SceneElement, radius: float, opacity: float) -> None:
-        """Of the velocity in a state (nq + nv,)."""
+        """Add an arrow for the velocity in a state (nq + nv,)."""
         velocity = self._velocity_of(state)
         start = self._ghost.xpos[self._last] if self._is_ball else self._place()
         self.stage.arrow(start, start + self._scale * velocity, radius * self._size, COLOURS[part], opacity)
 
     def _add_path(self, t: float) -> None:
-        """Where the tip has been lately."""
+        """Add the recent path of the tip."""
         times = np.linspace(max(t - RECENT, 0.0), t, PATH_POINTS)
         places = []
         for s in times:
@@ -184,8 +184,8 @@ class Scene(Staged):
         places = self.model.geom_pos[list(self._geoms[self._last])]
         if not len(places):
             return np.zeros(3)
-        away = np.linalg.norm(places, axis=1)
-        middle: Array = places[away >= TIP * away.max()].mean(axis=0)
+        distance = np.linalg.norm(places, axis=1)
+        middle: Array = places[distance >= TIP * distance.max()].mean(axis=0)
         return middle
 
     def places(self, position: Array) -> Array:

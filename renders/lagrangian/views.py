@@ -1,4 +1,4 @@
-"""From which side a run of Paper D is looked at, and which chart its space has."""
+"""Direction from which a run of a Lagrangian system is seen, and the chart of its space."""
 
 from __future__ import annotations
 

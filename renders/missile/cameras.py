@@ -1,4 +1,4 @@
-"""From where a missile is filmed: from beside it, from the side of its whole path, from beside its target.
+"""Views of a missile: from beside it, from the side of its whole path, from beside its target.
 
 Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
@@ -34,13 +34,13 @@ def chase_view(run: MissileRun, t: float, turn: float) -> View:
 def target_view(run: MissileRun, t: float) -> View:
     """Beside the target, with it and the missile in the picture: the camera comes nearer as the missile does."""
     tall = 2.0 * math.tan(math.radians(OPTICS["target"].field_of_view) / 2.0) * TARGET_SHARE
-    distance = max(run.away(t) / tall, TARGET_DISTANCE)
+    distance = max(run.distance(t) / tall, TARGET_DISTANCE)
     lookat = 0.5 * (run.target_at(t) + run.place(t)) + np.array([0.0, 0.0, 2.0])
     return View(lookat, distance, TARGET_AZIMUTH, TARGET_ELEVATION)
 
 
 def side_view(run: MissileRun, aspect: float) -> View:
-    """From the side, so that path and target fill the free part of a picture of that width over height."""
+    """View from the side, so that path and target fill the free part of a picture of that width over height."""
     ends = np.array([run.target_at(t) for t in (0.0, run.duration)])
     points = np.vstack([run.path, ends, *(run.plan_ahead(plan.t_start, 40) for plan in run.log.plans[:1])])
     low, high = points.min(axis=0), points.max(axis=0)

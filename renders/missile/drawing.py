@@ -1,32 +1,21 @@
-"""How missiles are drawn (``mathnavi.renders.drawing``)."""
+"""Drawing of missiles (``mathnavi.renders.drawing``)."""
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING
+from mathnavi.renders.drawing import Drawing
+from mathnavi.renders.missile.overlay import overlay
+from mathnavi.renders.missile.run_data import load_run
+from mathnavi.renders.missile.shot_list import CAMERAS, TURN, annotations_of, highlight, shot_list
+from mathnavi.renders.painter import SceneDrawing
 
-from mathnavi.renders.missile.caption import words
-from mathnavi.renders.missile.run_data import MissileRun, load_run
-from mathnavi.renders.missile.storyboard import CAMERAS, highlight, notices, storyboard
-from mathnavi.renders.painter import Painter, painting
-
-if TYPE_CHECKING:
-    from mathnavi.renders.page import Markup
-
-__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
-
-cameras, still_camera = CAMERAS, "side"
-
-
-def painter(run: MissileRun, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
-    """What draws the frames of a run; OpenGL's backend must have been chosen."""
-    from mathnavi.renders.missile.scene import Scene  # imports mujoco
-
-    return painting(Scene, words, run, width, height, samples)
-
-
-def report(run: MissileRun) -> Markup:
-    """The run on one page."""
-    from mathnavi.renders.missile.report import report  # imports matplotlib
-
-    return report(run)
+drawing = Drawing(
+    cameras=CAMERAS,
+    still_camera="side",
+    load_run=load_run,
+    shot_list=shot_list,
+    highlight=highlight,
+    annotations=annotations_of,
+    painter=SceneDrawing("mathnavi.renders.missile.scene:MissileScene", overlay, annotations_of),
+    report="mathnavi.renders.missile.report:report",
+    turn=TURN,
+)

@@ -109,7 +109,7 @@ def states_figure(run: MissileRun) -> Figure:
 
 
 def inputs_figure(run: MissileRun) -> Figure:
-    """What the thrusters were asked for, what the plan says, and the limits where they are near."""
+    """Commands of the thrusters, inputs of the plan, and the limits where they are near."""
     with matplotlib.rc_context(STYLE):
         coordinates = run.coordinates
         figure = canvas(9.4, 1.45 * coordinates.input_size + 0.4)
@@ -182,15 +182,15 @@ def approach_figure(run: MissileRun) -> Figure:
 
 
 def _draw_distance(axes: Axes, run: MissileRun) -> None:
-    """The distance to the target at the looks and, between two of them, where it is least."""
+    """The distance to the target at the samples and, between two of them, where it is least."""
     end = run.approach
-    away = np.linalg.norm(run.path - run.target.at(run.t) * TO_WORLD, axis=1)
+    distance = np.linalg.norm(run.path - run.target.at(run.t) * TO_WORLD, axis=1)
     k = int(np.searchsorted(run.t, end.t))
-    t, away = np.insert(run.t, k, end.t) - end.t, np.insert(away, k, end.miss)
+    t, distance = np.insert(run.t, k, end.t) - end.t, np.insert(distance, k, end.miss)
     limit = CLOSE_BY * max(run.miss_allowed, end.miss)
-    far = np.flatnonzero(away[: k + 1] > limit)
+    far = np.flatnonzero(distance[: k + 1] > limit)
     begin = float(t[far[-1]]) if len(far) else float(t[0])
-    axes.plot(t, away, color=FLOWN)
+    axes.plot(t, distance, color=FLOWN)
     axes.plot(0.0, end.miss, "o", color=INK, ms=4, clip_on=False)
     axes.axhline(run.miss_allowed, color=BOUND, ls=":", lw=1.1)
     axes.annotate(f"a hit: {run.miss_allowed:g} m", (0.0, run.miss_allowed), (4, 4),

@@ -5,32 +5,24 @@ from __future__ import annotations
 import math
 
 from mathnavi.renders import page
-from mathnavi.renders.figures import cost_figure, events_figure, solve_figure
+from mathnavi.renders.figures import cost_figure
 from mathnavi.renders.missile import figures
 from mathnavi.renders.missile.run_data import MissileRun
-from mathnavi.renders.missile.storyboard import highlight, verdict
-from mathnavi.renders.page import Markup, quantity
-from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards, why
+from mathnavi.renders.missile.shot_list import highlight, verdict
+from mathnavi.renders.page import Drawn, Markup, quantity
+from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
 
 
 def report(run: MissileRun) -> Markup:
     """The report's HTML."""
     case = run.log.config["mission"]["case"]["name"]
     title = f"{run.log.config['scenario']}, case {case}, seed {run.log.config['seed']}"
-    return page.document(
-        title,
-        *_headline(run, title),
-        page.section("The path", page.figure_block(figures.path_figure(run), "path", _path_words(run))),
-        *_pictures(run),
-        page.section("Summary", summary_cards(run.log.summary)),
-        page.section("The flight", *_figures(run)),
-        page.section("Events", events_card(run.log.events)),
-        page.section("Do it again", *again(run.directory, run.log.config)),
-        page.footer(rest(run.log.summary)),
-    )
+    path = page.section("The path", page.figure_block(figures.path_figure(run), "path", _path_caption(run)))
+    flight = page.section("The flight", *page.figure_blocks(_figures(run)))
+    return run_page(run, _headline(run, title), (path, *_pictures(run)), (flight,))
 
 
-def _headline(run: MissileRun, title: str) -> tuple[Markup, Markup]:
+def _headline(run: MissileRun, title: str) -> Headline:
     summary, mission = run.log.summary, run.log.config["mission"]
     aspect, allowed = summary.get("aspect_error_deg"), float(mission["aspect_allowed"])
     hit = run.approach.miss <= run.miss_allowed
@@ -45,10 +37,10 @@ def _headline(run: MissileRun, title: str) -> tuple[Markup, Markup]:
         ),
         f"cost (planned {page.number(summary.get('planned_cost'))})": page.number(summary.get("cost")),
     }
-    return page.heading(title, f"The missile {verdict(run)}, {turned}{why(summary)}.", good), page.tiles(tiles)
+    return Headline(title, f"The missile {verdict(run)}, {turned}{why(summary)}.", good, tiles)
 
 
-def _path_words(run: MissileRun) -> str:
+def _path_caption(run: MissileRun) -> str:
     words = "The path flown, a quarter of a second of its velocity at dots of equal times, and the first plan."
     moves = any(any(leg.velocity) for leg in run.target.legs)
     return f"{words} The target moves; the plan is made again on the way." if moves else words
@@ -68,7 +60,7 @@ def _pictures(run: MissileRun) -> list[Markup]:
     ]  # fmt: skip
 
 
-def _figures(run: MissileRun) -> list[Markup]:
+def _figures(run: MissileRun) -> list[Drawn]:
     log = run.log
     end = f"The last metres: the missile passes {quantity('miss_m', run.approach.miss)} from the target's middle."
     drawn = [
@@ -80,9 +72,4 @@ def _figures(run: MissileRun) -> list[Markup]:
     if log.plans:
         cost = cost_figure(log.plans, log.adopted, run.duration)
         drawn.append(("cost", cost, "The objective of the plan being flown, from its start to the target, over time."))
-    if log.summary.get("solve_ms_mean") is not None:
-        drawn.append(("solve", solve_figure(log.summary), "Thread CPU time of one optimisation."))
-    if log.events:
-        events = events_figure(log.events, run.duration)
-        drawn.append(("events", events, "The times at which each kind of event happened."))
-    return [page.figure_block(figure, name, alt) for name, figure, alt in drawn]
+    return [*drawn, *solve_figures(log.summary), *event_figures(run, run.duration)]

@@ -14,9 +14,11 @@ from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL
 from mathnavi.models.missile.mission import Target
 from mathnavi.models.missile.target import TargetMotion
-from mathnavi.sim.interfaces.signals import Array, Plan
+from mathnavi.renders.logged_run import LoggedRun
+from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.missile import Approach, attack_angles, closest_approach, references
-from mathnavi.sim.records.run_log import LoggedRun, RunLog, last_at, read_log
+from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, RunLog, read_log
 
 TO_WORLD = np.array([1.0, -1.0, -1.0])  # from the Earth frame, whose z is down, and back
 
@@ -49,7 +51,7 @@ class MissileRun(LoggedRun):
 
     @cached_property
     def u(self) -> Array:
-        """(n, nu) what the thrusters were asked for, within their limits."""
+        """(n, nu) the commands of the thrusters, within their limits."""
         return np.clip(self.log.u, -self.input_max, self.input_max)
 
     @cached_property
@@ -71,28 +73,16 @@ class MissileRun(LoggedRun):
 
     @cached_property
     def approach(self) -> Approach:
-        """Where it came nearest to the target."""
+        """Time and distance of the closest approach to the target."""
         return closest_approach(self.t, self.log.x, self.coordinates, self.target)
 
-    def index(self, t: float) -> int:
-        """The last look at or before ``t`` [s]."""
-        return max(last_at(self.t, t), 0)
-
     def joints(self, t: float) -> Array:
-        """(nx,) MuJoCo's joint coordinates and rates at ``t`` [s], linear between looks."""
-        i = min(self.index(t), len(self.t) - 2)
-        share = float(np.clip((t - self.t[i]) / (self.t[i + 1] - self.t[i]), 0.0, 1.0))
-        between: Array = (1.0 - share) * self.log.x[i] + share * self.log.x[i + 1]
-        return between
+        """(nx,) MuJoCo's joint coordinates and rates at ``t`` [s], linear between samples."""
+        return self.interpolated(self.log.x, t)
 
     def place(self, t: float) -> Array:
-        """(3,) [m] world frame: the missile at ``t`` [s], linear between looks."""
+        """(3,) [m] world frame: the missile at ``t`` [s], linear between samples."""
         return _world(self.coordinates.place(self.coordinates.from_joints(self.joints(t))))
-
-    def plan(self, t: float) -> Plan | None:
-        """The plan being flown at ``t`` [s]; None before the first."""
-        i = last_at(self.log.adopted, t)
-        return self.log.plans[i] if i >= 0 else None
 
     def plan_ahead(self, t: float, points: int) -> Array:
         """(points, 3) [m] world frame: what is left of the plan being flown at ``t`` [s]; (0, 3) if nothing is.
@@ -110,7 +100,7 @@ class MissileRun(LoggedRun):
         """(3,) [m] world frame."""
         return _world(self.target.at(t))
 
-    def away(self, t: float) -> float:
+    def distance(self, t: float) -> float:
         """[m] between the missile and its target at ``t`` [s]."""
         return float(np.linalg.norm(self.place(t) - self.target_at(t)))
 
@@ -120,16 +110,16 @@ class MissileRun(LoggedRun):
 
 
 def load_run(directory: str | Path) -> MissileRun:
-    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory)
     try:
         run = _described(log, log.config["mission"])
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{str(log.directory / 'config.json')!r} does not describe a missile: {error!r}") from None
+        raise RunFolderError(f"{str(log.directory / CONFIG)!r} does not describe a missile: {error!r}") from None
     sizes = run.coordinates.state_size, run.coordinates.input_size
     if (log.x.shape[1], log.u.shape[1]) != sizes:
-        raise ValueError(
-            f"{str(log.directory / 'log.npz')!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of "
+        raise RunFolderError(
+            f"{str(log.directory / ARRAYS)!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of "
             f"{run.coordinates.name} flight, (n, {sizes[0]}) and (n, {sizes[1]})"
         )
     return run

@@ -15,11 +15,11 @@ import mujoco
 import numpy as np
 
 from mathnavi.models.missile.entity import build_spec
-from mathnavi.renders.caption import Label
 from mathnavi.renders.missile.cameras import OPTICS, chase_view, side_view, target_view
 from mathnavi.renders.missile.ground import PIXELS, TILE, ground_picture
 from mathnavi.renders.missile.run_data import TO_WORLD, MissileRun
-from mathnavi.renders.missile.storyboard import TO_SCALE
+from mathnavi.renders.missile.shot_list import TO_SCALE
+from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.stage import HORIZON, NADIR, Stage, Staged
 from mathnavi.sim.interfaces.signals import Array
@@ -36,13 +36,13 @@ PLUME = 0.8  # [m] at a thrust of m g; it grows with the square root
 LONGEST_PLUME = 3.2  # [m]
 NOSE, TAIL = 1.1, -1.85  # [m] along X_b: where plumes leave
 PLAN_POINTS = 90
-NEAR = 60  # looks back up to which the path flown is drawn through each
+NEAR = 60  # samples back up to which the path flown is drawn through each
 MINUTE = {"chase": 3.0, "side": 3.2, "target": 3.4}  # [pixels] width of lines at a picture 720 pixels high
 RULER = 50.0  # [m] of height between the lines in the side view
 FLAME, CORE = (1.0, 0.42, 0.05), (1.0, 0.88, 0.55)
 
 
-class Scene(Staged):
+class MissileScene(Staged):
     """A context manager, see ``Staged``."""
 
     def __init__(self, run: MissileRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
@@ -94,7 +94,7 @@ class Scene(Staged):
             named += [(f"{x:.0f} m", np.array([x, 0.0, 0.0]), True) for x in steps if len(steps) < 16]
             named.append((SceneElement.TARGET.value, target + np.array([SIDE_RINGS * TARGET_RADIUS, 0.0, 0.0]), False))
             clear = here[0] - left > 0.1 * (right - left)  # of the numbers at the left ends of the lines
-            if clear and run.away(t) > 0.5 * RULER:
+            if clear and run.distance(t) > 0.5 * RULER:
                 named.append((f"{here[2]:.0f} m", here + _up(0.5 * self._scale(camera, t) * SPAN), False))
         if camera == "chase":
             lift = 26.0 * unit * float(self.stage.metres_per_pixel(target[None])[0])
@@ -110,10 +110,10 @@ class Scene(Staged):
         ]  # fmt: skip
 
     def _scale(self, camera: str, t: float) -> float:
-        """How much larger than it is the missile is drawn."""
+        """Factor by which the missile is drawn larger than it is."""
         if camera == "side":
             return SIDE_SPAN * 2.0 * self._side.distance * self.stage.tangent() / SPAN
-        return 1.0 if camera == "chase" else max(1.0, self.run.away(t) / TO_SCALE)
+        return 1.0 if camera == "chase" else max(1.0, self.run.distance(t) / TO_SCALE)
 
     # ---- what is added
 
@@ -132,11 +132,11 @@ class Scene(Staged):
             if camera != "side":
                 ahead = ahead[np.linalg.norm(ahead - here, axis=1) > 2.4 * scale]
             self.stage.line(ahead, COLOURS[SceneElement.PLAN], width)
-        if camera == "side":  # a plumb line tells how high it is
+        if camera == "side":  # a plumb line shows how high it is
             self.stage.line(np.array([here * (1.0, 1.0, 0.0), here]), COLOURS[SceneElement.FLOWN], 1.2)
 
     def _add_target(self, t: float, camera: str) -> None:
-        """How the target has moved and is moving."""
+        """Add the path and the velocity of the target."""
         run, target, velocity = self.run, self.run.target_at(t), self.run.target_velocity(t)
         lift = _up(0.3)
         moved = [run.target_at(s) for s in np.linspace(0.0, t, 30)]

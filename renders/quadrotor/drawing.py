@@ -1,22 +1,21 @@
-"""How flights of quadrotors are drawn (``mathnavi.renders.drawing``)."""
+"""Drawing of flights of quadrotors (``mathnavi.renders.drawing``)."""
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from mathnavi.renders.drawing import Drawing
+from mathnavi.renders.painter import SceneDrawing
+from mathnavi.renders.quadrotor.overlay import overlay
+from mathnavi.renders.quadrotor.run_data import load_run
+from mathnavi.renders.quadrotor.shot_list import CAMERAS, TURN, annotations_of, highlight, shot_list
 
-from mathnavi.renders.painter import Painter, painting
-from mathnavi.renders.quadrotor.caption import words
-from mathnavi.renders.quadrotor.report import report
-from mathnavi.renders.quadrotor.run_data import QuadrotorRun, load_run
-from mathnavi.renders.quadrotor.storyboard import CAMERAS, highlight, notices, storyboard
-
-__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
-
-cameras, still_camera = CAMERAS, "chase"
-
-
-def painter(run: QuadrotorRun, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
-    """What draws the frames of a run; OpenGL's backend must have been chosen."""
-    from mathnavi.renders.quadrotor.scene import Scene  # imports mujoco
-
-    return painting(Scene, words, run, width, height, samples)
+drawing = Drawing(
+    cameras=CAMERAS,
+    still_camera="chase",
+    load_run=load_run,
+    shot_list=shot_list,
+    highlight=highlight,
+    annotations=annotations_of,
+    painter=SceneDrawing("mathnavi.renders.quadrotor.scene:QuadrotorScene", overlay, annotations_of),
+    report="mathnavi.renders.quadrotor.report:report",
+    turn=TURN,
+)

@@ -37,11 +37,11 @@ def clearance_figure(run: QuadrotorRun) -> Figure:
 
 
 def tracking_figure(run: QuadrotorRun) -> Figure:
-    """How far the centre is from the plan being flown, across and along the vertical, against what was certified."""
+    """Distance of the centre from the plan being flown, across and along the vertical, with the certified bound."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 3.9)
         panels = figure.subplots(2, 1, sharex=True)
-        for axes, off, name in zip(panels, run.off.T, run.bound, strict=True):
+        for axes, off, name in zip(panels, run.tracking_error.T, run.bound, strict=True):
             i = thinned(len(run.flight.t), int(np.argmax(np.nan_to_num(off))))
             axes.plot(run.flight.t[i], 100.0 * off[i], color=_LINE, lw=1.0)
             axes.axhline(100.0 * run.bound[name], color=BOUND, ls=":", lw=1.2)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.renders import figures, page
+from mathnavi.renders import page
 from mathnavi.renders.flight.figures import map_figure, profile_figure
 from mathnavi.renders.flight.run_data import plan_arcs
-from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.quadrotor.figures import clearance_figure, rotors_figure, tracking_figure
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
-from mathnavi.renders.quadrotor.storyboard import highlight
-from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards, why
+from mathnavi.renders.quadrotor.shot_list import highlight
+from mathnavi.renders.report import Headline, event_figures, run_page, solve_figures, still_block, why
 from mathnavi.renders.terrain_view import Track, script, terrain_view
 from mathnavi.sim.records.figure_names import SHORTFALL
 
@@ -21,22 +21,11 @@ PLAN_STEP = 0.2  # [s] between the points of a plan that is drawn
 
 def report(run: QuadrotorRun) -> Markup:
     """The report's HTML."""
-    flight = run.flight
-    return page.document(
-        flight.title,
-        *_headline(run),
-        _terrain(run),
-        *_pictures(run),
-        page.section("Summary", summary_cards(flight.summary)),
-        page.section("The flight", *_figures(run)),
-        page.section("Events", events_card(flight.events)),
-        page.section("Do it again", *again(flight.directory, flight.config)),
-        page.footer(rest(flight.summary)),
-        script=script(),
-    )
+    flight = page.section("The flight", *page.figure_blocks(_figures(run)))
+    return run_page(run.flight, _headline(run), (_terrain(run), *_pictures(run)), (flight,), script=script())
 
 
-def _headline(run: QuadrotorRun) -> tuple[Markup, Markup]:
+def _headline(run: QuadrotorRun) -> Headline:
     flight = run.flight
     summary, least = flight.summary, flight.mission.clearance_min
     arrived, clearance = bool(summary.get("arrived")), summary.get("min_clearance_m")
@@ -57,14 +46,14 @@ def _headline(run: QuadrotorRun) -> tuple[Markup, Markup]:
         "path flown": f"{flight.travelled[-1]:.0f} m",
     }
     good = arrived and safe and SHORTFALL not in summary
-    return page.heading(flight.title, f"The quadrotor {verdict}{why(summary)}.", good), page.tiles(tiles)
+    return Headline(flight.title, f"The quadrotor {verdict}{why(summary)}.", good, tiles)
 
 
 def _terrain(run: QuadrotorRun) -> Markup:
     flight = run.flight
     tracks = [Track(SceneElement.FLOWN.value, flight.x[:, :3], hexadecimal(COLOURS[SceneElement.FLOWN]))]
-    if flight.plans:
-        arcs = [points for _, points in plan_arcs(flight.plans[0], flight.plans[0].t_start, PLAN_STEP)]
+    if flight.log.plans:
+        arcs = [points for _, points in plan_arcs(flight.log.plans[0], flight.log.plans[0].t_start, PLAN_STEP)]
         colour = hexadecimal(COLOURS[SceneElement.COMPLETION])
         tracks.append(Track("first plan, to rest", np.vstack(arcs), colour, dashed=True))
     places = {SceneElement.START.value: flight.mission.start, SceneElement.TARGET.value: flight.mission.target}
@@ -87,7 +76,7 @@ def _pictures(run: QuadrotorRun) -> list[Markup]:
     ]  # fmt: skip
 
 
-def _figures(run: QuadrotorRun) -> list[Markup]:
+def _figures(run: QuadrotorRun) -> list[Drawn]:
     flight, summary = run.flight, run.flight.summary
     least = quantity("min_clearance_m", summary.get("min_clearance_m"))
     drawn = [
@@ -119,9 +108,4 @@ def _figures(run: QuadrotorRun) -> list[Markup]:
             "Tilt of the thrust, and the thrust asked of each rotor between nothing and its greatest.",
         ),
     ]
-    if summary.get("solve_ms_mean") is not None:
-        drawn.append(("solve", figures.solve_figure(summary), "Thread CPU time of one optimisation."))
-    if flight.events:
-        alt = "The times at which each kind of event happened."
-        drawn.append(("events", figures.events_figure(flight.events, flight.duration), alt))
-    return [page.figure_block(figure, name, alt) for name, figure, alt in drawn]
+    return [*drawn, *solve_figures(summary), *event_figures(flight, flight.duration)]

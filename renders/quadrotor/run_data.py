@@ -11,20 +11,21 @@ from pathlib import Path
 import numpy as np
 
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, ROTOR_COUNT, STATE_SIZE
-from mathnavi.renders.flight.run_data import RunData, flight_of
+from mathnavi.renders.flight.run_data import FlightRun, flight_of
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.flight import references
 from mathnavi.sim.metrics.quadrotor import point, tilts
-from mathnavi.sim.records.run_log import read_log
+from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, read_log
 
 
 @dataclass(frozen=True, eq=False)
 class QuadrotorRun:
     """The run of one quadrotor."""
 
-    flight: RunData  # of its centre; u is the acceleration that was flown, not one that was asked for
+    flight: FlightRun  # of its centre; u is the acceleration that was flown, not a command
     truth: Array  # (n, 13) states of mathnavi.models.quadrotor.dynamics
-    thrusts: Array  # (n, 4) [N] asked of the rotors, held over [t_i, t_i+1)
+    thrusts: Array  # (n, 4) [N] commanded of the rotors, held over [t_i, t_i+1)
     reach: float  # [m] from the centre to the farthest part of the vehicle
     thrust_max: float  # [N] of a rotor
     bound: Mapping[str, float]  # what the tracker keeps: horizontal, vertical [m]
@@ -49,37 +50,35 @@ class QuadrotorRun:
         return above
 
     @cached_property
-    def off(self) -> Array:
-        """(n, 2) [m] how far the centre is from the plan being flown, across and along the vertical."""
-        plans = list(zip(self.flight.adopted.tolist(), self.flight.plans, strict=True))
+    def tracking_error(self) -> Array:
+        """(n, 2) [m] distance of the centre from the plan being flown, across and along the vertical."""
+        plans = list(zip(self.flight.log.adopted.tolist(), self.flight.log.plans, strict=True))
         error = self.flight.x - references(self.flight.t, plans)
         return np.column_stack([np.hypot(error[:, 0], error[:, 1]), np.abs(error[:, 2])])
 
     def pose(self, t: float) -> tuple[Array, Array]:
-        """Position (3,) [m] and quaternion (4,) at ``t`` [s], linear between ticks."""
-        i = min(self.flight.index(t), len(self.flight.t) - 2)
-        times = self.flight.t[i : i + 2]
-        share = float(np.clip((t - times[0]) / (times[1] - times[0]), 0.0, 1.0))
+        """Position (3,) [m] and quaternion (4,) at ``t`` [s], linear between samples."""
+        i, share = self.flight.between(t)
         one, other = self.truth[i, ATTITUDE], self.truth[i + 1, ATTITUDE]
         between = (1.0 - share) * one + share * (other if one @ other >= 0.0 else -other)
         return self.flight.state(t)[:3], between / np.linalg.norm(between)
 
 
 def load_run(directory: str | Path) -> QuadrotorRun:
-    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory)
     if log.x.shape[1] != STATE_SIZE or log.u.shape[1] != ROTOR_COUNT:
-        raise ValueError(
-            f"{str(log.directory / 'log.npz')!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not "
+        raise RunFolderError(
+            f"{str(log.directory / ARRAYS)!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not "
             f"(n, {STATE_SIZE}) and (n, {ROTOR_COUNT})"
         )
     centre = point(log.x)
     flown = np.gradient(centre[:, 3:], log.t, axis=0)
     flight = flight_of(dataclasses.replace(log, x=centre, u=flown), lambda mission: mission)
     try:
-        told = log.config["mission"]
-        reach, most = float(told["reach"]), float(told["thrust_max"])
-        bound = {name: float(told["tracking_bound"][name]) for name in ("horizontal", "vertical")}
+        mission = log.config["mission"]
+        reach, most = float(mission["reach"]), float(mission["thrust_max"])
+        bound = {name: float(mission["tracking_bound"][name]) for name in ("horizontal", "vertical")}
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{str(log.directory / 'config.json')!r} does not describe a quadrotor: {error!r}") from None
+        raise RunFolderError(f"{str(log.directory / CONFIG)!r} does not describe a quadrotor: {error!r}") from None
     return QuadrotorRun(flight, log.x, log.u, reach, most, bound)

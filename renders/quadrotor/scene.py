@@ -22,6 +22,7 @@ from mathnavi.renders.flight.run_data import plan_arcs
 from mathnavi.renders.flight.scene import ChaseCamera, Following
 from mathnavi.renders.framing import Box, framing
 from mathnavi.renders.landscape import AIRFRAME, OPTICS, TRUE_WORLD, Airframe, add_airframe, landscape
+from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement, part_of
 from mathnavi.renders.quadrotor.inset import Inset
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
@@ -38,12 +39,12 @@ FREE = {"overview": Box(0.02, 0.98, 0.06, 0.98), "top": Box(0.03, 0.97, 0.03, 0.
 SPAN = 0.07  # of the picture's height: the airframe from afar
 WIDTH = {"chase": 3.4, "overview": 3.2, "top": 3.4}  # [pixels] of lines, at a picture 720 pixels high
 PIN = 34.0  # [pixels] likewise: height of the pins at start and target
-TRAIL, BEHIND = 2.0, 14.0  # [m] between points of the trail from afar; what of it is drawn finely beside the vehicle
+TRAIL, BEHIND = 2.0, 14.0  # [m] between points of the trail from afar; length that is drawn finely beside the vehicle
 _UP = np.array([0.0, 0.0, 1.0])
 LOW = 0.16  # [m] under the vehicle's centre the trail is drawn beside it, not through it
 
 
-class Scene(Staged):
+class QuadrotorScene(Staged):
     """A context manager, see ``Staged``."""
 
     def __init__(self, run: QuadrotorRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
@@ -77,8 +78,8 @@ class Scene(Staged):
         """(n, 3) column, row and depth [m] of map points (n, 3) in the picture drawn last; depth <= 0 is behind."""
         return self.stage.pixels(points)
 
-    def labels(self, t: float, camera: str) -> list[tuple[str, float, float]]:
-        """(text, column, row) of start and target, where they are in sight of the picture drawn last."""
+    def labels(self, t: float, camera: str) -> list[Label]:
+        """Names of start and target, where they are in sight of the picture drawn last."""
         found = []
         eye, _, _ = self.stage.eye()
         flight = self.run.flight
@@ -86,7 +87,7 @@ class Scene(Staged):
             if camera == "chase" and not flight.terrain.line_of_sight(eye, place):
                 continue
             up = PIN * self.stage.unit * float(self.stage.metres_per_pixel(place[None])[0])
-            found += [(part.value, *pixel) for pixel in self.stage.inside((place + up * _UP)[None]).tolist()]
+            found += [Label(part.value, *pixel) for pixel in self.stage.inside((place + up * _UP)[None]).tolist()]
         return found
 
     # ---- cameras

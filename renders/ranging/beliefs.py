@@ -1,4 +1,4 @@
-"""What an estimator of a robot with range sensors said, as a run's log has it."""
+"""Estimates, covariances and hypotheses of a robot with range sensors, from a run's log."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FADED = 20.0  # log-likelihood below the best at which a hypothesis is as good a
 
 @dataclass(frozen=True, eq=False)
 class Beliefs:
-    """What the estimator said at k times; None where it says nothing of the kind."""
+    """Output of the estimator at k times; None where it has none of the kind."""
 
     t: Array  # (k,) [s]
     x: Array  # (k, 3) pose [m, m, rad]
@@ -42,7 +42,7 @@ class Beliefs:
 
 
 def read_beliefs(arrays: Mapping[str, Array], sensors: int) -> Beliefs:
-    """Of the arrays of a log; ValueError for shapes that are not those of ``Beliefs``."""
+    """Read the estimator's output from the arrays of a log; ValueError for shapes that do not fit ``Beliefs``."""
     t = arrays.get("estimate.t", np.empty(0))
     k = len(t)
     x = shaped(arrays, "estimate.x", (k, 3))

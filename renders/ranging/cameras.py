@@ -1,4 +1,4 @@
-"""From where a robot in its field is filmed: from above, the whole field in sight, and from behind it at a slant.
+"""Views of a robot in its field: from above, the whole field in sight, and from behind it at a slant.
 
 Import ``mathnavi.renders.opengl`` and choose the backend before this module, which imports mujoco.
 """
@@ -20,11 +20,11 @@ OPTICS = {"top": Optics(11.0, 2.0, 150.0), "chase": Optics(42.0, 0.1, 40.0)}
 FREE = ((0.02, 0.98, 0.13, 0.745), (0.222, 0.805, 0.11, 0.95))
 CHASE_DISTANCE, CHASE_ELEVATION = 2.7, -38.0  # [m], [degrees]
 CHASE_MEMORY = 2.0  # [s] before and after, over which the camera behind the robot takes the mean of its headings
-CHASE_AHEAD = 0.15  # [m] of the robot, what that camera looks at
+CHASE_AHEAD = 0.15  # [m] point of aim of that camera in front of the robot
 
 
 def top_view(curve: Curve, aspect: float) -> View:
-    """From above, so that the field is as large as the free part of a picture of that width over height allows."""
+    """View from above in which the field fills the free part of a picture of that width over height."""
     reach = 2.0 * WALL_THICKNESS
     low, high = curve.polyline.min(axis=0) - reach, curve.polyline.max(axis=0) + reach
     wide, tall = high - low

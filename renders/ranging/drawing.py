@@ -1,32 +1,21 @@
-"""How robots that find themselves are drawn (``mathnavi.renders.drawing``)."""
+"""Drawing of robots that localise themselves by ranges (``mathnavi.renders.drawing``)."""
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING
+from mathnavi.renders.drawing import Drawing
+from mathnavi.renders.painter import SceneDrawing
+from mathnavi.renders.ranging.overlay import overlay
+from mathnavi.renders.ranging.run_data import load_run
+from mathnavi.renders.ranging.shot_list import CAMERAS, TURN, annotations_of, highlight, shot_list
 
-from mathnavi.renders.painter import Painter, painting
-from mathnavi.renders.ranging.caption import words
-from mathnavi.renders.ranging.run_data import RangingRun, load_run
-from mathnavi.renders.ranging.storyboard import CAMERAS, highlight, notices, storyboard
-
-if TYPE_CHECKING:
-    from mathnavi.renders.page import Markup
-
-__all__ = ["cameras", "highlight", "load_run", "notices", "painter", "report", "still_camera", "storyboard"]
-
-cameras, still_camera = CAMERAS, "top"
-
-
-def painter(run: RangingRun, width: int, height: int, samples: int) -> AbstractContextManager[Painter]:
-    """What draws the frames of a run; OpenGL's backend must have been chosen."""
-    from mathnavi.renders.ranging.scene import Scene  # imports mujoco
-
-    return painting(Scene, words, run, width, height, samples)
-
-
-def report(run: RangingRun) -> Markup:
-    """The run on one page."""
-    from mathnavi.renders.ranging.report import report  # imports matplotlib
-
-    return report(run)
+drawing = Drawing(
+    cameras=CAMERAS,
+    still_camera="top",
+    load_run=load_run,
+    shot_list=shot_list,
+    highlight=highlight,
+    annotations=annotations_of,
+    painter=SceneDrawing("mathnavi.renders.ranging.scene:RangingScene", overlay, annotations_of),
+    report="mathnavi.renders.ranging.report:report",
+    turn=TURN,
+)

@@ -14,15 +14,15 @@ from mathnavi.renders.figures import GRID, INK, STYLE, canvas, thinned
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.ranging import shapes
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.ranging.storyboard import begun
+from mathnavi.renders.ranging.shot_list import begun
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.records.run_log import last_at
+from mathnavi.sim.records.run_folder import last_at
 
 DRIVEN, ESTIMATE, IMAGE = (
     hexadecimal(COLOURS[part]) for part in (SceneElement.DRIVEN, SceneElement.ESTIMATE, SceneElement.IMAGE)
 )
 LOOKS = 9  # estimates marked along the path, the denser the earlier
-CLOSE = 0.15  # of the run that is looked at closely
+CLOSE = 0.15  # of the run that is shown enlarged
 CLOSE_LOOKS = 7
 LEAST_VIEW = 0.25  # [m] side of the close view, at least
 JUMP = 0.25  # [m] over which no path is drawn
@@ -46,7 +46,7 @@ def _draw_field(axes: Axes, run: RangingRun) -> None:
     axes.fill(*wall.T, color=GRID, alpha=0.22, lw=0)
     axes.plot(*wall.T, color=INK, lw=2.2)
     _draw_paths(axes, run)
-    if run.said.any():
+    if run.initialised.any():
         times = begun(run) + (run.duration - begun(run)) * np.linspace(0.0, 1.0, LOOKS) ** 3
         for number, t in enumerate(times):
             k = last_at(run.beliefs.t, float(t))
@@ -64,7 +64,7 @@ def _draw_field(axes: Axes, run: RangingRun) -> None:
 def _draw_close(axes: Axes, run: RangingRun) -> None:
     """The last part of the run, where the estimate is."""
     begin = (1.0 - CLOSE) * run.duration
-    late = run.said & (run.beliefs.t >= begin)
+    late = run.initialised & (run.beliefs.t >= begin)
     axes.set(title=f"The last {run.duration - begin:.1f} s", xlabel="x₁ [m]", aspect="equal")
     axes.locator_params(nbins=4)
     if not late.any():
@@ -84,8 +84,8 @@ def _draw_paths(axes: Axes, run: RangingRun) -> None:
     axes.plot(*run.pose[i, :2].T, color=DRIVEN, lw=2.2, label="driven")
     if run.image:
         axes.plot(*run.mirrored[:, :2].T, color=IMAGE, lw=2.0, ls="--", label="indistinguishable from it")
-    said = np.where(run.said[:, None], run.beliefs.x[:, :2], np.nan)
-    _draw_line(axes, said, color=ESTIMATE, lw=1.3, label="estimate")
+    known = np.where(run.initialised[:, None], run.beliefs.x[:, :2], np.nan)
+    _draw_line(axes, known, color=ESTIMATE, lw=1.3, label="estimate")
     if run.beliefs.covariance is not None:
         axes.plot([], [], "-", color=ESTIMATE, lw=6.0, alpha=0.3, label=f"{DEVIATIONS:g}σ")
 

@@ -1,4 +1,4 @@
-"""What a robot that finds itself read, believed and did over time, in the style of ``mathnavi.renders.figures``."""
+"""Figures of measurements, estimates and inputs of a robot, in the style of ``mathnavi.renders.figures``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mathnavi.renders.figures import BOUND, INK, STYLE, canvas, thinned
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.renders.ranging.beliefs import FADED
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.ranging.storyboard import decided
+from mathnavi.renders.ranging.shot_list import decided
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 
@@ -23,7 +23,7 @@ DRIVEN, ESTIMATE, HYPOTHESIS, READ = (
     hexadecimal(COLOURS[part])
     for part in (SceneElement.DRIVEN, SceneElement.ESTIMATE, SceneElement.HYPOTHESIS, SceneElement.RAY)
 )
-FIRST = 2.5  # times as long as until it was decided is looked at closely
+FIRST = 2.5  # times as long as until it was decided is shown enlarged
 SMALLEST = 1e-12  # [m], [deg] that a logarithmic axis shows
 CONFIDENCE = 0.95
 _TAILS = (0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE))
@@ -49,7 +49,7 @@ def errors_figure(run: RangingRun) -> Figure:
                 _draw_error(panel, run, factor * error, None if deviation is None else factor * deviation, end)
                 panel.axhline(factor * limit, color=BOUND, ls=":", lw=1.1)
                 panel.set(yscale="log", xlim=(0.0, end))
-            small = factor * error[run.said & (error > 0.0)]
+            small = factor * error[run.initialised & (error > 0.0)]
             if len(small):
                 axes[0].set_ylim(bottom=min(0.4 * float(np.quantile(small, 0.05)), 0.7 * factor * limit))
             axes[0].set_ylabel(name)
@@ -64,7 +64,7 @@ def errors_figure(run: RangingRun) -> Figure:
 
 
 def _draw_error(axes: Axes, run: RangingRun, error: Array, deviation: Array | None, end: float) -> None:
-    shown = np.flatnonzero(run.said & (run.beliefs.t <= end))
+    shown = np.flatnonzero(run.initialised & (run.beliefs.t <= end))
     i = shown[thinned(len(shown), 0)] if len(shown) else shown
     t = run.beliefs.t[i]
     axes.plot(t, np.maximum(error[i], SMALLEST), color=INK, lw=1.1, label="error")
@@ -78,7 +78,7 @@ def bands_figure(run: RangingRun) -> Figure:
         figure = canvas(9.4, 4.6)
         drawn = figure.subplots(3, 1, sharex=True)
         begin = run.found if run.found is not None else decided(run)
-        late = np.flatnonzero(run.said & (run.beliefs.t >= begin))
+        late = np.flatnonzero(run.initialised & (run.beliefs.t >= begin))
         P = run.beliefs.covariance
         for row, (axes, name, factor) in enumerate(
             zip(drawn, ("x₁ [cm]", "x₂ [cm]", "φ [deg]"), (1e2, 1e2, 180.0 / math.pi), strict=True)
@@ -108,7 +108,7 @@ def pose_figure(run: RangingRun) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 4.2)
         drawn = figure.subplots(3, 1, sharex=True)
-        i = np.flatnonzero(run.said)
+        i = np.flatnonzero(run.initialised)
         i = i[thinned(len(i), 0)] if len(i) else i
         t = run.beliefs.t[i]
         for row, (axes, name, factor) in enumerate(
@@ -141,7 +141,7 @@ def consistency_figure(run: RangingRun) -> Figure:
 
 
 def _draw_nees(axes: Axes, run: RangingRun) -> None:
-    i = np.flatnonzero(run.said & np.isfinite(run.nees))
+    i = np.flatnonzero(run.initialised & np.isfinite(run.nees))
     i = i[thinned(len(i), 0)] if len(i) else i
     axes.plot(run.beliefs.t[i], np.maximum(run.nees[i], SMALLEST), color=INK, lw=1.1)
     for share in _TAILS:
@@ -174,7 +174,7 @@ def _draw_nis(axes: Axes, run: RangingRun) -> None:
 
 
 def hypotheses_figure(run: RangingRun) -> Figure:
-    """How much less than the best each hypothesis explains, until it is dropped."""
+    """Log-likelihood of each hypothesis less that of the best one, until it is dropped."""
     scores, left = run.beliefs.scores, run.beliefs.left
     assert scores is not None
     assert left is not None
@@ -199,7 +199,7 @@ def hypotheses_figure(run: RangingRun) -> Figure:
 
 
 def inputs_figure(run: RangingRun) -> Figure:
-    """What the drive was told, and what odometry made of it."""
+    """Commands of the drive, and the odometry's measurements."""
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 3.4)
         drawn = figure.subplots(2, 1, sharex=True)

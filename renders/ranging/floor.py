@@ -63,6 +63,6 @@ def _within(curve: Curve, x: Array, y: Array) -> Flags:
 
 
 def _near(values: Array, step: float, half_width: float) -> Flags:
-    """Which pixels lie on a line."""
+    """Mask of the pixels that lie on a line."""
     near: Flags = np.abs(values / step - np.round(values / step)) * step < half_width
     return near

@@ -1,17 +1,16 @@
-"""A run of a robot that finds itself on one page: whether it did, its path, pictures of the scene, time histories."""
+"""A run of a robot that localises itself on one page: whether it did, its path, pictures, time histories."""
 
 from __future__ import annotations
 
 import math
 
 from mathnavi.renders import page
-from mathnavi.renders.figures import events_figure
-from mathnavi.renders.page import Markup, quantity
+from mathnavi.renders.page import Drawn, Markup, quantity
 from mathnavi.renders.ranging import figures
 from mathnavi.renders.ranging.field_figure import field_figure
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.ranging.storyboard import highlight, verdict
-from mathnavi.renders.report import again, events_card, rest, still_block, summary_cards
+from mathnavi.renders.ranging.shot_list import highlight, verdict
+from mathnavi.renders.report import Headline, event_figures, run_page, still_block
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 
 
@@ -19,20 +18,12 @@ def report(run: RangingRun) -> Markup:
     """The report's HTML."""
     config = run.log.config
     title = f"{config['scenario']}, {run.curve.name}, seed {config['seed']}"
-    return page.document(
-        title,
-        *_headline(run, title),
-        page.section("The path", page.figure_block(field_figure(run), "path", _path_words(run))),
-        *_pictures(run),
-        page.section("Summary", summary_cards(run.log.summary)),
-        page.section("The run", *_figures(run)),
-        page.section("Events", events_card(run.log.events)),
-        page.section("Do it again", *again(run.directory, config)),
-        page.footer(rest(run.log.summary)),
-    )
+    path = page.section("The path", page.figure_block(field_figure(run), "path", _path_caption(run)))
+    course = page.section("The run", *page.figure_blocks(_figures(run)))
+    return run_page(run, _headline(run, title), (path, *_pictures(run)), (course,))
 
 
-def _headline(run: RangingRun, title: str) -> tuple[Markup, Markup]:
+def _headline(run: RangingRun, title: str) -> Headline:
     summary = run.log.summary
     good = bool(summary.get("converged")) and not summary.get("touched_wall")
     tiles: dict[str, object] = {
@@ -48,10 +39,10 @@ def _headline(run: RangingRun, title: str) -> tuple[Markup, Markup]:
     if summary.get("nees_mean") is not None:
         tiles["mean NEES, last quarter (3 if consistent)"] = page.number(summary["nees_mean"])
     symmetric = " The wall is symmetric: errors are those modulo its rotations." if run.curve.symmetry != 1 else ""
-    return page.heading(title, f"The robot {verdict(run)}.{symmetric}", good), page.tiles(tiles)
+    return Headline(title, f"The robot {verdict(run)}.{symmetric}", good, tiles)
 
 
-def _path_words(run: RangingRun) -> str:
+def _path_caption(run: RangingRun) -> str:
     words = "The path driven and the estimate, marked at times that are the denser the earlier; on the right its end."
     if run.beliefs.covariance is not None:
         words += " The ellipses are those of three standard deviations."
@@ -74,11 +65,11 @@ def _pictures(run: RangingRun) -> list[Markup]:
     ]  # fmt: skip
 
 
-def _figures(run: RangingRun) -> list[Markup]:
-    beliefs, events = run.beliefs, run.log.events
-    drawn = []
+def _figures(run: RangingRun) -> list[Drawn]:
+    beliefs = run.beliefs
+    drawn: list[Drawn] = []
     stated = "" if beliefs.covariance is None else ", and the bands in which the estimator expects them"
-    if run.said.any():
+    if run.initialised.any():
         drawn += [
             ("errors", figures.errors_figure(run), "The errors on logarithmic axes; dotted what counts as found."),
             ("bands", figures.bands_figure(run), f"The errors of each coordinate{stated}."),
@@ -98,15 +89,13 @@ def _figures(run: RangingRun) -> list[Markup]:
         words = "Vρ is 0 where all rays say that the robot is in the same place, Q where their rates agree."
         drawn.append(("value", figures.value_figure(run), words))
     drawn += [
-        ("ranges", figures.ranges_figure(run), _ranges_words(run)),
+        ("ranges", figures.ranges_figure(run), _ranges_caption(run)),
         ("inputs", figures.inputs_figure(run), "Speed and turn rate as commanded and as the wheels say."),
     ]
-    if events:
-        drawn.append(("events", events_figure(events, run.duration), "The times at which each kind of event happened."))
-    return [page.figure_block(figure, name, alt) for name, figure, alt in drawn]
+    return [*drawn, *event_figures(run, run.duration)]
 
 
-def _ranges_words(run: RangingRun) -> str:
+def _ranges_caption(run: RangingRun) -> str:
     words = "What each sensor read, and what it would have read without errors."
     more = run.mission.sensors - figures.MOST_SENSORS
     return f"{words} {more} more sensors are not drawn." if more > 0 else words

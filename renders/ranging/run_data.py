@@ -1,4 +1,4 @@
-"""A finished run of a robot that finds itself, as pictures need it: the truth, what was read, what was believed."""
+"""A finished run of a robot that localises itself, as pictures need it: truth, measurements and estimates."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.entity import DriveName
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
+from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.renders.ranging.beliefs import Beliefs, read_beliefs, shaped
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
-from mathnavi.sim.records.run_log import LoggedRun, last_at, read_log
+from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, last_at, read_log
 
 Flags = NDArray[np.bool_]
 
@@ -53,8 +55,8 @@ class RangingRun(LoggedRun):
     @cached_property
     def believed_at(self) -> Array:
         """(k, 3) the true poses at the times of the estimates."""
-        looks = np.clip(np.searchsorted(self.t, self.beliefs.t + 1e-9, side="right") - 1, 0, None)
-        poses: Array = self.pose[looks]
+        samples = np.clip(np.searchsorted(self.t, self.beliefs.t + 1e-9, side="right") - 1, 0, None)
+        poses: Array = self.pose[samples]
         return poses
 
     @cached_property
@@ -106,17 +108,17 @@ class RangingRun(LoggedRun):
     @cached_property
     def indistinguishable(self) -> Flags:
         """(k,) whether an estimate is right, but not the true pose: one from which the robot would read the same."""
-        away = np.linalg.norm(self.seen_as[:, :2] - self.believed_at[:, :2], axis=1)
-        such: Flags = (away > POSITION) & (self.position_error < POSITION) & (self.heading_error < HEADING)
+        distance = np.linalg.norm(self.seen_as[:, :2] - self.believed_at[:, :2], axis=1)
+        such: Flags = (distance > POSITION) & (self.position_error < POSITION) & (self.heading_error < HEADING)
         return such
 
     @cached_property
     def image(self) -> int:
-        """Which of ``curve.images`` of the truth the last estimate is nearest to; 0 is the truth itself."""
+        """Index of the image (``curve.images``) of the truth nearest to the last estimate; 0 is the truth itself."""
         if self.curve.symmetry < 2 or not len(self.beliefs.x):
             return 0
-        away = self.curve.images(self.believed_at[-1]) - self.seen_as[-1]
-        return int(np.argmin(np.square(away[:, :2]).sum(axis=1) + np.square(np.sin(0.5 * away[:, 2]))))
+        distance = self.curve.images(self.believed_at[-1]) - self.seen_as[-1]
+        return int(np.argmin(np.square(distance[:, :2]).sum(axis=1) + np.square(np.sin(0.5 * distance[:, 2]))))
 
     @cached_property
     def mirrored(self) -> Array:
@@ -145,59 +147,46 @@ class RangingRun(LoggedRun):
     def found(self) -> float | None:
         """[s] from when on the estimate was right; None if it was not at the end, or if there was none."""
         wrong = (self.position_error > POSITION) | (self.heading_error > HEADING)
-        bad = np.flatnonzero(wrong | ~self.said)
+        bad = np.flatnonzero(wrong | ~self.initialised)
         after = int(bad[-1]) + 1 if len(bad) else 0
         return float(self.beliefs.t[after]) if after < len(self.beliefs.t) else None
 
-    def status(self, t: float) -> Status:
-        """Of the newest estimate at ``t`` [s]."""
-        return self.log.status(t)
-
     @cached_property
-    def said(self) -> Flags:
+    def initialised(self) -> Flags:
         """(k,) whether an estimate says where the robot is: the estimator has seen enough."""
         return np.array([self.status(float(t)) is not Status.INITIALISING for t in self.beliefs.t], dtype=bool)
 
-    def index(self, t: float) -> int:
-        """The last look at or before ``t`` [s]."""
-        return max(last_at(self.t, t), 0)
-
     def joints(self, t: float) -> Array:
-        """(2 nq,) MuJoCo's joint coordinates and rates at ``t`` [s], linear between looks."""
-        i = min(self.index(t), len(self.t) - 2)
-        share = float(np.clip((t - self.t[i]) / (self.t[i + 1] - self.t[i]), 0.0, 1.0))
-        between: Array = (1.0 - share) * self.log.x[i] + share * self.log.x[i + 1]
-        return between
+        """(2 nq,) MuJoCo's joint coordinates and rates at ``t`` [s], linear between samples."""
+        return self.interpolated(self.log.x, t)
 
     def belief(self, t: float) -> int:
-        """Which estimate is the newest at ``t`` [s]; -1 where there is none, or none that says where the robot is."""
+        """Index of the newest estimate at ``t`` [s]; -1 where there is none, or none of the pose."""
         k = last_at(self.beliefs.t, t)
-        return k if k >= 0 and self.said[k] else -1
+        return k if k >= 0 and self.initialised[k] else -1
 
 
 def load_run(directory: str | Path) -> RangingRun:
-    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory)
     try:
         mission = _mission(log.config["mission"])
         drive, friction = _drive(log.config["mission"]["drive"]), float(log.config["mission"]["friction"])
     except (KeyError, TypeError, ValueError) as error:
-        name = str(log.directory / "config.json")
-        raise ValueError(f"{name!r} does not describe a robot with range sensors: {error!r}") from None
+        name = str(log.directory / CONFIG)
+        raise RunFolderError(f"{name!r} does not describe a robot with range sensors: {error!r}") from None
     if log.x.shape[1] < 6 or log.x.shape[1] % 2 or log.u.shape[1] != 2:
-        raise ValueError(
-            f"{str(log.directory / 'log.npz')!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of a "
+        raise RunFolderError(
+            f"{str(log.directory / ARRAYS)!r}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of a "
             "unicycle, (n, 2 nq) with nq at least 3 and (n, 2)"
         )
-    with np.load(log.directory / "log.npz", allow_pickle=False) as archive:
-        arrays = dict(archive)
-    n, sensors = len(log.t), mission.sensors
+    arrays, n, sensors = log.arrays, len(log.t), mission.sensors
     try:
         ranges = shaped(arrays, "measurement.ranges", (n, sensors))
         odometry = shaped(arrays, "measurement.odometry", (n, 2))
         beliefs = read_beliefs(arrays, sensors)
     except ValueError as error:
-        raise ValueError(f"{str(log.directory / 'log.npz')!r}: {error}") from None
+        raise RunFolderError(f"{str(log.directory / ARRAYS)!r}: {error}") from None
     missing = np.nan
     return RangingRun(
         log, mission, drive, friction,
@@ -207,26 +196,25 @@ def load_run(directory: str | Path) -> RangingRun:
     )  # fmt: skip
 
 
-def _drive(told: object) -> DriveName:
+def _drive(value: object) -> DriveName:
     for name in get_args(DriveName):
-        if told == name:
+        if value == name:
             found: DriveName = name
             return found
-    raise ValueError(f"drive = {told!r}; allowed: {', '.join(get_args(DriveName))}")
+    raise RunFolderError(f"drive = {value!r}; allowed: {', '.join(get_args(DriveName))}")
 
 
-def _mission(told: Mapping[str, Any]) -> RangingMission:
-    start, odometry = told["known_start"], told["odometry"]
+def _mission(fields: Mapping[str, Any]) -> RangingMission:
+    start, odometry = fields["known_start"], fields["odometry"]
+    coefficients = tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in fields["coefficients"])
     return RangingMission(
-        curve=Curve(
-            tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in told["coefficients"]), str(told["field"])
-        ),
-        angles=tuple(float(angle) for angle in told["angles"]),
-        ranging=RangeQuality(**told["ranging"]),
+        curve=Curve(coefficients, str(fields["field"])),
+        angles=tuple(float(angle) for angle in fields["angles"]),
+        ranging=RangeQuality(**fields["ranging"]),
         odometry=OdometryQuality(**{**odometry, "noise": tuple(odometry["noise"]), "slip": tuple(odometry["slip"])}),
         start=None if start is None else KnownStart(tuple(start["pose"]), tuple(start["deviation"])),
-        speed_max=float(told["speed_max"]),
-        turn_rate_max=float(told["turn_rate_max"]),
-        margin=float(told["margin"]),
-        period=float(told["period"]),
+        speed_max=float(fields["speed_max"]),
+        turn_rate_max=float(fields["turn_rate_max"]),
+        margin=float(fields["margin"]),
+        period=float(fields["period"]),
     )

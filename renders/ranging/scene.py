@@ -1,4 +1,4 @@
-"""A robot that finds itself, drawn by MuJoCo: its field, its rays, and the poses at which its estimator sees it.
+"""A robot that localises itself, drawn by MuJoCo: its field, its rays, and the poses that its estimator holds likely.
 
 The model is the one that was driven, with a floor, a light and walls to look at. What is believed is drawn as ghosts of
 the robot: the estimate with its standard deviations, the hypotheses the paler the less they explain, and outlined the
@@ -17,7 +17,7 @@ import numpy as np
 
 from mathnavi.models.field.arena import DRAWN_GROUP, FLOOR_GROUP, SENSOR_HEIGHT
 from mathnavi.models.unicycle.entity import FLOOR, build_spec
-from mathnavi.renders.caption import Label
+from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import COLOURS, Picture, SceneElement
 from mathnavi.renders.ranging import shapes
 from mathnavi.renders.ranging.cameras import OPTICS, chase_view, top_view
@@ -25,7 +25,7 @@ from mathnavi.renders.ranging.floor import OUTSIDE, extent, floor_picture, pale
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.stage import Stage, Staged
 from mathnavi.sim.interfaces.signals import Array, Status
-from mathnavi.sim.records.run_log import last_at
+from mathnavi.sim.records.run_folder import last_at
 
 ROBOT_GROUP = 2  # of the geoms of the robot that eyes see
 LIGHT, DIFFUSE = (-0.35, -0.30, 0.9), 0.42  # where it comes from, and how strong it is
@@ -44,7 +44,7 @@ LIFT = 0.002  # [m] of a ghost, so that its nose and that of a robot in the same
 APART = 0.3  # [m] between robot and estimate from which on both are named
 
 
-class Scene(Staged):
+class RangingScene(Staged):
     """A context manager, see ``Staged``."""
 
     def __init__(self, run: RangingRun, width: int = 1280, height: int = 720, samples: int = 0) -> None:
@@ -94,8 +94,8 @@ class Scene(Staged):
     def _add_paths(self, t: float, camera: str) -> None:
         run, width = self.run, LINE[camera]
         driven = run.pose[: run.index(t) + 1, :2]
-        said = run.beliefs.x[: last_at(run.beliefs.t, t) + 1][run.said[: last_at(run.beliefs.t, t) + 1]]
-        self._add_path(said[:, :2], SceneElement.ESTIMATE, PATH, 0.75 * width)
+        known = run.beliefs.x[: last_at(run.beliefs.t, t) + 1][run.initialised[: last_at(run.beliefs.t, t) + 1]]
+        self._add_path(known[:, :2], SceneElement.ESTIMATE, PATH, 0.75 * width)
         self._add_path(np.vstack([driven, run.joints(t)[:2]]), SceneElement.DRIVEN, 0.5 * PATH, width)
 
     def _add_path(self, places: Array, part: SceneElement, height: float, width: float) -> None:
@@ -108,7 +108,7 @@ class Scene(Staged):
                 self.stage.line(_lifted(piece[chosen], height), pale(COLOURS[part], 0.8), width)
 
     def _add_rays(self, t: float, camera: str) -> None:
-        """From the turret to the wall, with a dot where the reading has it; dashed and grey where it was lost."""
+        """Add rays from the turret to the wall, with a dot at each reading; dashed and grey where it was lost."""
         run, stage = self.run, self.stage
         pose = run.joints(t)[:3]
         true, _ = run.curve.ranges(pose, run.mission.alpha)

@@ -1,4 +1,4 @@
-"""What is drawn around a pose on the floor: outlines as points (n, 2) [m]."""
+"""Outlines around a pose on the floor, as points (n, 2) [m]."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Draws the frames of a textbook system's run: the board, up to the moment of the frame."""
+"""Draws the frames of a textbook system's run: the panel, up to the moment of the frame."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import matplotlib
 from matplotlib.text import Text
 
 from mathnavi.renders.blitted import Blitted
-from mathnavi.renders.caption import pace
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.film import Frame
+from mathnavi.renders.overlay import pace
 from mathnavi.renders.palette import Picture
-from mathnavi.renders.textbook.board import Board
+from mathnavi.renders.textbook.panel import TextbookPanel
 from mathnavi.renders.textbook.run_data import TextbookRun
 from mathnavi.sim.plugin.registry import called
 
@@ -24,23 +24,23 @@ INCHES_HIGH, BRIEF_INCHES = 6.4, 3.3  # of a picture, whatever its pixels, and o
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A board with what is written over it: what stands still is drawn once, over it comes what a frame shows."""
+    """A panel with what is written over it: what stands still is drawn once, over it comes what a frame shows."""
 
-    board: Board
+    panel: TextbookPanel
     blitted: Blitted
     heading: Text
-    notice: Text
+    annotation: Text
 
-    def picture(self, t: float, heading: str, notice: str) -> Picture:
+    def picture(self, t: float, heading: str, annotation: str) -> Picture:
         """(height, width, 3)."""
-        self.board.show(t)
+        self.panel.show(t)
         self.heading.set_text(heading)
-        self.notice.set_text(notice)
+        self.annotation.set_text(annotation)
         return self.blitted.picture()
 
 
 @dataclass(frozen=True, eq=False)
-class BoardPainter:
+class TextbookPainter:
     """Lays out what its frames need when the first one is drawn."""
 
     run: TextbookRun
@@ -51,11 +51,11 @@ class BoardPainter:
         """(height, width, 3)."""
         config = self.run.log.config
         if frame.brief:
-            return self._brief.picture(frame.t, f"{frame.t:.1f} s", frame.notice)
+            return self._brief.picture(frame.t, f"{frame.t:.1f} s", frame.annotation)
         estimator = called("estimators", str(config["estimator"]["name"])).rpartition(":")[2]
-        told = f"{frame.t:.2f} s, {pace(frame, self.run.duration)}"
-        heading = f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']} · {told}"
-        return self._whole.picture(frame.t, heading, frame.notice)
+        time = f"{frame.t:.2f} s, {pace(frame, self.run.duration)}"
+        heading = f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']} · {time}"
+        return self._whole.picture(frame.t, heading, frame.annotation)
 
     @cached_property
     def _whole(self) -> Sheet:
@@ -68,15 +68,15 @@ class BoardPainter:
     def _sheet(self, *, brief: bool) -> Sheet:
         inches = BRIEF_INCHES if brief else INCHES_HIGH
         dpi = self.height / inches
-        board = Board(self.run, self.width / dpi, inches, brief=brief)
-        board.figure.set_layout_engine("constrained", rect=(0.01, 0.01, 0.98, 0.93 if brief else 0.92))
-        heading = board.figure.text(0.02, 0.975, "", va="top", size=14.0 if brief else 10.5)
-        notice = board.figure.text(0.98, 0.975, "", va="top", ha="right", size=11.5, weight="bold", color="#c2183b")
-        return Sheet(board, Blitted(board.figure, (*board.moving, heading, notice), dpi), heading, notice)
+        panel = TextbookPanel(self.run, self.width / dpi, inches, brief=brief)
+        panel.figure.set_layout_engine("constrained", rect=(0.01, 0.01, 0.98, 0.93 if brief else 0.92))
+        heading = panel.figure.text(0.02, 0.975, "", va="top", size=14.0 if brief else 10.5)
+        annotation = panel.figure.text(0.98, 0.975, "", va="top", ha="right", size=11.5, weight="bold", color="#c2183b")
+        return Sheet(panel, Blitted(panel.figure, (*panel.moving, heading, annotation), dpi), heading, annotation)
 
 
 @contextmanager
-def painting(run: TextbookRun, width: int, height: int, samples: int) -> Iterator[BoardPainter]:
+def painting(run: TextbookRun, width: int, height: int, samples: int) -> Iterator[TextbookPainter]:
     """A painter of pictures of a size in pixels; curves are drawn smoothly whatever ``samples`` says."""
     with matplotlib.rc_context({**STYLE, "figure.facecolor": "white"}):
-        yield BoardPainter(run, width, height)
+        yield TextbookPainter(run, width, height)

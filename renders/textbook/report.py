@@ -1,4 +1,4 @@
-"""A textbook system's run on one page: whether its observer converged, and the curves of it."""
+"""A textbook system's run on one page: whether its observer converged, and its curves."""
 
 from __future__ import annotations
 
@@ -9,35 +9,28 @@ from matplotlib.figure import Figure
 from mathnavi.renders import page
 from mathnavi.renders.figures import STYLE, canvas, thinned
 from mathnavi.renders.page import Markup, quantity
-from mathnavi.renders.report import again, events_card, rest, summary_cards
-from mathnavi.renders.textbook.board import READ, TRUTH, Board, shown
+from mathnavi.renders.report import Headline, run_page
+from mathnavi.renders.textbook.panel import READ, TRUTH, TextbookPanel, shown
 from mathnavi.renders.textbook.run_data import TextbookRun
 
 
 def report(run: TextbookRun) -> Markup:
     """The report's HTML."""
     title = f"{run.title}, seed {run.log.config['seed']}"
-    return page.document(
-        title,
-        *_headline(run, title),
-        page.section("Truth and estimate", page.figure_block(board_figure(run), "board", _words(run))),
-        page.section(
-            "What the observer was given",
-            page.figure_block(signals_figure(run), "signals", "The readings of the outputs, and the inputs."),
-        ),
-        page.section("Summary", summary_cards(run.log.summary)),
-        page.section("Events", events_card(run.log.events)),
-        page.section("Do it again", *again(run.directory, run.log.config)),
-        page.footer(rest(run.log.summary)),
+    signals = page.figure_block(signals_figure(run), "signals", "The readings of the outputs, and the inputs.")
+    opening = (
+        page.section("Truth and estimate", page.figure_block(panel_figure(run), "board", _caption(run))),
+        page.section("What the observer was given", signals),
     )
+    return run_page(run, _headline(run, title), opening)
 
 
-def board_figure(run: TextbookRun) -> Figure:
-    """The board with all of the run."""
+def panel_figure(run: TextbookRun) -> Figure:
+    """The panel with all of the run."""
     with matplotlib.rc_context(STYLE):
-        board = Board(run, 10.4, 5.2 + 0.5 * max(len(run.states) - 2, 0))
-        board.show(run.duration)
-    return board.figure
+        panel = TextbookPanel(run, 10.4, 5.2 + 0.5 * max(len(run.states) - 2, 0))
+        panel.show(run.duration)
+    return panel.figure
 
 
 def signals_figure(run: TextbookRun) -> Figure:
@@ -55,17 +48,17 @@ def signals_figure(run: TextbookRun) -> Figure:
     return figure
 
 
-def _words(run: TextbookRun) -> str:
+def _caption(run: TextbookRun) -> str:
     left = "the robot in the plane of the flags, with its lines of sight" if run.has_flags else "the first two states"
     return f"Left: {left}. Right: every state and the length of the error over time. Truth dashed, estimate solid."
 
 
-def _headline(run: TextbookRun, title: str) -> tuple[Markup, Markup]:
+def _headline(run: TextbookRun, title: str) -> Headline:
     summary = run.log.summary
     converged, escaped = bool(summary.get("converged")), run.escape_time is not None
     verdict = "The estimate converged" if converged else "The estimate did not converge"
-    told = f"{verdict}{', and the solution escaped' if escaped else ''}."
-    tiles = {
+    sentence = f"{verdict}{', and the solution escaped' if escaped else ''}."
+    tiles: dict[str, object] = {
         "error at the start": page.number(summary.get("error_start")),
         f"RMS of the last quarter (allowed {run.log.config['mission']['tolerance']:g})": page.number(
             summary.get("error_rms")
@@ -75,4 +68,4 @@ def _headline(run: TextbookRun, title: str) -> tuple[Markup, Markup]:
     }
     if escaped:
         tiles["escape"] = quantity("escape_time_s", summary.get("escape_time_s"))
-    return page.heading(title, told, converged and not escaped), page.tiles(tiles)
+    return Headline(title, sentence, converged and not escaped, tiles)

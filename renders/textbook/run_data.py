@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from mathnavi.models.angles import wrapped
+from mathnavi.renders.logged_run import LoggedRun
+from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.records.run_log import LoggedRun, RunLog, last_at, read_log
+from mathnavi.sim.records.run_folder import RunLog, last_at, read_log
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +26,13 @@ class TextbookRun(LoggedRun):
     states: tuple[str, ...]  # (n,) with units
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    y: Array  # (looks, m) the readings
+    y: Array  # (n, m) the readings
     angles: tuple[int, ...]
     title: str  # of the system
 
     @property
     def has_flags(self) -> bool:
-        """Whether it is the robot with its camera in the plane of the flags."""
+        """True for the robot with its camera in the plane of the flags."""
         return bool(self.log.config["fields"]["system"] == "camera-and-flags")
 
     @cached_property
@@ -41,28 +43,27 @@ class TextbookRun(LoggedRun):
     @cached_property
     def error(self) -> Array:
         """(k, n) estimate less truth, angles within half a turn."""
-        off = self.estimate - self.log.x[np.searchsorted(self.log.t, self.t_estimate - 1e-9)]
+        error = self.estimate - self.log.x[np.searchsorted(self.log.t, self.t_estimate - 1e-9)]
         for k in self.angles:
-            off[:, k] = wrapped(off[:, k])
-        return off
+            error[:, k] = wrapped(error[:, k])
+        return error
 
-    def looks(self, t: float) -> int:
-        """How many looks there were up to ``t`` [s]."""
+    def sample_count(self, t: float) -> int:
+        """Number of samples up to ``t`` [s]."""
         return last_at(self.log.t, t) + 1
 
-    def estimates(self, t: float) -> int:
-        """How many estimates there were up to ``t`` [s]."""
+    def estimate_count(self, t: float) -> int:
+        """Number of estimates up to ``t`` [s]."""
         return last_at(self.t_estimate, t) + 1
 
 
 def load_run(directory: str | Path) -> TextbookRun:
-    """Read a run's folder; FileNotFoundError where something is missing, ValueError where something is broken."""
+    """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory)
-    with np.load(log.directory / "log.npz", allow_pickle=False) as arrays:
-        try:
-            return _described(log, log.config["mission"], dict(arrays))
-        except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"{str(log.directory)!r} does not hold the run of a textbook system: {error!r}") from None
+    try:
+        return _described(log, log.config["mission"], log.arrays)
+    except (KeyError, TypeError, ValueError) as error:
+        raise RunFolderError(f"{str(log.directory)!r} does not hold the run of a textbook system: {error!r}") from None
 
 
 def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Array]) -> TextbookRun:
@@ -70,7 +71,7 @@ def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Arr
     states, inputs, outputs = names
     t, x = arrays["estimate.t"], arrays["estimate.x"]
     if x.shape != (len(t), len(states)) or log.x.shape[1] != len(states):
-        raise ValueError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of {len(states)} states")
+        raise RunFolderError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of {len(states)} states")
     nothing = np.full((len(log.t), len(outputs)), np.nan)
     y = arrays.get("measurement.output", nothing)
     angles = tuple(int(k) for k in mission["angles"])

@@ -29,7 +29,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.playback import RecordedInputs, RecordedPlant, RecordedRun
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
-from mathnavi.sim.records.run_log import RunLog, read_log
+from mathnavi.sim.records.run_folder import ARRAYS, RunLog, read_log
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 USAGE = (
@@ -119,12 +119,11 @@ def _playback(order: RunRequest, saved: RunConfig, log: RunLog) -> ClosedLoop:
     fresh = closed_loop.plant.state(vehicle), np.zeros(agent.input_size)
     if (log.x.shape[1:], log.u.shape[1:]) != (fresh[0].shape, fresh[1].shape):
         raise BadInputError(
-            f"{log.directory / 'log.npz'}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of "
+            f"{log.directory / ARRAYS}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of "
             f"{saved.scenario}; allowed: (n, {len(fresh[0])}) and (n, {len(fresh[1])})"
         )
-    arrays = _arrays(log.directory)
     readings = {
-        name.removeprefix("measurement."): rows for name, rows in arrays.items() if name.startswith("measurement.")
+        name.removeprefix("measurement."): rows for name, rows in log.arrays.items() if name.startswith("measurement.")
     }
     run = RecordedRun(log.t, log.x, log.u, readings, closed_loop.plant.state_names(vehicle))
     period = float(log.t[1] - log.t[0])
@@ -162,19 +161,12 @@ def _restore(recording: Recording, log: RunLog, vehicle: str) -> None:
     recording.events[:] = sorted([*kept, *recording.events], key=lambda event: event.t)
 
 
-def _arrays(folder: Path) -> dict[str, Array]:
-    with np.load(folder / "log.npz", allow_pickle=False) as log:
-        return dict(log)
-
-
 def _comparison(order: RunRequest, saved: RunConfig, log: RunLog, outcome: RunResult) -> Table | str:
     """Root mean squares of the errors of the recorded estimates and of the new ones, where the scenario has any."""
-    arrays = _arrays(log.directory)
-    new = outcome.arrays
     ((_, states),) = outcome.recording.state_names.items()
     found = [
         _errors(order, states, some["estimate.t"], some["estimate.x"], log) if "estimate.x" in some else {}
-        for some in (arrays, new)
+        for some in (log.arrays, outcome.arrays)
     ]
     table = Table(title="errors, root mean square", title_justify="left", box=None, padding=(0, 2, 0, 0))
     table.add_column("of", style="dim")

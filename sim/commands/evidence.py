@@ -15,7 +15,7 @@ from rich.text import Text
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.statistics import Band, Rate
 from mathnavi.sim.records.store import Record
-from mathnavi.sim.records.sweep_data import PATH_RATIO, Group, Sweep, format_numbers, format_value
+from mathnavi.sim.records.sweep_data import PATH_RATIO, TrialGroup, Sweep, format_numbers, format_value
 
 # What is shown first: of a flight these, of another scenario what comes first.
 FLIGHT_EVENTS = ("success", "any ground contacts", "below h_min", "late or not arrived", "recorded failure")
@@ -69,7 +69,7 @@ def verdict(records: Sequence[Record]) -> str:
     return f"{len(records)} trials: {', '.join([f'{successes} did what they should', *ends])}"
 
 
-def _print_groups(console: Console, sweep: Sweep, groups: Sequence[Group], lead: Sequence[Column]) -> None:
+def _print_groups(console: Console, sweep: Sweep, groups: Sequence[TrialGroup], lead: Sequence[Column]) -> None:
     lead = [*lead, Column("trials", [str(len(group.records)) for group in groups])]
     _print_table(console, "rates with 95 % limits (Clopper-Pearson)", lead, _rates(sweep, groups))
     if medians := _medians(sweep, groups):
@@ -96,7 +96,7 @@ def _print_table(console: Console, heading: str, lead: Sequence[Column], columns
         console.print(Text(f"no room for: {', '.join(rest)}", style="dim"))
 
 
-def _rates(sweep: Sweep, groups: Sequence[Group]) -> list[Column]:
+def _rates(sweep: Sweep, groups: Sequence[TrialGroup]) -> list[Column]:
     shown = [name for name in FLIGHT_EVENTS if name in sweep.events]
     if len(shown) < len(FLIGHT_EVENTS):  # no flight
         shown = list(sweep.events)[:MOST_COLUMNS]
@@ -107,7 +107,7 @@ def _rates(sweep: Sweep, groups: Sequence[Group]) -> list[Column]:
     return columns
 
 
-def _medians(sweep: Sweep, groups: Sequence[Group]) -> list[Column]:
+def _medians(sweep: Sweep, groups: Sequence[TrialGroup]) -> list[Column]:
     known = [*sweep.figures, *sweep.timings]
     columns = []
     for key in [key for key in FIGURES if key in known] or known[:MOST_COLUMNS]:

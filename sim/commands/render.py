@@ -56,7 +56,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     opengl.choose()
     from mathnavi.renders.clip import write_clip  # what draws takes a while to import
-    from mathnavi.renders.drawing import TOUR
+    from mathnavi.renders.film import TOUR
     from mathnavi.renders.opengl import NoOpenGLError
     from mathnavi.renders.video import write_still, write_video
 

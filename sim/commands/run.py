@@ -134,7 +134,7 @@ def _drawn(folder: Path) -> set[Path]:
 
 def _draw(options: Options, folder: Path, errors: Console) -> None:
     """Video and report if they were asked for; a run without them is still a run."""
-    from mathnavi.sim.records.run_log import NothingToDrawError
+    from mathnavi.sim.records.run_folder import NothingToDrawError
 
     if options.video:
         from mathnavi.renders.video import write_video

@@ -20,10 +20,10 @@ from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
 from mathnavi.sim.commands.run_request import prepare
-from mathnavi.sim.engine.log import write_text
 from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
-from mathnavi.sim.records.store import Store, StoreError
+from mathnavi.sim.records.files import write_text
+from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.studies.framework.study import Setup, StudyError, first_look, on_terrain, write_findings
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.execution import available_cores
@@ -77,7 +77,7 @@ def main(argv: Sequence[str]) -> int:
         for name, (plugin, config) in site.studies.items():
             try:
                 claims[-1] += _study(name, plugin, config, site, options, argv, errors)
-            except (StudyError, StoreError, RefusedError) as error:
+            except (StudyError, StoreWriteError, RefusedError) as error:
                 print(f"mathnavi: {name} {site.where}: {' '.join(str(error).split())}", file=sys.stderr)
                 return 1
             except KeyboardInterrupt:

@@ -17,7 +17,7 @@ from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
 from mathnavi.sim.commands.variations import read_orders, read_variations, trials
-from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreError
+from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
@@ -106,7 +106,7 @@ def main(argv: Sequence[str]) -> int:
     except KeyboardInterrupt:
         print(f"mathnavi: interrupted, {_stored(state)}; to go on: {command}", file=sys.stderr)
         return INTERRUPTED
-    except (StoreError, RefusedError, LostError) as error:
+    except (StoreWriteError, RefusedError, LostError) as error:
         print(f"mathnavi: {' '.join(str(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
         return 1
     console = Console()

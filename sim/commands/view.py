@@ -20,9 +20,9 @@ from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run import build
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.commands.run_request import prepare, read_order
-from mathnavi.sim.engine.replay import Replay
+from mathnavi.sim.engine.replay import RecordedMotion
 from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.records.run_log import RunLog, read_fleet, read_json, read_log
+from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_json, read_log
 
 DESCRIPTION = "Replay a run in MuJoCo's viewer, with the path in orange, until its window is closed."
 FRAME = 1.0 / 60.0  # [s]
@@ -72,7 +72,7 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def read_replay(folder: Path) -> Replay:
+def read_replay(folder: Path) -> RecordedMotion:
     """The run in a folder; BadInputError if there is none that can be shown."""
     if not (folder / "config.json").is_file():
         raise BadInputError(f"DIR = {folder}: there is no {folder / 'config.json'}; allowed: the folder of a run")
@@ -85,7 +85,7 @@ def read_replay(folder: Path) -> Replay:
         states, inputs = (
             {name: part(log) for name, log in logs.items()} for part in (attrgetter("x"), attrgetter("u"))
         )
-        return Replay(closed_loop.plant, next(iter(logs.values())).t, states, inputs)
+        return RecordedMotion(closed_loop.plant, next(iter(logs.values())).t, states, inputs)
     except ValueError as error:
         raise BadInputError(f"{folder} cannot be shown: {error}") from error
 
@@ -107,7 +107,7 @@ def check_display() -> None:
         raise BadInputError(f"view: the display {where!r} has no OpenGL; {NO_DISPLAY}")
 
 
-def play(replay: Replay, viewer: Any, speed: float, clock: Callable[[], float] = time.perf_counter) -> None:
+def play(replay: RecordedMotion, viewer: Any, speed: float, clock: Callable[[], float] = time.perf_counter) -> None:
     """Show the run in a viewer of ``mujoco.viewer`` until it is closed."""
     with viewer.lock():
         _draw_paths(replay, viewer)
@@ -120,7 +120,7 @@ def play(replay: Replay, viewer: Any, speed: float, clock: Callable[[], float] =
         time.sleep(FRAME)
 
 
-def _draw_paths(replay: Replay, viewer: Any) -> None:
+def _draw_paths(replay: RecordedMotion, viewer: Any) -> None:
     """The path of every vehicle as a line, and the camera behind the first one."""
     import mujoco
 

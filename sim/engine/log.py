@@ -1,4 +1,4 @@
-"""What a run leaves behind: arrays over time, events, and the times its solvers took.
+"""Recording of a run while it flies: arrays over time, events, and the times its solvers took.
 
 Arrays have dotted names: ``t``, ``truth.x`` (n, nx), ``measurement.NAME`` (n, m; the newest, NaN where none),
 ``estimate.t``, ``estimate.x``, ``command.u`` (n, nu; held over [t_i, t_i+1]), ``plan.*`` flat with ``plan.offsets``.
@@ -8,16 +8,9 @@ apart from the arrays, so that the same seed gives the same log bit for bit.
 
 from __future__ import annotations
 
-import json
 import math
-import os
-import platform
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -92,7 +85,7 @@ class AgentRecorder:
 
 @dataclass
 class Recording:
-    """The log of a run. ``arrays()`` is what log.npz holds."""
+    """The log of a run, in memory; ``mathnavi.sim.records.run_folder`` writes it."""
 
     t: Array  # (n,) [s]
     truths: dict[str, Array]  # (n, nx) by vehicle
@@ -125,12 +118,13 @@ class Recording:
         self.length = k + 1
 
     def end(self) -> Recording:
-        """Truncate to what was flown."""
+        """Truncate to the samples that were flown, and return itself."""
         self.t = self.t[: self.length]
         self.truths = {name: x[: self.length] for name, x in self.truths.items()}
         return self
 
     def arrays(self) -> dict[str, Array]:
+        """All arrays by name, as log.npz holds them."""
         out = {"t": self.t}
         for name, truth in self.truths.items():
             prefix = "" if len(self.truths) == 1 else f"{name}."
@@ -138,67 +132,3 @@ class Recording:
             if name in self.agents:
                 out |= {f"{prefix}{key}": value for key, value in self.agents[name].arrays(self.length).items()}
         return out
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    write_bytes(path, text.encode("utf-8"))
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all."""
-    descriptor, scratch = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-        os.chmod(scratch, 0o644)
-        os.replace(scratch, path)
-    except BaseException:
-        Path(scratch).unlink(missing_ok=True)
-        raise
-
-
-def _jsonable(value: Any) -> Any:
-    """``value`` with what JSON cannot say (NaN, infinity) as null."""
-    if isinstance(value, Mapping):
-        return {str(key): _jsonable(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_jsonable(item) for item in value]
-    if isinstance(value, np.ndarray):
-        return _jsonable(value.tolist())
-    if isinstance(value, np.generic):
-        return _jsonable(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-def write_json(path: Path, value: Any) -> None:
-    """``value`` as JSON, whole or not at all."""
-    write_text(path, json.dumps(_jsonable(value), indent=2) + "\n")
-
-
-def versions() -> dict[str, str]:
-    """What a run depends on, by name."""
-    packages = ("mathnavi", "mujoco", "numpy", "casadi")
-    return {name: version(name) for name in packages} | {"python": platform.python_version()}
-
-
-def write_run(folder: Path, config: Mapping[str, Any], summary: Mapping[str, Any], recording: Recording) -> None:
-    """Write a run's folder, summary.json last, so that a summary means a whole run."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "summary.json").unlink(missing_ok=True)
-    arrays = recording.arrays()
-    scratch = folder / ".log.npz.partial"
-    try:
-        with scratch.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-        os.replace(scratch, folder / "log.npz")
-    finally:
-        scratch.unlink(missing_ok=True)
-    shapes = {name: {"shape": list(value.shape), "dtype": str(value.dtype)} for name, value in arrays.items()}
-    write_json(folder / "log.json", {"arrays": shapes, "states": recording.state_names, "time": "t [s]"})
-    events = [{"t": e.t, "agent": e.agent, "kind": e.kind, "message": e.message} for e in recording.events]
-    write_text(folder / "events.jsonl", "".join(json.dumps(_jsonable(event)) + "\n" for event in events))
-    write_json(folder / "config.json", {**config, "versions": versions()})
-    write_json(folder / "summary.json", {**summary, "version": version("mathnavi")})

@@ -18,7 +18,7 @@ from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array
 
 
-class Replay:
+class RecordedMotion:
     """The plant of a run, and what was logged of its vehicles."""
 
     def __init__(self, plant: Plant, t: Array, states: Mapping[str, Array], inputs: Mapping[str, Array]) -> None:

@@ -34,7 +34,7 @@ class RecordedCall:
 
 
 @dataclass(frozen=True, eq=False)
-class Replay:
+class ReplayedErrors:
     """Estimates of an estimator over a recorded run."""
 
     t: Array  # (n,) [s]
@@ -89,7 +89,7 @@ def recorded_calls(recording: Recording, name: str, sensor: str) -> list[Recorde
     ]  # fmt: skip
 
 
-def replayed(estimator: Estimator, calls: Iterable[RecordedCall], components: slice) -> Replay:
+def replayed(estimator: Estimator, calls: Iterable[RecordedCall], components: slice) -> ReplayedErrors:
     """A fresh estimator over the calls."""
     t: list[float] = []
     error: list[float] = []
@@ -100,7 +100,7 @@ def replayed(estimator: Estimator, calls: Iterable[RecordedCall], components: sl
         error.append(float(np.linalg.norm(estimate.x[components] - call.truth[components])))
         restarts, refused = (int(estimate.extra[name][0]) if name in estimate.extra else 0 for name in _COUNTS)
         lost += estimate.status == Status.LOST
-    return Replay(np.array(t), np.array(error), restarts, refused, lost)
+    return ReplayedErrors(np.array(t), np.array(error), restarts, refused, lost)
 
 
 def recorded_error(estimator: Estimator, calls: Iterable[RecordedCall], components: slice, begin: float) -> float:

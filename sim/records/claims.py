@@ -1,4 +1,4 @@
-"""What the thesis prints and what was asked for, each beside what was measured: claims, and their ledger."""
+"""Claims: what the thesis prints or what was required, each beside what was measured; and their ledger."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ class Claim:
 
     @property
     def verdict(self) -> str:
-        """Whether it holds, in words."""
+        """Verdict in a word."""
         return VERDICTS[self.holds]
 
 
 def tally(claims: Sequence[Claim]) -> str:
-    """How many hold, in words."""
+    """Numbers of claims that hold and that do not, in words."""
     counts = Counter(claim.verdict for claim in claims)
-    told = [f"{counts['yes']} of {len(claims)} claims hold"]
+    counted = [f"{counts['yes']} of {len(claims)} claims hold"]
     if missed := counts["no"]:
-        told.append(f"{missed} {'does' if missed == 1 else 'do'} not")
+        counted.append(f"{missed} {'does' if missed == 1 else 'do'} not")
     if unknown := counts["not measured"]:
-        told.append(f"{unknown} {'was' if unknown == 1 else 'were'} not measured")
-    return ", ".join(told)
+        counted.append(f"{unknown} {'was' if unknown == 1 else 'were'} not measured")
+    return ", ".join(counted)
 
 
 def ledger(over_terrain: Mapping[str, Sequence[Claim]], without: Sequence[Claim], samples: str) -> str:
@@ -50,7 +50,7 @@ def ledger(over_terrain: Mapping[str, Sequence[Claim]], without: Sequence[Claim]
 
     The first has a pair of columns for each terrain. ``samples`` says how much was measured.
     """
-    tables, tallies = [], [f"- {terrain}: {tally(some)}.\n" for terrain, some in over_terrain.items()]
+    tables, tallies = [], [f"- {terrain}: {tally(claims)}.\n" for terrain, claims in over_terrain.items()]
     if any(over_terrain.values()):
         tables.append(f"## Over terrain\n\n{_over_terrain(over_terrain)}")
     if without:
@@ -70,10 +70,10 @@ def _told(claim: Claim) -> list[str]:
 
 
 def _over_terrain(claims: Mapping[str, Sequence[Claim]]) -> str:
-    by_id = {terrain: {claim.id: claim for claim in some} for terrain, some in claims.items()}
+    by_id = {terrain: {claim.id: claim for claim in found} for terrain, found in claims.items()}
     first: dict[str, Claim] = {}
-    for some in claims.values():
-        for claim in some:
+    for measured in claims.values():
+        for claim in measured:
             first.setdefault(claim.id, claim)
     head = ["id", "kind", "claim", "where in the thesis", "expected"]
     head += [f"{what} {terrain}" for terrain in claims for what in ("measured on", "holds on")]

@@ -1,4 +1,4 @@
-"""The names of a summary's figures: in which groups they are read, in which units, and which of them tell the time."""
+"""The names of a summary's figures: their groups and units, and which of them are wall-clock times."""
 
 from __future__ import annotations
 
@@ -65,5 +65,5 @@ def label(key: str) -> tuple[str, str]:
 
 
 def is_wall_clock(key: str) -> bool:
-    """Whether a key of a summary tells how long something took: such figures differ from run to run."""
+    """True if a key of a summary is a wall-clock time: such figures differ from run to run."""
     return key.startswith("solve_ms") or key.endswith("_wall_s") or key == "real_time_factor"

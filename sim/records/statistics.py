@@ -1,4 +1,4 @@
-"""What a sample says of what it was drawn from: rates with exact limits, medians with bootstrap bands.
+"""Statistics of samples: rates with exact limits, medians with bootstrap bands.
 
 **Rate.** k events in n independent trials of unknown probability p. The two-sided limits are Clopper and Pearson's: low
 is the p for which k or more events have probability (1 - c) / 2, high that for which k or fewer have it, so that
@@ -42,7 +42,7 @@ class Rate:
         return self.events / self.trials
 
     def text(self) -> str:
-        """To be read; without an event it states what the rate is at most."""
+        """The rate as text; without an event it states the upper bound."""
         if self.events == 0:
             return f"0 of {self.trials} (at most {percent(self.upper)} %, {100.0 * self.confidence:g} %)"
         limits = f"[{percent(self.low)}, {percent(self.high)}]"
@@ -60,7 +60,7 @@ class Band:
     confidence: float = 0.95
 
     def text(self) -> str:
-        """To be read, in the unit of the values."""
+        """Median and band as text, in the unit of the values."""
         if math.isnan(self.low):
             return f"{self.median:.4g} (n = {self.n})"
         return f"{self.median:.4g} [{self.low:.4g}, {self.high:.4g}] (n = {self.n})"

@@ -26,8 +26,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mathnavi.sim.engine.log import write_text
+from mathnavi.sim.interfaces.errors import StoreError
 from mathnavi.sim.interfaces.fields import flattened, plain
+from mathnavi.sim.records.files import write_text
 
 APPLICATION = 0x6D6E6176  # "mnav", in the header of the file: what kind of database it is
 SCHEMA = 1
@@ -68,7 +69,7 @@ _NOT_FINITE = re.compile(r'"(?:[^"\\]|\\.)*"|-?Infinity|NaN')  # strings are mat
 _AS_JSON = {"Infinity": "9e999", "-Infinity": "-9e999", "NaN": "null"}
 
 
-class StoreError(RuntimeError):
+class StoreWriteError(RuntimeError):
     """A store that was usable and no longer is: the disk is full, or it may no longer be written."""
 
 
@@ -98,7 +99,7 @@ class Record:
 
 
 class Ending(NamedTuple):
-    """How a trial ended, as in its record."""
+    """End of a trial, as in its record."""
 
     status: str
     success: bool | None
@@ -164,7 +165,7 @@ class Store:
         path = Path(path)
         with _opening(path):
             if not path.is_file():
-                raise ValueError(f"{path}: no such file; allowed: a store that `mathnavi sweep` has written")
+                raise StoreError(f"{path}: no such file; allowed: a store that `mathnavi sweep` has written")
             store = Store(path, _connect(path, "rw"))
         with store._closed_on_error():
             store._check()
@@ -183,7 +184,7 @@ class Store:
         """Commit records, all or none, before this returns.
 
         A key that the store has stays as it is; one whose trial timed out or crashed is replaced if ``retried``.
-        StoreError if they cannot be written. What was committed before stays readable.
+        StoreWriteError if they cannot be written. What was committed before stays readable.
         """
         with self._errors_named(), self._transaction():
             for record in records:
@@ -204,7 +205,7 @@ class Store:
         return set(self.endings())
 
     def endings(self) -> dict[str, Ending]:
-        """How every trial ended, by its key."""
+        """End of every trial, by its key."""
         with self._errors_named():
             rows = self._connection.execute("SELECT key, status, success FROM trials")
             return {key: Ending(status, None if success is None else bool(success)) for key, status, success in rows}
@@ -248,7 +249,7 @@ class Store:
         return Record(**{**named, **loaded, "success": success, "timings": dict(figures.fetchall())})
 
     def _created(self) -> bool:
-        """Whether the file was empty; then it is a store now."""
+        """True if the file was empty; it is a store now."""
         with _opening(self.path), self._transaction():
             if self.path.stat().st_size > 0:
                 return False
@@ -262,18 +263,18 @@ class Store:
     def _check(self) -> None:
         with _opening(self.path):
             if self._pragma("application_id") != APPLICATION:
-                raise ValueError(f"{self.path}: a database of something else; allowed: a store of trials or a new file")
+                raise StoreError(f"{self.path}: a database of something else; allowed: a store of trials or a new file")
             if (schema := self._pragma("user_version")) != SCHEMA:
-                raise ValueError(f"{self.path}: a store of schema {schema}; allowed: schema {SCHEMA}")
+                raise StoreError(f"{self.path}: a store of schema {schema}; allowed: schema {SCHEMA}")
             for table, columns in TABLES.items():
                 found = tuple(row[1] for row in self._connection.execute(f"PRAGMA table_info({table})"))
                 if found != columns:
-                    raise ValueError(
+                    raise StoreError(
                         f"{self.path}: its table {table} has the columns {', '.join(found) or 'of no table'}; "
                         f"allowed: {', '.join(columns)}"
                     )
             if (fault := self._connection.execute("PRAGMA quick_check(1)").fetchone()[0]) != "ok":
-                raise ValueError(f"{self.path}: a damaged store ({fault}); allowed: a whole one")
+                raise StoreError(f"{self.path}: a damaged store ({fault}); allowed: a whole one")
 
     def _try_to_write(self) -> None:
         """Begin a change, which needs the file and a journal beside it, and take it back."""
@@ -309,7 +310,7 @@ class Store:
         try:
             yield
         except sqlite3.Error as error:
-            raise StoreError(f"{self.path}: {error}") from error
+            raise StoreWriteError(f"{self.path}: {error}") from error
 
 
 def _connect(path: Path, mode: str) -> sqlite3.Connection:
@@ -319,13 +320,13 @@ def _connect(path: Path, mode: str) -> sqlite3.Connection:
 
 @contextmanager
 def _opening(path: Path) -> Iterator[None]:
-    """What goes wrong while a store is opened is the fault of what was given."""
+    """Raise StoreError for whatever goes wrong while a store is opened: the path is at fault."""
     try:
         yield
     except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}; allowed: a file in a folder that can be made") from error
+        raise StoreError(f"{path}: {error.strerror}; allowed: a file in a folder that can be made") from error
     except sqlite3.Error as error:
-        raise ValueError(f"{path}: {error}; allowed: a store of trials that can be written, or a new file") from error
+        raise StoreError(f"{path}: {error}; allowed: a store of trials that can be written, or a new file") from error
 
 
 def _row(record: Record) -> dict[str, Any]:

@@ -38,7 +38,7 @@ Test = Callable[[Record], bool | None]  # whether an event happened in a trial; 
 
 
 @dataclass(frozen=True)
-class Group:
+class TrialGroup:
     """Records that belong together."""
 
     name: str
@@ -46,12 +46,12 @@ class Group:
     records: Sequence[Record]
 
     def rate(self, happened: Test) -> Rate | None:
-        """Of an event among the trials that can say; None without any."""
+        """Rate of an event among the trials where it is known; None without any."""
         known = [event for record in self.records if (event := happened(record)) is not None]
         return rate(sum(known), len(known)) if known else None
 
     def band(self, key: str) -> Band | None:
-        """Of a figure among the trials that have it, always from the same resamples; None without any.
+        """Median and band of a figure among the trials that have it, from fixed resamples; None without any.
 
         An infinite value, such as the clearance of who has left the map, is a value.
         """
@@ -88,9 +88,9 @@ class Sweep:
         return [name for name in self.varied if name not in self.continuous]
 
     @cached_property
-    def groups(self) -> list[Group]:
-        """By the values of ``listed``, in order; a single one without such a field."""
-        return grouped(self.records, self.listed) if self.listed else [Group("all trials", (), self.records)]
+    def groups(self) -> list[TrialGroup]:
+        """Groups by the values of ``listed``, in order; a single one without such a field."""
+        return grouped(self.records, self.listed) if self.listed else [TrialGroup("all trials", (), self.records)]
 
     @cached_property
     def events(self) -> dict[str, Test]:
@@ -130,10 +130,10 @@ class Sweep:
         return list(dict.fromkeys(key for record in self.records for key in record.timings))
 
     def values(self, name: str) -> list[Any]:
-        """Of a field, one a record."""
+        """Values of a field, one a record."""
         return [_hashable(record.fields.get(name)) for record in self.records]
 
-    def bins(self, name: str) -> list[Group]:
+    def bins(self, name: str) -> list[TrialGroup]:
         """The records by a continuous field, in order, with equally many in each bin as far as equal values allow.
 
         A bin's ``values`` are the least and the greatest of the field in it.
@@ -152,7 +152,7 @@ class Sweep:
         for part in parts:
             low, high = part[0].fields[name], part[-1].fields[name]
             title = f"{low:.3g} to {high:.3g}" if low < high else f"{low:.3g}"
-            found.append(Group(f"{title} (n = {len(part)})", (low, high), part))
+            found.append(TrialGroup(f"{title} (n = {len(part)})", (low, high), part))
         return found
 
     def _is_spread(self, values: Sequence[float]) -> bool:
@@ -160,7 +160,7 @@ class Sweep:
         for value, record in zip(values, self.records, strict=True):
             seeds.setdefault(value, set()).add(record.seed)
         # A value that is listed is flown with the seeds of the others, one that is drawn with a seed of its own.
-        alone = [min(some) for some in seeds.values() if len(some) == 1]
+        alone = [min(values) for values in seeds.values() if len(values) == 1]
         drawn = 2 * len(alone) > len(seeds) > 1 and len(set(alone)) == len(alone)
         return drawn or len(seeds) > MOST_LISTED
 
@@ -169,7 +169,7 @@ class Sweep:
         return list(dict.fromkeys(key for record in self.records for key in record.summary))
 
 
-def grouped(records: Iterable[Record], names: Sequence[str]) -> list[Group]:
+def grouped(records: Iterable[Record], names: Sequence[str]) -> list[TrialGroup]:
     """Records by the values of fields, in order of those."""
     found: dict[tuple[Any, ...], list[Record]] = {}
     for record in records:
@@ -177,10 +177,12 @@ def grouped(records: Iterable[Record], names: Sequence[str]) -> list[Group]:
     ordered = sorted(found.items(), key=lambda item: [_order(value) for value in item[0]])
     short = [name.rpartition(".")[2].replace("_", " ") for name in names]
     return [
-        Group(
-            ", ".join(f"{name} {format_value(value)}" for name, value in zip(short, values, strict=True)), values, some
+        TrialGroup(
+            ", ".join(f"{name} {format_value(value)}" for name, value in zip(short, values, strict=True)),
+            values,
+            members,
         )
-        for values, some in ordered
+        for values, members in ordered
     ]
 
 
@@ -203,7 +205,7 @@ def format_value(value: object) -> str:
 
 
 def format_numbers(*values: float) -> list[str]:
-    """Numbers of one kind: four digits of the largest and enough to tell them apart; whole ones as they are."""
+    """Numbers of one kind: four digits of the largest and enough to distinguish them; whole ones as they are."""
     finite = [value for value in values if math.isfinite(value)]
     largest = max(map(abs, finite), default=0.0)
     if 0.0 < largest < SMALL:
@@ -216,7 +218,7 @@ def format_numbers(*values: float) -> list[str]:
 
 
 def is_number(value: object) -> TypeGuard[float]:
-    """Whether a value is a number; a truth value is none."""
+    """True if a value is a number; a truth value is none."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from mathnavi.sim.engine.agent_runner import Agent
-from mathnavi.sim.engine.log import Recording, write_run
+from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.run_folder import write_run
 from mathnavi.sim.scenarios.task import Task
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 from typing import Protocol
 
-from mathnavi.sim.records.store import TRANSIENT, Ending, Record, Store, StoreError
+from mathnavi.sim.records.store import TRANSIENT, Ending, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import StoppedError, Worker, module_path
 from mathnavi.sim.sweep.trial import Trial, keys
 
@@ -63,7 +63,7 @@ def run_trials(
     goes on from there. A trial that is asked for twice runs once. What is returned names files as ``trials`` do, though
     the store may have their content under other names.
 
-    Raises ValueError for bad arguments and a cluster that does not answer, StoreError if the store can no longer be
+    Raises ValueError for bad arguments and a cluster that does not answer, StoreWriteError if the store can no longer be
     written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the cluster
     is gone.
     """
@@ -121,7 +121,7 @@ class _Sweep:
                 messages = []
                 if fault is not None:
                     raise fault
-        except StoreError:
+        except StoreWriteError:
             raise
         except BaseException:
             backend.stop()

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mathnavi.renders.flight.run_data import RunData, load_run
+from mathnavi.renders.flight.run_data import FlightRun, load_run
 from tests.renders.synthetic import ridges, write_synthetic_run
 
 
@@ -25,5 +25,5 @@ def run_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def run(run_dir: Path) -> RunData:
+def run(run_dir: Path) -> FlightRun:
     return load_run(run_dir)

@@ -11,10 +11,10 @@ import pytest
 from PIL import Image
 
 from mathnavi.renders import clip
-from mathnavi.renders.caption import Caption, Label, Words
-from mathnavi.renders.clip import LAST_LOOK, write_clip
+from mathnavi.renders.clip import LAST_MOMENT, write_clip
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
+from mathnavi.renders.overlay import Label, Overlay, OverlayWriter
 from mathnavi.renders.palette import Picture, SceneElement
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.scenarios.textbook import TextbookConfig, TextbookObserver
@@ -50,7 +50,7 @@ def test_a_clip_plays_over_and_over_and_holds_its_last_picture(
         for k in range(5):
             moving.seek(k)
             shown.append(np.asarray(moving.convert("RGB")).astype(int))
-            assert moving.info["duration"] == (250 if k < 4 else 1000 * LAST_LOOK)
+            assert moving.info["duration"] == (250 if k < 4 else 1000 * LAST_MOMENT)
     assert min(picture.std() for picture in shown) > 10.0
     assert all((np.abs(b - a).max(axis=-1) > 40).any() for a, b in pairwise(shown))
 
@@ -86,10 +86,12 @@ def test_bad_input_is_told_in_one_line(flags: str, told: str, folder: Path, caps
 # ---- what is written on it
 
 
-def written(*labels: Label, notice: str = "", legend: tuple[SceneElement, ...] = (SceneElement.FLOWN,)) -> np.ndarray:
+def written(
+    *labels: Label, annotation: str = "", legend: tuple[SceneElement, ...] = (SceneElement.FLOWN,)
+) -> np.ndarray:
     numbers = [(name, "1 s", "") for name in ("TIME", "HEIGHT", "SPEED")]
-    said = Words(["a very long title"] * 3, numbers, "flying", legend, notice, 0.5, [0.1], labels)
-    return Caption(640, 360, brief=True).write(GREY, said).astype(int)
+    overlay = Overlay(["a very long title"] * 3, numbers, "flying", legend)
+    return OverlayWriter(640, 360, brief=True).write(GREY, overlay, annotation, 0.5, [0.1], labels).astype(int)
 
 
 def changed(picture: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -114,5 +116,5 @@ def test_a_label_gives_way_to_a_notice_and_to_another_label() -> None:
     first, second = Label("target", 300.0, 200.0), Label("radar", 310.0, 205.0)
     assert (written(first) != written()).any()
     np.testing.assert_array_equal(written(first, second), written(first))
-    told = written(notice="radar on")
-    np.testing.assert_array_equal(written(Label("radar", 560.0, 54.0), notice="radar on"), told)
+    told = written(annotation="radar on")
+    np.testing.assert_array_equal(written(Label("radar", 560.0, 54.0), annotation="radar on"), told)

@@ -12,7 +12,7 @@ from PIL import Image
 
 from mathnavi.renders import clip, video
 from mathnavi.renders.gallery import __main__ as program
-from mathnavi.renders.gallery.table import HERE, MATHNAVI, README, Command, Entry, chosen, entries
+from mathnavi.renders.gallery.table import HERE, MATHNAVI, README, Command, GalleryPicture, chosen, entries
 from mathnavi.sim.commands.arguments import Group, parse
 from mathnavi.sim.commands.render import Options as RenderOptions
 from mathnavi.sim.commands.run import Options as RunOptions
@@ -101,7 +101,7 @@ def test_what_makes_no_picture_is_refused() -> None:
     with pytest.raises(ValueError, match=r"a.png: 'by hand' holds no command; allowed"):
         entries("| [a.png](a.png) | a thing | by hand |")
     with pytest.raises(ValueError, match=r"a.png: '.venv/bin/mathnavi list' makes no picture; allowed: render, study"):
-        Entry("a.png", ((MATHNAVI, "list"),)).made("")
+        GalleryPicture("a.png", ((MATHNAVI, "list"),)).made("")
 
 
 def test_a_picture_is_made_by_its_commands_or_told_why_not(

@@ -15,7 +15,7 @@ from mathnavi.renders.sweep_report import MOST_PANELS, report, write_sweep_repor
 from mathnavi.renders.terrain_view import Track
 from mathnavi.sim.records.statistics import median_band, rate
 from mathnavi.sim.records.store import Record
-from mathnavi.sim.records.sweep_data import Group, Sweep, format_numbers
+from mathnavi.sim.records.sweep_data import Sweep, TrialGroup, format_numbers
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 from tests.renders.synthetic import ridges
 
@@ -90,7 +90,7 @@ def test_trials_of_one_value_are_in_one_bin() -> None:
 
 def test_too_few_trials_have_a_median_without_a_band() -> None:
     for count, known in ((5, False), (6, True)):
-        band = Group("some", (), DRAWN[:count]).band("arrival_time_s")
+        band = TrialGroup("some", (), DRAWN[:count]).band("arrival_time_s")
         assert band is not None
         assert math.isnan(band.low) is not known
 
@@ -190,7 +190,7 @@ def test_medians_have_their_bands_and_count_the_trials_that_have_none() -> None:
 def test_a_vehicle_that_left_the_map_counts_among_the_clearances(records: list[Record], varied: str) -> None:
     lost = [flight(k, 13, 1.0, summary={**LISTED[0].summary, "min_clearance_m": -math.inf}) for k in range(50, 95)]
     sweep = Sweep([*records, *lost], [varied])
-    band = Group("all", (), sweep.records).band("min_clearance_m")
+    band = TrialGroup("all", (), sweep.records).band("min_clearance_m")
     assert band is not None
     assert (band.n, band.median) == (len(sweep.records), -math.inf)
     page = Page(report(sweep, None, [], COMMAND))

@@ -25,8 +25,8 @@ from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.page import number
 from mathnavi.renders.study_report import StudyPage, Table, write_study_report
 from mathnavi.renders.terrain_view import Track
-from mathnavi.sim.engine.log import write_bytes, write_json, write_text
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.files import write_bytes, write_json, write_text
 from mathnavi.sim.records.statistics import Band, supported_band
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import figures

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
 import pytest
 from matplotlib.colors import rgb_to_hsv
 
-from mathnavi.renders import opengl, video
+from mathnavi.renders import video
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
-from mathnavi.renders.fleet import drawing
-from mathnavi.renders.fleet.caption import words
+from mathnavi.renders.fleet.drawing import drawing
+from mathnavi.renders.fleet.overlay import overlay
 from mathnavi.renders.fleet.report import report
 from mathnavi.renders.fleet.run_data import FleetRun
 from mathnavi.renders.palette import VEHICLES, vehicle_colour
@@ -26,10 +24,10 @@ from mathnavi.renders.report import write_report
 from mathnavi.renders.video import write_video
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.figure_names import label
-from mathnavi.sim.records.run_log import described
+from mathnavi.sim.records.run_folder import described
+from tests.renders.drawn import differing, drawn, needs_opengl
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
-needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
 FIGURES = ("map", "to-go", "separation", "clearance", "solve", "events")
 
 
@@ -55,15 +53,7 @@ def test_sixteen_vehicles_can_be_told_apart_and_from_paper_and_snow() -> None:
 def test_every_vehicle_is_in_sight_where_it_should_be_in_its_colour(
     fleet_dir: Path, fleet_run: FleetRun, tmp_path: Path
 ) -> None:
-    script = Path(__file__).with_name("draw_with_and_without_vehicles.py")
-    environment = opengl.environment() | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    done = subprocess.run(
-        [sys.executable, str(script), str(fleet_dir), str(tmp_path / "out.npz")],
-        env=environment, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # an unclosed renderer complains at exit
-    pictures = np.load(tmp_path / "out.npz")
+    pictures = drawn("fleet", tmp_path, fleet_dir)
     for camera in drawing.cameras:
         shown = pictures[f"{camera}.with"].astype(int)
         assert shown.std() > 15.0
@@ -73,7 +63,7 @@ def test_every_vehicle_is_in_sight_where_it_should_be_in_its_colour(
             assert depth > 0.0
             assert 0 < column < 320
             assert 0 < row < 180
-            rows, columns = np.nonzero(np.abs(shown - pictures[f"{camera}.without.{name}"]).max(axis=-1) > 12)
+            rows, columns = differing(shown, pictures[f"{camera}.without.{name}"])
             assert len(rows) > 10, (camera, name)
             assert np.hypot(rows - row, columns - column).max() < 25  # nothing else moves with it
             middle = np.median(shown[rows, columns], axis=0) / 255.0
@@ -81,7 +71,7 @@ def test_every_vehicle_is_in_sight_where_it_should_be_in_its_colour(
             assert abs((hues[0] - hues[1] + 0.5) % 1.0 - 0.5) < 0.08, (camera, name)
         assert {"1", "2", "3"} & set(pictures[f"{camera}.labels"].tolist())
         assert ("slots" in pictures[f"{camera}.labels"]) == (camera != "arrival")
-    for (column, row, _), colour in zip(pictures["end.slots"], fleet_run.colours, strict=True):
+    for (column, row, _), colour in zip(pictures["end.targets"], fleet_run.colours, strict=True):
         assert 0.2 * 320 < column < 0.9 * 320
         assert 0.1 * 180 < row < 0.85 * 180
         near = pictures["end"][round(row) - 4 : round(row) + 5, round(column) - 9 : round(column) + 10] / 255.0
@@ -135,9 +125,9 @@ def test_a_fleet_that_said_nothing_did_not_arrive_and_left_the_map_is_reported_t
 ) -> None:
     monkeypatch.setenv("MUJOCO_GL", "disable")
     off = np.array([20_000.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    mute = {"plans": (), "adopted": np.empty(0), "events": ()}
+    mute: dict[str, Any] = {"plans": (), "adopted": np.empty(0), "events": ()}
     lost = {
-        name: replace(flight, x=flight.x + (off if name == "vehicle_2" else 0.0), **mute)
+        name: replace(flight, log=replace(flight.log, x=flight.x + (off if name == "vehicle_2" else 0.0), **mute))
         for name, flight in fleet_run.vehicles.items()
     }
     bare = replace(fleet_run, vehicles=lost, events=(), summary={"shortfall": "arrived is no"})
@@ -148,5 +138,5 @@ def test_a_fleet_that_said_nothing_did_not_arrive_and_left_the_map_is_reported_t
     text = Page(source).text
     assert "Of the fleet 2 of 3 arrived (arrived is no)" in text
     assert "Nothing happened" in text
-    told = words(bare, Frame(0.5 * bare.duration, "overview", 0.0, 0.0), [])
+    told = overlay(bare, Frame(0.5 * bare.duration, "overview", 0.0, 0.0))
     assert ("AGREED ARRIVAL", "–", "known to 0 of 3") in told.numbers

@@ -13,11 +13,12 @@ import numpy as np
 import pytest
 
 from mathnavi.renders.film import Frame
-from mathnavi.renders.fleet.caption import words
+from mathnavi.renders.fleet.drawing import drawing
+from mathnavi.renders.fleet.overlay import overlay
 from mathnavi.renders.fleet.run_data import FleetRun, load_run
-from mathnavi.renders.fleet.storyboard import CAMERAS, highlight, notices, shots, storyboard
+from mathnavi.renders.fleet.shot_list import CAMERAS, annotations_of, highlight, shot_list
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.records.run_log import read_log
+from mathnavi.sim.records.run_folder import read_log
 
 
 def test_the_run_is_that_of_the_summary(fleet_run: FleetRun) -> None:
@@ -29,7 +30,7 @@ def test_the_run_is_that_of_the_summary(fleet_run: FleetRun) -> None:
     np.testing.assert_allclose(least, fleet_run.neighbours.min(axis=0)[::100], atol=1e-6)
     assert [fleet_run.arrived(t) for t in (0.0, fleet_run.duration)] == [0, 3]
     assert {event.agent for flight in fleet_run.flights for event in flight.events} <= set(fleet_run.vehicles)
-    assert all(flight.plans for flight in fleet_run.flights)
+    assert all(flight.log.plans for flight in fleet_run.flights)
 
 
 def test_what_was_agreed_is_when_they_arrive(fleet_run: FleetRun) -> None:
@@ -41,20 +42,20 @@ def test_what_was_agreed_is_when_they_arrive(fleet_run: FleetRun) -> None:
 
 
 def test_the_video_covers_the_run_and_ends_at_the_slots_with_the_verdict(fleet_run: FleetRun) -> None:
-    filmed = shots(fleet_run)
+    filmed = shot_list(fleet_run)
     assert filmed[0].begin == 0.0
     assert all(one.end == other.begin for one, other in pairwise(filmed))
     assert {shot.camera for shot in filmed} == set(CAMERAS)
     assert 12.0 <= sum(shot.length for shot in filmed) <= 25.0
-    frames = storyboard(fleet_run, "tour", 4)
+    frames = drawing.frames(fleet_run, "tour", 4)
     assert frames[-1].camera == "arrival"
     assert frames[-1].t == fleet_run.duration
     told = f"all 3 arrived within {fleet_run.spread:.2f} s"
-    assert notices(fleet_run)[-1] == (fleet_run.duration, told)
-    assert notices(fleet_run)[0][1].startswith("agreed to arrive at ")
-    assert words(fleet_run, frames[-1], []).state == told
-    assert any(frame.notice == told for frame in frames)
-    assert all(frame.camera == "top" for frame in storyboard(fleet_run, "top", 2))
+    assert annotations_of(fleet_run)[-1] == (fleet_run.duration, told)
+    assert annotations_of(fleet_run)[0][1].startswith("agreed to arrive at ")
+    assert overlay(fleet_run, frames[-1]).state == told
+    assert any(frame.annotation == told for frame in frames)
+    assert all(frame.camera == "top" for frame in drawing.frames(fleet_run, "top", 2))
     begin, end = highlight(fleet_run)
     assert 0.0 < begin < end == fleet_run.duration
 
@@ -62,12 +63,12 @@ def test_the_video_covers_the_run_and_ends_at_the_slots_with_the_verdict(fleet_r
 @pytest.mark.parametrize("direction", ["chase", ""])
 def test_another_camera_is_refused(fleet_run: FleetRun, direction: str) -> None:
     with pytest.raises(ValueError, match="allowed: overview, top, arrival"):
-        storyboard(fleet_run, direction)
+        drawing.frames(fleet_run, direction)
 
 
 def test_the_caption_tells_who_has_arrived_and_how_near_they_are(fleet_run: FleetRun) -> None:
     t = float(np.sort(fleet_run.arrivals)[1])
-    numbers = {name: (value, note) for name, value, note in words(fleet_run, Frame(t, "top", 0.0, 0.0), []).numbers}
+    numbers = {name: (value, note) for name, value, note in overlay(fleet_run, Frame(t, "top", 0.0, 0.0)).numbers}
     assert numbers["ARRIVED"][0] == "2 of 3"
     assert numbers["LEAST DISTANCE NOW"] == (f"{fleet_run.nearest(t):.0f} m", "at least 150 m")
     assert numbers["AGREED ARRIVAL"][0] == f"{fleet_run.agreed(t).max():.1f} s"

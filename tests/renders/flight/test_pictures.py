@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import av
@@ -12,13 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mathnavi.renders import opengl
-from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.relief import relief, resampled
 from mathnavi.renders.video import draw, write_still, write_video
+from tests.renders.drawn import differing, drawn, needs_opengl
 from tests.renders.synthetic import ridges
-
-needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
 
 
 def test_relief_has_north_on_top_and_light_on_the_north_western_slopes() -> None:
@@ -40,32 +35,21 @@ def test_resampling_on_the_grids_own_nodes_changes_nothing() -> None:
 
 @needs_opengl
 def test_vehicle_is_where_it_should_be_and_nothing_else_moves_with_it(run_dir: Path, tmp_path: Path) -> None:
-    script = Path(__file__).with_name("draw_with_and_without_airframe.py")
-    environment = opengl.environment() | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    done = subprocess.run(
-        [sys.executable, str(script), str(run_dir), str(tmp_path / "out.npz")],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # an unclosed renderer complains at exit
-    pictures = np.load(tmp_path / "out.npz")
+    pictures = drawn("flight", tmp_path, run_dir)
     for camera in ("chase", "overview", "top"):
         shown = pictures[f"{camera}.with"].astype(int)
         assert shown.std() > 15.0
-        column, row, depth = pictures[f"{camera}.pixel"]
+        column, row, depth = pictures[f"{camera}.pixels"][0]
         assert depth > 0.0
         assert 0 < column < 320
         assert 0 < row < 180
-        changed = np.abs(shown - pictures[f"{camera}.without"]).max(axis=-1) > 8
-        rows, columns = np.nonzero(changed)
+        without = pictures[f"{camera}.without.airframe"]
+        rows, columns = differing(shown, without, 8)
         assert len(rows) > 20
         assert np.hypot(rows - row, columns - column).max() < 40  # all that changed is near the vehicle
         if camera != "chase":  # it sits on the tip of its path
             assert np.hypot(rows.mean() - row, columns.mean() - column) < 2.0
-        assert (pictures[f"{camera}.before"] != pictures[f"{camera}.without"]).mean() > 0.001
+        assert (pictures[f"{camera}.earlier"] != without).mean() > 0.001
 
 
 @needs_opengl
@@ -99,7 +83,7 @@ def test_odd_sizes_and_missing_runs_are_refused_before_anything_is_written(run_d
 
 
 @needs_opengl
-def test_failure_of_the_process_that_draws_is_told_in_its_own_words(run: RunData, tmp_path: Path) -> None:
+def test_failure_of_the_process_that_draws_is_told_in_its_own_words(run: FlightRun, tmp_path: Path) -> None:
     from mathnavi.renders.film import Frame
 
     with pytest.raises(RuntimeError, match="does not exist"):

@@ -14,12 +14,12 @@ import pytest
 
 from mathnavi.renders import figures
 from mathnavi.renders.flight.report import report
-from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.page import inline_svg
 from mathnavi.renders.report import write_report
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import label
-from mathnavi.sim.records.run_log import described
+from mathnavi.sim.records.run_folder import described
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 from tests.renders.synthetic import ridges
 
@@ -33,7 +33,7 @@ def test_report_needs_nothing_beside_itself(source: str) -> None:
     check_stands_alone(source)
 
 
-def test_report_shows_every_key_of_the_summary_and_every_event(source: str, run: RunData) -> None:
+def test_report_shows_every_key_of_the_summary_and_every_event(source: str, run: FlightRun) -> None:
     words = Page(source).words
     for key in run.summary:
         assert any(label(key)[0] in word for word in words)
@@ -41,10 +41,10 @@ def test_report_shows_every_key_of_the_summary_and_every_event(source: str, run:
         assert described(event)[0] in words
 
 
-def test_report_shows_the_flight_the_first_plan_and_the_radars_over_the_terrain(source: str, run: RunData) -> None:
+def test_report_shows_the_flight_the_first_plan_and_the_radars_over_the_terrain(source: str, run: FlightRun) -> None:
     (view,) = Page(source).views
     traces = {trace.get("name"): trace for trace in view["traces"]}
-    for name, end in (("flown", run.x[-1, :3]), ("first plan, to rest", run.plans[0].x[-1, :3])):
+    for name, end in (("flown", run.x[-1, :3]), ("first plan, to rest", run.log.plans[0].x[-1, :3])):
         last = [traces[name][axis][-1] for axis in "xyz"]
         np.testing.assert_allclose(last, end * [1e-3, 1e-3, 1.0], atol=0.1)
     assert sum(trace.get("name") == "radar" for trace in view["traces"]) == len(run.mission.radars)
@@ -53,13 +53,15 @@ def test_report_shows_the_flight_the_first_plan_and_the_radars_over_the_terrain(
     assert "Radars weigh on the optimised part of a plan only" in Page(source).text
 
 
-def test_figures_have_sensible_digits_and_unknown_ones_a_dash(run: RunData, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_figures_have_sensible_digits_and_unknown_ones_a_dash(run: FlightRun, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MUJOCO_GL", "disable")
     summary = dict(run.summary) | {
         "arrival_time_s": 276.43333, "tracking_error_max_m": 3e-10, "solve_ms_mean": math.nan, "solve_ms_p50": 0.28123,
         "path_length_m": 76211.3, "deadline_s": None,
     }  # fmt: skip
-    cells = re.findall(r"<tr><th[^>]*>([^<]*)</th><td[^>]*>([^<]*)</td>", report(replace(run, summary=summary)))
+    cells = re.findall(
+        r"<tr><th[^>]*>([^<]*)</th><td[^>]*>([^<]*)</td>", report(replace(run, log=replace(run.log, summary=summary)))
+    )
     shown = dict(cells)
     assert shown["arrival time"] == "276.4 s"
     assert shown["tracking error max"] == "&lt; 0.001 m"

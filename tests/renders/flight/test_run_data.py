@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mathnavi.renders.flight.run_data import RunData, load_run, plan_arcs
+from mathnavi.renders.flight.run_data import FlightRun, load_run, plan_arcs
 
 
-def test_state_agrees_with_the_log_at_every_tick_and_stays_at_its_ends(run: RunData) -> None:
+def test_state_agrees_with_the_log_at_every_tick_and_stays_at_its_ends(run: FlightRun) -> None:
     for i in (0, 1, len(run.t) // 2, len(run.t) - 1):
         np.testing.assert_allclose(run.state(float(run.t[i])), run.x[i], atol=1e-9)
     np.testing.assert_array_equal(run.state(run.duration + 5.0), run.x[-1])
@@ -20,14 +20,14 @@ def test_state_agrees_with_the_log_at_every_tick_and_stays_at_its_ends(run: RunD
     np.testing.assert_allclose(between, 0.5 * (run.x[10] + run.x[11]), atol=1e-6)
 
 
-def test_plan_is_the_last_one_adopted(run: RunData) -> None:
+def test_plan_is_the_last_one_adopted(run: FlightRun) -> None:
     assert run.plan(-0.1) is None
-    assert run.plan(float(run.adopted[3])) is run.plans[3]
-    assert run.plan(float(run.adopted[3]) - 1e-3) is run.plans[2]
+    assert run.plan(float(run.log.adopted[3])) is run.log.plans[3]
+    assert run.plan(float(run.log.adopted[3]) - 1e-3) is run.log.plans[2]
 
 
-def test_what_is_left_of_a_plan_starts_now_and_ends_at_rest_on_its_last_state(run: RunData) -> None:
-    plan = run.plans[2]
+def test_what_is_left_of_a_plan_starts_now_and_ends_at_rest_on_its_last_state(run: FlightRun) -> None:
+    plan = run.log.plans[2]
     now = plan.t_start + 2.0
     arcs = plan_arcs(plan, now, step=0.5)
     np.testing.assert_allclose(arcs[0][1][0], run.state(now)[:3], atol=60.0)  # the made-up arcs follow the path roughly

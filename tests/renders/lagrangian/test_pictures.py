@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -13,38 +10,30 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mathnavi.renders import opengl, video
+from mathnavi.renders import video
 from mathnavi.renders.film import Frame
-from mathnavi.renders.lagrangian.caption import words
-from mathnavi.renders.lagrangian.drawing import painter
-from mathnavi.renders.lagrangian.panel import Panel
+from mathnavi.renders.lagrangian.drawing import drawing
+from mathnavi.renders.lagrangian.overlay import overlay
+from mathnavi.renders.lagrangian.panel import VelocityPanel
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.video import write_still, write_video
 from mathnavi.sim.interfaces.signals import Array
+from tests.renders.drawn import differing, drawn, needs_opengl
 
-needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
 POINTS = ("sphere", "hyperbolic-plane")
 
 
 @pytest.fixture(scope="session")
 def pictures(folders: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Array]:
-    """What the script beside this file draws."""
-    out = tmp_path_factory.mktemp("pictures") / "out.npz"
-    script = Path(__file__).with_name("draw_and_leave_out.py")
-    environment = opengl.environment() | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    named = [str(folders[name]) for name in ("body", "arm", "tracking")]
-    done = subprocess.run(
-        [sys.executable, str(script), *named, str(out)], env=environment, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # an unclosed renderer complains at exit
-    return dict(np.load(out))
+    """Pictures with and without what they show."""
+    named = [folders[name] for name in ("body", "arm", "tracking")]
+    return drawn("mechanisms", tmp_path_factory.mktemp("pictures"), *named)
 
 
 def changed(one: Array, other: Array, at: Array, radius: float) -> int:
     """How many pixels near places (m, 3) differ between two pictures."""
-    rows, columns = np.nonzero(np.abs(one.astype(int) - other.astype(int)).max(axis=-1) > 12)
+    rows, columns = differing(one, other)
     away = np.hypot(columns[:, None] - at[:, 0], rows[:, None] - at[:, 1])
     return int(np.count_nonzero(away.min(axis=1) < radius))
 
@@ -59,20 +48,20 @@ def test_what_moves_and_its_ghost_are_in_sight_where_they_should_be(name: str, p
         column, row, depth = places.T
         assert (depth > 0.0).all()
         assert ((column > 0.0) & (column < 480.0) & (row > 0.0) & (row < 270.0)).all()
-    assert changed(shown, pictures[f"{name}.no estimate"], estimate, 12.0) > 150
-    assert changed(pictures[f"{name}.no estimate"], pictures[f"{name}.neither"], truth, 12.0) > 150
+    assert changed(shown, pictures[f"{name}.without.estimate"], estimate, 12.0) > 150
+    assert changed(pictures[f"{name}.without.estimate"], pictures[f"{name}.without.both"], truth, 12.0) > 150
 
 
 @needs_opengl
 def test_only_what_has_a_reference_shows_it(pictures: Mapping[str, Array]) -> None:
     assert {name.partition(".")[0] for name in pictures if name.endswith(".reference")} == {"tracking"}
-    shown, without = pictures["tracking.with"], pictures["tracking.no reference"]
+    shown, without = pictures["tracking.with"], pictures["tracking.without.reference"]
     assert changed(shown, without, pictures["tracking.reference"], 12.0) > 100
 
 
 @pytest.mark.parametrize("name", POINTS)
 def test_a_point_is_drawn_without_opengl(name: str, runs: dict[str, LagrangianRun]) -> None:
-    with painter(runs[name], 640, 360, 0) as artist:
+    with drawing.painter(runs[name], 640, 360, 0) as artist:
         early, late, again = (artist.paint(Frame(t, "scene", 0.0, 1.0)) for t in (0.05, 1.0, 0.05))
     assert early.shape == (360, 640, 3)
     assert early.std() > 10.0
@@ -84,7 +73,7 @@ def test_a_point_is_drawn_without_opengl(name: str, runs: dict[str, LagrangianRu
 @pytest.mark.parametrize("name", POINTS)
 def test_the_geodesic_to_an_estimate_that_is_off_is_drawn(name: str, runs: dict[str, LagrangianRun]) -> None:
     def magenta(t: float) -> int:
-        with painter(runs[name], 640, 360, 0) as artist:
+        with drawing.painter(runs[name], 640, 360, 0) as artist:
             picture = artist.paint(Frame(t, "scene", 0.0, 1.0)).astype(int)
         return int(((picture[..., 0] - picture[..., 1] > 80) & (picture[..., 2] - picture[..., 1] > 80)).sum())
 
@@ -94,7 +83,7 @@ def test_the_geodesic_to_an_estimate_that_is_off_is_drawn(name: str, runs: dict[
 
 @pytest.mark.parametrize("name", ["body", "arm", "silent", "sphere"])
 def test_curves_of_the_panel_grow_with_time(name: str, runs: dict[str, LagrangianRun]) -> None:
-    panel = Panel(runs[name], 360, 540)
+    panel = VelocityPanel(runs[name], 360, 540)
     early, late = (panel.picture(t) for t in (0.1, 1.2))
     assert early.shape == (540, 360, 3)
     dark = [(picture.max(axis=2) < 120).sum() for picture in (early, late)]
@@ -127,7 +116,7 @@ def test_a_video_has_the_size_and_length_asked_for(
 
 def test_the_caption_says_what_is_known(runs: dict[str, LagrangianRun]) -> None:
     def told(name: str, t: float) -> tuple[str, str, str]:
-        said = words(runs[name], Frame(t, "panel", 0.0, 0.0), [])
+        said = overlay(runs[name], Frame(t, "panel", 0.0, 0.0))
         return said.numbers[1][0], said.numbers[1][1], said.state
 
     assert told("body", 0.0)[0] == "VELOCITY OFF BY [rad/s]"
@@ -139,9 +128,9 @@ def test_the_caption_says_what_is_known(runs: dict[str, LagrangianRun]) -> None:
 
 
 def test_the_legend_names_what_there_is_to_see(runs: dict[str, LagrangianRun]) -> None:
-    legends = {name: set(words(run, Frame(0.5, "panel", 0.0, 0.0), []).legend) for name, run in runs.items()}
+    legends = {name: set(overlay(run, Frame(0.5, "panel", 0.0, 0.0)).legend) for name, run in runs.items()}
     assert legends["sphere"] == {SceneElement.TRUE_PATH, SceneElement.ESTIMATE, SceneElement.GEODESIC}
     assert legends["tracking"] - legends["body"] == {SceneElement.REFERENCE}
     assert legends["body"] - legends["arm"] == {SceneElement.GEODESIC}
-    alone = words(runs["body"], Frame(0.5, "scene", 0.0, 0.0), []).legend
+    alone = overlay(runs["body"], Frame(0.5, "scene", 0.0, 0.0)).legend
     assert legends["body"] - set(alone) == {SceneElement.GEODESIC}  # the globe is in the panel

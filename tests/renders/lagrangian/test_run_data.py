@@ -12,7 +12,7 @@ import pytest
 
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.lagrangian.run_data import REACH, LagrangianRun, load_run
-from mathnavi.renders.lagrangian.storyboard import verdict
+from mathnavi.renders.lagrangian.shot_list import verdict
 from mathnavi.sim.metrics.lagrangian import rms
 
 ALL = ("body", "sphere", "hyperbolic-plane", "tracking", "arm", "cart", "differences")
@@ -25,7 +25,7 @@ def test_a_run_is_drawn_by_its_own_drawing_and_its_errors_are_the_summary_s(
     assert drawing_of(folders[name]).cameras == ("panel", "scene")
     run = runs[name]
     late = run.errors.after(0.8)
-    assert rms(run.off[late]) == pytest.approx(run.log.summary["velocity_rms"])
+    assert rms(run.velocity_error[late]) == pytest.approx(run.log.summary["velocity_rms"])
     assert rms(run.errors.position[late]) == pytest.approx(run.log.summary["position_rms"])
 
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -19,41 +16,30 @@ from mathnavi.renders.missile import figures
 from mathnavi.renders.missile.ground import PIXELS, ground_picture
 from mathnavi.renders.missile.report import report
 from mathnavi.renders.missile.run_data import MissileRun
-from mathnavi.renders.missile.storyboard import closing
+from mathnavi.renders.missile.shot_list import closing
 from mathnavi.renders.report import write_report
 from mathnavi.renders.video import write_still, write_video
 from mathnavi.sim.records.figure_names import label
-from mathnavi.sim.records.run_log import described
+from mathnavi.sim.records.run_folder import described
+from tests.renders.drawn import differing, drawn, needs_opengl
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
-
-needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
 
 
 @needs_opengl
 def test_the_missile_is_in_sight_of_every_camera_and_where_it_should_be(missile_dir: Path, tmp_path: Path) -> None:
-    script = Path(__file__).with_name("draw_with_and_without_missile.py")
-    environment = opengl.environment() | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    done = subprocess.run(
-        [sys.executable, str(script), str(missile_dir), str(tmp_path / "out.npz")],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # an unclosed renderer complains at exit
-    pictures = np.load(tmp_path / "out.npz")
+    pictures = drawn("missile", tmp_path, missile_dir)
     for camera, least in (("chase", 400), ("side", 20), ("target", 12)):
         shown = pictures[f"{camera}.with"].astype(int)
         assert shown.std() > 15.0
-        column, row, depth = pictures[f"{camera}.pixel"]
+        column, row, depth = pictures[f"{camera}.pixels"][0]
         assert depth > 0.0
         assert 0 < column < 320
         assert 0 < row < 180
-        rows, columns = np.nonzero(np.abs(shown - pictures[f"{camera}.without"]).max(axis=-1) > 12)
+        without = pictures[f"{camera}.without.missile"]
+        rows, columns = differing(shown, without)
         assert len(rows) > least
         assert np.median(np.hypot(rows - row, columns - column)) < 60  # its shadow may lie elsewhere
-        assert (pictures[f"{camera}.before"] != pictures[f"{camera}.without"]).mean() > 0.001
+        assert (pictures[f"{camera}.earlier"] != without).mean() > 0.001
     assert {"target", "100 m"} <= set(pictures["side.labels"].tolist())
 
 

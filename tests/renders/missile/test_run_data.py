@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mathnavi.renders.drawing import drawing_of
-from mathnavi.renders.missile import drawing
+from mathnavi.renders.missile.drawing import drawing
 from mathnavi.renders.missile.run_data import MissileRun, load_run
 
 
@@ -49,7 +49,11 @@ def test_the_plan_ahead_leads_from_here_to_where_the_target_will_be(missile_run:
 def test_a_run_says_by_whom_it_is_drawn(missile_dir: Path, run_dir: Path, tmp_path: Path) -> None:
     assert drawing_of(missile_dir).cameras == drawing.cameras == ("chase", "side", "target")
     assert drawing_of(run_dir).cameras == ("chase", "overview", "top")  # as flights are that say nothing
-    for name, told in (("renders.nowhere", "cannot be"), ("math", "lacks cameras"), ("", "cannot be")):
+    for name, told in (
+        ("renders.nowhere", "cannot be"),
+        ("math", "lacks `drawing`; allowed: a module in which"),
+        ("", "cannot be"),
+    ):
         (tmp_path / "config.json").write_text(json.dumps({"drawing": name}))
         with pytest.raises(ValueError, match=told):
             drawing_of(tmp_path)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,48 +11,38 @@ import numpy as np
 import pytest
 
 from mathnavi.models.quadrotor.dynamics import ATTITUDE
-from mathnavi.renders import opengl
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
-from mathnavi.renders.quadrotor import drawing
-from mathnavi.renders.quadrotor.caption import words
+from mathnavi.renders.quadrotor.drawing import drawing
 from mathnavi.renders.quadrotor.inset import Inset
+from mathnavi.renders.quadrotor.overlay import overlay
 from mathnavi.renders.quadrotor.report import report
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun, load_run
-from mathnavi.renders.quadrotor.storyboard import CAMERAS, storyboard
+from mathnavi.renders.quadrotor.shot_list import CAMERAS
 from mathnavi.renders.report import write_report
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import label
-from mathnavi.sim.records.run_log import described
+from mathnavi.sim.records.run_folder import described
+from tests.renders.drawn import differing, drawn, needs_opengl
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
-needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
 FIGURES = ("map", "profile", "clearance", "tracking", "rotors", "solve")
 
 
 @needs_opengl
 def test_the_vehicle_is_in_sight_where_it_should_be(quadrotor_dir: Path, tmp_path: Path) -> None:
-    script = Path(__file__).with_name("draw_with_and_without_vehicle.py")
-    environment = opengl.environment() | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    done = subprocess.run(
-        [sys.executable, str(script), str(quadrotor_dir), str(tmp_path / "out.npz")],
-        env=environment, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # an unclosed renderer complains at exit
-    pictures = np.load(tmp_path / "out.npz")
+    pictures = drawn("quadrotor", tmp_path, quadrotor_dir)
     for camera, least in zip(CAMERAS, (120, 30, 30), strict=True):
         shown = pictures[f"{camera}.with"].astype(int)
         assert shown.std() > 15.0
-        column, row, depth = pictures[f"{camera}.pixels"]
+        column, row, depth = pictures[f"{camera}.pixels"][0]
         assert depth > 0.0
-        changed = np.abs(shown - pictures[f"{camera}.without"]).max(axis=-1) > 12
-        rows, columns = np.nonzero(changed)
+        rows, columns = differing(shown, pictures[f"{camera}.without.vehicle"])
         assert len(rows) > least, camera
         assert np.hypot(rows - row, columns - column).max() < 40, camera  # nothing else moves with it
         if camera != "chase":
             assert {"start", "target"} <= set(pictures[f"{camera}.labels"].tolist())
-    middle = pictures["chase.pixels"]
+    middle = pictures["chase.pixels"][0]
     assert abs(middle[0] - 160) < 50
     assert abs(middle[1] - 90) < 50
     red, _, blue = pictures["chase.with"][:90].reshape(-1, 3).astype(int).T
@@ -63,22 +50,22 @@ def test_the_vehicle_is_in_sight_where_it_should_be(quadrotor_dir: Path, tmp_pat
 
 
 def test_a_frame_of_each_moment_and_the_flight_is_covered(quadrotor_run: QuadrotorRun) -> None:
-    frames = storyboard(quadrotor_run, fps=10)
+    frames = drawing.frames(quadrotor_run, fps=10)
     assert 18.0 <= len(frames) / 10 <= 26.0
     assert {frame.camera for frame in frames} == set(CAMERAS)
     times = [frame.t for frame in frames]
     assert times == sorted(times)
     assert (times[0], times[-1]) == (0.0, quadrotor_run.duration)
-    assert frames[-1].notice == "arrived"
+    assert frames[-1].annotation == "arrived"
     assert sum(frame.camera == "chase" for frame in frames) > 0.55 * len(frames)
     with pytest.raises(ValueError, match=r"camera = 'side'; allowed: chase, overview, top"):
-        storyboard(quadrotor_run, "side")
+        drawing.frames(quadrotor_run, "side")
 
 
 def test_the_caption_says_how_fast_how_high_and_how_tilted(quadrotor_run: QuadrotorRun) -> None:
     run, t = quadrotor_run, 0.4 * quadrotor_run.duration
     i = run.flight.index(t)
-    told = words(run, Frame(t, "chase", 0.0, 0.0), [])
+    told = overlay(run, Frame(t, "chase", 0.0, 0.0))
     values = {name: (value, note) for name, value, note in told.numbers}
     assert values["SPEED"] == (f"{np.linalg.norm(run.truth[i, 7:10]):.1f} m/s", "bound 14 m/s")
     assert values["CLEARANCE"] == (f"{run.clearance[i]:.1f} m", "at least 4 m")
@@ -104,7 +91,8 @@ def test_the_pose_is_that_of_the_log_and_between_its_ticks(quadrotor_run: Quadro
     _, between = run.pose(float(0.5 * (run.flight.t[100] + run.flight.t[101])))
     assert np.linalg.norm(between) == pytest.approx(1.0)
     assert np.nanmin(run.clearance) >= run.flight.summary["min_clearance_m"]
-    assert float(np.nanmax(np.hypot(*run.off.T))) == pytest.approx(run.flight.summary["tracking_error_max_m"])
+    farthest = float(np.nanmax(np.hypot(*run.tracking_error.T)))
+    assert farthest == pytest.approx(run.flight.summary["tracking_error_max_m"])
 
 
 def test_the_report_stands_alone_and_shows_every_figure_and_event(
@@ -132,9 +120,9 @@ def test_a_flight_without_a_plan_that_did_not_arrive_is_reported_too(
 ) -> None:
     monkeypatch.setenv("MUJOCO_GL", "disable")
     event = Event(1.0, "vehicle", "tracking-breach", "far <off>")
-    flight = replace(
-        quadrotor_run.flight, plans=(), adopted=np.empty(0), events=(event,), summary={"shortfall": "not arrived"}
-    )
+    flight = quadrotor_run.flight
+    log = replace(flight.log, plans=(), adopted=np.empty(0), events=(event,), summary={"shortfall": "not arrived"})
+    flight = replace(flight, log=log)
     text = Page(report(replace(quadrotor_run, flight=flight))).text
     assert "did not arrive, and came too close to the ground (not arrived)" in text
     assert described(event)[0] in text

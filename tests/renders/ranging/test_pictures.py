@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -14,39 +11,26 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mathnavi.renders import opengl, video
+from mathnavi.renders import video
 from mathnavi.renders.film import Frame
 from mathnavi.renders.palette import SceneElement
-from mathnavi.renders.ranging.caption import words
+from mathnavi.renders.ranging.overlay import overlay
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.ranging.storyboard import CAMERAS
+from mathnavi.renders.ranging.shot_list import CAMERAS
 from mathnavi.renders.video import write_still, write_video
 from mathnavi.sim.interfaces.signals import Array
-
-needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
+from tests.renders.drawn import differing, drawn, needs_opengl
 
 
 @pytest.fixture(scope="session")
 def pictures(bank_dir: Path, observer_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Array]:
-    """What the script beside this file draws."""
-    out = tmp_path_factory.mktemp("pictures") / "out.npz"
-    script = Path(__file__).with_name("draw_and_leave_out.py")
-    environment = opengl.environment() | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    done = subprocess.run(
-        [sys.executable, str(script), str(bank_dir), str(observer_dir), str(out)],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""  # an unclosed renderer complains at exit
-    return dict(np.load(out))
+    """Pictures with and without what they show."""
+    return drawn("ranging", tmp_path_factory.mktemp("pictures"), bank_dir, observer_dir)
 
 
 def changed(one: Array, other: Array, at: Array, radius: float) -> int:
     """How many pixels around a place (column, row, ...) differ between two pictures."""
-    rows, columns = np.nonzero(np.abs(one.astype(int) - other.astype(int)).max(axis=-1) > 12)
+    rows, columns = differing(one, other)
     return int(np.count_nonzero(np.hypot(columns - at[0], rows - at[1]) < radius))
 
 
@@ -68,8 +52,8 @@ def test_robot_and_estimate_are_in_sight_where_they_should_be(camera: str, pictu
         assert 0 < column < 480
         assert 0 < row < 270
     robot, estimate = (pictures[f"{camera}.{what}"] for what in ("robot", "estimate"))
-    assert changed(shown, pictures[f"{camera}.no estimate"], estimate, 14.0) > 120
-    assert changed(pictures[f"{camera}.no estimate"], pictures[f"{camera}.neither"], robot, 14.0) > 60
+    assert changed(shown, pictures[f"{camera}.without.estimate"], estimate, 14.0) > 120
+    assert changed(pictures[f"{camera}.without.estimate"], pictures[f"{camera}.without.both"], robot, 14.0) > 60
     assert pictures[f"{camera}.labels"].tolist() == ["robot", "estimate"]
 
 
@@ -98,7 +82,7 @@ def test_what_looks_the_same_to_the_robot_is_outlined(pictures: Mapping[str, Arr
 def test_an_observer_shows_where_it_believes_that_rays_end(pictures: Mapping[str, Array]) -> None:
     assert pictures["observer.chase"].std() > 15.0
     for at in pictures["ends.at"]:
-        assert changed(pictures["observer.ends"], pictures["observer.no ends"], at, 8.0) >= 3
+        assert changed(pictures["observer.ends"], pictures["observer.without.ends"], at, 8.0) >= 3
 
 
 @needs_opengl
@@ -127,7 +111,7 @@ def test_the_caption_says_what_is_believed(
     bank_run: RangingRun, observer_run: RangingRun, silent_run: RangingRun
 ) -> None:
     def told(run: RangingRun, t: float) -> tuple[str, str, str, str]:
-        said = words(run, Frame(t, "top", 0.0, 0.0), [])
+        said = overlay(run, Frame(t, "top", 0.0, 0.0))
         (_, _, _), (_, place, note), (_, heading, _) = said.numbers
         return place, note, heading, said.state
 
@@ -144,7 +128,7 @@ def test_the_caption_says_what_is_believed(
 
 
 def test_the_legend_names_what_there_is_to_see(bank_run: RangingRun, observer_run: RangingRun) -> None:
-    bank, observer = (set(words(run, Frame(0.5, "top", 0.0, 0.0), []).legend) for run in (bank_run, observer_run))
+    bank, observer = (set(overlay(run, Frame(0.5, "top", 0.0, 0.0)).legend) for run in (bank_run, observer_run))
     assert bank - observer == {SceneElement.HYPOTHESIS, SceneElement.SPREAD}
     assert observer - bank == {SceneElement.BELIEVED}
     assert {

@@ -17,7 +17,7 @@ from mathnavi.renders.ranging.report import report
 from mathnavi.renders.ranging.run_data import RangingRun
 from mathnavi.renders.report import write_report
 from mathnavi.sim.records.figure_names import label
-from mathnavi.sim.records.run_log import described
+from mathnavi.sim.records.run_folder import described
 from tests.renders.reading import Page, check_identifiers, check_stands_alone
 
 

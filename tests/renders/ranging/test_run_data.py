@@ -13,7 +13,7 @@ import pytest
 
 from mathnavi.models.field.curve import BEAN
 from mathnavi.renders.drawing import drawing_of
-from mathnavi.renders.ranging import drawing
+from mathnavi.renders.ranging.drawing import drawing
 from mathnavi.renders.ranging.run_data import RangingRun, load_run
 from mathnavi.sim.interfaces.signals import Status
 from tests.renders.ranging.believers import CALM, ELSEWHERE, LOSS, LOWEST, OFF, SILENT, START

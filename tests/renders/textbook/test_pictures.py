@@ -12,10 +12,10 @@ from PIL import Image
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
 from mathnavi.renders.report import write_report
-from mathnavi.renders.textbook.board import shown
-from mathnavi.renders.textbook.drawing import painter, storyboard
+from mathnavi.renders.textbook.drawing import drawing
+from mathnavi.renders.textbook.panel import shown
 from mathnavi.renders.textbook.run_data import TextbookRun, load_run
-from mathnavi.renders.textbook.storyboard import notices
+from mathnavi.renders.textbook.shot_list import annotations_of
 from mathnavi.renders.video import write_still
 from mathnavi.sim.scenarios.textbook import TextbookConfig, TextbookObserver
 
@@ -31,9 +31,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: folder / name for name in SYSTEMS}
 
 
-def pixels(run: TextbookRun, t: float, notice: str = "") -> np.ndarray:
-    with painter(run, 640, 360, 0) as artist:
-        return artist.paint(Frame(t, "board", 0.0, 1.0, notice)).astype(int)
+def pixels(run: TextbookRun, t: float, annotation: str = "") -> np.ndarray:
+    with drawing.painter(run, 640, 360, 0) as artist:
+        return artist.paint(Frame(t, "board", 0.0, 1.0, annotation)).astype(int)
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -62,7 +62,7 @@ def test_curves_grow_with_time(runs: dict[str, Path]) -> None:
 
 def test_a_painter_draws_each_frame_by_itself(runs: dict[str, Path]) -> None:
     run = load_run(runs["camera-and-flags"])
-    with painter(run, 320, 180, 0) as artist:
+    with drawing.painter(run, 320, 180, 0) as artist:
         early, late, again = (artist.paint(Frame(t, "board", 0.0, 1.0)) for t in (0.3, 2.0, 0.3))
     np.testing.assert_array_equal(early, again)
     assert (early != late).any()
@@ -75,13 +75,13 @@ def test_a_notice_is_in_the_picture(runs: dict[str, Path]) -> None:
 
 def test_a_video_shows_all_of_the_run_and_tells_of_its_end(runs: dict[str, Path]) -> None:
     run = load_run(runs["example-2-1"])
-    frames = storyboard(run, "tour", 10)
+    frames = drawing.frames(run, "tour", 10)
     assert frames[0].t == 0.0
     assert frames[-1].t == pytest.approx(run.duration)
-    assert notices(run)[0][1] == "the solution escapes"
-    assert any("the solution escapes" in frame.notice for frame in frames)
+    assert annotations_of(run)[0][1] == "the solution escapes"
+    assert any("the solution escapes" in frame.annotation for frame in frames)
     with pytest.raises(ValueError, match="allowed: board"):
-        storyboard(run, "side")
+        drawing.frames(run, "side")
 
 
 def test_a_broken_run_is_refused(runs: dict[str, Path], tmp_path: Path) -> None:

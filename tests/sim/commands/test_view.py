@@ -15,7 +15,7 @@ from mathnavi.models.aerial.entity import build_model
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.commands.view import play, read_replay
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.engine.replay import Replay
+from mathnavi.sim.engine.replay import RecordedMotion
 from tests.flight import mountains
 
 ROBOT = ("range-localisation", "--duration", "0.5", "--sensors", "0", "90")
@@ -66,7 +66,7 @@ def test_a_point_is_shown_as_its_airframe() -> None:
     start, asked = np.array([3000.0, 3000.0, 800.0, 10.0, 0.0, 0.0]), np.array([0.0, 5.0, 0.0])
     plant = MujocoPlant(build_model(mountains(), ["v"], 33.0), {"v": VehicleSetup(start)}, np.random.default_rng(0))
     states = start + np.outer([0.0, 1.0], [10.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    replay = Replay(plant, np.array([0.0, 1.0]), {"v": states}, {"v": np.array([asked, asked])})
+    replay = RecordedMotion(plant, np.array([0.0, 1.0]), {"v": states}, {"v": np.array([asked, asked])})
     replay.show(1.0)
     np.testing.assert_array_equal(plant.data.body("v/airframe").xpos, states[1, :3])
     assert plant.data.body("v/airframe").xmat[5] > 0.0  # the thrust leans to where the input points

@@ -7,7 +7,7 @@ import pytest
 
 from mathnavi.estimators.velocity.high_gain import HighGain
 from mathnavi.sim.interfaces.signals import Measurement
-from mathnavi.sim.metrics.tuning import RecordedCall, Replay, Tuning, recorded_error, replayed, spread, tuned
+from mathnavi.sim.metrics.tuning import RecordedCall, ReplayedErrors, Tuning, recorded_error, replayed, spread, tuned
 from tests.estimators.velocity.runs import mission_of, moving, recorded
 
 VELOCITY = slice(4, 7)
@@ -55,11 +55,11 @@ def test_a_value_that_diverges_is_never_the_best() -> None:
 
 def test_a_replay_tells_when_the_error_was_last_above_a_limit() -> None:
     t = np.arange(5.0)
-    ran = Replay(t, np.array([4.0, 1.0, 3.0, 1.0, 1.0]), 0, 0, 0)
+    ran = ReplayedErrors(t, np.array([4.0, 1.0, 3.0, 1.0, 1.0]), 0, 0, 0)
     assert ran.below_from(5.0) == 0.0
     assert ran.below_from(2.0) == 2.0
     assert ran.below_from(0.5) is None
-    assert Replay(t, np.array([4.0, 1.0, math.nan, 1.0, 1.0]), 0, 0, 0).below_from(2.0) == 2.0
+    assert ReplayedErrors(t, np.array([4.0, 1.0, math.nan, 1.0, 1.0]), 0, 0, 0).below_from(2.0) == 2.0
 
 
 def test_a_replay_counts_the_readings_that_were_refused() -> None:

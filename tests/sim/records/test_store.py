@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.sim.records.store import APPLICATION, SCHEMA, STATUSES, Record, Store, StoreError, canonical_json
+from mathnavi.sim.records.store import APPLICATION, SCHEMA, STATUSES, Record, Store, StoreWriteError, canonical_json
 
 
 def record(key: str = "a", **changes: Any) -> Record:
@@ -99,7 +99,7 @@ def test_a_replacement_is_whole_or_not_at_all(path: Path) -> None:
     failed = record(status="timed-out", success=None, summary={}, error="no end within 1 s")
     with Store.open(path) as store:
         store.add(failed)
-        with pytest.raises(StoreError, match="CHECK constraint failed"):
+        with pytest.raises(StoreWriteError, match="CHECK constraint failed"):
             store.add(record(), record("b", status="lost"), retried=True)
         assert store.records() == [failed]
 
@@ -108,7 +108,7 @@ def test_records_are_added_all_or_none(path: Path) -> None:
     with Store.open(path) as store:
         with pytest.raises(TypeError, match="cannot be stored"):
             store.add(record("a"), record("b", summary={"thing": object()}))
-        with pytest.raises(StoreError, match="CHECK constraint failed"):
+        with pytest.raises(StoreWriteError, match="CHECK constraint failed"):
             store.add(record("a"), record("b", status="lost"))
         assert store.keys() == set()
         store.add(record("a"))
@@ -283,7 +283,7 @@ def test_a_full_disk_ends_in_one_error_and_keeps_what_was_committed(path: Path) 
     with Store.open(path) as store:
         store.add(record("first"))
         store._connection.execute("PRAGMA max_page_count = 20")
-        with pytest.raises(StoreError, match=r"store\.db: database or disk is full"):
+        with pytest.raises(StoreWriteError, match=r"store\.db: database or disk is full"):
             add_many(store)
         kept = store.keys()
         assert store.records() == [record(key) for key in sorted(kept)]
@@ -298,7 +298,7 @@ def test_a_store_that_turns_read_only_ends_in_one_error(path: Path) -> None:
     with Store.open(path) as store:
         store.add(record("first"))
         store._connection.execute("PRAGMA query_only = 1")
-        with pytest.raises(StoreError, match="readonly"):
+        with pytest.raises(StoreWriteError, match="readonly"):
             store.add(record("second"))
         assert store.keys() == {"first"}
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.sim.records.store import Record, Store, StoreError
+from mathnavi.sim.records.store import Record, Store, StoreWriteError
 from mathnavi.sim.sweep import code
 from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
 from mathnavi.sim.sweep.execution import Progress, run_trials
@@ -209,7 +209,7 @@ def test_a_child_from_before_a_change_of_the_sources_is_replaced(
 def test_a_store_that_is_full_ends_the_sweep_and_keeps_what_it_has(store: Store) -> None:
     run_trials(coins(3), store)
     store._connection.execute("PRAGMA max_page_count = 12")
-    with pytest.raises(StoreError, match="database or disk is full"):
+    with pytest.raises(StoreWriteError, match="database or disk is full"):
         run_trials(coins(100), store)
     assert set(keys(coins(3))) <= store.keys()
     store._connection.execute("PRAGMA max_page_count = 10000")

@@ -16,7 +16,7 @@ from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
 from mathnavi.models.textbook.krener_isidori import KRENER_ISIDORI
 from mathnavi.models.textbook.maps import of_numbers
 from mathnavi.renders.figures import BOUND, INK, STYLE
-from mathnavi.renders.textbook.board import ESTIMATE, TRUTH
+from mathnavi.renders.textbook.panel import ESTIMATE, TRUTH
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.studies.introduction.examples.measures import estimates, predicted

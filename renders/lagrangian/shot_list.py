@@ -1,4 +1,4 @@
-"""Which moment of a run each frame of its video shows.
+"""Shot list of the video of a run, and the annotations over it.
 
 Where the first estimate of the velocity is wrong, it is found within a second: that is shown in slow motion.
 """
@@ -9,8 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from mathnavi.renders.drawing import TOUR, checked_camera
-from mathnavi.renders.film import Frame, Shot, frames_of
+from mathnavi.renders.film import TOUR, Annotation, Shot, consecutive
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.sim.interfaces.signals import Status
 from mathnavi.sim.records.figure_names import SHORTFALL
@@ -18,17 +17,17 @@ from mathnavi.sim.records.figure_names import SHORTFALL
 CAMERAS = ("panel", "scene")
 RECENT = 1.2  # [s] of paths that are drawn strongly
 AFTERWARDS, MOST_SLOW = 1.3, 0.4  # times as long as until it is found, share of the run, that is shown in slow motion
-SLOW_LENGTH, LAST_LOOK = 5.5, 1.7  # [s of video]
+SLOW_LENGTH, LAST_MOMENT = 5.5, 1.7  # [s of video]
 LENGTHS = (5.0, 11.0)  # [s of video] least and most of what is not in slow motion
-CLEAR = 0.02  # [s] after the start, from which on a first estimate is told of
-TOLD = {  # changes of the estimator's status
+CLEAR = 0.02  # [s] after the start, from which on a first estimate is annotated
+ANNOTATED = {  # changes of the estimator's status
     (Status.OK, Status.LOST): "lost: no usable readings",
     (Status.LOST, Status.OK): "it has readings again",
 }
 
 
 def slow_until(run: LagrangianRun) -> float:
-    """[s] the end of the slow motion; 0 where there is none."""
+    """Time [s] at which the slow motion ends; 0 where there is none."""
     if not run.has_begun_wrong:
         return 0.0
     longest = MOST_SLOW * run.duration
@@ -36,65 +35,60 @@ def slow_until(run: LagrangianRun) -> float:
 
 
 def highlight(run: LagrangianRun) -> tuple[float, float]:
-    """Between which times [s] there is most to see: while the velocity is found; else the middle of the run."""
+    """Times [s] between which there is most to see: while the velocity is found; else the middle of the run."""
     if not run.has_begun_wrong:
         return 0.4 * run.duration, 0.6 * run.duration
     return 0.0, 0.6 * slow_until(run)
 
 
 def is_good(run: LagrangianRun) -> bool:
-    """Whether the run did what it should."""
+    """True if the run fulfilled its requirements."""
     return SHORTFALL not in run.log.summary
 
 
 def amount(value: float) -> str:
-    """To be read."""
+    """A number with the digits that a viewer can use."""
     if value == 0.0:
         return "0"
     return f"{value:#.2g}" if 1e-4 <= value < 10.0 else f"{value:.1f}" if 10.0 <= value < 1e4 else f"{value:.1e}"
 
 
 def verdict(run: LagrangianRun) -> str:
-    """How it ended."""
+    """Outcome of the run in a few words."""
     if run.diverged:
         return f"the motion diverged after {run.duration:.3g} s"
     rms = run.log.summary.get("velocity_rms")
-    told = "" if rms is None else f": {amount(float(rms))} {run.unit} off"
+    error = "" if rms is None else f": {amount(float(rms))} {run.unit} off"
     found = rms is not None and float(rms) <= run.tolerance
-    return f"{'velocity found' if found else 'velocity not found'}{told}"
+    return f"{'velocity found' if found else 'velocity not found'}{error}"
 
 
-def notices(run: LagrangianRun) -> list[tuple[float, str]]:
-    """(time [s], text) of what a viewer should be told, in order of time; of each change of status only the first."""
-    told = [(run.duration, verdict(run))]
-    said = run.t_estimate[run.errors.found > 0.0]
-    if not len(said):
-        told.append((0.0, "no usable reading yet"))
-    elif float(said[0]) > CLEAR:
-        told.append((float(said[0]), "first estimate"))
+def annotations_of(run: LagrangianRun) -> list[Annotation]:
+    """Annotations of a video, in order of time; of each change of status only the first."""
+    shown = [(run.duration, verdict(run))]
+    known = run.t_estimate[run.errors.found > 0.0]
+    if not len(known):
+        shown.append((0.0, "no usable reading yet"))
+    elif float(known[0]) > CLEAR:
+        shown.append((float(known[0]), "first estimate"))
     if run.has_begun_wrong and run.found_from is not None:
-        told.append((run.found_from, "velocity found to one percent"))
+        shown.append((run.found_from, "velocity found to one percent"))
     if "settled_at_s" in run.log.summary:
         settled = run.log.summary["settled_at_s"]
         is_on_it = settled is not None
-        told.append((settled if is_on_it else run.duration, f"{'' if is_on_it else 'not '}settled on the reference"))
+        shown.append((settled if is_on_it else run.duration, f"{'' if is_on_it else 'not '}settled on the reference"))
     times = [event.t for event in run.log.events if event.kind == "estimator-status"]
     changes: dict[str, float] = {}
     for before, t in pairwise(times):
-        if text := TOLD.get((run.log.status(before), run.log.status(t))):
+        if text := ANNOTATED.get((run.log.status(before), run.log.status(t))):
             changes.setdefault(text, t)
-    return sorted([*told, *((t, text) for text, t in changes.items())])
+    return sorted([*shown, *((t, text) for text, t in changes.items())])
 
 
-def shots(run: LagrangianRun, direction: str = TOUR) -> list[Shot]:
-    """The shots of the video of a run, in order; they cover the whole run."""
-    camera = CAMERAS[0] if direction == TOUR else checked_camera(direction, CAMERAS)
+def shot_list(run: LagrangianRun, direction: str = TOUR) -> list[Shot]:
+    """Shots of a video by one of the cameras or of the tour, in order; they cover the whole run."""
+    camera = CAMERAS[0] if direction == TOUR else direction
     slow, end = slow_until(run), run.duration
     length = float(np.clip(end - slow, *LENGTHS))
-    film = [Shot(camera, 0.0, slow, SLOW_LENGTH)] if slow > 0.0 else []
-    return [*film, Shot(camera, slow, end, length), Shot(camera, end, end, LAST_LOOK)]
-
-
-def storyboard(run: LagrangianRun, direction: str = TOUR, fps: int = 24) -> list[Frame]:
-    """The frames of the video of a run, 1/fps seconds apart."""
-    return frames_of(shots(run, direction), notices(run), fps, 0.0)
+    beginning = consecutive((0.0, slow), [(camera, SLOW_LENGTH)]) if slow > 0.0 else []
+    return [*beginning, *consecutive((slow, end, end), ((camera, length), (camera, LAST_MOMENT)))]

@@ -1,4 +1,4 @@
-"""Which moment of a flight each frame of its video shows, from where.
+"""Shot list of the video of a flight, and the annotations over it.
 
 A whole flight lasts four minutes or more, its video twenty seconds. The tour gives half of them to the flight's
 highlight, such as the way around a radar that pops up, and goes beside the vehicle: at
@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.renders.drawing import TOUR, checked_camera
-from mathnavi.renders.film import Frame, Shot, frames_of
-from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.film import TOUR, Annotation, Shot, consecutive
+from mathnavi.renders.flight.run_data import FlightRun
 
 CAMERAS = ("chase", "overview", "top")
 
 TURN = 0.8  # [degrees/s] at which the overview turns around the map
-LAST_LOOK = 1.6  # [s] of video for which the last moment stays
-# Cameras and lengths [s of video] of the tour's shots before the last look; the third to the fifth are the highlight.
+LAST_MOMENT = 1.6  # [s] of video for which the last moment stays
+# Cameras and lengths [s of video] of the tour's shots before the last moment; the third to the fifth are the highlight.
 TOUR_SHOTS: tuple[tuple[str, float], ...] = (
     ("overview", 1.5),
     ("chase", 2.4),
@@ -27,8 +26,8 @@ TOUR_SHOTS: tuple[tuple[str, float], ...] = (
     ("top", 2.2),
     ("chase", 3.0),
 )
-FORCED_LENGTH = 18.4  # [s] of video before the last look, where one camera films everything
-TOLD = {  # kinds of events that a video tells of; the rest is for the report
+FORCED_LENGTH = 18.4  # [s] of video before the last moment, where one camera films everything
+ANNOTATED = {  # kinds of events that a video shows; the rest is for the report
     "position-jump": "position jump",
     "tracking-breach": "tracking bound exceeded",
     "guarantee-lost": "guarantee lost",
@@ -38,8 +37,8 @@ TOLD = {  # kinds of events that a video tells of; the rest is for the report
 }
 
 
-def highlight(run: RunData) -> tuple[float, float]:
-    """From when to when [s] to look closely: from where a radar pops up until it is passed.
+def highlight(run: FlightRun) -> tuple[float, float]:
+    """Times [s] between which there is most to see: from where a radar pops up until it is passed.
 
     Without such a radar it is a stretch about the moment at which the ground is closest in mid-flight.
     """
@@ -62,17 +61,17 @@ def highlight(run: RunData) -> tuple[float, float]:
     return begin, float(np.clip(end, begin + 0.12 * run.duration, 0.88 * run.duration))
 
 
-def notices(run: RunData) -> list[tuple[float, str]]:
-    """(time [s], text) of what a viewer should be told, in order of time; of each kind of event only the first."""
+def annotations_of(run: FlightRun) -> list[Annotation]:
+    """Annotations of a video, in order of time; of each kind of event only the first."""
     found = {"arrived" if run.summary.get("arrived") else "did not arrive": run.duration}
     for event in run.events:
-        if event.kind in TOLD:
-            found.setdefault(TOLD[event.kind], event.t)
+        if event.kind in ANNOTATED:
+            found.setdefault(ANNOTATED[event.kind], event.t)
     return sorted(_changes(run) + [(t, text) for text, t in found.items()])
 
 
-def _changes(run: RunData) -> list[tuple[float, str]]:
-    """What turned out otherwise on the way."""
+def _changes(run: FlightRun) -> list[tuple[float, str]]:
+    """Changes of the mission on the way."""
     mission = run.mission
     changes = [(radar.time, "radar on") for radar in mission.radars]
     changes += [(radar.until, "radar off") for radar in mission.radars]
@@ -86,20 +85,11 @@ def _changes(run: RunData) -> list[tuple[float, str]]:
     return [(t, text) for t, text in changes if 0.0 < t < run.duration]
 
 
-def shots(run: RunData, direction: str = TOUR) -> list[Shot]:
-    """The shots of the video of a run, in order; they cover the whole flight."""
+def shot_list(run: FlightRun, direction: str = TOUR) -> list[Shot]:
+    """Shots of a video by one of the cameras or of the tour, in order; they cover the whole flight."""
     end = run.duration
     if direction != TOUR:
-        return [Shot(checked_camera(direction, CAMERAS), 0.0, end, FORCED_LENGTH), Shot(direction, end, end, LAST_LOOK)]
+        return consecutive((0.0, end, end), ((direction, FORCED_LENGTH), (direction, LAST_MOMENT)))
     a, b = highlight(run)
-    cuts = (0.0, 0.03 * end, a, a + 0.4 * (b - a), a + 0.65 * (b - a), b, 0.94 * end, end)
-    filmed = [
-        Shot(camera, begin, finish, length)
-        for (camera, length), begin, finish in zip(TOUR_SHOTS, cuts[:-1], cuts[1:], strict=True)
-    ]
-    return [*filmed, Shot("overview", end, end, LAST_LOOK)]
-
-
-def storyboard(run: RunData, direction: str = TOUR, fps: int = 24) -> list[Frame]:
-    """The frames of the video of a run, 1/fps seconds apart."""
-    return frames_of(shots(run, direction), notices(run), fps, TURN)
+    cuts = (0.0, 0.03 * end, a, a + 0.4 * (b - a), a + 0.65 * (b - a), b, 0.94 * end, end, end)
+    return consecutive(cuts, (*TOUR_SHOTS, ("overview", LAST_MOMENT)))

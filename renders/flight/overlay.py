@@ -1,17 +1,16 @@
-"""What is written on a picture of a flight."""
+"""Overlay of the pictures of a flight."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.renders.caption import Label, Words, pace
 from mathnavi.renders.film import Frame
-from mathnavi.renders.flight.run_data import RunData
-from mathnavi.renders.flight.storyboard import notices
+from mathnavi.renders.flight.run_data import FlightRun
+from mathnavi.renders.overlay import Overlay, pace
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.relief import EXAGGERATION
 from mathnavi.sim.interfaces.signals import Phase
-from mathnavi.sim.records.run_log import last_at
+from mathnavi.sim.records.run_folder import last_at
 
 LEGEND = (
     SceneElement.FLOWN,
@@ -30,8 +29,8 @@ PHASES = {
 }
 
 
-def phase_name(run: RunData, t: float) -> str:
-    """What the plan being flown is doing at ``t`` [s]."""
+def phase_name(run: FlightRun, t: float) -> str:
+    """Phase of the plan being flown at ``t`` [s], in words."""
     plan = run.plan(t)
     if t >= run.duration:
         return "arrived" if run.summary.get("arrived") else "the flight is over"
@@ -43,8 +42,8 @@ def phase_name(run: RunData, t: float) -> str:
     return PHASES[Phase(int(plan.phase[k]))]
 
 
-def words(run: RunData, frame: Frame, labels: list[tuple[str, float, float]]) -> Words:
-    """The words of a frame, with ``labels`` (text, column, row) beside places."""
+def overlay(run: FlightRun, frame: Frame) -> Overlay:
+    """The overlay of a frame."""
     i = run.index(frame.t)
     ground, speed = run.above_ground[i], float(np.linalg.norm(run.x[i, 3:]))
     title = [f"mathnavi · {run.config['scenario']} · {run.terrain.name} · seed {run.config['seed']}"]
@@ -52,7 +51,7 @@ def words(run: RunData, frame: Frame, labels: list[tuple[str, float, float]]) ->
         title.append(f"vehicle and heights not to scale: heights × {EXAGGERATION}")
     if run.mission.radars:
         title.append("radars weigh on the optimised plan, not on the completion path")
-    return Words(
+    return Overlay(
         title=title,
         numbers=(
             ("TIME", f"{frame.t:.1f} s", pace(frame, run.duration)),
@@ -65,8 +64,4 @@ def words(run: RunData, frame: Frame, labels: list[tuple[str, float, float]]) ->
         ),
         state=phase_name(run, frame.t),
         legend=[part for part in LEGEND if part is not SceneElement.RADAR or run.mission.radars],
-        notice=frame.notice,
-        share=frame.t / run.duration,
-        moments=[t / run.duration for t, _ in notices(run)],
-        labels=[Label(*label) for label in labels],
     )

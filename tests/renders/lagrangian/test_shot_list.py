@@ -6,15 +6,16 @@ from itertools import pairwise
 
 import pytest
 
+from mathnavi.renders.lagrangian.drawing import drawing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.storyboard import highlight, notices, shots, storyboard, verdict
+from mathnavi.renders.lagrangian.shot_list import annotations_of, highlight, shot_list, verdict
 
 
 @pytest.mark.parametrize("name", ["body", "tracking", "arm", "silent"])
 @pytest.mark.parametrize("direction", ["tour", "scene"])
 def test_shots_cover_the_run(name: str, direction: str, runs: dict[str, LagrangianRun]) -> None:
     run = runs[name]
-    film = shots(run, direction)
+    film = shot_list(run, direction)
     assert film[0].begin == 0.0
     assert all(a.end == b.begin for a, b in pairwise(film))
     assert film[-1].end == run.duration
@@ -24,24 +25,24 @@ def test_shots_cover_the_run(name: str, direction: str, runs: dict[str, Lagrangi
 
 
 def test_what_is_wrong_at_first_is_seen_in_slow_motion(runs: dict[str, LagrangianRun]) -> None:
-    slow, *_ = shots(runs["body"])
+    slow, *_ = shot_list(runs["body"])
     assert slow.rate < 0.3
     assert slow.end < 0.5 * runs["body"].duration
-    assert len(shots(runs["arm"])) == len(shots(runs["body"])) - 1
+    assert len(shot_list(runs["arm"])) == len(shot_list(runs["body"])) - 1
 
 
 def test_an_unknown_camera_is_refused(runs: dict[str, LagrangianRun]) -> None:
     with pytest.raises(ValueError, match="camera = 'chase'; allowed: panel, scene"):
-        storyboard(runs["body"], "chase")
+        drawing.frames(runs["body"], "chase")
 
 
 def test_a_viewer_is_told_of_what_happened(runs: dict[str, LagrangianRun]) -> None:
-    told = notices(runs["body"])
+    told = annotations_of(runs["body"])
     assert told == sorted(told)
     assert [text for _, text in told] == ["velocity found to one percent", verdict(runs["body"])]
     assert verdict(runs["body"]).startswith("velocity found: 0.0")
     assert verdict(runs["body"]).endswith("rad/s off")
-    assert [text for _, text in notices(runs["silent"])] == ["no usable reading yet", verdict(runs["silent"])]
+    assert [text for _, text in annotations_of(runs["silent"])] == ["no usable reading yet", verdict(runs["silent"])]
     assert verdict(runs["silent"]).startswith("velocity not found")
-    frames = storyboard(runs["body"], "tour", 10)
-    assert verdict(runs["body"]) in frames[-1].notice
+    frames = drawing.frames(runs["body"], "tour", 10)
+    assert verdict(runs["body"]) in frames[-1].annotation

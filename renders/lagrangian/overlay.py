@@ -1,16 +1,15 @@
-"""What is written on a picture of a system of Paper D."""
+"""Overlay of the pictures of a Lagrangian system."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from mathnavi.renders.caption import Label, Words, pace
 from mathnavi.renders.film import Frame
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
-from mathnavi.renders.lagrangian.storyboard import amount, notices
+from mathnavi.renders.lagrangian.shot_list import amount
+from mathnavi.renders.overlay import Overlay, pace
 from mathnavi.renders.palette import SceneElement
 from mathnavi.sim.interfaces.signals import Status
 from mathnavi.sim.plugin.registry import called
@@ -23,25 +22,25 @@ SUBJECTS = {
 
 
 def subject(run: LagrangianRun) -> str:
-    """What moves, in a few words."""
+    """The moving system in a few words."""
     if run.space is not None:
         return SUBJECTS[run.space]
     joints = run.manifold.dimension
     return f"{str(run.mechanism).rpartition('/')[2]}: {joints} degree{'s' if joints > 1 else ''} of freedom"
 
 
-def words(run: LagrangianRun, frame: Frame, labels: Sequence[Label]) -> Words:
-    """The words of a frame, with ``labels`` beside places."""
+def overlay(run: LagrangianRun, frame: Frame) -> Overlay:
+    """The overlay of a frame."""
     config, k = run.log.config, run.belief(frame.t)
     estimator = called("estimators", str(config["estimator"]["name"])).rpartition(":")[2].replace("_", " ")
-    speed = float(np.linalg.norm(run.log.x[run.look(frame.t), run.manifold.size :]))
+    speed = float(np.linalg.norm(run.log.x[run.index(frame.t), run.manifold.size :]))
     found, off, place, note = "", "–", "–", ""
-    if k >= 0 and math.isfinite(run.off[k]):
+    if k >= 0 and math.isfinite(run.velocity_error[k]):
         found = f"estimated {float(np.linalg.norm(run.velocity[1][k])):.2f}"
-        off = amount(float(run.off[k]))
+        off = amount(float(run.velocity_error[k]))
         place = distance(run, k)
         note = f"drawn ×{run.magnification:,.0f}" if run.magnification > 1.0 else ""
-    return Words(
+    return Overlay(
         title=[f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']}", subject(run)],
         numbers=(
             ("TIME", f"{frame.t:.2f} s", pace(frame, run.duration)),
@@ -51,15 +50,11 @@ def words(run: LagrangianRun, frame: Frame, labels: Sequence[Label]) -> Words:
         ),
         state=_state(run, frame.t, k),
         legend=_legend(run, frame.camera),
-        notice=frame.notice,
-        share=frame.t / run.duration,
-        moments=[t / run.duration for t, _ in notices(run)],
-        labels=labels,
     )
 
 
 def distance(run: LagrangianRun, k: int) -> str:
-    """By how much the position of estimate k is off, to be read: the largest of its coordinates about the truth."""
+    """Position error of estimate k as text: the largest of its coordinates about the truth."""
     apart = run.apart(k)
     if apart is None:
         return "half a turn"
@@ -79,11 +74,11 @@ def _state(run: LagrangianRun, t: float, k: int) -> str:
         return "waiting for a reading"
     if run.log.status(t) is Status.LOST:
         return "lost: no usable readings"
-    return "velocity known" if run.off[k] <= run.tolerance else "finding the velocity"
+    return "velocity known" if run.velocity_error[k] <= run.tolerance else "finding the velocity"
 
 
 def _legend(run: LagrangianRun, camera: str) -> list[SceneElement]:
-    """What there is to see."""
+    """Elements that the picture shows."""
     reference = [SceneElement.REFERENCE] if run.reference(run.duration) is not None else []
     if run.mechanism is None:
         return [SceneElement.TRUE_PATH, SceneElement.ESTIMATE, SceneElement.GEODESIC]

@@ -1,23 +1,22 @@
-"""What is written on a picture of a robot that finds itself."""
+"""Overlay of the pictures of a robot that localises itself."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from mathnavi.renders.caption import Label, Words, pace
 from mathnavi.renders.film import Frame
+from mathnavi.renders.overlay import Overlay, pace
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.ranging.storyboard import length, notices
+from mathnavi.renders.ranging.shot_list import length
 from mathnavi.sim.interfaces.signals import Status
 from mathnavi.sim.plugin.registry import called
 
 
-def words(run: RangingRun, frame: Frame, labels: Sequence[Label]) -> Words:
-    """The words of a frame, with ``labels`` beside places."""
+def overlay(run: RangingRun, frame: Frame) -> Overlay:
+    """The overlay of a frame."""
     config, k = run.log.config, run.belief(frame.t)
     estimator = called("estimators", str(config["estimator"]["name"])).rpartition(":")[2].replace("_", " ")
     l = run.mission.sensors  # noqa: E741
@@ -33,7 +32,7 @@ def words(run: RangingRun, frame: Frame, labels: Sequence[Label]) -> Words:
         if run.deviation is not None and math.isfinite(run.deviation[0][k]):
             metres, radians = (3.0 * float(values[k]) for values in run.deviation)
             place_note, heading_note = f"3σ {length(metres)}", f"3σ {math.degrees(radians):.1f}°"
-    return Words(
+    return Overlay(
         title=title,
         numbers=(
             ("TIME", f"{frame.t:.2f} s", pace(frame, run.duration)),
@@ -42,10 +41,6 @@ def words(run: RangingRun, frame: Frame, labels: Sequence[Label]) -> Words:
         ),
         state=_state(run, frame.t, k),
         legend=_legend(run),
-        notice=frame.notice,
-        share=frame.t / run.duration,
-        moments=[t / run.duration for t, _ in notices(run)],
-        labels=labels,
     )
 
 
@@ -62,7 +57,7 @@ def _state(run: RangingRun, t: float, k: int) -> str:
 
 
 def _legend(run: RangingRun) -> list[SceneElement]:
-    """What there is to see in this run."""
+    """Elements that pictures of this run show."""
     beliefs = run.beliefs
     return [
         SceneElement.DRIVEN,

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.renders.caption import RING_COLOURS, Caption, Label, Words
 from mathnavi.renders.film import Frame
-from mathnavi.renders.flight.caption import words
-from mathnavi.renders.flight.run_data import RunData
+from mathnavi.renders.flight.overlay import overlay
+from mathnavi.renders.flight.run_data import FlightRun
+from mathnavi.renders.overlay import RING_COLOURS, Label, Overlay, OverlayWriter
 from mathnavi.renders.palette import SceneElement
 
 GREY = np.full((360, 640, 3), 128, np.uint8)
 
 
 def written(*labels: Label, legend: tuple[SceneElement, ...] = (SceneElement.FLOWN,)) -> np.ndarray:
-    said = Words(["title"], [("TIME", "1 s", "")], "", legend, "", 0.0, [], labels)
-    return Caption(640, 360).write(GREY, said).astype(int)
+    overlay = Overlay(["title"], [("TIME", "1 s", "")], "", legend)
+    return OverlayWriter(640, 360).write(GREY, overlay, labels=labels).astype(int)
 
 
 def changed(label: Label) -> tuple[np.ndarray, np.ndarray]:
@@ -44,12 +44,12 @@ def test_a_target_has_its_rings_in_the_legend() -> None:
         assert (np.abs(shown - colour).max(axis=-1) < 12).sum() >= 10
 
 
-def test_a_flight_among_radars_says_what_they_bind(run: RunData) -> None:
+def test_a_flight_among_radars_says_what_they_bind(run: FlightRun) -> None:
     assert run.mission.radars
     for camera in ("chase", "overview"):
-        said = words(run, Frame(0.5 * run.duration, camera, 0.0, 1.0), [])
+        said = overlay(run, Frame(0.5 * run.duration, camera, 0.0, 1.0))
         assert any("radars" in line and "not on the completion path" in line for line in said.title)
 
 
-def test_at_its_end_a_flight_has_arrived(run: RunData) -> None:
-    assert words(run, Frame(run.duration, "overview", 0.0, 0.0), []).state == "arrived"
+def test_at_its_end_a_flight_has_arrived(run: FlightRun) -> None:
+    assert overlay(run, Frame(run.duration, "overview", 0.0, 0.0)).state == "arrived"

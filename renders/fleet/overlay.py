@@ -1,13 +1,13 @@
-"""What is written on a picture of a fleet."""
+"""Overlay of the pictures of a fleet."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.renders.caption import Key, Label, Words, pace
 from mathnavi.renders.film import Frame
 from mathnavi.renders.fleet.run_data import FleetRun
-from mathnavi.renders.fleet.storyboard import notices, verdict
+from mathnavi.renders.fleet.shot_list import verdict
+from mathnavi.renders.overlay import Key, Overlay, pace
 from mathnavi.renders.relief import EXAGGERATION
 
 MOST_NAMED = 8  # vehicles that the legend names; of more the numbers in the picture have to do
@@ -38,8 +38,8 @@ def _legend(run: FleetRun) -> list[Key]:
     return [*(Key(name, colour) for name, colour in zip(run.vehicles, run.colours, strict=True)), PLAN_AHEAD]
 
 
-def words(run: FleetRun, frame: Frame, labels: list[Label]) -> Words:
-    """The words of a frame, with ``labels`` beside places."""
+def overlay(run: FleetRun, frame: Frame) -> Overlay:
+    """The overlay of a frame."""
     count = len(run.flights)
     over = frame.t >= run.duration
     title = [f"mathnavi · {run.config['scenario']} · {run.terrain.name} · seed {run.config['seed']}"]
@@ -47,7 +47,7 @@ def words(run: FleetRun, frame: Frame, labels: list[Label]) -> Words:
         title.append("vehicles and slots larger than life")
     else:
         title.append(f"vehicles and heights not to scale: heights × {EXAGGERATION}")
-    return Words(
+    return Overlay(
         title=title,
         numbers=(
             ("TIME", f"{frame.t:.1f} s", pace(frame, run.duration)),
@@ -57,8 +57,4 @@ def words(run: FleetRun, frame: Frame, labels: list[Label]) -> Words:
         ),
         state=verdict(run) if over else "on the way to one time",
         legend=_legend(run),
-        notice=frame.notice,
-        share=frame.t / run.duration,
-        moments=[t / run.duration for t, _ in notices(run)],
-        labels=labels,
     )

@@ -1,4 +1,4 @@
-"""What is written on a picture: where, how fast, what just happened, what the colours mean: the ``Words`` of a run."""
+"""The overlay of a picture: where and how fast the vehicle is, what just happened, what the colours mean."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DOTS, DASHES, ARROWS, RINGS, CIRCLES = (
     (SceneElement.TARGET,),
     (SceneElement.SPREAD, SceneElement.IMAGE),
 )  # how a part is drawn; else a line
-ENLARGED = 2.0  # times as large are the letters of a brief caption
+ENLARGED = 2.0  # factor of the size of letters in a brief overlay
 RING_COLOURS = ((242, 242, 237), (212, 33, 26), (242, 242, 237))  # of a target, from its edge to its middle
 
 
@@ -45,21 +45,17 @@ class Key:
 
 
 @dataclass(frozen=True)
-class Words:
-    """What a picture says."""
+class Overlay:
+    """Text and legend over a picture."""
 
     title: Sequence[str]  # lines, the first one larger
-    numbers: Sequence[tuple[str, str, str]]  # (name, value, note); the first two are those of a brief caption
+    numbers: Sequence[tuple[str, str, str]]  # (name, value, note); the first two are those of a brief overlay
     state: str  # what is being done
     legend: Sequence[SceneElement | Key]
-    notice: str  # what just happened
-    share: float  # of the run that is over
-    moments: Sequence[float]  # shares of the run at which something happened
-    labels: Sequence[Label]
 
 
 def pace(frame: Frame, duration: float) -> str:
-    """How fast time passes in a frame; in a still, how long the run takes [s]."""
+    """Rate of time in a frame as text; in a still, the length of the run [s]."""
     if frame.rate <= 0.0:
         return f"of {duration:.1f} s"
     if frame.rate < 0.95:
@@ -67,7 +63,7 @@ def pace(frame: Frame, duration: float) -> str:
     return f"{frame.rate:.0f}× real time" if frame.rate >= 1.95 else f"{frame.rate:.1f}× real time"
 
 
-class Caption:
+class OverlayWriter:
     """Writes on pictures of one size; sizes are given for pictures 720 pixels high.
 
     A ``brief`` one has two numbers and a strip of a legend in letters that can still be read in a thumbnail.
@@ -81,24 +77,44 @@ class Caption:
         self._plain = {n: ImageFont.truetype(str(folder / "DejaVuSans.ttf"), self._px(n)) for n in (13, 15, 17)}
         self._bold = {n: ImageFont.truetype(str(folder / "DejaVuSans-Bold.ttf"), self._px(n)) for n in (16, 26)}
         self._title_corner = (0.0, 0.0)  # right and lower edge of the title of the picture being written on
-        self._taken: list[tuple[float, float, float, float]] = []  # left, top, right, bottom of notice and labels on it
+        self._taken: list[tuple[float, float, float, float]] = []  # left, top, right, bottom of annotation and labels
 
-    def write(self, picture: Picture, words: Words) -> Picture:
-        """The picture with words on it."""
+    def write(
+        self,
+        picture: Picture,
+        overlay: Overlay,
+        annotation: str = "",
+        progress: float = 0.0,
+        marks: Sequence[float] = (),
+        labels: Sequence[Label] = (),
+    ) -> Picture:
+        """Write on a picture.
+
+        Args:
+            picture: (height, width, 3).
+            overlay: title, numbers and legend.
+            annotation: what just happened.
+            progress: share of the run that is over, in [0, 1].
+            marks: shares of the run at which something happened.
+            labels: names beside places of the picture.
+
+        Returns:
+            (height, width, 3) another picture.
+        """
         canvas = Image.fromarray(picture).convert("RGBA")
         layer = Image.new("RGBA", canvas.size, (0, 0, 0, 0))
         draw = ImageDraw.Draw(layer)
         if self._brief:
-            self._two_numbers(draw, words.numbers[:2])
-            self._strip(draw, words.legend)
+            self._two_numbers(draw, overlay.numbers[:2])
+            self._strip(draw, overlay.legend)
         else:
-            self._title(draw, words.title)
-            self._numbers(draw, words)
-            self._legend(draw, words.legend)
-            self._progress(draw, words)
+            self._title(draw, overlay.title)
+            self._numbers(draw, overlay)
+            self._legend(draw, overlay.legend)
+            self._progress(draw, progress, marks)
         self._taken.clear()
-        self._notice(draw, words.notice)
-        for label in words.labels:  # last, so that nothing covers them
+        self._annotation(draw, annotation)
+        for label in labels:  # last, so that nothing covers them
             self._label(draw, label)
         return np.asarray(Image.alpha_composite(canvas, layer).convert("RGB"))
 
@@ -111,7 +127,7 @@ class Caption:
     def _label(self, draw: ImageDraw.ImageDraw, label: Label) -> None:
         """A name above its place or beside it, inside the picture and clear of the title.
 
-        In a brief caption, the letters of which are large, it is left out where it would cover another one.
+        In a brief overlay, the letters of which are large, it is left out where it would cover another one.
         """
         font = self._plain[13] if label.small else self._bold[16]
         half, gap = font.getlength(label.text) / 2 + self._px(6), self._px(0 if label.small or label.beside else 20)
@@ -134,20 +150,20 @@ class Caption:
         for k, (text, size, colour) in enumerate(lines):
             draw.text((edge + pad, edge + self._px(17) + k * row), text, colour, self._plain[size], "lm")
 
-    def _numbers(self, draw: ImageDraw.ImageDraw, words: Words) -> None:
+    def _numbers(self, draw: ImageDraw.ImageDraw, overlay: Overlay) -> None:
         left, right, step = self._px(18), self._px(276), self._px(54)
         pad = self._px(14)
-        top = self.height - self._px(30) - len(words.numbers) * step - self._px(44)
+        top = self.height - self._px(30) - len(overlay.numbers) * step - self._px(44)
         self._panel(draw, (left, top, right, self.height - self._px(30)))
-        for k, (name, value, note) in enumerate(words.numbers):
+        for k, (name, value, note) in enumerate(overlay.numbers):
             y = top + self._px(18) + k * step
             draw.text((left + pad, y), name, SOFT, self._plain[13], "lm")
             draw.text((left + pad, y + self._px(23)), value, WHITE, self._bold[26], "lm")
             draw.text((right - pad, y + self._px(26)), note, SOFT, self._plain[13], "rm")
-        draw.text((left + pad, self.height - self._px(48)), words.state, WHITE, self._plain[15], "lm")
+        draw.text((left + pad, self.height - self._px(48)), overlay.state, WHITE, self._plain[15], "lm")
 
     def _two_numbers(self, draw: ImageDraw.ImageDraw, numbers: Sequence[tuple[str, str, str]]) -> None:
-        """In the corner of the title."""
+        """Write the first two numbers in the corner of the title."""
         edge, pad, gap = self._px(8), self._px(9), self._px(16)
         widths = [max(self._plain[13].getlength(name), self._bold[26].getlength(value)) for name, value, _ in numbers]
         self._title_corner = edge + sum(widths) + gap * (len(numbers) - 1) + 2 * pad, edge + self._px(52)
@@ -214,7 +230,7 @@ class Caption:
         else:
             draw.line((x, y, x + long, y), colour, thick)
 
-    def _notice(self, draw: ImageDraw.ImageDraw, text: str) -> None:
+    def _annotation(self, draw: ImageDraw.ImageDraw, text: str) -> None:
         if text:
             font, middle, top = self._bold[16], self.width / 2, float(self._px(66))
             half = font.getlength(text) / 2 + self._px(16)
@@ -228,18 +244,18 @@ class Caption:
             self._panel(draw, box)
             draw.text((middle, top + self._px(20)), text, (255, 214, 102, 255), font, "mm")
 
-    def _progress(self, draw: ImageDraw.ImageDraw, words: Words) -> None:
+    def _progress(self, draw: ImageDraw.ImageDraw, progress: float, marks: Sequence[float]) -> None:
         left, right, y = self._px(18), self.width - self._px(18), self.height - self._px(14)
         draw.line((left, y, right, y), (16, 24, 36, 150), self._px(5))
         flown = (*(round(255 * channel) for channel in COLOURS[SceneElement.FLOWN]), 255)
-        draw.line((left, y, left + words.share * (right - left), y), flown, self._px(5))
-        for share in words.moments:
+        draw.line((left, y, left + progress * (right - left), y), flown, self._px(5))
+        for share in marks:
             x = left + share * (right - left)
             draw.line((x, y - self._px(4), x, y + self._px(4)), WHITE, self._px(2))
 
 
 def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
-    """Whether two boxes (left, top, right, bottom) have a point in common."""
+    """True if two boxes (left, top, right, bottom) have a point in common."""
     return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 

@@ -1,4 +1,4 @@
-"""Which moment of a missile's flight each frame of its video shows, from where.
+"""Shot list of the video of a missile's flight, and the annotations over it.
 
 A flight lasts a few seconds, its video fifteen: it slows down towards the end, and the last metres are seen from beside
 the target.
@@ -6,17 +6,18 @@ the target.
 
 from __future__ import annotations
 
+from itertools import accumulate
+
 import numpy as np
 
-from mathnavi.renders.drawing import TOUR, checked_camera
-from mathnavi.renders.film import Frame, Shot, frames_of
+from mathnavi.renders.film import TOUR, Annotation, Shot, consecutive
 from mathnavi.renders.missile.run_data import TO_WORLD, MissileRun
 
 CAMERAS = ("chase", "side", "target")
 TURN = 0.5  # [degrees/s] at which the chase camera turns
 CLOSE = 70.0  # [m] from the target where the last shot begins
 TO_SCALE = 24.0  # [m] likewise, within which the camera beside it shows the missile as large as it is
-LAST_LOOK = 2.0  # [s] of video for which the last moment stays
+LAST_MOMENT = 2.0  # [s] of video for which the last moment stays
 # Shares of the time before the last shot, cameras and lengths [s of video].
 TOUR_SHOTS = ((0.26, "side", 2.8), (0.36, "chase", 4.0), (0.18, "side", 1.8), (0.20, "chase", 2.6))
 CLOSING_LENGTH = 3.2  # [s of video] of the last shot
@@ -24,51 +25,42 @@ FORCED_LENGTH = 11.0  # [s of video] before the last shot, where one camera film
 
 
 def highlight(run: MissileRun) -> tuple[float, float]:
-    """From when to when [s] to look closely: the dive, which is the last third of the flight."""
+    """Times [s] between which there is most to see: the dive, the last third of the flight."""
     return 0.7 * run.duration, 0.94 * run.duration
 
 
 def closing(run: MissileRun) -> float:
-    """[s] When the last shot begins."""
-    away = np.linalg.norm(run.path - run.target.at(run.t) * TO_WORLD, axis=1)
-    near = run.t[(away < CLOSE) & (run.t > 0.5 * run.duration)]
+    """Time [s] at which the last shot begins."""
+    distance = np.linalg.norm(run.path - run.target.at(run.t) * TO_WORLD, axis=1)
+    near = run.t[(distance < CLOSE) & (run.t > 0.5 * run.duration)]
     return float(near[0]) if len(near) else 0.92 * run.duration
 
 
 def verdict(run: MissileRun) -> str:
-    """How it ended."""
+    """Outcome of the run in a few words."""
     miss = run.approach.miss
     distance = "under 1 mm" if miss < 1e-3 else f"{100.0 * miss:.1f} cm" if miss < 1.0 else f"{miss:.1f} m"
     return f"hit, {distance} off" if miss <= run.miss_allowed else f"missed by {distance}"
 
 
-def notices(run: MissileRun) -> list[tuple[float, str]]:
-    """(time [s], text) of what a viewer should be told, in order of time."""
+def annotations_of(run: MissileRun) -> list[Annotation]:
+    """Annotations of a video, in order of time."""
     found = {verdict(run): run.approach.t}
     for event in run.log.events:
         if event.kind == "input-clipped":
             found.setdefault("thrusters at their limit", event.t)
     turns = [(leg.t, "the target changes its course") for leg in run.target.legs[1:] if leg.t < run.duration]
-    told = [e.t for e in run.log.events if e.kind == "message" and e.message.startswith("target")]
-    late = [(t, "the planner is told") for t in told if all(abs(t - turn) > 1e-3 for turn, _ in turns)]
+    updates = [e.t for e in run.log.events if e.kind == "message" and e.message.startswith("target")]
+    late = [(t, "the planner is updated") for t in updates if all(abs(t - turn) > 1e-3 for turn, _ in turns)]
     return sorted([*turns, *late, *((t, text) for text, t in found.items())])
 
 
-def shots(run: MissileRun, direction: str = TOUR) -> list[Shot]:
-    """The shots of the video of a run, in order; they cover the whole flight."""
+def shot_list(run: MissileRun, direction: str = TOUR) -> list[Shot]:
+    """Shots of a video by one of the cameras or of the tour, in order; they cover the whole flight."""
     end, close = run.duration, closing(run)
     if direction != TOUR:
-        camera = checked_camera(direction, CAMERAS)
-        cuts = ((0.0, close, FORCED_LENGTH), (close, end, CLOSING_LENGTH), (end, end, LAST_LOOK))
-        return [Shot(camera, *cut) for cut in cuts]
-    film, begin = [], 0.0
-    for share, camera, length in TOUR_SHOTS:
-        finish = begin + share * close
-        film.append(Shot(camera, begin, finish, length))
-        begin = finish
-    return [*film, Shot("target", begin, end, CLOSING_LENGTH), Shot("side", end, end, LAST_LOOK)]
-
-
-def storyboard(run: MissileRun, direction: str = TOUR, fps: int = 24) -> list[Frame]:
-    """The frames of the video of a run, 1/fps seconds apart."""
-    return frames_of(shots(run, direction), notices(run), fps, TURN)
+        lengths = (FORCED_LENGTH, CLOSING_LENGTH, LAST_MOMENT)
+        return consecutive((0.0, close, end, end), [(direction, length) for length in lengths])
+    cuts = accumulate((share * close for share, _, _ in TOUR_SHOTS), initial=0.0)
+    way = ((camera, length) for _, camera, length in TOUR_SHOTS)
+    return consecutive((*cuts, end, end), (*way, ("target", CLOSING_LENGTH), ("side", LAST_MOMENT)))

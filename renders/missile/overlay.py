@@ -1,29 +1,28 @@
-"""What is written on a picture of a missile."""
+"""Overlay of the pictures of a missile."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
-from mathnavi.renders.caption import Label, Words, pace
 from mathnavi.renders.film import Frame
 from mathnavi.renders.missile.run_data import MissileRun
-from mathnavi.renders.missile.storyboard import TO_SCALE, notices, verdict
+from mathnavi.renders.missile.shot_list import TO_SCALE, verdict
+from mathnavi.renders.overlay import Overlay, pace
 from mathnavi.renders.palette import SceneElement
 
 LEGEND = (SceneElement.FLOWN, SceneElement.PLAN, SceneElement.TARGET, SceneElement.FORCE)
 
 
-def words(run: MissileRun, frame: Frame, labels: Sequence[Label]) -> Words:
-    """The words of a frame, with ``labels`` beside places."""
+def overlay(run: MissileRun, frame: Frame) -> Overlay:
+    """The overlay of a frame."""
     i = run.index(frame.t)
     x = run.coordinates.in_space(run.x[i])
     case, config = run.log.config["mission"]["case"]["name"], run.log.config
     title = [f"mathnavi · {config['scenario']} · {case} · seed {config['seed']}"]
-    if frame.camera == "side" or (frame.camera == "target" and run.away(frame.t) > TO_SCALE):
+    if frame.camera == "side" or (frame.camera == "target" and run.distance(frame.t) > TO_SCALE):
         title.append("missile and target not to scale")
     moves = any(any(leg.velocity) for leg in run.target.legs)
-    return Words(
+    return Overlay(
         title=title,
         numbers=(
             ("TIME", f"{frame.t:.2f} s", pace(frame, run.duration)),
@@ -32,10 +31,6 @@ def words(run: MissileRun, frame: Frame, labels: Sequence[Label]) -> Words:
         ),
         state=_state(run, frame.t),
         legend=[*LEGEND, *((SceneElement.TARGET_PATH, SceneElement.VELOCITY) if moves else ())],
-        notice=frame.notice,
-        share=frame.t / run.duration,
-        moments=[t / run.duration for t, _ in notices(run)],
-        labels=labels,
     )
 
 

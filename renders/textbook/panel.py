@@ -1,4 +1,4 @@
-"""Truth and estimate of a textbook system on one board, up to any moment: what videos and reports show.
+"""Truth and estimate of a textbook system on one panel, up to any moment: what videos and reports show.
 
 On the left the plane of the first two states, or that of the flags; on the right every state and the error over time.
 Truths are blue and dashed, estimates red, as the thesis draws them.
@@ -30,8 +30,8 @@ _LATE = 0.9  # of the time to an escape, up to which the axes reach
 _HEADING = 0.5  # [m] long
 
 
-class Board:
-    """A figure, and the parts of it that grow with time."""
+class TextbookPanel:
+    """A figure, and its parts that grow with time."""
 
     def __init__(self, run: TextbookRun, width: float, height: float, *, brief: bool = False) -> None:
         """``width`` and ``height`` in inches; a ``brief`` one leaves out the states over time, and its title."""
@@ -58,13 +58,13 @@ class Board:
 
     @property
     def moving(self) -> list[Artist]:
-        """What changes with time."""
+        """Artists that change with time."""
         return [artist for lines in self._lines.values() for artist in lines.values()]
 
     def show(self, t: float) -> None:
         """Everything up to ``t`` [s]."""
         run = self.run
-        i, k = max(run.looks(t), 1), max(run.estimates(t), 1)
+        i, k = max(run.sample_count(t), 1), max(run.estimate_count(t), 1)
         x, estimate = run.log.x[:i], run.estimate[:k]
         plane = self._lines["plane"]
         for name, line, path in (("truth", "truth", x), ("estimate", "estimate", estimate)):

@@ -8,18 +8,18 @@ import matplotlib
 from matplotlib.figure import Figure
 
 from mathnavi.renders.blitted import Blitted
-from mathnavi.renders.caption import Label
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.lagrangian.path_drawing import PathDrawing
 from mathnavi.renders.lagrangian.run_data import LagrangianRun
 from mathnavi.renders.lagrangian.views import INCHES_HIGH, chart_of
+from mathnavi.renders.overlay import Label
 from mathnavi.renders.palette import Picture
 
 GROUND = "#dfe6ee"
 MARGIN = 0.06  # of the height, above and below the drawing
 
 
-class Board:
+class ChartScene:
     """A context manager as a scene is; curves are drawn smoothly whatever ``samples`` says."""
 
     def __init__(self, run: LagrangianRun, width: int, height: int, samples: int) -> None:
@@ -32,7 +32,7 @@ class Board:
             self._drawing = PathDrawing(run, axes, chart, 1.7)
             self._blitted = Blitted(figure, self._drawing.moving, dpi)
 
-    def __enter__(self) -> Board:
+    def __enter__(self) -> ChartScene:
         return self
 
     def __exit__(

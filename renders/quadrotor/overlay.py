@@ -1,28 +1,27 @@
-"""What is written on a picture of a quadrotor's flight."""
+"""Overlay of the pictures of a quadrotor's flight."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mathnavi.renders.caption import Label, Words, pace
 from mathnavi.renders.film import Frame
-from mathnavi.renders.flight.caption import phase_name
+from mathnavi.renders.flight.overlay import phase_name
+from mathnavi.renders.overlay import Overlay, pace
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.quadrotor.run_data import QuadrotorRun
-from mathnavi.renders.quadrotor.storyboard import notices
 
 LEGEND = (SceneElement.FLOWN, SceneElement.OPTIMISED, SceneElement.MANOEUVRE, SceneElement.COMPLETION)
 
 
-def words(run: QuadrotorRun, frame: Frame, labels: list[tuple[str, float, float]]) -> Words:
-    """The words of a frame, with ``labels`` (text, column, row) beside places."""
+def overlay(run: QuadrotorRun, frame: Frame) -> Overlay:
+    """The overlay of a frame."""
     flight = run.flight
     i, mission = flight.index(frame.t), flight.mission
     speed, clearance, tilt = float(np.linalg.norm(flight.x[i, 3:])), float(run.clearance[i]), float(run.tilt[i])
     title = [f"mathnavi · {flight.config['scenario']} · {flight.terrain.name} · seed {flight.config['seed']}"]
     if frame.camera != "chase":
         title.append("vehicle not to scale")
-    return Words(
+    return Overlay(
         title=title,
         numbers=(
             ("TIME", f"{frame.t:.1f} s", pace(frame, run.duration)),
@@ -36,8 +35,4 @@ def words(run: QuadrotorRun, frame: Frame, labels: list[tuple[str, float, float]
         ),
         state=phase_name(flight, frame.t),
         legend=LEGEND,
-        notice=frame.notice,
-        share=frame.t / run.duration,
-        moments=[t / run.duration for t, _ in notices(run)],
-        labels=[Label(*label) for label in labels],
     )

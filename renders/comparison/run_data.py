@@ -1,0 +1,72 @@
+"""A finished run as far as it is compared: what was asked for, what came out, states and estimates over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mathnavi.sim.interfaces.fields import flattened
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_log, read_state_names
+
+
+@dataclass(frozen=True, eq=False)
+class StateHistory:
+    """True and estimated states of one vehicle over time."""
+
+    t: Array  # (n,) [s]
+    x: Array  # (n, nx) the true state
+    t_estimate: Array  # (m,) [s]
+    estimate: Array  # (m, nx), with no row where an estimate is not of the state
+
+    @property
+    def error(self) -> Array:
+        """(m, nx) of the estimate; the truth is linear between samples."""
+        true = np.column_stack([np.interp(self.t_estimate, self.t, column) for column in self.x.T])
+        error: Array = self.estimate - true
+        return error
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedRun:
+    """A finished run as far as it is compared."""
+
+    folder: Path
+    config: Mapping[str, Any]
+    summary: Mapping[str, Any]
+    states: tuple[str, ...]  # (nx,) names with units
+    histories: Mapping[str, StateHistory]  # by vehicle
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """All that was asked for by the names of the command line, and over what and with which versions it was."""
+        named: dict[str, Any] = {"seed": self.config["seed"], **flattened(self.config.get("fields", {}))}
+        for part, prefix in (("controller", "planner."), ("estimator", "estimator.")):
+            entry = self.config.get(part, {})
+            named |= {part: entry.get("name"), **flattened(entry.get("fields", {}), prefix)}
+        terrain = {"terrain's digest": self.config["terrain"]["digest"]} if "terrain" in self.config else {}
+        return named | terrain | flattened(self.config.get("versions", {}), "version of ")
+
+
+def read_run(folder: Path) -> ComparedRun:
+    """The run in a folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
+    states = read_state_names(folder)
+    logs = read_fleet(folder).vehicles if len(states) > 1 else {"": read_log(folder, may_diverge=True)}
+    histories = {name: _history(log) for name, log in logs.items()}
+    any_log, names = next(iter(logs.values())), next(iter(states.values()), ())
+    return ComparedRun(folder, any_log.config, any_log.summary, names, histories)
+
+
+def _history(log: RunLog) -> StateHistory:
+    t, estimate = np.empty(0), np.empty((0, log.x.shape[1]))
+    if "estimate.x" in log.arrays:
+        found = log.arrays["estimate.x"]
+        if found.shape[1:] == log.x.shape[1:]:
+            t, estimate = log.arrays["estimate.t"], found
+            seen = t <= log.t[-1]  # the truth may have ended as no number
+            t, estimate = t[seen], estimate[seen]
+    return StateHistory(log.t, log.x, t, estimate)

@@ -14,10 +14,11 @@ import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
 from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.store import Record, canonical_json
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 from mathnavi.sim.sweep.code import code_version
@@ -37,6 +38,8 @@ class Trial:
     estimator: str
     estimator_config: Any  # frozen dataclass of the estimator
     measure: str = ""  # "package.module:function" of the outcome
+
+    WALL_TIME: ClassVar[str] = "trial_wall_s"
 
     def __post_init__(self) -> None:
         if not (isinstance(self.seed, int) and 0 <= self.seed <= LARGEST_SEED):
@@ -83,10 +86,21 @@ class Trial:
         measured = _function(self.measure)(outcome) if self.measure else {}
         return {**outcome.summary, **measured}, bool(outcome.success)
 
+    def perform(self) -> dict[str, Any]:
+        """Run it; success, summary and timings as a record has them. TypeError for a summary that cannot be stored."""
+        figures, success = self.run()
+        timings = {
+            name: None if figures[name] is None else float(figures[name]) for name in filter(is_wall_clock, figures)
+        }
+        kept = {name: value for name, value in figures.items() if name not in timings and name != "seed"}
+        canonical_json(kept)
+        return {"success": success, "summary": kept, "timings": timings}
+
     def record(
         self,
         key: str,
         status: str,
+        *,
         success: bool | None = None,
         summary: Mapping[str, Any] | None = None,
         timings: Mapping[str, float | None] | None = None,

@@ -67,7 +67,7 @@ class AsPrintedStudy:
         rows = [_row(planner, of[planner]) for planner in PLANNERS]
         literal = rows[0]
         crashed = [seed for seed in range(config.seeds) if records["as_printed", seed].summary["ground_contacts"]]
-        shown = {planner: setup.flown(trials[planner, crashed[0] if crashed else 0]) for planner in PLANNERS}
+        shown = setup.flown({planner: trials[planner, crashed[0] if crashed else 0] for planner in PLANNERS})
         collisions = rate(literal["on_ground"], literal["missions"])
         return StudyResult(
             summary=(

@@ -93,6 +93,16 @@ def worst_eigenvalue(theta: float, speed: float, term: CurvatureName, directions
     return max(largest_eigenvalue(pair, eta, gains, _METRIC) for eta in etas)
 
 
+def eigenvalue_at_zero(speed: float, term: CurvatureName, directions: int) -> float:
+    """The largest eigenvalue on S = 0 itself, by |eta|."""
+    return worst_eigenvalue(_ZERO, speed, term, directions)
+
+
+def eigenvalues_along(speed: float, pixels: int) -> list[float]:
+    """(pixels,) the largest eigenvalues with C = -1 over the distances of the map, by |eta|."""
+    return [worst_eigenvalue(theta, speed, "minus-one", 9) for theta in np.geomspace(1e-2, _LARGEST, pixels)]
+
+
 class Contraction:
     """Theorem D.1: the contracting neighbourhood of S = 0 is infinitely thin (D.4.3)."""
 
@@ -107,13 +117,15 @@ class Contraction:
         jobs = Jobs()
         for term in SHOWN:
             jobs.add(term, fastest_contraction, [AtDistance(theta, term, config.directions) for theta in thetas])
+            jobs.add(("at zero", term), eigenvalue_at_zero, SPEEDS, term=term, directions=config.directions)
+        jobs.add("fastest", fastest_contraction, [AtDistance(_ZERO, "plus-one", config.directions)])
+        jobs.add("brackets", table_d_1, [config.points])
+        pixels = min(_PIXELS, config.distances)
+        jobs.add("map", eigenvalues_along, np.geomspace(0.1, 100.0, pixels).tolist(), pixels=pixels)
         done = jobs.done(setup)
         boundary = {term: np.array(done[term]) for term in SHOWN}
-        at_zero = {
-            term: [worst_eigenvalue(_ZERO, speed, term, config.directions) for speed in SPEEDS] for term in SHOWN
-        }
-        fastest = fastest_contraction(AtDistance(_ZERO, "plus-one", config.directions))
-        table = table_d_1(config.points)
+        at_zero = {term: done["at zero", term] for term in SHOWN}
+        (fastest,), (table,) = done["fastest"], done["brackets"]
         thin = 0.5 * thetas**2 <= THIN
         products = (boundary["minus-one"] * thetas)[thin]
         return StudyResult(
@@ -128,7 +140,7 @@ class Contraction:
             ],
             tables=(Table("Table D.1: largest difference of the two sides", ("bracket", "as printed", "put right"),
                           [(name, f"{p:.1e}", f"{t:.1e}") for name, (p, t) in table.items()]),),
-            figure=_figure(thetas, boundary, min(_PIXELS, config.distances)),
+            figure=_figure(thetas, boundary, np.array(done["map"])),
             caption="(a) Below a line the observer contracts: |eta| against the distance between x and xi. Dashed: "
             f"|eta| theta = {LAW:g}. (b) The largest eigenvalue with C = -1; negative is contraction.",
             claims=[*_claims(products, max(at_zero["minus-one"]), table), _sign_claim(at_zero, fastest)],
@@ -230,7 +242,7 @@ def _Y(x: casadi.SX) -> casadi.SX:  # noqa: N802
 # ---- the figure
 
 
-def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array], pixels: int) -> Figure:
+def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array], eigenvalues: Array) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(11.5, 4.8), layout="constrained")
         first, second = page.subplots(1, 2)
@@ -245,14 +257,13 @@ def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array], pixels: int)
                                color=COLOURS[term], weight="bold")  # fmt: skip
         first.plot(thetas, LAW / thetas, color=INK, lw=1.0, ls=(0, (4, 3)))
         first.set(xscale="log", yscale="log", xlabel=r"$\theta = $ dist$(x, \xi)$", ylabel=r"$|\eta|_g$")
-        _draw_map(page, second, pixels)
+        _draw_map(page, second, eigenvalues)
     return page
 
 
-def _draw_map(page: Figure, axes: Any, pixels: int) -> None:
+def _draw_map(page: Figure, axes: Any, values: Array) -> None:
     axes.set_title("(b) largest eigenvalue, C = -1")
-    thetas, speeds = np.geomspace(1e-2, _LARGEST, pixels), np.geomspace(0.1, 100.0, pixels)
-    values = np.array([[worst_eigenvalue(t, s, "minus-one", 9) for t in thetas] for s in speeds])
+    thetas, speeds = np.geomspace(1e-2, _LARGEST, values.shape[1]), np.geomspace(0.1, 100.0, values.shape[0])
     picture = axes.pcolormesh(
         thetas, speeds, np.clip(values, -3.0, 3.0), cmap="RdBu_r", shading="gouraud", vmin=-3.0, vmax=3.0
     )

@@ -57,7 +57,7 @@ def fields_of(mode: str, turn_rate: float) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Flight:
+class LocalisationRun:
     """One run of a mode."""
 
     mode: str

@@ -61,7 +61,7 @@ class PropositionTrial:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnState:
     """A state of the standard field, and sensors."""
 
     sensors: str
@@ -72,7 +72,7 @@ class Drawn:
         return MapCase("ellipse", 0.0, STANDARD, self.sensors).outputs
 
 
-def proposition_tried(drawn: Drawn) -> tuple[PropositionTrial, PropositionTrial]:
+def proposition_tried(drawn: DrawnState) -> tuple[PropositionTrial, PropositionTrial]:
     """Both sides of Proposition C.1 at a state, under an input that is drawn, held for 0.3 s, and standing still."""
     rng, T, outputs = np.random.default_rng(drawn.seed), 0.3, drawn.outputs
     x = drawn_start(STANDARD, rng)
@@ -86,7 +86,7 @@ def proposition_tried(drawn: Drawn) -> tuple[PropositionTrial, PropositionTrial]
     return tried((rng.uniform(0.1, 0.8), rng.uniform(-1.5, 1.5))), tried((0.0, 0.0))
 
 
-def apart_with_equal_rates(drawn: Drawn) -> float:
+def apart_with_equal_rates(drawn: DrawnState) -> float:
     """[m] by how much the output flow over 0.3 s differs, at least, on {Q = 0} farther than 0.1 from the true state.
 
     NaN where {Q = 0} does not reach as far.
@@ -103,7 +103,7 @@ def apart_with_equal_rates(drawn: Drawn) -> float:
 # ---- ranks
 
 
-def least_singular_value(drawn: Drawn) -> float:
+def least_singular_value(drawn: DrawnState) -> float:
     """[m per m or rad] of h' (l, 3) at a state; nought where l < 3."""
     x = drawn_start(STANDARD, np.random.default_rng(drawn.seed))
     system = range_system(drawn.outputs)

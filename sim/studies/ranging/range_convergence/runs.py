@@ -2,7 +2,7 @@
 
 The robot is the ideal unicycle, which moves exactly (``mathnavi.estimators.observability.region``), so nothing is
 simulated but its readings. A run's errors are drawn for it alone: the ranges' noise, the odometry's noise, and the
-sign of its bias. Every estimator of a run is told the same.
+sign of its bias. Every estimator of a run reads the same.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PLUGINS: Mapping[str, str] = {
     PARTICLES: "range_particle",
     FLOOR: "range_ekf",
 }
-NEAR = 0.1  # [m, rad] standard deviation of the start that FLOOR is told
+NEAR = 0.1  # [m, rad] standard deviation of the start that FLOOR is given
 INSTANTS = 41  # of a run at which errors are kept
 
 _SLIP = (0.0, 0.0)  # of a robot without wheels
@@ -41,7 +41,7 @@ _SLIP = (0.0, 0.0)  # of a robot without wheels
 
 @dataclass(frozen=True)
 class RangeRun:
-    """One run, with noise, and who is told of it: all that a worker needs."""
+    """A run with noise, and the estimators that follow it."""
 
     curve: Curve
     sensors: str
@@ -51,7 +51,7 @@ class RangeRun:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class EstimatorResult:
     """What an estimator made of a run."""
 
     converged: bool
@@ -84,7 +84,7 @@ def noisy_run(mission: RangingMission, start: Array, seconds: float, rng: np.ran
     return dataclasses.replace(exact, readings=readings)
 
 
-def told(asked: RangeRun) -> dict[str, Found]:
+def estimator_results(asked: RangeRun) -> dict[str, EstimatorResult]:
     """What each of the estimators makes of it; the same seed is the same run."""
     rng = np.random.default_rng(asked.seed)
     start, mission = drawn_start(asked.curve, rng), told_mission(asked.curve, asked.sensors)
@@ -93,7 +93,7 @@ def told(asked: RangeRun) -> dict[str, Found]:
     return {name: _found(name, run, near, asked.seed) for name in asked.estimators}
 
 
-def _found(name: str, run: ExactRun, near: Array, seed: int) -> Found:
+def _found(name: str, run: ExactRun, near: Array, seed: int) -> EstimatorResult:
     plugin, mission = load("estimators", PLUGINS[name]), run.mission
     if name == FLOOR:
         mission = dataclasses.replace(mission, start=KnownStart((near[0], near[1], near[2]), (NEAR, NEAR, NEAR)))
@@ -109,7 +109,7 @@ def _found(name: str, run: ExactRun, near: Array, seed: int) -> Found:
     shown = np.linspace(0, len(run.t) - 1, INSTANTS).round().astype(int)
     nis = np.array([e.extra.get("nis", (np.nan, np.nan)) for e in estimates[last:]])
     nis = nis[np.isfinite(nis).all(axis=1)]
-    return Found(
+    return EstimatorResult(
         converged=rms[0] < POSITION and rms[1] < HEADING,
         position=rms[0],
         heading=rms[1],
@@ -145,6 +145,6 @@ def observer_converges(attempt: ExactAttempt) -> bool:
     return bool(region_of_convergence(plugin, config, run, estimate[None], spread(curve), criterion)[0])
 
 
-def converged(found: Sequence[Found]) -> list[Found]:
+def converged(found: Sequence[EstimatorResult]) -> list[EstimatorResult]:
     """Those that did."""
     return [one for one in found if one.converged]

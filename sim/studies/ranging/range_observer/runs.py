@@ -21,7 +21,7 @@ from mathnavi.models.unicycle.patterns import circle, figure_eight
 from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.metrics.ranging import rms
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD, drawn_start, driving
-from mathnavi.sim.studies.ranging.range_observer.watched import STRIDE, Verdict, Watched, watched
+from mathnavi.sim.studies.ranging.range_observer.observer_run import STRIDE, ObserverRun, RunErrors, follow
 
 START = np.array([1.0, -1.0, 0.5 * math.pi])  # x(0) of C.5
 PRINTED_GAINS = (5.0, 1.0)  # k_V and k_Q of C.5
@@ -49,7 +49,7 @@ DRIVES: Mapping[str, Callable[[float], tuple[float, float]]] = {
 
 
 @dataclass(frozen=True)
-class Gains:
+class ObserverGains:
     """The observer in one configuration."""
 
     feedforward: FeedForward
@@ -65,7 +65,7 @@ class ThesisRun:
     """From the thesis' start with sensors at -90° and -45°, z(0) off by what a seed draws, or not at all."""
 
     motion: str
-    gains: Gains
+    gains: ObserverGains
     seed: int
     seconds: int
     noisy: tuple[bool, bool] = (False, False)  # which of the two rays err
@@ -109,8 +109,8 @@ def places(z: Array, rho: Array, alpha: Array) -> Array:
     return STANDARD.points(z[..., :-1]) - away
 
 
-def from_thesis_start(asked: ThesisRun) -> Watched:
-    """That run, watched."""
+def from_thesis_start(asked: ThesisRun) -> ObserverRun:
+    """Run the observer from the thesis' start."""
     rng = np.random.default_rng(asked.seed).spawn(1)[0]
     z, x = (None, START) if asked.true_start else first_z(asked.seed)
     quality = RangeQuality(NOISE if any(asked.noisy) else 0.0)
@@ -118,19 +118,25 @@ def from_thesis_start(asked: ThesisRun) -> Watched:
     run = dataclasses.replace(exact, mission=mission_with("2t", quality, x))
     if any(asked.noisy):
         run = _with_noise(run, np.where(asked.noisy, NOISE, 0.0), rng)
-    return watched(run, asked.gains.config(() if z is None else tuple(z.tolist())))
+    return follow(run, asked.gains.config(() if z is None else tuple(z.tolist())))
 
 
-def thesis_verdict(asked: ThesisRun) -> Verdict:
-    return Verdict.of(from_thesis_start(asked))
+def shown_run(asked: ThesisRun) -> ObserverRun:
+    """That run without its readings, for a picture."""
+    seen = from_thesis_start(asked)
+    return dataclasses.replace(seen, run=dataclasses.replace(seen.run, readings=()))
 
 
-def drawn_verdicts(asked: DrawnRun) -> list[Verdict]:
+def thesis_verdict(asked: ThesisRun) -> RunErrors:
+    return RunErrors.of(from_thesis_start(asked))
+
+
+def drawn_verdicts(asked: DrawnRun) -> list[RunErrors]:
     """At each gain."""
     start = drawn_start(STANDARD, np.random.default_rng(asked.seed))
     mission = mission_with(asked.sensors, RangeQuality(), start, asked.period)
     run = exact_run(mission, start, DRIVES[asked.drive], float(asked.seconds))
-    return [Verdict.of(watched(run, Gains("none", k, k).config())) for k in asked.gains]
+    return [RunErrors.of(follow(run, ObserverGains("none", k, k).config())) for k in asked.gains]
 
 
 def averaged(asked: ThesisRun) -> tuple[float, float]:

@@ -27,7 +27,7 @@ _GAINS = Gains(2.0, 0.8, "constant", "matched")
 
 
 @dataclass(frozen=True)
-class Place:
+class IdentityCase:
     """Where the identities are tried: all that a worker needs."""
 
     n: int
@@ -35,7 +35,7 @@ class Place:
     seed: int
 
 
-def residuals(place: Place) -> dict[str, float]:
+def residuals(place: IdentityCase) -> dict[str, float]:
     """By equation, the largest component of its left side less its right; "printed" ones are those of the print."""
     space, rng = ConstantCurvature(place.n, place.kappa), np.random.default_rng(place.seed)
     x = space.draw(rng)

@@ -88,7 +88,7 @@ class NoData:
 
 @pytest.mark.parametrize("value", [NoData(), {"a": [NoData()]}, lambda: 0, np.array([NoData()])])
 def test_what_cannot_be_had_back_is_refused(value: Any) -> None:
-    with pytest.raises(TypeError, match="NoData|function|objects"):
+    with pytest.raises(TypeError, match=r"NoData|function|objects"):
         encoded(value)
 
 

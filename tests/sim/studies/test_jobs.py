@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.interfaces.errors import TerrainError
@@ -101,7 +102,7 @@ def test_a_run_for_a_picture_is_stored_without_what_the_clock_says(store: Store)
 def test_a_terrain_that_changed_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "hill.npz"
     ground = HeightField(np.zeros((3, 3)), 10.0, "hill")
-    ground.save(file)
+    write_npz(ground, file)
     assert TerrainReference(str(file), ground.digest).ground.digest == ground.digest
     with pytest.raises(TerrainError, match="changed"):
         _ = TerrainReference("jacksboro", ground.digest).ground

@@ -135,7 +135,7 @@ class Worker:
 
 
 class _Clock:
-    """What is left of a limit [s]; it stands until it is started."""
+    """The rest of a limit [s]; it stands until it is started."""
 
     def __init__(self, limit: float | None) -> None:
         self._left, self._since = math.inf if limit is None else limit, math.nan
@@ -233,5 +233,5 @@ class _Child:
 
 
 def module_path() -> list[str]:
-    """Where this process finds its modules."""
+    """The ``sys.path`` of this process."""
     return [entry for entry in sys.path if isinstance(entry, str)]

@@ -102,7 +102,7 @@ class DaskCluster:
 
 
 def own_path() -> list[str]:
-    """Where this process finds the user's own modules: of its path what is no part of the Python installation."""
+    """Folders of the user's own modules: of ``sys.path`` what is no part of the Python installation."""
     folders = [Path(entry).resolve() for entry in module_path()]
     installed = [Path(folder).resolve() for folder in (sys.prefix, sys.base_prefix)]
     return [str(folder) for folder in folders if not any(map(folder.is_relative_to, installed))]

@@ -27,7 +27,7 @@ from mathnavi.sim.sweep.trial import Trial, keys
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a sweep is."""
+    """Counts of the tasks of a sweep."""
 
     total: int  # tasks, each counted once
     found: int  # of them, in the store before
@@ -162,7 +162,7 @@ class _Sweep:
 
 
 def _counted(before: Progress, endings: Collection[Ending]) -> Progress:
-    """With the endings among what has gone wrong."""
+    """Add the endings to the counts of what has gone wrong."""
     return replace(
         before,
         failed=before.failed + sum(ending.status != "ok" for ending in endings),

@@ -28,7 +28,7 @@ LARGEST_SEED = 2**63 - 1  # that a store has room for
 
 @dataclass(frozen=True)
 class Trial:
-    """What is run once. Plug-ins are called as on the command line, by a name or by "package.module:Class"."""
+    """A run that any process can repeat. Plug-ins are named as on the command line, or as "package.module:Class"."""
 
     scenario: str
     config: Any  # frozen dataclass of the scenario
@@ -47,7 +47,7 @@ class Trial:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Every resolved field as plain data, and the digests of the files that fields name."""
+        """All resolved fields as plain data, and the digests of the files that fields name."""
         plugin = _plugin("scenarios", self.scenario)
         return self._parameters(plugin.inputs(self.config) if hasattr(plugin, "inputs") else {})
 
@@ -76,7 +76,7 @@ class Trial:
         return closed_loop
 
     def flown(self) -> RunResult:
-        """What came of it, with the whole log."""
+        """Run it; the result with the whole log."""
         outcome: RunResult = self.build().run()
         return outcome
 
@@ -106,7 +106,7 @@ class Trial:
         timings: Mapping[str, float | None] | None = None,
         error: str | None = None,
     ) -> Record:
-        """How it ended, as a store has it."""
+        """The record of how it ended."""
         named = (key, self.scenario, self.parameters, self.seed, self.code)
         return Record(*named, status, success, dict(summary or {}), dict(timings or {}), error)
 
@@ -179,7 +179,7 @@ def trial(
 
 
 def keys(trials: Sequence[Trial]) -> list[str]:
-    """The keys of many trials, without building any of them; each file that they name is looked at once."""
+    """The keys of many trials, without building any of them; each file that they name is read once."""
     named: dict[str, tuple[str, ...]] = {}  # by scenario: the fields that name files
     digests: dict[tuple[str, ...], dict[str, str]] = {}  # by scenario and what those fields say
 
@@ -210,7 +210,7 @@ def _plugin(kind: str, name: str) -> Any:
 
 @cache
 def _function(name: str) -> Callable[[Any], Mapping[str, Any]]:
-    """What stands at "package.module:function"."""
+    """The function that stands at "package.module:function"."""
     module, _, attribute = name.partition(":")
     try:
         function: Callable[[Any], Mapping[str, Any]] = getattr(importlib.import_module(module), attribute)

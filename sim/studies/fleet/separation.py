@@ -43,7 +43,7 @@ CORES = 2
 
 @dataclass(frozen=True)
 class SeparationConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 8
     """fleets of each size, under each kind of faults"""

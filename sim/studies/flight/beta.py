@@ -32,7 +32,7 @@ LEAST_TIME_RATIO, LEAST_EFFORT_RATIO = 1.4, 2.0  # of the target
 
 @dataclass(frozen=True)
 class BetaConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 20
     """missions for each beta, the same for all"""

@@ -57,7 +57,7 @@ COSTS: dict[str, Callable[..., FactoredCost | TrilinearCost]] = {
 
 @dataclass(frozen=True)
 class CostToGoConfig:
-    """How much is measured."""
+    """Sample sizes: cases that are measured."""
 
     targets: int = 10
     """targets, each with a radar of its own"""
@@ -239,7 +239,7 @@ def flow(cost: FactoredCost | TrilinearCost, terrain: HeightField, starts: Array
 
 
 def metric_error(terrain: HeightField) -> Array:
-    """Length of the graph's way over the straight line, less one, to every node of the print's grid on flat ground."""
+    """Length of the graph's way over the straight line, less one, to every node of the thesis' grid on flat ground."""
     flat = HeightField(np.zeros((2, 2)), max(terrain.width, terrain.depth), "flat")
     nodes, layers = GRIDS[0]
     target = np.array([0.5 * flat.width, 0.5 * flat.depth, 300.0])

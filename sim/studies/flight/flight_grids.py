@@ -54,7 +54,7 @@ class HorizonGrid:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Of the planner, as on the command line."""
+        """Fields of the planner, as on the command line."""
         wanted = {"nodes": self.nodes, "horizon": self.horizon, "stretch": self.stretch, "period": PERIOD}
         return {f"planner.{name}": value for name, value in wanted.items()}
 
@@ -89,7 +89,7 @@ FAULTS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class FlightGridsConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 20
     """missions on each grid, the same for all"""
@@ -185,7 +185,7 @@ def _row(grid: HorizonGrid, records: Sequence[Record], uniform: Sequence[Record]
 
 
 def _kept(kind: str, records: Sequence[Record]) -> dict[str, Any]:
-    """Whether the guarantees were kept."""
+    """Count the missions in which the guarantees were kept."""
     least = np.array([record.parameters["config"]["clearance_min"] for record in records])
     share = figures(records, "flight_time_s") / figures(records, "deadline_s")
     low = (figures(records, "min_clearance_m") < least) | (figures(records, "ground_contacts") > 0)
@@ -262,7 +262,7 @@ def _figure(
 
 
 def _draw_arcs(axes: Axes) -> None:
-    """Each horizon as a line, with its nodes."""
+    """Draw each horizon as a line, with its nodes."""
     for row, grid in enumerate(GRIDS):
         nodes = np.concatenate([[0.0], np.cumsum(grid.lengths)])
         axes.plot(nodes, np.full(len(nodes), row), "-|", color=grid.colour, lw=1.6, ms=9.0, mew=1.6)

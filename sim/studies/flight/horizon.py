@@ -47,7 +47,7 @@ COLOURS = {4: "#c2183b", 7: "#e08214", 10: "#1a9850", 13: "#2166ac"}
 
 @dataclass(frozen=True)
 class HorizonConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 20
     """missions for each horizon, the same for all"""

@@ -56,7 +56,7 @@ COLOURS = {0: "#2f3b46", 184: "#1a9850", 734: "#e08214", 1835: "#c2183b"}
 
 @dataclass(frozen=True)
 class NoiseConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 12
     """missions for each half-width and planner, the same for all"""

@@ -38,7 +38,7 @@ COLOURS = ("#2166ac", "#1a9850", "#e08214", "#c2183b")
 
 @dataclass(frozen=True)
 class SafetyConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     missions: int = 200
     """of each group"""

@@ -39,7 +39,7 @@ LEAST_CUT, MOST_PATH = 0.95, 0.20  # of the target
 
 @dataclass(frozen=True)
 class ThreatConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 20
     """missions, each unaware and aware of its radar"""

@@ -161,7 +161,7 @@ def _last_line(error: str | None) -> str:
 
 
 def check_counts(config: Any) -> None:
-    """Every field of a study's configuration is how many of something; ValueError for none."""
+    """Check that every field of a study's configuration is at least one; ValueError if not."""
     for entry in fields(config):
         count = getattr(config, entry.name)
         if count < 1:
@@ -170,7 +170,7 @@ def check_counts(config: Any) -> None:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What came out."""
+    """Summary, tables, figures and claims of a study."""
 
     summary: Sequence[str]  # paragraphs
     rows: Sequence[Mapping[str, Any]]  # NAME.csv, one value a cell
@@ -198,12 +198,12 @@ class StudyPlugin(Protocol):
 
 
 def on_terrain(plugin: Any) -> bool:
-    """Whether a study is done on a terrain."""
+    """Tell whether a study is done on a terrain."""
     return bool(getattr(plugin, "on_terrain", True))
 
 
 def first_look(config: Any) -> str:
-    """What of a study's configuration is smaller than in full, "seeds 2 instead of 20"; "" if nothing is."""
+    """Fields of a configuration that are smaller than in full, "seeds 2 instead of 20"; "" if none is."""
     full = type(config)()
     pairs = {entry.name: (getattr(config, entry.name), getattr(full, entry.name)) for entry in fields(config)}
     smaller = [
@@ -278,7 +278,7 @@ def effort_norm(records: Sequence[Record], h: float) -> np.ndarray:
 
 
 def falls(sequence: Sequence[float]) -> bool:
-    """Whether each is less than the one before."""
+    """Tell whether each value is less than the one before."""
     return all(later < earlier for earlier, later in pairwise(sequence))
 
 

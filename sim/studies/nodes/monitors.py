@@ -71,7 +71,7 @@ MONITORS = (
 
 @dataclass(frozen=True)
 class MonitorsConfig:
-    """How much is solved."""
+    """Sample sizes: problems and grids that are solved."""
 
     nodes: int = 20
     """nodes"""

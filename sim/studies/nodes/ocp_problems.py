@@ -69,7 +69,7 @@ KEY = {"refused: replays worse than uniform nodes": REFUSED, "no solution, and w
 
 @dataclass(frozen=True)
 class OcpProblemsConfig:
-    """How much is solved."""
+    """Sample sizes: problems and grids that are solved."""
 
     nodes: int = 60
     """nodes that a method may use"""

@@ -44,7 +44,7 @@ _METRIC = SasakiMetric()
 
 @dataclass(frozen=True)
 class ContractionConfig:
-    """How much is computed."""
+    """Sample sizes: cases that are computed."""
 
     distances: int = 41
     """values of theta"""
@@ -59,7 +59,7 @@ class ContractionConfig:
 
 @dataclass(frozen=True)
 class AtDistance:
-    """One distance: all that a worker needs."""
+    """A distance theta between x and xi, and a sign of the curvature term."""
 
     theta: float
     term: CurvatureName
@@ -83,7 +83,7 @@ def fastest_contraction(at: AtDistance) -> float:
 
 
 def worst_eigenvalue(theta: float, speed: float, term: CurvatureName, directions: int) -> float:
-    """Over the angle between eta and grad S, which is all that matters on a space of constant curvature."""
+    """Largest eigenvalue over the angle between eta and grad S, all that matters where the curvature is constant."""
     space = sphere(3)
     xi = space.origin
     pair = TwoPoint(space, space.exp(xi, space.vector(xi, np.array([theta, 0.0, 0.0]))), xi)
@@ -174,7 +174,7 @@ def _claims(products: Array, at_zero: float, table: Mapping[str, tuple[float, fl
 
 
 def _sign_claim(at_zero: Mapping[CurvatureName, list[float]], fastest: float) -> Claim:
-    """On S = 0 itself, with the sign of C as (D.6) has it."""
+    """Evaluate the claim on S = 0 itself, with the sign of C as (D.6) has it."""
     told = "; ".join(
         f"{NAMES[term]}: " + ", ".join(f"{value:.4g}" for value in at_zero[term]) for term in ("plus-one", "minus-one")
     )
@@ -191,7 +191,7 @@ def _sign_claim(at_zero: Mapping[CurvatureName, list[float]], fastest: float) ->
 
 
 def table_d_1(points: int) -> dict[str, tuple[float, float]]:
-    """For each bracket the largest component of its two sides' difference over points of TS^3: printed, put right."""
+    """Largest component, by bracket, of its two sides' difference over points of TS^3: printed, put right."""
     n = 3
     bundle = TangentBundle(n, _metric)
     x, v = casadi.SX.sym("x", n), casadi.SX.sym("v", n)
@@ -226,7 +226,7 @@ def table_d_1(points: int) -> dict[str, tuple[float, float]]:
 
 
 def _metric(x: casadi.SX) -> casadi.SX:
-    """That of S^3 in the angles of D.5."""
+    """Metric of S^3 in the angles of D.5."""
     s_1, s_2 = casadi.sin(x[0]), casadi.sin(x[1])
     return casadi.diag(casadi.vertcat(1.0, s_1**2, (s_1 * s_2) ** 2))
 

@@ -41,7 +41,7 @@ COLOURS = {NOMINAL: "#0d5fa8", FAULTED: "#d9731a", PRINTED: "#c2183b", CONSTRAIN
 
 @dataclass(frozen=True)
 class ArrivalConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 8
     """fleets of each size, and with failures"""
@@ -99,7 +99,7 @@ class Arrival:
 
 
 def fleet(setup: Setup, size: int, seed: int, kind: str) -> Trial:
-    """One fleet's mission."""
+    """Trial of one fleet's mission."""
     fields: dict[str, Any] = {"terrain": setup.terrain, "vehicles": size}
     if kind == FAULTED:
         fields["faults.solver_failure_rate"] = FAILING

@@ -23,6 +23,7 @@ _INSIDE = 0.06  # of the map's side that the target stays from the border
 
 
 def hill_name(notice: float) -> str:
+    """Name of a mission with a hill that becomes known ``notice`` [s] ahead."""
     return f"hill told {notice:g} s ahead"
 
 
@@ -85,7 +86,7 @@ def side_of(ground: HeightField) -> float:
 
 
 def _radars(flown: Flown, ground: HeightField) -> dict[str, dict[str, Any]]:
-    """One that appears in the way, one that drives into it, and one that vanishes before it is reached."""
+    """Fields of a radar that appears in the way, of one that drives into it, and of one that vanishes before."""
     way, told = flown.at(_WAY)[:2], _TOLD * flown.duration
     radius, aside = RADIUS * side_of(ground), ASIDE * side_of(ground) * flown.across
     if not ground.contains(*(way + aside)):

@@ -53,7 +53,7 @@ COLOURS = {"as it was": "#101824", "radar appears": "#c2183b", "target moves": "
 
 @dataclass(frozen=True)
 class UpdatesConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 20
     """missions, each with every change"""
@@ -103,7 +103,7 @@ class Updates:
 
 
 def announced(outcome: RunResult) -> dict[str, Any]:
-    """What was said of the guarantee on the way."""
+    """Count the events that announce a loss of the guarantee (a measure)."""
     kinds = [event.kind for event in outcome.recording.events]
     return {
         name.replace("-", "_"): kinds.count(name)
@@ -155,7 +155,7 @@ def _safe(records: Sequence[Record]) -> Booleans:
 
 
 def _unannounced(records: Sequence[Record]) -> Booleans:
-    """(n,) whether each came below h_min, or did not arrive, and nobody was told."""
+    """(n,) True where a mission came below h_min, or did not arrive, without an announcement."""
     failed = ~_safe(records) | (figures(records, "arrived") == 0)
     silent: Booleans = failed & (figures(records, "guarantee_lost") == 0) & (figures(records, "arrival_lost") == 0)
     return silent

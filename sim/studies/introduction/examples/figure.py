@@ -30,7 +30,7 @@ FLOOR = 1e-9  # of an error that is drawn
 
 @dataclass(frozen=True, eq=False)
 class IntroductionRuns:
-    """What is drawn."""
+    """Data of the figure."""
 
     gains: Array  # (n,) of alpha, and of beta
     exponents: Array  # (n, n) [1/s] measured, by alpha and beta

@@ -40,7 +40,7 @@ EXACT, OF_SERIES = 1e-5, 5e-3  # of the largest error, from which an error may d
 
 @dataclass(frozen=True)
 class IntroductionExamplesConfig:
-    """How much is run."""
+    """Sample sizes: runs."""
 
     grid: int = 15
     """values of alpha, and of beta"""
@@ -115,14 +115,14 @@ def _signal(constant: float, sine: float) -> dict[str, Any]:
 
 
 def _drawn(system: str, estimator: str, fields: Mapping[str, Any], seed: int) -> Trial:
-    """From a start error drawn with a seed, uniformly on each state; the same for every observer of a system."""
+    """Trial from a start error drawn with a seed, uniformly on each state; the same for every observer of a system."""
     off = DRAWN[system] * np.random.default_rng(seed).uniform(-1.0, 1.0, 2)
     own = {"system": system, "start_error": tuple(off.tolist()), "duration": 5.0, "estimator.poles": POLES}
     return trial(SCENARIO, seed, estimator=estimator, fields={**own, **fields}, measure=measures.IN_COORDINATES)
 
 
 def output_separation(pairs: int) -> dict[str, float]:
-    """Over pairs of initial points of Example 2.1 with one x_1: largest |dy| under u = 0, least under u = 1."""
+    """Largest |dy| under u = 0 and least under u = 1 over pairs of initial points of Example 2.1 with one x_1."""
     rng = np.random.default_rng(0)
     still: list[float] = []
     driven: list[float] = []

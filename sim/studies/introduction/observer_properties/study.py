@@ -39,7 +39,7 @@ KEPT, BROKEN = "#2b7a4b", "#b3202f"
 
 @dataclass(frozen=True)
 class ObserverPropertiesConfig:
-    """How much is run."""
+    """Sample sizes: runs."""
 
     starts: int = 20
     """starts nearby, and anywhere, for each estimator; on the truth and under each input a quarter of it"""

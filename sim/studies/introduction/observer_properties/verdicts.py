@@ -31,7 +31,7 @@ RATES = {
 
 @dataclass(frozen=True)
 class PropertyVerdict:
-    """One entry of Table 2.1 of one estimator."""
+    """An entry of Table 2.1 for one estimator, declared and measured."""
 
     name: str  # of the property
     declared: str
@@ -114,7 +114,7 @@ def verdicts(declared: ObserverProperties, e: PropertyRuns, depends: bool) -> li
 
 
 def _attracts(declared: ObserverProperties, e: PropertyRuns) -> bool:
-    """Whether starts converge as they should: all for global, most of those nearby for less, few for none.
+    """Tell whether starts converge as they should: all for global, most of those nearby for less, few for none.
 
     What converges from nowhere may come close, if it does not come closer.
     """

@@ -52,7 +52,7 @@ REPLANNED: tuple[Mapping[str, Any], ...] = ({}, ROUGH, TOWARDS.fields)  # flight
 
 @dataclass(frozen=True)
 class MissileClosedLoopConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     cases: int = 4
     """how many of SM, SM2, SM3, FAST are flown"""
@@ -208,7 +208,7 @@ def _flights(kinds: Sequence[Kind], records: Mapping[str, Sequence[Record]]) -> 
 
 
 def _decoupling(records: Mapping[str, Sequence[Record]], config: MissileClosedLoopConfig) -> Table:
-    """What it costs that the pitch planner and the yaw planner each see the other's motion only."""
+    """Table of the cost of planning pitch and yaw apart, each seeing the other's motion only."""
     columns = ("flight", "case", "J planned, apart", "as one", "J flown, apart", "as one", "miss, apart [m]",
                "CPU time of a replan, apart [ms]", "as one [ms]")  # fmt: skip
     rows = []

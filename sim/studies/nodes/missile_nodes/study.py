@@ -59,7 +59,7 @@ class GateVerdict:
 
 @dataclass(frozen=True)
 class MissileNodesConfig:
-    """How much is solved."""
+    """Sample sizes: problems and grids that are solved."""
 
     repeats: int = 5
     """solves of which the median time is taken"""
@@ -212,7 +212,7 @@ def _solved(case: str, scheme: Scheme, n: int, method: str) -> Solution:
 
 
 def solved_on_grid(grid: GridSolve) -> list[tuple[dict[str, Any], Array]]:
-    """For every method its row, without the control error, and its control (2001, nu) over the scale."""
+    """Solve by every method: rows without the control error, and controls (2001, nu) over their scales."""
     (scheme,) = (each for each in SCHEMES if each.name == grid.scheme)
     found: list[tuple[dict[str, Any], Array]] = []
     for method in METHODS:
@@ -237,7 +237,7 @@ def solved_on_grid(grid: GridSolve) -> list[tuple[dict[str, Any], Array]]:
 
 
 def _against_pontryagin(direct: Solution) -> dict[str, float]:
-    """How far the direct solution is from the boundary-value one."""
+    """Distance of the direct solution from the boundary-value one."""
     found = solve_indirect(direct)
     scale = direct.problem.control_scale
     off = (direct.control(found.t) - found.u) / scale

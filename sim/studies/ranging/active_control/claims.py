@@ -19,7 +19,7 @@ Key = tuple[str, float]
 
 @dataclass(frozen=True)
 class ActiveControlResults:
-    """All that the claims are judged by."""
+    """Results from which the claims are evaluated."""
 
     medians: Mapping[Key, Band]  # [s] until the error is below the limit for good
     found: Mapping[Key, tuple[int, int]]  # runs in which it is so before the end, of so many
@@ -28,12 +28,12 @@ class ActiveControlResults:
     seconds: float  # of a run
 
     def factor(self, mode: str, turn_rate: float) -> float:
-        """How many times sooner active inputs are."""
+        """Ratio of the times until a robot finds itself: another mode's over that of active inputs."""
         return self.medians[mode, turn_rate].median / max(_LEAST, self.medians["active", turn_rate].median)
 
 
 def claims(e: ActiveControlResults) -> list[Claim]:
-    """Every claim that the study is there for."""
+    """Evaluate every claim of the study."""
     return [_active(e), _decides(e), _basis(e), _deliberate(e)]
 
 

@@ -37,7 +37,7 @@ def figure(
     tracks: Mapping[str, Sequence[Record]],
     seconds: float,
 ) -> Figure:
-    """All of it."""
+    """Draw the figure of the study."""
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 12.0))
         above = page.add_gridspec(

@@ -58,7 +58,7 @@ def fields_of(mode: str, turn_rate: float) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class LocalisationRun:
-    """One run of a mode."""
+    """A run of a robot that drives by one mode."""
 
     mode: str
     turn_rate: float  # [rad/s]

@@ -34,7 +34,7 @@ from mathnavi.sim.studies.ranging.active_control.flights import (
 
 @dataclass(frozen=True)
 class ActiveControlConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 100
     """runs of each mode that the target compares"""

@@ -24,7 +24,7 @@ FAILING, FINDING = 0.1, 0.85  # shares of starts from which a robot that stands 
 
 @dataclass(frozen=True)
 class ObservabilityResults:
-    """All that the claims are judged by."""
+    """Results from which the claims are evaluated."""
 
     counts: Mapping[tuple[str, str, str], Sequence[tuple[int, int]]]  # by wall, sensors, motion: states, known images
     rotations: Mapping[str, int]  # of each wall
@@ -39,7 +39,7 @@ class ObservabilityResults:
 
 
 def claims(e: ObservabilityResults) -> list[Claim]:
-    """Every claim that the study is there for."""
+    """Evaluate every claim of the study."""
     return [*_targets(e), *_definitions(e), _of_the_map(e)]
 
 
@@ -159,7 +159,7 @@ def _definitions(e: ObservabilityResults) -> list[Claim]:
 
 
 def _of_the_map(e: ObservabilityResults) -> Claim:
-    """Two sensors: from one to three the number of sensors would tell more than the wall."""
+    """Evaluate the claim for two sensors: from one to three their number would say more than the wall."""
     shares = {key: found for key, found in e.maps.items() if key[2] in ("2s", "2t") and key[3] == "observer"}
     least, most = min(shares, key=lambda key: shares[key].value), max(shares, key=lambda key: shares[key].value)
     return Claim(

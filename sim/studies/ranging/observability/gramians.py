@@ -52,7 +52,7 @@ class GramianCase:
 
 @dataclass(frozen=True)
 class GramianResult:
-    """What came of it."""
+    """Directions that an empirical Gramian sees, and how well."""
 
     number: int  # in GRAMIANS
     unseen: int  # directions of the state that the readings say nothing of

@@ -61,7 +61,7 @@ COUNTED = ("1", "2s", "2t", "3", "4")  # sensors with which states that read the
 
 @dataclass(frozen=True)
 class ObservabilityConfig:
-    """How much is measured."""
+    """Sample sizes: cases that are measured."""
 
     starts: int = 60
     """starts in each wall"""
@@ -141,7 +141,7 @@ class Observability:
 
 
 def _chosen(family: Sequence[MapCase], walls: int) -> list[MapCase]:
-    """At most so many for each set of sensors, the first and the last of them; or of sets, where there is one wall."""
+    """Choose so many walls at most for each set of sensors, the first and the last among them; or sets, for one wall."""
     chosen: list[MapCase] = []
     one_wall = len({case.curve for case in family}) == 1
     for sensors in (None,) if one_wall else dict.fromkeys(case.sensors for case in family):
@@ -155,7 +155,7 @@ def _attempts(case: MapCase, estimator: str, config: ObservabilityConfig) -> lis
 
 
 def _add_evidence(jobs: Jobs, config: ObservabilityConfig) -> None:
-    """All that claims are judged by beside the maps; in the standard ellipse, states are counted at more of them."""
+    """Ask for all that claims need beside the maps; in the standard ellipse, states are counted at more of them."""
     for wall in WALLS:
         for sensors in COUNTED:
             for motion in MOTIONS:

@@ -21,7 +21,7 @@ DRAWN = tuple(name for name in ESTIMATORS if name != "fast observer")
 def rows(
     e: ObservabilityResults, isolations: Mapping[tuple[str, float, str], float], gramians: Sequence[GramianResult]
 ) -> list[dict[str, Any]]:
-    """The CSV: a row for each thing that was measured, told apart by ``what``."""
+    """Rows of the CSV, one for each thing that was measured, distinguished by ``what``."""
     return [
         *(_map_row(key, found, isolations[key[:3]]) for key, found in e.maps.items()),
         *(
@@ -71,7 +71,7 @@ def map_table(e: ObservabilityResults, isolations: Mapping[tuple[str, float, str
 
 
 def count_table(e: ObservabilityResults) -> Table:
-    """How many states read the same."""
+    """Table of how many states read the same."""
     motions = list(dict.fromkeys(motion for _, _, motion in e.counts))
     shown = []
     for wall, sensors in dict.fromkeys((wall, sensors) for wall, sensors, _ in e.counts):
@@ -88,7 +88,7 @@ def _counts(some: Sequence[tuple[int, int]]) -> str:
 
 
 def standing_table(e: ObservabilityResults) -> Table:
-    """What standing still is worth, by the number of sensors."""
+    """Table of the worth of standing still, by the number of sensors."""
     columns = ("sensors", "directions [°]", "poses with rank h' = 3", "least singular value, median", "standing still",
                "figure of eight")  # fmt: skip
     shown = []

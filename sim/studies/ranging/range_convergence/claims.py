@@ -35,7 +35,7 @@ FoundKey = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class ConvergenceResults:
-    """All that the claims are judged by."""
+    """Results from which the claims are evaluated."""
 
     observed: Mapping[str, Rate]  # by sensors: starts from which the observer finds the state, without noise
     found: Mapping[FoundKey, Sequence[EstimatorResult]]
@@ -44,7 +44,7 @@ class ConvergenceResults:
     run_cpu: Array  # (R,) CPU time of a run on wheels over its duration
 
     def share(self, wall: str, sensors: str, estimator: str) -> Rate:
-        """Of the runs in which it converged."""
+        """Share of the runs in which an estimator converged."""
         runs = self.found[wall, sensors, estimator]
         return rate(len(converged(runs)), len(runs))
 
@@ -54,7 +54,7 @@ class ConvergenceResults:
         return root_mean_square(values, np.random.default_rng(0)) if values else None
 
     def nees(self, sensors: str) -> Consistency | None:
-        """Of the bank at the end of the runs in which it converged; None without any."""
+        """Average NEES of the bank at the end of the runs in which it converged; None without any."""
         squares = [found.nees[-1] for found in converged(self.found[ELLIPSE, sensors, BANK])]
         return consistency(squares, DEGREES) if squares else None
 
@@ -68,12 +68,12 @@ class ConvergenceResults:
         return float(np.sqrt(np.mean(np.square(figures(self.drives[sensors, friction], "position_rms_m")))))
 
     def cheaper(self, sensors: str, name: str) -> float:
-        """How many times: the particle filter's cost of an update over that of a loop of the bank's kernels."""
+        """Ratio of the costs of an update: the particle filter's over that of a loop of the bank's kernels."""
         return float(np.median(self.costs[sensors][PARTICLE_LOOP] / self.costs[sensors][name]))
 
 
 def claims(e: ConvergenceResults) -> list[Claim]:
-    """Every claim that the study is there for."""
+    """Evaluate every claim of the study."""
     return [_global(e), _bank(e), _nonconvex(e), _diffdrive(e), _consistency(e)]
 
 

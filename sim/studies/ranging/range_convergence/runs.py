@@ -52,7 +52,7 @@ class RangeRun:
 
 @dataclass(frozen=True, eq=False)
 class EstimatorResult:
-    """What an estimator made of a run."""
+    """Errors and consistency of one estimator over a run."""
 
     converged: bool
     position: float  # [m] RMS over the last quarter
@@ -64,7 +64,7 @@ class EstimatorResult:
 
 
 def told_mission(curve: Curve, sensors: str) -> RangingMission:
-    """With the standard noise, and an unknown start."""
+    """Mission with the standard noise, and an unknown start."""
     noise, angles = Noise(), tuple(math.radians(angle) for angle in SENSORS[sensors])
     return RangingMission(curve, angles, noise.ranging(), noise.odometry(_SLIP))
 
@@ -85,7 +85,7 @@ def noisy_run(mission: RangingMission, start: Array, seconds: float, rng: np.ran
 
 
 def estimator_results(asked: RangeRun) -> dict[str, EstimatorResult]:
-    """What each of the estimators makes of it; the same seed is the same run."""
+    """Run each of the estimators over the readings; the same seed is the same run."""
     rng = np.random.default_rng(asked.seed)
     start, mission = drawn_start(asked.curve, rng), told_mission(asked.curve, asked.sensors)
     run = noisy_run(mission, start, asked.seconds, rng)
@@ -127,7 +127,7 @@ def _nees(estimates: Sequence[Estimate], off: Array) -> Array:
 
 @dataclass(frozen=True)
 class ExactAttempt:
-    """One start and one first estimate, both from anywhere, without noise."""
+    """A start and a first estimate, both from anywhere, without noise."""
 
     curve: Curve
     sensors: str
@@ -136,7 +136,7 @@ class ExactAttempt:
 
 
 def observer_converges(attempt: ExactAttempt) -> bool:
-    """Whether the observer (C.5) with the manifold feed-forward finds the true state."""
+    """Tell whether the observer (C.5) with the manifold feed-forward finds the true state."""
     rng, curve = np.random.default_rng(attempt.seed), attempt.curve
     start, estimate = drawn_start(curve, rng), curve.draw(rng)
     mission = RangingMission(curve, tuple(math.radians(angle) for angle in SENSORS[attempt.sensors]))
@@ -146,5 +146,5 @@ def observer_converges(attempt: ExactAttempt) -> bool:
 
 
 def converged(found: Sequence[EstimatorResult]) -> list[EstimatorResult]:
-    """Those that did."""
+    """Runs that converged."""
     return [one for one in found if one.converged]

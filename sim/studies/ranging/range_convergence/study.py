@@ -52,7 +52,7 @@ TIMED = 10  # [s] of readings that updates are timed over
 
 @dataclass(frozen=True)
 class RangeConvergenceConfig:
-    """How much is measured."""
+    """Sample sizes: cases that are measured."""
 
     seeds: int = 200
     """runs of the observer, the bank and the EKF with each set of sensors"""

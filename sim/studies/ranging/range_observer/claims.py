@@ -35,7 +35,7 @@ STILL = "standing still"
 
 @dataclass(frozen=True)
 class LockResults:
-    """All that the claims are judged by."""
+    """Results from which the claims are evaluated."""
 
     identities: Sequence[Identities]
     start_off: Array  # (3,) [rad] z(0) as printed less Psi(x(0))
@@ -48,25 +48,27 @@ class LockResults:
 
 
 def claims(e: LockResults) -> list[Claim]:
-    """Every claim that the study is there for."""
+    """Evaluate every claim of the study."""
     return [_identities(e), _print(e), *_printed(e)]
 
 
 def median(some: Sequence[RunErrors], name: str = "position") -> float:
+    """Median over runs of one of their errors."""
     return float(np.median([getattr(verdict, name) for verdict in some]))
 
 
 def locked(some: Sequence[RunErrors]) -> int:
+    """Number of runs that kept lock in X."""
     return sum(verdict.locked for verdict in some)
 
 
 def largest(some: Sequence[Identities], name: str) -> float:
-    """Of those that are not guarded."""
+    """Largest residual of those that are not guarded."""
     return float(np.nanmax([getattr(each, name) for each in some]))
 
 
 def falls(e: LockResults) -> dict[tuple[str, str], list[float]]:
-    """By sensors and drive: the position error at k = 1 over that at k = 10, where lock is kept at both."""
+    """Ratio, by sensors and drive, of the position errors at k = 1 and k = 10, where lock is kept at both."""
     return {
         (sensors, drive): [
             slow.position / fast.position
@@ -217,7 +219,7 @@ def _noise(e: LockResults) -> list[Claim]:
 
 
 def _proposition(e: LockResults) -> Claim:
-    """With two rays a hundred readings a second are too few: the gain that it takes is beyond them."""
+    """Evaluate C.1: with two rays 100 readings a second are too few for the gain that it takes."""
     sets = tuple(dict.fromkeys(sensors for sensors, _, _ in e.drawn))
     fast = tuple(dict.fromkeys(sensors for sensors, _ in e.fast))
     errors = {

@@ -44,14 +44,14 @@ PAIR: tuple[FeedForward, FeedForward] = ("none", "s")
 
 @dataclass(frozen=True, eq=False)
 class ShownRuns:
-    """The runs that are drawn, by feed-forward: without noise all, with noise the print and one."""
+    """Runs that are drawn, by feed-forward: all without noise; as printed and one other with it."""
 
     exact: Mapping[FeedForward, ObserverRun]
     noisy: Mapping[FeedForward, ObserverRun]
 
 
 def range_observer_figure(drawn: ShownRuns, e: LockResults) -> Figure:
-    """All of it, a row after the other."""
+    """Draw the figure of the study, a row after the other."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(12.4, 16.0), layout=ConstrainedLayoutEngine(w_pad=0.09, h_pad=0.07))
         rows = np.array(figure.subfigures(5, 1, height_ratios=(0.85, 1.1, 0.95, 1.1, 1.1), hspace=0.03))
@@ -145,7 +145,7 @@ def _errors(axes: Axes, runs: Mapping[FeedForward, ObserverRun], name: str, titl
 
 
 def _at_the_end(axes: Axes, errors: Mapping[FeedForward, Array], t: Array) -> None:
-    """Each line's name beside its end, no two on top of each other."""
+    """Write each line's name beside its end, no two on top of each other."""
     axes.set_xlim(0.0, t[-1])
     order = sorted(errors, key=lambda f: -float(np.median(errors[f][-len(t) // 8 :])))
     least, last = 1.2, np.inf  # decades between two names

@@ -76,12 +76,12 @@ class RunErrors:
 
     @property
     def locked(self) -> bool:
-        """Whether the estimate has converged in X."""
+        """Tell whether the estimate has converged in X."""
         return self.position < POSITION and self.heading < HEADING
 
     @property
     def locked_z(self) -> bool:
-        """Whether it has in Z."""
+        """Tell whether the estimate has converged in Z."""
         return self.in_z < HEADING
 
 

@@ -62,7 +62,7 @@ class ObserverGains:
 
 @dataclass(frozen=True)
 class ThesisRun:
-    """From the thesis' start with sensors at -90° and -45°, z(0) off by what a seed draws, or not at all."""
+    """Run from the thesis' start with sensors at -90° and -45°, z(0) off by what a seed draws, or not at all."""
 
     motion: str
     gains: ObserverGains
@@ -74,7 +74,7 @@ class ThesisRun:
 
 @dataclass(frozen=True)
 class DrawnRun:
-    """From a start that is drawn and told as it is, with the print at one gain k = k_V = k_Q after the other."""
+    """Run from a drawn, known start, as printed with one gain k = k_V = k_Q after the other."""
 
     sensors: str
     drive: str
@@ -85,7 +85,7 @@ class DrawnRun:
 
 
 def mission_with(sensors: str, quality: RangeQuality, start: Array, period: float = 0.01) -> RangingMission:
-    """The standard field, a start (3,) that is told."""
+    """Mission in the standard field with a start (3,) that is known."""
     angles = tuple(math.radians(angle) for angle in SENSORS[sensors])
     x_1, x_2, phi = start.tolist()
     return RangingMission(STANDARD, angles, ranging=quality, start=KnownStart((x_1, x_2, phi)), period=period)
@@ -122,17 +122,18 @@ def from_thesis_start(asked: ThesisRun) -> ObserverRun:
 
 
 def shown_run(asked: ThesisRun) -> ObserverRun:
-    """That run without its readings, for a picture."""
+    """Run the observer from the thesis' start, for a picture: without the readings."""
     seen = from_thesis_start(asked)
     return dataclasses.replace(seen, run=dataclasses.replace(seen.run, readings=()))
 
 
 def thesis_verdict(asked: ThesisRun) -> RunErrors:
+    """Errors of the observer over the last quarter of a run from the thesis' start."""
     return RunErrors.of(from_thesis_start(asked))
 
 
 def drawn_verdicts(asked: DrawnRun) -> list[RunErrors]:
-    """At each gain."""
+    """Errors of the observer at each gain."""
     start = drawn_start(STANDARD, np.random.default_rng(asked.seed))
     mission = mission_with(asked.sensors, RangeQuality(), start, asked.period)
     run = exact_run(mission, start, DRIVES[asked.drive], float(asked.seconds))
@@ -159,7 +160,7 @@ def _thesis_truth(motion: str, seconds: int) -> ExactRun:
 
 
 def _with_noise(run: ExactRun, relative: Array, rng: np.random.Generator) -> ExactRun:
-    """Every range (l,) off by a Gaussian of ``relative`` (l,) of itself."""
+    """Scale every range (l,) by a Gaussian of ``relative`` (l,)."""
     factors = 1.0 + relative * rng.standard_normal((len(run.t), len(relative)))
     readings = tuple(
         (Measurement(ranges.name, ranges.t, factor * ranges.value), *rest)

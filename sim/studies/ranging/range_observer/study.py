@@ -58,7 +58,7 @@ BOTH = (True, True)
 
 @dataclass(frozen=True)
 class RangeObserverStudyConfig:
-    """How much is run."""
+    """Sample sizes: runs."""
 
     starts: int = 15
     """first estimates that are drawn around the thesis' start"""

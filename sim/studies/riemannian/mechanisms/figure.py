@@ -34,7 +34,7 @@ Found = Mapping[str, Mapping[str, EstimatorComparison]]
 
 @dataclass(frozen=True)
 class MechanismFigureData:
-    """What is drawn."""
+    """Data of the figure."""
 
     own: Found
     loaded: Found
@@ -44,7 +44,7 @@ class MechanismFigureData:
 
 
 def figure(shown: MechanismFigureData) -> Figure:
-    """All of it."""
+    """Draw the figure of the study."""
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 8.2), layout="constrained")
         axes = page.subplots(2, 2, width_ratios=(1.35, 1.0))

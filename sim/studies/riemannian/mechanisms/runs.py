@@ -53,7 +53,7 @@ SWEPT: Mapping[str, tuple[str, str, tuple[float, ...]]] = {
 
 @dataclass(frozen=True)
 class MechanismMotion:
-    """A mechanism and how it is moved: all that a worker needs."""
+    """A mechanism and how it is moved."""
 
     mechanism: str  # as the scenario calls it
     frequency: float  # [rad/s]
@@ -65,7 +65,7 @@ class MechanismMotion:
 
 @cache
 def recorded(motion: MechanismMotion) -> tuple[LagrangianMission, list[RecordedCall]]:
-    """A flight of it with the observer in the loop, as calls of an estimator, and what that is told."""
+    """Record a flight with the observer in the loop, as the mission and the calls of an estimator."""
     fields: dict[str, Any] = {
         "mechanism": motion.mechanism, "load": motion.load, "duration": motion.seconds, "settled": 0.0,
         "reading.resolution": BITS, "estimator.bandwidth": OMEGA, "planner.frequency": motion.frequency,
@@ -97,7 +97,7 @@ class EstimatorComparison:
 
     @property
     def ran(self) -> bool:
-        """All the time, with a finite error, and without starting anew."""
+        """Tell whether it ran all the time, with a finite error, and without starting anew."""
         return not self.raised and bool(np.isfinite(self.error)) and not (self.restarts or self.lost)
 
 
@@ -113,7 +113,7 @@ class ComparisonCase:
 
 
 def compared(job: ComparisonCase) -> list[EstimatorComparison]:
-    """Every estimator over the same readings; what a mechanism or an estimator raises is told."""
+    """Run every estimator over the same readings; an exception becomes part of the result."""
     return [_comparison(name, job) for name in job.estimators]
 
 

@@ -53,7 +53,7 @@ HELPS = 1.1  # times below the best Butterworth, from which the observer helps
 
 @dataclass(frozen=True)
 class MechanismsConfig:
-    """How much is run."""
+    """Sample sizes: runs."""
 
     own: int = len(OWN)
     """mechanisms of our own, at most"""
@@ -140,7 +140,7 @@ class Mechanisms:
 
 @dataclass(frozen=True)
 class MechanismResults:
-    """All that the claims are judged by."""
+    """Results from which the claims are evaluated."""
 
     own: Mapping[str, Mapping[str, EstimatorComparison]]  # by mechanism and estimator
     loaded: Mapping[str, Mapping[str, EstimatorComparison]]
@@ -148,16 +148,16 @@ class MechanismResults:
     cost: Mapping[str, float]  # [us]
 
     def ratio(self, name: str, estimator: str = OBSERVER) -> float:
-        """How many times below the best Butterworth filter the observer, or another estimator, is."""
+        """Ratio of the errors of the best Butterworth filter and of the observer, or of another estimator."""
         some = self.own.get(name) or self.suite[name]
         return some[BUTTERWORTH].error / some[estimator].error
 
     def gain(self, name: str) -> float:
-        """How many times less the error is with the disturbance, where the model errs."""
+        """Ratio of the observer's errors without and with the disturbance, where the model errs."""
         return self.loaded[name][OBSERVER].error / self.loaded[name][DISTURBED].error
 
     def tuned_gain(self, name: str) -> float:
-        """That with both tuned."""
+        """Ratio of the errors without and with the disturbance, both tuned."""
         return self.loaded[name][TUNED].error / self.loaded[name][DISTURBED_TUNED].error
 
     def fallen(self) -> list[EstimatorComparison]:
@@ -166,7 +166,7 @@ class MechanismResults:
 
 
 def claims(e: MechanismResults) -> list[Claim]:
-    """Every claim that the study is there for."""
+    """Evaluate every claim of the study."""
     helped, with_disturbance = (
         {name: e.ratio(name, by) for name in e.suite if e.ratio(name, by) >= HELPS}
         for by in (OBSERVER, DISTURBED_TUNED)
@@ -218,12 +218,12 @@ def claims(e: MechanismResults) -> list[Claim]:
 
 
 def number(ratio: float) -> str:
-    """Two digits, without an exponent."""
+    """Write a ratio with two digits, without an exponent."""
     return f"{ratio:.0f}" if ratio >= 10.0 else f"{ratio:.2g}"
 
 
 def _fallen(e: MechanismResults) -> str:
-    """What became of the runs that were not done throughout, and of readings."""
+    """Text on the runs that were not done throughout, and on refused readings."""
     runs = [
         f"{c.mechanism} ({c.estimator}: {c.raised or f'error {c.error:.2g}, {c.restarts} restarts, {c.lost} lost'})"
         for c in e.fallen()

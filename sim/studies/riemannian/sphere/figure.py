@@ -27,7 +27,7 @@ _SHOWN = 4.0  # [s] of (g) and (h)
 
 @dataclass(frozen=True)
 class SphereFigureData:
-    """What is drawn."""
+    """Data of the figure."""
 
     runs: Mapping[tuple[str, str], Mapping[str, Array]]
     noise: Mapping[str, Band]
@@ -35,7 +35,7 @@ class SphereFigureData:
 
 
 def figure(shown: SphereFigureData) -> Figure:
-    """All of it."""
+    """Draw the figure of the study."""
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 10.5), layout="constrained")
         axes = page.subplots(3, 3)

@@ -28,7 +28,7 @@ _GAINS = Gains(2.0, 0.8, "constant", "matched")
 
 @dataclass(frozen=True)
 class IdentityCase:
-    """Where the identities are tried: all that a worker needs."""
+    """A space of constant curvature, and the seed of a pair of points."""
 
     n: int
     kappa: float
@@ -36,7 +36,7 @@ class IdentityCase:
 
 
 def residuals(place: IdentityCase) -> dict[str, float]:
-    """By equation, the largest component of its left side less its right; "printed" ones are those of the print."""
+    """Largest component, by equation, of its left side less its right; "printed" ones are those of the thesis."""
     space, rng = ConstantCurvature(place.n, place.kappa), np.random.default_rng(place.seed)
     x = space.draw(rng)
     xi = space.exp(x, rng.uniform(0.05, FARTHEST) * space.draw_vector(rng, x))

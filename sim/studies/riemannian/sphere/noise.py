@@ -79,7 +79,7 @@ class Tumbling:
 
 @dataclass(frozen=True)
 class TuningSweep:
-    """An estimator to be tuned: all that a worker needs."""
+    """An estimator to be tuned on a run of ``seconds`` [s], with so many values."""
 
     name: str
     seconds: float
@@ -95,7 +95,7 @@ class EstimatedRun:
 
 
 def recorded(run: Tumbling) -> tuple[LagrangianMission, list[RecordedCall]]:
-    """The run as calls of an estimator, and what that is told."""
+    """Record a run as the mission and the calls of an estimator."""
     fields: dict[str, Any] = {
         "duration": run.seconds, "settled": 0.0, "speed": run.speed, "speed_max": max(30.0, 0.75 * run.speed), **TORQUES
     }  # fmt: skip
@@ -162,7 +162,7 @@ def _built(name: str, value: float, mission: LagrangianMission) -> Any:
 
 @dataclass(frozen=True)
 class NoiseResults:
-    """What came of it."""
+    """Errors and settling times of every estimator over noisy runs."""
 
     tunings: Mapping[str, Tuning]
     errors: Mapping[str, Band]  # |Delta v| as a body rate [rad/s] by estimator
@@ -175,13 +175,13 @@ class NoiseResults:
         found: Sequence[Mapping[str, tuple[float, float]]],
         late: Mapping[float, Sequence[Mapping[str, float]]],
     ) -> NoiseResults:
-        """Of what the runs gave, and of the settling by speed."""
+        """Gather the errors of the runs, and the settling times by speed."""
         plain, carried = ({name: median(np.array([one[name][k] for one in found])) for name in NAMES} for k in (0, 1))
         settled = {name: {speed: [one[name] for one in some] for speed, some in late.items()} for name in SETTLED}
         return NoiseResults(tunings, carried, plain, settled)
 
     def times(self, name: str) -> float:
-        """How many times the observer's error that of another estimator is."""
+        """Ratio of another estimator's error and the observer's."""
         return self.errors[name].median / self.errors[OBSERVER].median
 
     def setting(self, name: str) -> str:
@@ -193,7 +193,7 @@ class NoiseResults:
 
 
 def noise_claim(noise: NoiseResults) -> Claim:
-    """The observer against differences; what a model and the noise's variance can do besides is told."""
+    """Evaluate the observer against differences; the text adds what a model and the noise's variance can do."""
     better = min((name for name in FIXED if "Butterworth" in name), key=lambda name: noise.errors[name].median)
     ratios = noise.times(DIFFERENCES), noise.times(better)
     rivals = ", ".join(
@@ -231,7 +231,7 @@ def noise_tables(noise: NoiseResults) -> tuple[Table, Table]:
 
 
 def noise_rows(noise: NoiseResults) -> list[dict[str, Any]]:
-    """For the study's file."""
+    """Rows for the study's file."""
     rows: list[dict[str, Any]] = [
         {"what": "noise", "estimator": name, "rms_rad_s": band.median, "plain_rms_rad_s": noise.plain[name].median}
         for name, band in noise.errors.items()

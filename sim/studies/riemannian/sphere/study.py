@@ -51,7 +51,7 @@ _LEFT = 0.98  # of it, with the printed gains after 30 s
 
 @dataclass(frozen=True)
 class SphereConfig:
-    """How much is run."""
+    """Sample sizes: runs."""
 
     points: int = 1000
     """pairs of points at which the identities are tried, for each dimension and curvature"""
@@ -127,7 +127,7 @@ class Sphere:
 
 @dataclass(frozen=True)
 class SphereResults:
-    """All that the claims are judged by."""
+    """Results from which the claims are evaluated."""
 
     runs: Mapping[tuple[str, str], Mapping[str, Array]]  # by space and gains
     residuals: Mapping[str, float]  # by equation, the largest
@@ -136,7 +136,7 @@ class SphereResults:
     noise: NoiseResults
 
     def left(self, space: str, gains: str) -> float:
-        """Of the velocity error at the start, at the end."""
+        """Share of the velocity error at the start that is left at the end."""
         error = self.runs[space, gains]["speed_error"]
         return float(error[-1] / error[0])
 
@@ -148,7 +148,7 @@ class SphereResults:
 
 
 def claims(e: SphereResults) -> list[Claim]:
-    """Every claim that the study is there for."""
+    """Evaluate every claim of the study."""
     true = {name: value for name, value in e.residuals.items() if "printed" not in name}
     worst = max(true, key=lambda name: true[name])
     seconds = float(e.runs["S^3", "printed"]["t"][-1])
@@ -208,7 +208,7 @@ def claims(e: SphereResults) -> list[Claim]:
 
 
 def _noise(config: SphereConfig, setup: Setup, tunings: Mapping[str, Tuning], longest: float) -> NoiseResults:
-    """Every estimator over noisy runs, and from several speeds."""
+    """Run every estimator over noisy runs, and from several speeds."""
     own, jobs = settings(tunings), Jobs()
     speeds = SPEEDS[: config.fast]
     jobs.add("errors", errors, [EstimatedRun(Tumbling(seed, longest), own) for seed in range(config.noisy)])

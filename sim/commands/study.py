@@ -26,6 +26,7 @@ from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.store import Store, StoreWriteError
 from mathnavi.sim.studies.framework.study import Setup, StudyError, first_look, on_terrain, write_findings
 from mathnavi.sim.sweep.child import RefusedError
+from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import available_cores
 
 ALL = "all"
@@ -48,7 +49,9 @@ class Options:
     quick: bool = False
     """a small sample, for a first look"""
     workers: int = field(default_factory=available_cores)
-    """processes that fly"""
+    """processes that fly and compute"""
+    cluster: str | None = None
+    """address of a Dask scheduler whose workers do it instead, tcp://HOST:PORT"""
 
     def __post_init__(self) -> None:
         if self.workers < 1:
@@ -69,6 +72,9 @@ def main(argv: Sequence[str]) -> int:
         options, studies = read_order(argv)
     except SystemExit:  # the help is printed
         return 0
+    if options.cluster is not None:
+        with bad_input():
+            check(options.cluster)
     sites = _sites(options, studies)
     console, errors = Console(), Console(stderr=True)
     claims: list[list[Claim]] = []  # of each site
@@ -77,12 +83,12 @@ def main(argv: Sequence[str]) -> int:
         for name, (plugin, config) in site.studies.items():
             try:
                 claims[-1] += _study(name, plugin, config, site, options, argv, errors)
-            except (StudyError, StoreWriteError, RefusedError) as error:
+            except (StudyError, StoreWriteError, RefusedError, LostError) as error:
                 print(f"mathnavi: {name} {site.where}: {' '.join(str(error).split())}", file=sys.stderr)
                 return 1
             except KeyboardInterrupt:
                 command = shlex.join(["mathnavi", "study", *argv])
-                print(f"mathnavi: interrupted, what was flown is stored; to go on: {command}", file=sys.stderr)
+                print(f"mathnavi: interrupted, what has ended is stored; to go on: {command}", file=sys.stderr)
                 return INTERRUPTED
         console.print(f"Claims {site.where}", style="bold", highlight=False)
         console.print(_table(claims[-1]))
@@ -178,7 +184,7 @@ def _study(
     with output_folder(site.folder), bad_input():
         store = Store.open(site.folder / STORE)
     with store, sweep_progress(errors, name) as progress:
-        setup = Setup(site.terrain, store, options.workers, progress)
+        setup = Setup(site.terrain, store, options.workers, progress, options.cluster)
         try:
             findings = plugin.run(config, setup)
         except ValueError as error:  # the terrain does not do for its missions, say

@@ -3,6 +3,8 @@
     trials(key, scenario, seed, code, status, success, parameters, summary, error)     one row a trial
     timings(key, figure, value)                                                        what depends on the clock
 
+and, where computations are stored that are no scenario, the tables of ``mathnavi.sim.records.jobs``.
+
 ``key`` is the content hash of scenario, resolved parameters, seed and code version. ``parameters`` and ``summary`` are
 JSON. No figure in ``trials`` depends on the time, on the load of the machine or on the number of workers, so two sweeps
 of the same trials leave the same table, with one exception: that a trial timed out, or crashed for want of memory, may
@@ -29,6 +31,7 @@ from typing import Any, NamedTuple
 from mathnavi.sim.interfaces.errors import StoreError
 from mathnavi.sim.interfaces.fields import flattened, plain
 from mathnavi.sim.records.files import write_text
+from mathnavi.sim.records.jobs import JobRecord, add_job, job_records, job_statuses
 
 APPLICATION = 0x6D6E6176  # "mnav", in the header of the file: what kind of database it is
 SCHEMA = 1
@@ -180,14 +183,17 @@ class Store:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def add(self, *records: Record, retried: bool = False) -> None:
+    def add(self, *records: Record | JobRecord, retried: bool = False) -> None:
         """Commit records, all or none, before this returns.
 
-        A key that the store has stays as it is; one whose trial timed out or crashed is replaced if ``retried``.
+        A key that the store has stays as it is; one that timed out or crashed is replaced if ``retried``.
         StoreWriteError if they cannot be written. What was committed before stays readable.
         """
         with self._errors_named(), self._transaction():
             for record in records:
+                if isinstance(record, JobRecord):
+                    add_job(self._connection, record, retried)
+                    continue
                 success = None if record.success is None else int(record.success)
                 parameters, summary = canonical_json(record.parameters), canonical_json(record.summary)
                 row = (record.key, record.scenario, record.seed, record.code, record.status, success, parameters)
@@ -219,6 +225,16 @@ class Store:
             keys = sorted(self.keys())
         with self._errors_named():
             return [self._record(key) for key in keys]
+
+    def job_endings(self) -> dict[str, Ending]:
+        """How every job ended, by its key."""
+        with self._errors_named():
+            return {key: Ending(status, None) for key, status in job_statuses(self._connection).items()}
+
+    def jobs(self, keys: Iterable[str]) -> list[JobRecord]:
+        """The jobs with these keys, in their order; KeyError for a key that the store does not have."""
+        with self._errors_named():
+            return job_records(self._connection, keys)
 
     def export_csv(self, path: Path) -> None:
         """Write one line a trial: parameters and figures as columns, ordered by key. The file is whole or not there."""

@@ -1,9 +1,9 @@
-"""The parent's side of a child process that runs trials (``mathnavi.sim.sweep.serve``): time-outs, crashes,
+"""The parent's side of a child process that runs tasks (``mathnavi.sim.sweep.serve``): time-outs, crashes,
 replacement.
 
-A trial runs in a process of its own making so that whatever a plug-in does ends that process and nothing else. The
-process is started as a program, not forked, so it can be had from any thread and inside Dask's workers, and it leads
-a session of its own, so that Ctrl-C does not reach it and what a plug-in has started is killed with it.
+A task, a trial or a job, runs in a process of its own so that whatever a plug-in does ends that process and nothing
+else. The process is started as a program, not forked, so it can be had from any thread and inside Dask's workers, and
+it leads a session of its own, so that Ctrl-C does not reach it and what a plug-in has started is killed with it.
 """
 
 from __future__ import annotations
@@ -21,9 +21,8 @@ from contextlib import ExitStack, suppress
 from multiprocessing import Pipe
 from threading import Lock
 
-from mathnavi.sim.records.store import Record
 from mathnavi.sim.sweep.serve import comparable
-from mathnavi.sim.sweep.trial import Trial
+from mathnavi.sim.sweep.task import Ended, Task
 
 START = "import sys; sys.path[:] = sys.argv[2:]; from mathnavi.sim.sweep.serve import main; main(int(sys.argv[1]))"
 # One thread each, so that children do not compete and no sum depends on the number of cores; and no order of a set
@@ -32,7 +31,7 @@ ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"),
     "PYTHONHASHSEED": "0",
 }
-_INTERVAL = 1.0  # [s] between two looks at whether somebody still waits
+_INTERVAL = 1.0  # [s] between two checks of whether somebody still waits
 _OUTPUT_LINES = 20  # of what a child printed before it died
 _OUTPUT_BYTES = 4000
 _EXIT_GRACE = 10.0  # [s] between the end of a connection and that of its process
@@ -43,19 +42,19 @@ class RefusedError(RuntimeError):
 
 
 class StoppedError(RuntimeError):
-    """Nobody waits for the trial any more."""
+    """Nobody waits for the task any more."""
 
 
 class OverdueError(RuntimeError):
-    """A trial has used up its time."""
+    """A task has used up its time."""
 
 
 class DiedError(RuntimeError):
-    """A child process ended in the middle of a trial; the message says how."""
+    """A child process ended in the middle of a task; the message says how."""
 
 
 class Worker:
-    """Runs one trial after the other in a child process, which is replaced when it has died or had to be killed."""
+    """Runs one task after the other in a child process, which is replaced when it has died or had to be killed."""
 
     def __init__(
         self, path: Sequence[str], folder: str | None = None, compiling: Callable[[], None] = lambda: None
@@ -67,17 +66,17 @@ class Worker:
         self._lock = Lock()
 
     def run(
-        self, trial: Trial, key: str, timeout: float | None = None, stopped: Callable[[], bool] = lambda: False
-    ) -> Record:
-        """The record of a trial that may take ``timeout`` [s], not counting what numba compiles.
+        self, task: Task, key: str, timeout: float | None = None, stopped: Callable[[], bool] = lambda: False
+    ) -> Ended:
+        """The record of a task that may take ``timeout`` [s], not counting what numba compiles.
 
-        A child that dies, or refuses, is believed if it had served nothing else before; otherwise the trial is run once
-        more, in a new one: neither what an earlier trial has left behind nor sources that were loaded long ago count.
+        A child that dies, or refuses, is believed if it had served nothing else before; otherwise the task is run once
+        more, in a new one: neither what an earlier task has left behind nor sources that were loaded long ago count.
 
         Raises RefusedError, and StoppedError when the worker is stopped meanwhile or ``stopped()``, which is asked now
         and then, says that nobody waits for the record.
         """
-        request = pickle.dumps((trial, key))
+        request = pickle.dumps((task, key))
         while True:
             child = self._living()
             served = child.served
@@ -85,11 +84,11 @@ class Worker:
                 return child.ask(request, timeout, self._compiling, stopped)
             except OverdueError as error:
                 self._replace()
-                return trial.record(key, "timed-out", error=str(error))
+                return self._failed(task, key, "timed-out", error)
             except DiedError as error:
                 self._replace()
                 if not served:
-                    return trial.record(key, "crashed", error=str(error))
+                    return self._failed(task, key, "crashed", error)
             except RefusedError:
                 self._replace()
                 if not served:
@@ -99,19 +98,24 @@ class Worker:
                 raise
 
     def stop(self) -> None:
-        """Kill the child, from any thread; no trial runs any more."""
+        """Kill the child, from any thread; no task runs any more."""
         with self._lock:
             self._closed = True
             if self._child is not None:
                 self._child.kill()
 
     def close(self) -> None:
-        """End the child, while it runs no trial."""
+        """End the child, while it runs no task."""
         with self._lock:
             self._closed = True
             if self._child is not None:
                 self._child.discard()
             self._child = None
+
+    @staticmethod
+    def _failed(task: Task, key: str, status: str, error: Exception) -> Ended:
+        record: Ended = task.record(key, status, error=str(error))
+        return record
 
     def _living(self) -> _Child:
         with self._lock:
@@ -131,7 +135,7 @@ class Worker:
 
 
 class _Clock:
-    """What is left of a limit [s]; it stands until it is started."""
+    """The rest of a limit [s]; it stands until it is started."""
 
     def __init__(self, limit: float | None) -> None:
         self._left, self._since = math.inf if limit is None else limit, math.nan
@@ -151,7 +155,7 @@ class _Child:
     """One process."""
 
     def __init__(self, path: Sequence[str], folder: str | None) -> None:
-        self.served = 0  # trials
+        self.served = 0  # tasks
         with ExitStack() as opened:
             self._connection, theirs = Pipe()
             opened.callback(self._connection.close)
@@ -172,8 +176,8 @@ class _Child:
 
     def ask(
         self, request: bytes, timeout: float | None, compiling: Callable[[], None], stopped: Callable[[], bool]
-    ) -> Record:
-        """The record of one trial; OverdueError, DiedError, RefusedError, StoppedError."""
+    ) -> Ended:
+        """The record of one task; OverdueError, DiedError, RefusedError, StoppedError."""
         clock = _Clock(timeout)
         self._output.truncate(0)
         try:
@@ -191,7 +195,7 @@ class _Child:
                     raise RefusedError(value)
                 if what == "ended":
                     self.served += 1
-                    record: Record = value
+                    record: Ended = value
                     return record
                 if what == "compiling" and value:
                     clock.stop()
@@ -229,5 +233,5 @@ class _Child:
 
 
 def module_path() -> list[str]:
-    """Where this process finds its modules."""
+    """The ``sys.path`` of this process."""
     return [entry for entry in sys.path if isinstance(entry, str)]

@@ -1,8 +1,8 @@
-"""Trials on a Dask cluster: the same child processes, one for every thread of the cluster's workers.
+"""Trials and jobs on a Dask cluster: the same child processes, one for every thread of the cluster's workers.
 
-The workers need mathnavi as it is here, and the files that the trials name under the same names; a worker that has
-others refuses. A worker that dies costs nothing but time: Dask runs its trials elsewhere, and only a trial that has
-cost several workers is recorded as crashed. When a sweep ends, the child processes that run no trial end too.
+The workers need mathnavi as it is here, and the files that tasks name under the same names; a worker that has
+others refuses. A worker that dies costs nothing but time: Dask runs its tasks elsewhere, and only a task that has
+cost several workers is recorded as crashed. When a sweep ends, the child processes that run no task end too.
 """
 
 from __future__ import annotations
@@ -20,10 +20,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mathnavi.sim.records.store import Record
 from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
-from mathnavi.sim.sweep.execution import Message
-from mathnavi.sim.sweep.trial import Trial
+from mathnavi.sim.sweep.task import Ended, Message, Task
 
 PATIENCE = 5.0  # [s] for the scheduler to answer
 HOW_TO_INSTALL = "a cluster needs the extra `cluster`: pip install -e '.[cluster]'"
@@ -31,7 +29,7 @@ _ALLOWED = "allowed: the address of a Dask scheduler that answers, tcp://HOST:87
 
 
 class LostError(RuntimeError):
-    """The cluster is gone, or cannot run trials at all."""
+    """The cluster is gone, or cannot run tasks at all."""
 
 
 def check(address: str) -> None:
@@ -59,7 +57,7 @@ async def _kind(address: str, distributed: Any) -> str:
 
 
 class DaskCluster:
-    """A client, and the futures of the trials that have not ended."""
+    """A client, and the futures of the tasks that have not ended."""
 
     def __init__(self, address: str) -> None:
         self._address = address
@@ -69,11 +67,11 @@ class DaskCluster:
         self._futures: list[Any] = []
         self._stopped = False
 
-    def start(self, jobs: Mapping[str, Trial], timeout: float | None, report: Callable[[Message], None]) -> None:
+    def start(self, tasks: Mapping[str, Task], timeout: float | None, report: Callable[[Message], None]) -> None:
         run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path())
-        self._futures = self._client.map(run, list(jobs.values()), list(jobs), pure=False)
-        for (key, trial), future in zip(jobs.items(), self._futures, strict=True):
-            future.add_done_callback(partial(self._ended, trial, key, report))
+        self._futures = self._client.map(run, list(tasks.values()), list(tasks), pure=False)
+        for (key, task), future in zip(tasks.items(), self._futures, strict=True):
+            future.add_done_callback(partial(self._ended, task, key, report))
 
     def stop(self) -> None:
         if self._stopped:
@@ -89,14 +87,14 @@ class DaskCluster:
             self._client.cancel(self._futures)
             self._client.run(close_idle_workers, on_error="ignore")
 
-    def _ended(self, trial: Trial, key: str, report: Callable[[Message], None], future: Any) -> None:
+    def _ended(self, task: Task, key: str, report: Callable[[Message], None], future: Any) -> None:
         if self._stopped:
             return
         try:
             report(future.result())
             future.release()
         except _dask().KilledWorker:
-            report(trial.record(key, "crashed", error="several workers of the cluster died while they ran this trial"))
+            report(task.record(key, "crashed", error="several workers of the cluster died while they ran this task"))
         except RefusedError as error:
             report(RefusedError(f"{error}; after a change of the sources, restart the workers of the cluster"))
         except BaseException as error:
@@ -104,7 +102,7 @@ class DaskCluster:
 
 
 def own_path() -> list[str]:
-    """Where this process finds the user's own modules: of its path what is no part of the Python installation."""
+    """Folders of the user's own modules: of ``sys.path`` what is no part of the Python installation."""
     folders = [Path(entry).resolve() for entry in module_path()]
     installed = [Path(folder).resolve() for folder in (sys.prefix, sys.base_prefix)]
     return [str(folder) for folder in folders if not any(map(folder.is_relative_to, installed))]
@@ -112,31 +110,31 @@ def own_path() -> list[str]:
 
 Place = tuple[str | None, tuple[str, ...]]  # where a child process works, and where it finds its modules
 
-_idle: list[tuple[Place, Worker]] = []  # of this Dask worker: what runs no trial now
+_idle: list[tuple[Place, Worker]] = []  # of this Dask worker: what runs no task now
 _guard = threading.Lock()
 
 
-def execute(trial: Trial, key: str, *, timeout: float | None, folder: str, path: list[str]) -> Record:
-    """Run a trial in a child process of this Dask worker, from the client's folder if it is there too."""
+def execute(task: Task, key: str, *, timeout: float | None, folder: str, path: list[str]) -> Ended:
+    """Run a task in a child process of this Dask worker, from the client's folder if it is there too."""
     known = module_path()
     place = (folder if os.path.isdir(folder) else None, (*known, *(entry for entry in path if entry not in known)))
     dask_worker = _dask().get_worker()
-    task = dask_worker.get_current_task()
+    running = dask_worker.get_current_task()
 
     def cancelled() -> bool:  # by the client, or because the client is gone
-        state = dask_worker.state.tasks.get(task)
+        state = dask_worker.state.tasks.get(running)
         return state is None or state.state == "cancelled"
 
     worker = _taken(place)
     try:
-        return worker.run(trial, key, timeout, cancelled)
+        return worker.run(task, key, timeout, cancelled)
     finally:
         with _guard:
             _idle.append((place, worker))
 
 
 def close_idle_workers() -> None:
-    """End the child processes of this Dask worker that run no trial; those of another sweep go on."""
+    """End the child processes of this Dask worker that run no task; those of another sweep go on."""
     with _guard:
         idle = [worker for _, worker in _idle]
         _idle.clear()

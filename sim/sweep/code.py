@@ -57,7 +57,7 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def _digest(files: Iterable[tuple[str, Path, Path]]) -> str:
-    """Of (package, folder of the package, file): where each file lies in its package, and what is in it."""
+    """Digest of (package, folder of the package, file): where each file lies in its package, and its content."""
     digest = hashlib.sha256()
     for package, folder, file in files:
         content = hashlib.sha256(file.read_bytes()).hexdigest()

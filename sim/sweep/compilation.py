@@ -10,7 +10,7 @@ from typing import Any
 
 @contextmanager
 def compilation_reported(report: Callable[[bool], None]) -> Iterator[None]:
-    """In here ``report(True)`` is called when numba begins to compile, and ``report(False)`` when it has ended."""
+    """Call ``report(True)`` when numba begins to compile in here, and ``report(False)`` when it has ended."""
     event: Any = importlib.import_module("numba.core.event")  # takes a while to import
 
     class Listener(event.Listener):

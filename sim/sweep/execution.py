@@ -1,6 +1,8 @@
-"""Trials in parallel, into a store: what it lacks is run, what ends is committed at once, the rest may stop any time.
+"""Trials and jobs in parallel, into a store.
 
-    trials -> keys -> those that the store lacks -> workers (threads, each with a child process; or Dask) -> one writer
+What the store lacks is run, what ends is committed at once, and the rest may stop any time.
+
+    tasks -> keys -> those that the store lacks -> workers (threads, each with a child process; or Dask) -> one writer
 
 Order and number of workers change nothing in a record.
 """
@@ -13,35 +15,26 @@ import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
-from typing import Protocol
 
+from mathnavi.sim.records.jobs import JobRecord
 from mathnavi.sim.records.store import TRANSIENT, Ending, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import StoppedError, Worker, module_path
+from mathnavi.sim.sweep.cluster import DaskCluster
+from mathnavi.sim.sweep.job import Job, job_keys
+from mathnavi.sim.sweep.task import Backend, Ended, Message, Task
 from mathnavi.sim.sweep.trial import Trial, keys
-
-Message = Record | BaseException | None  # None: a worker waits until numba has compiled its kernels
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a sweep is."""
+    """Counts of the tasks of a sweep."""
 
-    total: int  # trials, each counted once
+    total: int  # tasks, each counted once
     found: int  # of them, in the store before
     done: int  # and those too
     failed: int  # of those that are done: did not run to their end
     unsuccessful: int  # ran to their end, but the mission did not do what it should
     compiling: bool  # a worker has waited for numba, which happens once on a machine
-
-
-class Backend(Protocol):
-    """What runs trials somewhere; it reports each as it ends, from threads of its own."""
-
-    def start(self, jobs: Mapping[str, Trial], timeout: float | None, report: Callable[[Message], None]) -> None: ...
-
-    def stop(self) -> None:
-        """End at once. Nothing is reported afterwards."""
-        ...
 
 
 def run_trials(
@@ -63,20 +56,55 @@ def run_trials(
     goes on from there. A trial that is asked for twice runs once. What is returned names files as ``trials`` do, though
     the store may have their content under other names.
 
-    Raises ValueError for bad arguments and a cluster that does not answer, StoreWriteError if the store can no longer be
-    written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the cluster
-    is gone.
+    Raises ValueError for bad arguments and a cluster that does not answer, StoreWriteError if the store can no longer
+    be written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the
+    cluster is gone.
     """
+    asked = keys(trials)
+    by_key: dict[str, Task] = dict(zip(asked, trials, strict=True))
+    _run_missing(by_key, store.endings(), store, workers, cluster, timeout, retry, progress)
+    return [trial.renamed(record) for trial, record in zip(trials, store.records(asked), strict=True)]
+
+
+def run_jobs(
+    jobs: Sequence[Job],
+    store: Store,
+    *,
+    workers: int = 1,
+    cluster: str | None = None,
+    timeout: float | None = None,
+    retry: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> list[JobRecord]:
+    """Run the jobs whose keys the store lacks, store each as it ends; the records in the order of ``jobs``.
+
+    Arguments, interruption and exceptions as for ``run_trials``.
+    """
+    asked = job_keys(jobs)
+    by_key: dict[str, Task] = dict(zip(asked, jobs, strict=True))
+    _run_missing(by_key, store.job_endings(), store, workers, cluster, timeout, retry, progress)
+    return store.jobs(asked)
+
+
+def _run_missing(
+    tasks: Mapping[str, Task],
+    stored: Mapping[str, Ending],
+    store: Store,
+    workers: int,
+    cluster: str | None,
+    timeout: float | None,
+    retry: bool,
+    progress: Callable[[Progress], None] | None,
+) -> None:
+    """Run the tasks that ``stored`` lacks; with ``retry`` also those that crashed or timed out."""
     if workers < 1:
         raise ValueError(f"workers = {workers!r}; allowed: a whole number >= 1")
     if timeout is not None and not (math.isfinite(timeout) and timeout > 0.0):
         raise ValueError(f"timeout = {timeout!r}; allowed: a finite number of seconds > 0")
-    by_key = dict(zip(asked := keys(trials), trials, strict=True))
-    stored = store.endings()
-    found = {key: stored[key] for key in by_key if key in stored and not (retry and stored[key].status in TRANSIENT)}
-    if jobs := {key: trial for key, trial in by_key.items() if key not in found}:
-        _Sweep(jobs, found, store, retry, progress or (lambda _: None)).run(_backend(workers, cluster), timeout)
-    return [trial.renamed(record) for trial, record in zip(trials, store.records(asked), strict=True)]
+    found = {key: stored[key] for key in tasks if key in stored and not (retry and stored[key].status in TRANSIENT)}
+    if missing := {key: task for key, task in tasks.items() if key not in found}:
+        backend: Backend = LocalWorkers(workers) if cluster is None else DaskCluster(cluster)
+        _Sweep(missing, found, store, retry, progress or (lambda _: None)).run(backend, timeout)
 
 
 def available_cores() -> int:
@@ -84,28 +112,20 @@ def available_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _backend(workers: int, cluster: str | None) -> Backend:
-    if cluster is None:
-        return LocalWorkers(workers)
-    from mathnavi.sim.sweep.cluster import DaskCluster  # Dask is an extra
-
-    return DaskCluster(cluster)
-
-
 class _Sweep:
     """Takes what a backend reports, and stores it."""
 
     def __init__(
         self,
-        jobs: Mapping[str, Trial],
+        tasks: Mapping[str, Task],
         found: Mapping[str, Ending],
         store: Store,
         retry: bool,
         progress: Callable[[Progress], None],
     ) -> None:
-        self._jobs, self._store, self._retry, self._progress = jobs, store, retry, progress
-        self._pending = set(jobs)
-        total = len(jobs) + len(found)
+        self._tasks, self._store, self._retry, self._progress = tasks, store, retry, progress
+        self._pending = set(tasks)
+        total = len(tasks) + len(found)
         self._now = _counted(Progress(total, len(found), len(found), 0, 0, False), found.values())
 
     def run(self, backend: Backend, timeout: float | None) -> None:
@@ -113,7 +133,7 @@ class _Sweep:
         queue: SimpleQueue[Message] = SimpleQueue()
         self._progress(self._now)
         try:
-            backend.start(self._jobs, timeout, queue.put)
+            backend.start(self._tasks, timeout, queue.put)
             while self._pending:
                 messages = [queue.get(), *_rest(queue)]  # commits wait for the disk, so all there is goes into one
                 self._take(messages)
@@ -132,7 +152,7 @@ class _Sweep:
 
     def _take(self, messages: Sequence[Message]) -> None:
         """Commit what has ended, and count it, once though it may be taken twice."""
-        ended = [message for message in messages if isinstance(message, Record)]
+        ended = [message for message in messages if isinstance(message, Ended)]
         self._store.add(*ended, retried=self._retry)
         new = [record for record in ended if record.key in self._pending]
         self._pending.difference_update(record.key for record in new)
@@ -142,7 +162,7 @@ class _Sweep:
 
 
 def _counted(before: Progress, endings: Collection[Ending]) -> Progress:
-    """With the endings among what has gone wrong."""
+    """Add the endings to the counts of what has gone wrong."""
     return replace(
         before,
         failed=before.failed + sum(ending.status != "ok" for ending in endings),
@@ -160,23 +180,23 @@ def _rest(queue: SimpleQueue[Message]) -> list[Message]:
 
 
 class LocalWorkers:
-    """Threads of this process, each with a child process that runs the trials."""
+    """Threads of this process, each with a child process that runs the tasks."""
 
     def __init__(self, count: int) -> None:
         self._count = count
         self._workers: list[Worker] = []
         self._threads: list[threading.Thread] = []
 
-    def start(self, jobs: Mapping[str, Trial], timeout: float | None, report: Callable[[Message], None]) -> None:
-        waiting: SimpleQueue[tuple[str, Trial]] = SimpleQueue()
-        for job in jobs.items():
-            waiting.put(job)
+    def start(self, tasks: Mapping[str, Task], timeout: float | None, report: Callable[[Message], None]) -> None:
+        waiting: SimpleQueue[tuple[str, Task]] = SimpleQueue()
+        for item in tasks.items():
+            waiting.put(item)
 
         def work(worker: Worker) -> None:
             try:
                 while True:
-                    key, trial = waiting.get_nowait()
-                    report(worker.run(trial, key, timeout))
+                    key, task = waiting.get_nowait()
+                    report(worker.run(task, key, timeout))
             except (Empty, StoppedError):
                 pass
             except BaseException as error:
@@ -184,7 +204,7 @@ class LocalWorkers:
             finally:
                 worker.close()
 
-        for _ in range(min(self._count, len(jobs))):
+        for _ in range(min(self._count, len(tasks))):
             worker = Worker(module_path(), compiling=lambda: report(None))
             thread = threading.Thread(target=work, args=(worker,), daemon=True)
             self._workers.append(worker)

@@ -1,8 +1,8 @@
-"""The child process of a sweep: it runs trial after trial for its parent, and dies with it.
+"""The child process of a sweep: it runs task after task, trials or jobs, for its parent, and dies with it.
 
 It hears on a connection of its own, so nothing that a plug-in prints can be taken for an answer:
 
-    parent -> child     the pickled pair (trial, key)
+    parent -> child     the pickled pair (task, key)
     child -> parent     ("refused", why)                 its code or its files are not those that the key stands for
                         ("began", None)                  from here on time counts
                         ("compiling", True or False)     numba has begun, or ended; this does not count
@@ -30,10 +30,8 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.sim.records.figure_names import is_wall_clock
-from mathnavi.sim.records.store import Record, canonical_json
 from mathnavi.sim.sweep.compilation import compilation_reported
-from mathnavi.sim.sweep.trial import Trial
+from mathnavi.sim.sweep.task import Ended, Task
 
 Send = Callable[[str, Any], None]
 
@@ -77,38 +75,36 @@ def _hear(connection: Connection[Any, Any], requests: SimpleQueue[bytes]) -> Non
 
 def _answer(request: bytes, send: Send) -> None:
     try:
-        trial, key = pickle.loads(request)
-        same = trial.key == key
+        task: Task
+        task, key = pickle.loads(request)
+        same = task.key == key
     except Exception as error:
-        send("refused", f"a worker cannot read the trial: {type(error).__name__}: {error}")
+        send("refused", f"a worker cannot read the task: {type(error).__name__}: {error}")
         return
     if not same:
-        send("refused", f"a worker has other sources or files than the sweep began with: its code is {trial.code}")
+        send("refused", f"a worker has other sources or files than the sweep began with: its code is {task.code}")
         return
     # A plug-in draws from the generator that it is given; one that does not repeats itself all the same.
-    random.seed(trial.seed)
-    np.random.seed(trial.seed % 2**32)
+    random.seed(task.seed)
+    np.random.seed(task.seed % 2**32)
     loaded = "numba" in sys.modules
     with compilation_reported(lambda compiling: send("compiling", compiling)) if loaded else nullcontext():
         send("began", None)
-        record = _run(trial, key)
-    for stream in (sys.stdout, sys.stderr):  # so that what this trial printed is not taken for the next one's
+        record = _run(task, key)
+    for stream in (sys.stdout, sys.stderr):  # so that what this task printed is not taken for the next one's
         with suppress(Exception):
             stream.flush()
     send("ended", record)
 
 
-def _run(trial: Trial, key: str) -> Record:
+def _run(task: Task, key: str) -> Ended:
     began = time.perf_counter()
     timings: dict[str, float | None] = {}
     try:
-        figures, success = trial.run()
-        for name in filter(is_wall_clock, figures):
-            timings[name] = None if figures[name] is None else float(figures[name])
-        kept = {name: value for name, value in figures.items() if name not in timings and name != "seed"}
-        canonical_json(kept)  # what cannot be stored is an error of this trial
-        ended: dict[str, Any] = {"status": "ok", "success": success, "summary": kept}
-    except BaseException:  # of a plug-in, whatever it is: it ends the trial and not this process
-        timings = {}
+        performed = task.perform()
+        timings = performed.pop("timings")
+        ended: dict[str, Any] = {"status": "ok", **performed}
+    except BaseException:  # of a plug-in, whatever it is: it ends the task and not this process
         ended = {"status": "raised", "error": comparable(traceback.format_exc())}
-    return trial.record(key, timings={**timings, "trial_wall_s": time.perf_counter() - began}, **ended)
+    record: Ended = task.record(key, timings={**timings, task.WALL_TIME: time.perf_counter() - began}, **ended)
+    return record

@@ -14,10 +14,11 @@ import importlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
 from mathnavi.sim.plugin.registry import PluginSpec, load
+from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.store import Record, canonical_json
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 from mathnavi.sim.sweep.code import code_version
@@ -27,7 +28,7 @@ LARGEST_SEED = 2**63 - 1  # that a store has room for
 
 @dataclass(frozen=True)
 class Trial:
-    """What is run once. Plug-ins are called as on the command line, by a name or by "package.module:Class"."""
+    """A run that any process can repeat. Plug-ins are named as on the command line, or as "package.module:Class"."""
 
     scenario: str
     config: Any  # frozen dataclass of the scenario
@@ -38,13 +39,15 @@ class Trial:
     estimator_config: Any  # frozen dataclass of the estimator
     measure: str = ""  # "package.module:function" of the outcome
 
+    WALL_TIME: ClassVar[str] = "trial_wall_s"
+
     def __post_init__(self) -> None:
         if not (isinstance(self.seed, int) and 0 <= self.seed <= LARGEST_SEED):
             raise ValueError(f"seed = {self.seed!r}; allowed: a whole number from 0 to {LARGEST_SEED}")
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Every resolved field as plain data, and the digests of the files that fields name."""
+        """All resolved fields as plain data, and the digests of the files that fields name."""
         plugin = _plugin("scenarios", self.scenario)
         return self._parameters(plugin.inputs(self.config) if hasattr(plugin, "inputs") else {})
 
@@ -73,7 +76,7 @@ class Trial:
         return closed_loop
 
     def flown(self) -> RunResult:
-        """What came of it, with the whole log."""
+        """Run it; the result with the whole log."""
         outcome: RunResult = self.build().run()
         return outcome
 
@@ -83,16 +86,27 @@ class Trial:
         measured = _function(self.measure)(outcome) if self.measure else {}
         return {**outcome.summary, **measured}, bool(outcome.success)
 
+    def perform(self) -> dict[str, Any]:
+        """Run it; success, summary and timings as a record has them. TypeError for a summary that cannot be stored."""
+        figures, success = self.run()
+        timings = {
+            name: None if figures[name] is None else float(figures[name]) for name in filter(is_wall_clock, figures)
+        }
+        kept = {name: value for name, value in figures.items() if name not in timings and name != "seed"}
+        canonical_json(kept)
+        return {"success": success, "summary": kept, "timings": timings}
+
     def record(
         self,
         key: str,
         status: str,
+        *,
         success: bool | None = None,
         summary: Mapping[str, Any] | None = None,
         timings: Mapping[str, float | None] | None = None,
         error: str | None = None,
     ) -> Record:
-        """How it ended, as a store has it."""
+        """The record of how it ended."""
         named = (key, self.scenario, self.parameters, self.seed, self.code)
         return Record(*named, status, success, dict(summary or {}), dict(timings or {}), error)
 
@@ -165,7 +179,7 @@ def trial(
 
 
 def keys(trials: Sequence[Trial]) -> list[str]:
-    """The keys of many trials, without building any of them; each file that they name is looked at once."""
+    """The keys of many trials, without building any of them; each file that they name is read once."""
     named: dict[str, tuple[str, ...]] = {}  # by scenario: the fields that name files
     digests: dict[tuple[str, ...], dict[str, str]] = {}  # by scenario and what those fields say
 
@@ -196,7 +210,7 @@ def _plugin(kind: str, name: str) -> Any:
 
 @cache
 def _function(name: str) -> Callable[[Any], Mapping[str, Any]]:
-    """What stands at "package.module:function"."""
+    """The function that stands at "package.module:function"."""
     module, _, attribute = name.partition(":")
     try:
         function: Callable[[Any], Mapping[str, Any]] = getattr(importlib.import_module(module), attribute)

@@ -19,12 +19,12 @@ from matplotlib.figure import Figure
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.fleet.arrival.study import SIZES
-from mathnavi.sim.studies.framework.parallel import computed
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, TerrainReference, check_counts
 from mathnavi.sim.sweep.trial import Trial, trial
 
 FAULTS: Mapping[str, Any] = {
@@ -43,7 +43,7 @@ CORES = 2
 
 @dataclass(frozen=True)
 class SeparationConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 8
     """fleets of each size, under each kind of faults"""
@@ -59,10 +59,10 @@ class SeparationConfig:
 
 
 @dataclass(frozen=True)
-class Costed:
-    """A fleet whose planning and talking are timed: all that a worker needs."""
+class TimedFleet:
+    """A fleet whose planning and communication are timed."""
 
-    terrain: str
+    place: TerrainReference
     vehicles: int
     seed: int
 
@@ -92,8 +92,8 @@ class SeparationStudy:
             for size in sizes
         }
         grown = GROWN[: config.grown]
-        asked = [Costed(str(setup.terrain), size, seed) for size in grown for seed in range(config.repetitions)]
-        costs = iter(computed(setup, cost, asked))
+        timed = [TimedFleet(setup.place, size, seed) for size in grown for seed in range(config.repetitions)]
+        costs = iter(setup.compute(cpu_share, timed))
         cost_of = {size: [next(costs) for _ in range(config.repetitions)] for size in grown}
         rows = [_row(kind, size, some) for (kind, size), some in of.items()]
         costs_as_rows = [{"cost_vehicles": n, "cpu_share": value} for n, some in cost_of.items() for value in some]
@@ -111,13 +111,13 @@ class SeparationStudy:
         )  # fmt: skip
 
 
-def cost(costed: Costed) -> float:
+def cpu_share(fleet: TimedFleet) -> MeasuredTime:
     """CPU seconds over simulated seconds of a whole fleet."""
-    fields = {"terrain": costed.terrain, "vehicles": costed.vehicles}
-    closed_loop = trial("simultaneous-arrival", costed.seed, fields=fields).build()
+    fields = {"terrain": fleet.place.terrain, "vehicles": fleet.vehicles}
+    closed_loop = trial("simultaneous-arrival", fleet.seed, fields=fields).build()
     began = time.process_time()
     outcome = closed_loop.run()
-    return (time.process_time() - began) / float(outcome.recording.t[-1])
+    return MeasuredTime((time.process_time() - began) / float(outcome.recording.t[-1]))
 
 
 def _row(kind: str, size: int, records: Sequence[Record]) -> dict[str, Any]:

@@ -34,7 +34,7 @@ COLOURS = {"as_printed": "#c2183b", "flight": "#1a9850"}
 
 @dataclass(frozen=True)
 class AsPrintedStudyConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 60
     """low-flying missions for each of the two planners"""
@@ -67,7 +67,7 @@ class AsPrintedStudy:
         rows = [_row(planner, of[planner]) for planner in PLANNERS]
         literal = rows[0]
         crashed = [seed for seed in range(config.seeds) if records["as_printed", seed].summary["ground_contacts"]]
-        shown = {planner: setup.flown(trials[planner, crashed[0] if crashed else 0]) for planner in PLANNERS}
+        shown = setup.flown({planner: trials[planner, crashed[0] if crashed else 0] for planner in PLANNERS})
         collisions = rate(literal["on_ground"], literal["missions"])
         return StudyResult(
             summary=(
@@ -93,7 +93,7 @@ class AsPrintedStudy:
 
 
 def arcs(outcome: RunResult) -> dict[str, Any]:
-    """How the optimised arcs of the plans that were flown stand to h_min, at their ends and between them."""
+    """Count optimised arcs of flown plans that dip below h_min at their ends and between them."""
     mission = outcome.config["mission"]
     terrain, least = load_terrain(outcome.config["terrain"]["path"]), mission["clearance_min"]
     found = {"arcs": 0, "arcs_dipping": 0, "arcs_under_ground": 0, "deepest_m": 0.0}

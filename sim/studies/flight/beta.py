@@ -32,7 +32,7 @@ LEAST_TIME_RATIO, LEAST_EFFORT_RATIO = 1.4, 2.0  # of the target
 
 @dataclass(frozen=True)
 class BetaConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 20
     """missions for each beta, the same for all"""
@@ -62,7 +62,7 @@ class Beta:
         low, high = rows[0], rows[-1]
         time_ratio, effort_ratio = low["time_s"] / high["time_s"], high["effort"] / low["effort"]
         all_arrived = low["arrived"] == high["arrived"] == config.seeds
-        shown = {beta: setup.flown(trials[beta, 0]) for beta in COLOURS}
+        shown = setup.flown({beta: trials[beta, 0] for beta in COLOURS})
         measured = (
             f"{low['time_s']:.1f} s and {low['effort']:,.0f} m²/s³ at beta = 1, {high['time_s']:.1f} s and "
             f"{high['effort']:,.0f} m²/s³ at 10⁴"

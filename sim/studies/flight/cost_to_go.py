@@ -13,6 +13,7 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import matplotlib
@@ -35,7 +36,8 @@ from mathnavi.renders.study_report import Table
 from mathnavi.renders.terrain_view import Track
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.records.encoding import MeasuredTime
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, TerrainReference, check_counts
 
 GRIDS = ((33, 5), (65, 9))
 PLANNERS_GRID = GRIDS[1]
@@ -47,11 +49,15 @@ PRINTED_BUILD, PRINTED_CHANGE = 15.8, 1.5  # [s]
 MOST_SECONDS = {GRIDS[0]: 0.05, GRIDS[1]: 0.2}  # of the target
 MOST_STUCK = 0.005  # of the target, with a radar
 SHOWN = 12  # flow lines in the 3-D view
+COSTS: dict[str, Callable[..., FactoredCost | TrilinearCost]] = {
+    "factored": factored_cost,
+    "trilinear": trilinear_cost,
+}
 
 
 @dataclass(frozen=True)
 class CostToGoConfig:
-    """How much is measured."""
+    """Sample sizes: cases that are measured."""
 
     targets: int = 10
     """targets, each with a radar of its own"""
@@ -73,27 +79,23 @@ class CostToGo:
 
     @staticmethod
     def run(config: CostToGoConfig, setup: Setup) -> StudyResult:
-        terrain = setup.ground
-        problems = [_problem(terrain, config.starts, rng) for rng in np.random.default_rng(0).spawn(config.targets)]
-        first = problems[0]
-        times = [_times(terrain, first.target, first.radars["in the way"], grid, config.repetitions) for grid in GRIDS]
-        flows: list[dict[str, Any]] = []
-        lines: list[Array] = []
-        for nodes, layers in GRIDS:
-            for name, build in (("factored", factored_cost), ("trilinear", trilinear_cost)):
-                for case in CASES:
-                    stuck = []
-                    for problem in problems:
-                        radars = [problem.radars[case]] if case in problem.radars else []
-                        cost = build(terrain, problem.target, radars, nodes, layers)
-                        paths = flow(cost, terrain, problem.starts, keep=SHOWN)
-                        stuck.append(int((np.linalg.norm(paths[-1] - cost.target, axis=1) > NEAR).sum()))
-                        if problem is first and (nodes, layers, name, case) == (*PLANNERS_GRID, "factored", CASES[1]):
-                            lines = list(np.swapaxes(paths[:, :SHOWN], 0, 1))
-                    flows.append({"grid": nodes, "layers": layers, "interpolation": name, "radar": case,
-                                  "stuck": sum(stuck), "starts": config.starts * config.targets,
-                                  "targets_with_stuck": sum(map(bool, stuck)), "targets": config.targets})  # fmt: skip
-        error = metric_error(setup.ground)
+        terrain, draw = setup.ground, DrawnTargets(setup.place, config.targets, config.starts)
+        first = _targets(draw)[0]
+        times = setup.compute(timed_grid, GRIDS, draw=draw, repetitions=config.repetitions)
+        cases = [
+            GradientFlow(draw, grid, interpolation, radar)
+            for grid in GRIDS
+            for interpolation in COSTS
+            for radar in CASES
+        ]
+        flows: list[dict[str, Any]] = [
+            {"grid": case.grid[0], "layers": case.grid[1], "interpolation": case.interpolation, "radar": case.radar,
+             "stuck": sum(stuck), "starts": config.starts * config.targets,
+             "targets_with_stuck": sum(map(bool, stuck)), "targets": config.targets}
+            for case, stuck in zip(cases, setup.compute(stuck_starts, cases), strict=True)
+        ]  # fmt: skip
+        (lines,) = setup.compute(flow_lines, [GradientFlow(draw, PLANNERS_GRID, "factored", CASES[1])])
+        (error,) = setup.compute(flat_metric_error, [setup.place])
         ours = {
             row["radar"]: row["stuck"]
             for row in flows
@@ -133,15 +135,64 @@ class CostToGo:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
-    """One target."""
+class FlowTarget:
+    """A target of the gradient flow, with its starts and its radars."""
 
     target: Array  # (3,) [m]
     starts: Array  # (n, 3) [m]
     radars: dict[str, Radar]  # by where they stand
 
 
-def _problem(terrain: HeightField, count: int, rng: np.random.Generator) -> Problem:
+@dataclass(frozen=True)
+class DrawnTargets:
+    """Targets that are drawn over a terrain, each with a number of starts."""
+
+    place: TerrainReference
+    targets: int
+    starts: int
+
+
+@dataclass(frozen=True)
+class GradientFlow:
+    """The gradient flow to drawn targets, on one grid, by one interpolation, with one place of the radar."""
+
+    draw: DrawnTargets
+    grid: tuple[int, int]  # nodes along a side, layers
+    interpolation: str  # of COSTS
+    radar: str  # of CASES
+
+    def paths(self, to: FlowTarget) -> tuple[Array, Array]:
+        """Instants (m, n, 3) [m] of the flow to one target, and the target (3,) [m] as the grid has it."""
+        ground = self.draw.place.ground
+        radars = [to.radars[self.radar]] if self.radar in to.radars else []
+        cost = COSTS[self.interpolation](ground, to.target, radars, *self.grid)
+        return flow(cost, ground, to.starts, keep=SHOWN), cost.target
+
+
+@cache
+def _targets(draw: DrawnTargets) -> list[FlowTarget]:
+    rngs = np.random.default_rng(0).spawn(draw.targets)
+    return [_target(draw.place.ground, draw.starts, rng) for rng in rngs]
+
+
+def stuck_starts(case: GradientFlow) -> list[int]:
+    """Numbers of starts, by target, from which the flow does not arrive."""
+    found = map(case.paths, _targets(case.draw))
+    return [int((np.linalg.norm(paths[-1] - target, axis=1) > NEAR).sum()) for paths, target in found]
+
+
+def flow_lines(case: GradientFlow) -> list[Array]:
+    """(m, 3) [m] the first lines of the flow to the first target, for the 3-D view."""
+    paths, _ = case.paths(_targets(case.draw)[0])
+    return list(np.swapaxes(paths[:, :SHOWN], 0, 1))
+
+
+def flat_metric_error(place: TerrainReference) -> Array:
+    """``metric_error`` on flat ground of the size of a terrain."""
+    return metric_error(place.ground)
+
+
+def _target(terrain: HeightField, count: int, rng: np.random.Generator) -> FlowTarget:
     """A target, random starts, and its radars; on a small map the radars see less far."""
     size = np.array([terrain.width, terrain.depth])
     radius = min(RADIUS, 0.2 * float(size.min()))
@@ -153,7 +204,7 @@ def _problem(terrain: HeightField, count: int, rng: np.random.Generator) -> Prob
     over = np.clip(np.array([x, y]) + rng.uniform(-0.5, 0.5, 2) * radius, 0.0, size)
     points = rng.uniform(0.0, size, (count, 2))
     above = rng.uniform(50.0, 2000.0, count)
-    return Problem(
+    return FlowTarget(
         np.array([x, y, float(terrain.height(x, y)) + 250.0]),
         np.column_stack([points, terrain.height(points[:, 0], points[:, 1]) + above]),
         {
@@ -188,7 +239,7 @@ def flow(cost: FactoredCost | TrilinearCost, terrain: HeightField, starts: Array
 
 
 def metric_error(terrain: HeightField) -> Array:
-    """Length of the graph's way over the straight line, less one, to every node of the print's grid on flat ground."""
+    """Length of the graph's way over the straight line, less one, to every node of the thesis' grid on flat ground."""
     flat = HeightField(np.zeros((2, 2)), max(terrain.width, terrain.depth), "flat")
     nodes, layers = GRIDS[0]
     target = np.array([0.5 * flat.width, 0.5 * flat.depth, 300.0])
@@ -200,9 +251,10 @@ def metric_error(terrain: HeightField) -> Array:
     return error
 
 
-def _times(
-    terrain: HeightField, target: Array, radar: Radar, size: tuple[int, int], repetitions: int
-) -> dict[str, Any]:
+def timed_grid(size: tuple[int, int], draw: DrawnTargets, repetitions: int) -> dict[str, Any]:
+    """Times [s] to build the cost to the first target on a grid, and to change it for a radar in the way."""
+    terrain, first = draw.place.ground, _targets(draw)[0]
+    target, radar = first.target, first.radars["in the way"]
     grid = TerrainGrid.around(terrain, target, *size)
 
     def build() -> object:
@@ -221,14 +273,14 @@ def _times(
     }
 
 
-def _seconds(work: Callable[[], object], repetitions: int) -> float:
+def _seconds(work: Callable[[], object], repetitions: int) -> MeasuredTime:
     """Median wall time [s]."""
     spent = []
     for _ in range(repetitions):
         began = time.perf_counter()
         work()
         spent.append(time.perf_counter() - began)
-    return statistics.median(spent)
+    return MeasuredTime(statistics.median(spent))
 
 
 def _name(row: dict[str, Any]) -> str:

@@ -39,7 +39,7 @@ COST_TICKS = (-4.0, -2.0, 0.0, 2.0, 4.0, 10.0, 20.0, 40.0)
 
 
 @dataclass(frozen=True)
-class Grid:
+class HorizonGrid:
     """A horizon and how its nodes are spread."""
 
     nodes: int
@@ -54,7 +54,7 @@ class Grid:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """Of the planner, as on the command line."""
+        """Fields of the planner, as on the command line."""
         wanted = {"nodes": self.nodes, "horizon": self.horizon, "stretch": self.stretch, "period": PERIOD}
         return {f"planner.{name}": value for name, value in wanted.items()}
 
@@ -64,17 +64,17 @@ class Grid:
         return FlightConfig(nodes=self.nodes, horizon=self.horizon, stretch=self.stretch).lengths
 
 
-UNIFORM = Grid(13, 20.0, 1.0, "#2166ac")
-COARSE = Grid(13, 40.0, 1.0, "#5a6876")
-DENSE = Grid(25, 40.0, 1.0, "#1b2733")
-STRETCHED = Grid(13, 40.0, 1.1, "#c2183b")
+UNIFORM = HorizonGrid(13, 20.0, 1.0, "#2166ac")
+COARSE = HorizonGrid(13, 40.0, 1.0, "#5a6876")
+DENSE = HorizonGrid(25, 40.0, 1.0, "#1b2733")
+STRETCHED = HorizonGrid(13, 40.0, 1.1, "#c2183b")
 GRIDS = (
     UNIFORM,
     COARSE,
     DENSE,
     STRETCHED,
-    Grid(13, 40.0, 1.2, "#e08214"),
-    Grid(13, 40.0, 1.35, "#b8860b"),
+    HorizonGrid(13, 40.0, 1.2, "#e08214"),
+    HorizonGrid(13, 40.0, 1.35, "#b8860b"),
 )
 ROUGH = {"noise.position": 5.0, "noise.position_rate": 10.0, "faults.gust_rms": 1.5}
 SOME = {"faults.solver_failure_rate": 0.3, "faults.corrupted_plan_rate": 0.1, "faults.late_plan_rate": 0.1}
@@ -89,7 +89,7 @@ FAULTS: dict[str, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class FlightGridsConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 20
     """missions on each grid, the same for all"""
@@ -124,7 +124,7 @@ class FlightGrids:
         kinds = {kind: _kept(kind, [flown[kind, seed] for seed in range(config.faulted)]) for kind in FAULTS}
         dearer, most = rows[STRETCHED]["over_uniform_percent"], sum(kept["missions"] for kept in kinds.values())
         broken = sum(kept["broken"] for kept in kinds.values())
-        shown = {grid: setup.flown(clean[grid, 0]) for grid in (UNIFORM, STRETCHED)}
+        shown = setup.flown({grid: clean[grid, 0] for grid in (UNIFORM, STRETCHED)})
         return StudyResult(
             summary=(_told(config, setup, rows),),
             rows=[*rows.values(), *kinds.values()],
@@ -157,7 +157,7 @@ def _cost(records: Sequence[Record]) -> np.ndarray:
     return figures(records, "control_effort") + FlightConfig().beta * figures(records, "flight_time_s")
 
 
-def _row(grid: Grid, records: Sequence[Record], uniform: Sequence[Record]) -> dict[str, Any]:
+def _row(grid: HorizonGrid, records: Sequence[Record], uniform: Sequence[Record]) -> dict[str, Any]:
     cost, reference = _cost(records), _cost(uniform)
     band = median(100.0 * (cost / reference - 1.0))
     return {
@@ -185,7 +185,7 @@ def _row(grid: Grid, records: Sequence[Record], uniform: Sequence[Record]) -> di
 
 
 def _kept(kind: str, records: Sequence[Record]) -> dict[str, Any]:
-    """Whether the guarantees were kept."""
+    """Count the missions in which the guarantees were kept."""
     least = np.array([record.parameters["config"]["clearance_min"] for record in records])
     share = figures(records, "flight_time_s") / figures(records, "deadline_s")
     low = (figures(records, "min_clearance_m") < least) | (figures(records, "ground_contacts") > 0)
@@ -204,7 +204,7 @@ def _kept(kind: str, records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def _told(config: FlightGridsConfig, setup: Setup, rows: Mapping[Grid, Mapping[str, Any]]) -> str:
+def _told(config: FlightGridsConfig, setup: Setup, rows: Mapping[HorizonGrid, Mapping[str, Any]]) -> str:
     far, near, coarse, dense = (rows[grid] for grid in (STRETCHED, UNIFORM, COARSE, DENSE))
     return (
         f"{config.seeds} missions over {setup.ground.name} on each of {len(GRIDS)} grids, a plan every 5/3 s on all of "
@@ -216,7 +216,7 @@ def _told(config: FlightGridsConfig, setup: Setup, rows: Mapping[Grid, Mapping[s
     )
 
 
-def _costs(rows: Mapping[Grid, Mapping[str, Any]]) -> Table:
+def _costs(rows: Mapping[HorizonGrid, Mapping[str, Any]]) -> Table:
     columns = ("grid", "arcs [s]", "mean cost", "over uniform 20 s", "median over it", "path [m]", "effort",
                "arrival [s]", "refused", "mean CPU [ms]", "p99 CPU [ms]")  # fmt: skip
     cells = [
@@ -247,8 +247,8 @@ def _faults(kinds: Mapping[str, Mapping[str, Any]]) -> Table:
 
 
 def _figure(
-    rows: Mapping[Grid, Mapping[str, Any]],
-    of: Mapping[Grid, Sequence[Record]],
+    rows: Mapping[HorizonGrid, Mapping[str, Any]],
+    of: Mapping[HorizonGrid, Sequence[Record]],
     kinds: Mapping[str, Mapping[str, Any]],
 ) -> Figure:
     with matplotlib.rc_context(STYLE):
@@ -262,7 +262,7 @@ def _figure(
 
 
 def _draw_arcs(axes: Axes) -> None:
-    """Each horizon as a line, with its nodes."""
+    """Draw each horizon as a line, with its nodes."""
     for row, grid in enumerate(GRIDS):
         nodes = np.concatenate([[0.0], np.cumsum(grid.lengths)])
         axes.plot(nodes, np.full(len(nodes), row), "-|", color=grid.colour, lw=1.6, ms=9.0, mew=1.6)
@@ -271,7 +271,9 @@ def _draw_arcs(axes: Axes) -> None:
     axes.grid(False, axis="y")
 
 
-def _draw_costs(axes: Axes, rows: Mapping[Grid, Mapping[str, Any]], of: Mapping[Grid, Sequence[Record]]) -> None:
+def _draw_costs(
+    axes: Axes, rows: Mapping[HorizonGrid, Mapping[str, Any]], of: Mapping[HorizonGrid, Sequence[Record]]
+) -> None:
     """The cost of every mission over that on the uniform grid, and the mean cost over that."""
     reference = _cost(of[UNIFORM])
     axes.axvline(0.0, color=UNIFORM.colour, lw=1.0, ls=":")

@@ -47,7 +47,7 @@ COLOURS = {4: "#c2183b", 7: "#e08214", 10: "#1a9850", 13: "#2166ac"}
 
 @dataclass(frozen=True)
 class HorizonConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 20
     """missions for each horizon, the same for all"""
@@ -75,7 +75,7 @@ class Horizon:
         changes = [_change(mean[long], mean[short]) for short, long in pairwise(NODES)]
         last = changes[-1]
         straight = figures(of[NODES[0]], "straight_line_m").mean()
-        shown = {n: setup.flown(trials[n, 0]) for n in NODES}
+        shown = setup.flown({n: trials[n, 0] for n in NODES})
         claims = (
             Claim(
                 "A.path-falls", "printed", "A longer prediction horizon gives shorter trajectories.", "Table A.1",

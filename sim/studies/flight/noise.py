@@ -56,7 +56,7 @@ COLOURS = {0: "#2f3b46", 184: "#1a9850", 734: "#e08214", 1835: "#c2183b"}
 
 @dataclass(frozen=True)
 class NoiseConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 12
     """missions for each half-width and planner, the same for all"""
@@ -91,7 +91,7 @@ class Noise:
         arrived = np.array([figures(of[MAIN, w], "arrived") > 0 for w in offsets])  # (offsets, seeds)
         paired = arrived.all(axis=0)
         ours = [float(effort_norm(of[MAIN, w], H)[paired].mean()) for w in offsets] if paired.any() else []
-        shown = {offset: setup.flown(trials[MAIN, offset, 0]) for offset in COLOURS if offset in offsets}
+        shown = setup.flown({offset: trials[MAIN, offset, 0] for offset in COLOURS if offset in offsets})
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name} for each of {len(offsets)} half-widths, N = 6, "

@@ -42,7 +42,7 @@ BLUE, ORANGE = "#0d5fa8", "#d9731a"
 
 @dataclass(frozen=True)
 class QuadrotorStudyConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     canyons: int = 20
     """canyons, made from the numbers 0, 1, ..."""

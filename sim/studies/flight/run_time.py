@@ -44,7 +44,7 @@ MOST_RATIO = 3.0  # of the target
 
 @dataclass(frozen=True)
 class RunTimeConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 6
     """missions for each pair of nodes and horizon, the same for all"""

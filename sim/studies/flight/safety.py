@@ -38,7 +38,7 @@ COLOURS = ("#2166ac", "#1a9850", "#e08214", "#c2183b")
 
 @dataclass(frozen=True)
 class SafetyConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     missions: int = 200
     """of each group"""
@@ -67,7 +67,7 @@ class Safety:
         total = sum(row["missions"] for row in rows)
         below, on_ground, late = (sum(row[key] for row in rows) for key in ("below", "on_ground", "late"))
         closest = {name: min(of[name], key=lambda record: record.summary["min_clearance_m"]).seed for name in GROUPS}
-        shown = {name: setup.flown(trials[name, seed % config.missions]) for name, seed in closest.items()}
+        shown = setup.flown({name: trials[name, seed % config.missions] for name, seed in closest.items()})
         return StudyResult(
             summary=(
                 f"{config.missions} missions over {setup.ground.name} in each of {len(GROUPS)} groups. Failures: a "

@@ -39,7 +39,7 @@ LEAST_CUT, MOST_PATH = 0.95, 0.20  # of the target
 
 @dataclass(frozen=True)
 class ThreatConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 20
     """missions, each unaware and aware of its radar"""
@@ -65,7 +65,7 @@ class Threat:
         near = np.all([np.isfinite(figures(some, "near_height_m")) for some in of.values()], axis=0)
         rows = [_row(name, of[name], of["unaware"], near) for name in COLOURS]
         unaware, aware = rows[0], rows[-1]
-        shown = {name: setup.flown(trials[name, 0]) for name in COLOURS}
+        shown = setup.flown({name: trials[name, 0] for name in COLOURS})
         (radar,) = trials["unaware", 0].config.radar
         return StudyResult(
             summary=(

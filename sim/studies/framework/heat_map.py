@@ -29,7 +29,7 @@ def heat_map(
     framed: Sequence[tuple[int, int]] = (),
     lacking: Mapping[str, str] | None = None,
 ) -> ScalarMappable:
-    """``values`` (rows, columns) > 0 as colours on a log scale around 1, good below it.
+    """Draw ``values`` (rows, columns) > 0 as colours on a log scale around 1, good below it.
 
     NaN has the colour that ``lacking`` has for its text, "none" to leave the cell out, else grey. ``decades`` below and
     above 1 have colours of their own, what is beyond them looks like their ends. ``texts`` stand in the cells,

@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
-from mathnavi.sim.studies.framework.parallel import computed
-from mathnavi.sim.studies.framework.study import Setup
+from mathnavi.sim.studies.framework.study import Setup, call
+from mathnavi.sim.sweep.job import Job
 
 
 class Jobs:
     """Computations by key, so that one pool of workers does them all."""
 
     def __init__(self) -> None:
-        self._jobs: list[tuple[Any, Callable[[Any], Any], Any]] = []  # key, function, argument
+        self._jobs: list[tuple[Any, Job]] = []
 
-    def add(self, key: Any, function: Callable[[Any], Any], arguments: Sequence[Any]) -> None:
-        """Ask for a function of each argument."""
-        self._jobs += [(key, function, argument) for argument in arguments]
+    def add(self, key: Any, function: Callable[..., Any], arguments: Iterable[Any], **named: Any) -> None:
+        """Ask for a module-level function of each argument; ``named`` are passed on with every one of them."""
+        self._jobs += [(key, call(function, argument, **named)) for argument in arguments]
 
     def done(self, setup: Setup) -> dict[Any, list[Any]]:
-        """What came of them, in their order."""
+        """The results by key, in the order in which they were asked for; StudyError as for ``Setup.perform``."""
         results: dict[Any, list[Any]] = {}
-        outcomes = computed(setup, _called, [(function, argument) for _, function, argument in self._jobs])
-        for (key, _, _), outcome in zip(self._jobs, outcomes, strict=True):
-            results.setdefault(key, []).append(outcome)
+        for (key, _), result in zip(self._jobs, setup.perform([each for _, each in self._jobs]), strict=True):
+            results.setdefault(key, []).append(result)
         return results
-
-
-def _called(job: tuple[Callable[[Any], Any], Any]) -> Any:
-    function, argument = job
-    return function(argument)

@@ -1,8 +1,9 @@
-"""What a study is: a table or a figure of the thesis, done again, and what it says of the claims.
+"""A study: a table or a figure of the thesis, done again, and its verdict on the claims.
 
 A study is a class with a frozen dataclass ``Config`` of its sample sizes, ``quick``, such a configuration for a first
-look, a ``title``, and a static ``run(config, setup)``. It flies its missions through ``Setup.fly``, so each is stored
-as it ends and a study that was interrupted goes on where it stopped. It is done on a terrain unless it declares
+look, a ``title``, and a static ``run(config, setup)``. It flies its missions through ``Setup.fly`` and computes all
+else through ``Setup.compute``, so each result is stored as it ends and a study that was interrupted goes on where it
+stopped. It is done on a terrain unless it declares
 ``on_terrain = False``; then it is done once, whatever terrains the others are done on.
 """
 
@@ -10,12 +11,12 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
-from functools import cached_property
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache, cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -25,16 +26,21 @@ from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.page import number
 from mathnavi.renders.study_report import StudyPage, Table, write_study_report
 from mathnavi.renders.terrain_view import Track
+from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.files import write_bytes, write_json, write_text
 from mathnavi.sim.records.statistics import Band, supported_band
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.sweep.execution import Progress, run_trials
+from mathnavi.sim.sweep.execution import Progress, run_jobs, run_trials
+from mathnavi.sim.sweep.job import Job, job
 from mathnavi.sim.sweep.trial import Trial, trial
 
 VEHICLE = "vehicle"
+Key = TypeVar("Key")
+Result = TypeVar("Result")
 
 
 class StudyError(RuntimeError):
@@ -42,13 +48,35 @@ class StudyError(RuntimeError):
 
 
 @dataclass(frozen=True)
+class TerrainReference:
+    """A terrain as a job names it: where it is, and the digest of what is there."""
+
+    terrain: str  # name, or an .npz file
+    digest: str
+
+    @property
+    def ground(self) -> HeightField:
+        """The heights; TerrainError if they are others than those that the reference was made of."""
+        ground = _loaded(self.terrain)
+        if ground.digest != self.digest:
+            raise TerrainError(f"terrain {self.terrain!r} has changed meanwhile; allowed: heights {self.digest}")
+        return ground
+
+
+@cache
+def _loaded(terrain: str) -> HeightField:
+    return load_terrain(terrain)
+
+
+@dataclass(frozen=True)
 class Setup:
-    """Where a study flies, and with what."""
+    """The terrain, the store and the workers of a study."""
 
     terrain: str | None  # name, or an .npz file; None for a study that declares ``on_terrain = False``
     store: Store
     workers: int = 1
     progress: Callable[[Progress], None] | None = None
+    cluster: str | None = None  # address of a Dask scheduler whose workers take the place of this machine's
 
     @cached_property
     def ground(self) -> HeightField:
@@ -56,6 +84,11 @@ class Setup:
         if self.terrain is None:
             raise StudyError("it asks for a terrain, though it declares on_terrain = False")
         return load_terrain(self.terrain)
+
+    @property
+    def place(self) -> TerrainReference:
+        """The terrain as the argument of a job; StudyError where there is none."""
+        return TerrainReference(str(self.terrain), self.ground.digest)
 
     def trial(self, seed: int, measure: str = "", **named: Any) -> Trial:
         """A mission of ``safe-flight`` here; ``named`` are ``controller``, ``estimator`` and ``fields``."""
@@ -67,20 +100,68 @@ class Setup:
 
         StudyError if a trial did not run to its end: a table over what is left would not be the one it claims to be.
         """
-        records = run_trials(trials, self.store, workers=self.workers, progress=self.progress, retry=True)
+        records = run_trials(
+            trials, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True
+        )
         for record in records:
             if record.status != "ok":
-                last = (record.error or "").strip().rpartition("\n")[2]
-                raise StudyError(f"seed {record.seed} {record.status}: {last}; parameters: {record.parameters}")
+                raise StudyError(
+                    f"seed {record.seed} {record.status}: {_last_line(record.error)}; parameters: {record.parameters}"
+                )
         return records
 
-    def flown(self, mission: Trial) -> RunResult:
-        """One mission again, for its path."""
-        return mission.flown()
+    def compute(self, function: Callable[..., Result], arguments: Iterable[Any], **named: Any) -> list[Result]:
+        """``function``, of a module, of each argument, in their order, computed where the store has no result.
+
+        ``named`` are passed on with each. Arguments are plain data or dataclasses of it; their field ``seed``, where
+        they have one, seeds the global generators too. What is timed is returned as a ``MeasuredTime``. StudyError if a
+        call did not return.
+        """
+        return self.perform([call(function, argument, **named) for argument in arguments])
+
+    def perform(self, jobs: Sequence[Job]) -> list[Any]:
+        """The results of the jobs, in their order, as ``compute`` has them."""
+        records = run_jobs(
+            jobs, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True
+        )
+        for record in records:
+            if record.status != "ok":
+                last = _last_line(record.error)
+                raise StudyError(f"{record.function} {record.status}: {last}; arguments: {record.arguments}")
+        return [record.value for record in records]
+
+    def flown(self, missions: Mapping[Key, Trial]) -> dict[Key, RunResult]:
+        """The runs of some missions with their logs, for pictures, without processor and wall-clock times."""
+        made = [job(logged_run, mission, mission.key, seed=mission.seed) for mission in missions.values()]
+        return dict(zip(missions, self.perform(made), strict=True))
+
+
+def call(function: Callable[..., Any], argument: Any, **named: Any) -> Job:
+    """``function(argument, **named)`` as a job, with the seed of the argument if that is a dataclass with one."""
+    seed = getattr(argument, "seed", 0)
+    return job(function, argument, seed=seed if type(seed) is int else 0, **named)
+
+
+def logged_run(mission: Trial, key: str) -> RunResult:
+    """A job: the run of a mission, its log and all; ``key`` is the mission's, so that files it names count too.
+
+    Left out are processor and wall-clock times, and the solver's, which no other run repeats.
+    """
+    if mission.key != key:
+        raise ValueError(f"trial {key} is now {mission.key}; allowed: sources and files as they were")
+    outcome = mission.flown()
+    for agent in outcome.recording.agents.values():
+        agent.solve_ms.clear()
+        agent.plans[:] = [(t, replace(plan, solve_ms=np.nan)) for t, plan in agent.plans]
+    return replace(outcome, summary={name: v for name, v in outcome.summary.items() if not is_wall_clock(name)})
+
+
+def _last_line(error: str | None) -> str:
+    return (error or "").strip().rpartition("\n")[2]
 
 
 def check_counts(config: Any) -> None:
-    """Every field of a study's configuration is how many of something; ValueError for none."""
+    """Check that every field of a study's configuration is at least one; ValueError if not."""
     for entry in fields(config):
         count = getattr(config, entry.name)
         if count < 1:
@@ -89,7 +170,7 @@ def check_counts(config: Any) -> None:
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What came out."""
+    """Summary, tables, figures and claims of a study."""
 
     summary: Sequence[str]  # paragraphs
     rows: Sequence[Mapping[str, Any]]  # NAME.csv, one value a cell
@@ -102,7 +183,7 @@ class StudyResult:
     radars: Sequence[tuple[float, float, float, float]] = ()  # x, y, z, radius [m]
 
 
-class Study(Protocol):
+class StudyPlugin(Protocol):
     """An entry point of ``mathnavi.studies``."""
 
     Config: ClassVar[type[Any]]  # a frozen dataclass: how much is flown
@@ -117,12 +198,12 @@ class Study(Protocol):
 
 
 def on_terrain(plugin: Any) -> bool:
-    """Whether a study is done on a terrain."""
+    """Tell whether a study is done on a terrain."""
     return bool(getattr(plugin, "on_terrain", True))
 
 
 def first_look(config: Any) -> str:
-    """What of a study's configuration is smaller than in full, "seeds 2 instead of 20"; "" if nothing is."""
+    """Fields of a configuration that are smaller than in full, "seeds 2 instead of 20"; "" if none is."""
     full = type(config)()
     pairs = {entry.name: (getattr(config, entry.name), getattr(full, entry.name)) for entry in fields(config)}
     smaller = [
@@ -197,7 +278,7 @@ def effort_norm(records: Sequence[Record], h: float) -> np.ndarray:
 
 
 def falls(sequence: Sequence[float]) -> bool:
-    """Whether each is less than the one before."""
+    """Tell whether each value is less than the one before."""
     return all(later < earlier for earlier, later in pairwise(sequence))
 
 

@@ -12,7 +12,6 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import matplotlib
@@ -30,7 +29,6 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.heat_map import heat_map
-from mathnavi.sim.studies.framework.parallel import computed
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.nodes.missile_nodes.study import control_error
 
@@ -73,7 +71,7 @@ MONITORS = (
 
 @dataclass(frozen=True)
 class MonitorsConfig:
-    """How much is solved."""
+    """Sample sizes: problems and grids that are solved."""
 
     nodes: int = 20
     """nodes"""
@@ -102,8 +100,8 @@ class Monitors:
     @staticmethod
     def run(config: MonitorsConfig, setup: Setup) -> StudyResult:
         names = NAMES[: config.problems]
-        measure = partial(_measured, nodes=config.nodes, reference_nodes=config.reference_nodes)
-        rows = [row for some in computed(setup, measure, names) for row in some]
+        solved = setup.compute(monitor_rows, names, nodes=config.nodes, reference_nodes=config.reference_nodes)
+        rows = [row for of_problem in solved for row in of_problem]
         return StudyResult(
             summary=(
                 f"N = {config.nodes}, Hermite-Simpson; after one and after three redistributions, without the replay "
@@ -120,7 +118,7 @@ class Monitors:
         )
 
 
-def _measured(name: str, nodes: int, reference_nodes: int) -> list[dict[str, Any]]:
+def monitor_rows(name: str, nodes: int, reference_nodes: int) -> list[dict[str, Any]]:
     """A row for each monitor function and number of redistributions; the first is the uniform grid's own."""
     known: KnownOptimum = BOOKS[name]
     problem = known.problem()

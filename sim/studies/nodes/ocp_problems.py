@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import matplotlib
@@ -34,8 +33,8 @@ from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGauss
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.studies.framework.heat_map import heat_map
-from mathnavi.sim.studies.framework.parallel import computed
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 
 Method = Callable[[OptimalControlProblem, int], Solution]
@@ -70,7 +69,7 @@ KEY = {"refused: replays worse than uniform nodes": REFUSED, "no solution, and w
 
 @dataclass(frozen=True)
 class OcpProblemsConfig:
-    """How much is solved."""
+    """Sample sizes: problems and grids that are solved."""
 
     nodes: int = 60
     """nodes that a method may use"""
@@ -97,9 +96,9 @@ class OcpProblems:
     @staticmethod
     def run(config: OcpProblemsConfig, setup: Setup) -> StudyResult:
         names = list(PROBLEMS)[: config.problems]
-        solved = computed(setup, partial(_attempts, nodes=config.nodes, exhaustive=config.exhaustive), names)
-        rows = [row for attempts in solved for row in attempts]
-        best = {name: _first_reached(attempts) for name, attempts in zip(names, solved, strict=True)}
+        solved = setup.compute(attempts, names, nodes=config.nodes, exhaustive=config.exhaustive)
+        rows = [row for tried in solved for row in tried]
+        best = {name: _first_reached(tried) for name, tried in zip(names, solved, strict=True)}
         reached = [name for name, row in best.items() if row["reached"]]
         return StudyResult(
             summary=(
@@ -120,7 +119,7 @@ class OcpProblems:
         )
 
 
-def _attempts(name: str, nodes: int, exhaustive: bool) -> list[dict[str, Any]]:
+def attempts(name: str, nodes: int, exhaustive: bool) -> list[dict[str, Any]]:
     """A row for each method that was tried: up to the first that reaches the tolerance, or all of them."""
     rows: list[dict[str, Any]] = []
     for method in METHODS:
@@ -155,14 +154,14 @@ def _row(name: str, method: str, solution: Solution) -> dict[str, Any]:
         "replay_violation": replay.violation if replay is not None else math.nan,
         "replay_by_intervals": replay.by_intervals if replay is not None else False,
         "iterations": solution.iterations,
-        "solve_ms": solution.timing.solve_ms,
-        "build_wall_s": 1e-3 * solution.timing.build_ms,
+        "solve_ms": MeasuredTime(solution.timing.solve_ms),
+        "build_wall_s": MeasuredTime(1e-3 * solution.timing.build_ms),
     }
 
 
-def _first_reached(attempts: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _first_reached(tried: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """The row that is reported: the first adaptive method that reached the optimum, else the least error of those."""
-    adaptive = [row for row in attempts if row["adaptive"]]
+    adaptive = [row for row in tried if row["adaptive"]]
     for row in adaptive:
         if row["reached"]:
             return row

@@ -43,7 +43,7 @@ OFTEN = 0.02  # [s] between what is kept of a run
 
 @dataclass(frozen=True)
 class AttitudeConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 300
     """starts with the rate that the target compares, and with the true one"""
@@ -100,7 +100,7 @@ class AttitudeStudy:
 
 
 def flight(name: str, seed: int, seconds: float) -> Trial:
-    """One run; the start and the noise are those of the seed, whatever closes the loop."""
+    """Trial of one run; the start and the noise are those of the seed, whatever closes the loop."""
     fields: dict[str, Any] = {
         "duration": seconds, "settled": min(5.0, 0.6 * seconds), "speed": SPEED, "reading.noise": NOISE,
     }  # fmt: skip
@@ -114,7 +114,7 @@ def flight(name: str, seed: int, seconds: float) -> Trial:
 
 @dataclass(frozen=True)
 class TrueRateConfig:
-    """It has no fields."""
+    """Configuration without fields."""
 
 
 class TrueRate:

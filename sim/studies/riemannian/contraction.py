@@ -44,7 +44,7 @@ _METRIC = SasakiMetric()
 
 @dataclass(frozen=True)
 class ContractionConfig:
-    """How much is computed."""
+    """Sample sizes: cases that are computed."""
 
     distances: int = 41
     """values of theta"""
@@ -59,7 +59,7 @@ class ContractionConfig:
 
 @dataclass(frozen=True)
 class AtDistance:
-    """One distance: all that a worker needs."""
+    """A distance theta between x and xi, and a sign of the curvature term."""
 
     theta: float
     term: CurvatureName
@@ -83,7 +83,7 @@ def fastest_contraction(at: AtDistance) -> float:
 
 
 def worst_eigenvalue(theta: float, speed: float, term: CurvatureName, directions: int) -> float:
-    """Over the angle between eta and grad S, which is all that matters on a space of constant curvature."""
+    """Largest eigenvalue over the angle between eta and grad S, all that matters where the curvature is constant."""
     space = sphere(3)
     xi = space.origin
     pair = TwoPoint(space, space.exp(xi, space.vector(xi, np.array([theta, 0.0, 0.0]))), xi)
@@ -91,6 +91,16 @@ def worst_eigenvalue(theta: float, speed: float, term: CurvatureName, directions
     gains = IntrinsicGains(math.sqrt(A_AND_B), 0.5 * math.sqrt(A_AND_B), "constant", term, space.kappa)
     etas = [space.vector(xi, speed * np.array([math.cos(a), math.sin(a), 0.0])) for a in angles]
     return max(largest_eigenvalue(pair, eta, gains, _METRIC) for eta in etas)
+
+
+def eigenvalue_at_zero(speed: float, term: CurvatureName, directions: int) -> float:
+    """The largest eigenvalue on S = 0 itself, by |eta|."""
+    return worst_eigenvalue(_ZERO, speed, term, directions)
+
+
+def eigenvalues_along(speed: float, pixels: int) -> list[float]:
+    """(pixels,) the largest eigenvalues with C = -1 over the distances of the map, by |eta|."""
+    return [worst_eigenvalue(theta, speed, "minus-one", 9) for theta in np.geomspace(1e-2, _LARGEST, pixels)]
 
 
 class Contraction:
@@ -107,13 +117,15 @@ class Contraction:
         jobs = Jobs()
         for term in SHOWN:
             jobs.add(term, fastest_contraction, [AtDistance(theta, term, config.directions) for theta in thetas])
+            jobs.add(("at zero", term), eigenvalue_at_zero, SPEEDS, term=term, directions=config.directions)
+        jobs.add("fastest", fastest_contraction, [AtDistance(_ZERO, "plus-one", config.directions)])
+        jobs.add("brackets", table_d_1, [config.points])
+        pixels = min(_PIXELS, config.distances)
+        jobs.add("map", eigenvalues_along, np.geomspace(0.1, 100.0, pixels).tolist(), pixels=pixels)
         done = jobs.done(setup)
         boundary = {term: np.array(done[term]) for term in SHOWN}
-        at_zero = {
-            term: [worst_eigenvalue(_ZERO, speed, term, config.directions) for speed in SPEEDS] for term in SHOWN
-        }
-        fastest = fastest_contraction(AtDistance(_ZERO, "plus-one", config.directions))
-        table = table_d_1(config.points)
+        at_zero = {term: done["at zero", term] for term in SHOWN}
+        (fastest,), (table,) = done["fastest"], done["brackets"]
         thin = 0.5 * thetas**2 <= THIN
         products = (boundary["minus-one"] * thetas)[thin]
         return StudyResult(
@@ -128,7 +140,7 @@ class Contraction:
             ],
             tables=(Table("Table D.1: largest difference of the two sides", ("bracket", "as printed", "put right"),
                           [(name, f"{p:.1e}", f"{t:.1e}") for name, (p, t) in table.items()]),),
-            figure=_figure(thetas, boundary, min(_PIXELS, config.distances)),
+            figure=_figure(thetas, boundary, np.array(done["map"])),
             caption="(a) Below a line the observer contracts: |eta| against the distance between x and xi. Dashed: "
             f"|eta| theta = {LAW:g}. (b) The largest eigenvalue with C = -1; negative is contraction.",
             claims=[*_claims(products, max(at_zero["minus-one"]), table), _sign_claim(at_zero, fastest)],
@@ -162,7 +174,7 @@ def _claims(products: Array, at_zero: float, table: Mapping[str, tuple[float, fl
 
 
 def _sign_claim(at_zero: Mapping[CurvatureName, list[float]], fastest: float) -> Claim:
-    """On S = 0 itself, with the sign of C as (D.6) has it."""
+    """Evaluate the claim on S = 0 itself, with the sign of C as (D.6) has it."""
     told = "; ".join(
         f"{NAMES[term]}: " + ", ".join(f"{value:.4g}" for value in at_zero[term]) for term in ("plus-one", "minus-one")
     )
@@ -179,7 +191,7 @@ def _sign_claim(at_zero: Mapping[CurvatureName, list[float]], fastest: float) ->
 
 
 def table_d_1(points: int) -> dict[str, tuple[float, float]]:
-    """For each bracket the largest component of its two sides' difference over points of TS^3: printed, put right."""
+    """Largest component, by bracket, of its two sides' difference over points of TS^3: printed, put right."""
     n = 3
     bundle = TangentBundle(n, _metric)
     x, v = casadi.SX.sym("x", n), casadi.SX.sym("v", n)
@@ -214,7 +226,7 @@ def table_d_1(points: int) -> dict[str, tuple[float, float]]:
 
 
 def _metric(x: casadi.SX) -> casadi.SX:
-    """That of S^3 in the angles of D.5."""
+    """Metric of S^3 in the angles of D.5."""
     s_1, s_2 = casadi.sin(x[0]), casadi.sin(x[1])
     return casadi.diag(casadi.vertcat(1.0, s_1**2, (s_1 * s_2) ** 2))
 
@@ -230,7 +242,7 @@ def _Y(x: casadi.SX) -> casadi.SX:  # noqa: N802
 # ---- the figure
 
 
-def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array], pixels: int) -> Figure:
+def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array], eigenvalues: Array) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(11.5, 4.8), layout="constrained")
         first, second = page.subplots(1, 2)
@@ -245,14 +257,13 @@ def _figure(thetas: Array, boundary: Mapping[CurvatureName, Array], pixels: int)
                                color=COLOURS[term], weight="bold")  # fmt: skip
         first.plot(thetas, LAW / thetas, color=INK, lw=1.0, ls=(0, (4, 3)))
         first.set(xscale="log", yscale="log", xlabel=r"$\theta = $ dist$(x, \xi)$", ylabel=r"$|\eta|_g$")
-        _draw_map(page, second, pixels)
+        _draw_map(page, second, eigenvalues)
     return page
 
 
-def _draw_map(page: Figure, axes: Any, pixels: int) -> None:
+def _draw_map(page: Figure, axes: Any, values: Array) -> None:
     axes.set_title("(b) largest eigenvalue, C = -1")
-    thetas, speeds = np.geomspace(1e-2, _LARGEST, pixels), np.geomspace(0.1, 100.0, pixels)
-    values = np.array([[worst_eigenvalue(t, s, "minus-one", 9) for t in thetas] for s in speeds])
+    thetas, speeds = np.geomspace(1e-2, _LARGEST, values.shape[1]), np.geomspace(0.1, 100.0, values.shape[0])
     picture = axes.pcolormesh(
         thetas, speeds, np.clip(values, -3.0, 3.0), cmap="RdBu_r", shading="gouraud", vmin=-3.0, vmax=3.0
     )

@@ -45,7 +45,7 @@ CONVERGES, FAILS = 0.99, 0.05
 
 @dataclass(frozen=True)
 class CurvatureSignConfig:
-    """How much is run."""
+    """Sample sizes: runs."""
 
     seeds: int = 150
     """starts for each space, speed and C"""
@@ -60,7 +60,7 @@ class CurvatureSignConfig:
 
 @dataclass(frozen=True)
 class Forced:
-    """One motion, and what C it is followed with: all that a worker needs."""
+    """A motion under a force, and the signs C with which it is followed."""
 
     space: str
     speed: float  # v0 / omega
@@ -70,7 +70,7 @@ class Forced:
 
 
 def errors_left(run: Forced) -> list[list[float]]:
-    """For every C, |Delta v| of the velocity at the start, ten times a second; infinite from when the point is lost."""
+    """Velocity error by C over that at the start, ten times a second; infinite from when the point is lost."""
     space: ConstantCurvature = sphere(3) if run.space == "S^3" else hyperbolic_space(2)
     system = PointSystem(space, linear(run.factor * STRENGTH[run.space] * OMEGA**2, 0))
     rng, u = np.random.default_rng(run.seed), np.zeros(space.size)
@@ -156,7 +156,7 @@ class CurvatureSign:
 
 
 def share(left: Array, t: float) -> Rate:
-    """Of runs (n, m), those that have converged at t [s]."""
+    """Share of runs (n, m) that have converged at t [s]."""
     return rate(int((left[:, round(t / OFTEN)] < GONE).sum()), len(left))
 
 

@@ -8,7 +8,7 @@ import pytest
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
 from mathnavi.controllers.ocp.problems.missile import missile
-from mathnavi.sim.studies.nodes.monitors import BOOKS, FAILED, MONITORS, NAMES, NO_MISS, _claim, _figure, _measured
+from mathnavi.sim.studies.nodes.monitors import BOOKS, FAILED, MONITORS, NAMES, NO_MISS, _claim, _figure, monitor_rows
 
 
 def test_every_problem_is_known() -> None:
@@ -26,7 +26,7 @@ def test_every_monitor_function_is_finite_and_positive(monitor: object) -> None:
 
 
 def test_the_uniform_monitor_function_changes_nothing() -> None:
-    rows = {(row["monitor"], row["redistributions"]): row for row in _measured("missile, FAST", 12, 61)}
+    rows = {(row["monitor"], row["redistributions"]): row for row in monitor_rows("missile, FAST", 12, 61)}
     for rounds in (1, 3):
         assert rows["uniform", rounds]["control_error_ratio"] == pytest.approx(1.0, rel=1e-3)
         assert rows["local error", rounds]["control_error_ratio"] < 0.5
@@ -49,7 +49,7 @@ def test_a_figure_says_why_a_ratio_is_not_there() -> None:
 
 
 def test_a_miss_that_is_rounding_has_no_ratio() -> None:
-    rows = _measured("Bryson-Denham", 10, 61)
+    rows = monitor_rows("Bryson-Denham", 10, 61)
     assert all(np.isnan(row["replay_miss_ratio"]) for row in rows)
     assert all(np.isfinite(row["control_error_ratio"]) for row in rows)
 

@@ -11,7 +11,7 @@ import pytest
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.studies.introduction.observer_properties.measures import Decay, OnTruth, decay, ranging_drift
-from mathnavi.sim.studies.introduction.observer_properties.verdicts import STAYS, Evidence, verdicts
+from mathnavi.sim.studies.introduction.observer_properties.verdicts import STAYS, PropertyRuns, verdicts
 
 T = np.linspace(0.0, 10.0, 1001)
 SOUND = ObserverProperties(Domain.GLOBAL, Rate.EXPONENTIAL, InputDependence.UNIFORM, Domain.LOCAL, Domain.GLOBAL)
@@ -40,11 +40,11 @@ def record(**summary: Any) -> Record:
     return Record("key", "scenario", {}, 0, "code", "ok", True, {**figures, **summary})
 
 
-GOOD = Evidence([0.0], [record()] * 10, [record()] * 10, {"sine": [record()], "zero": [record()]})
+GOOD = PropertyRuns([0.0], [record()] * 10, [record()] * 10, {"sine": [record()], "zero": [record()]})
 LOST = record(found=False, decay=int(Decay.NONE))
 
 
-def broken(declared: ObserverProperties, evidence: Evidence, depends: bool = False) -> set[str]:
+def broken(declared: ObserverProperties, evidence: PropertyRuns, depends: bool = False) -> set[str]:
     return {one.name for one in verdicts(declared, evidence, depends) if not one.kept}
 
 
@@ -63,7 +63,7 @@ def test_what_is_seen_of_a_sound_observer_refutes_nothing() -> None:
         (replace(GOOD, near=[*GOOD.near, record(largest=3.0)]), {"observer's domain of operation"}),
     ],
 )
-def test_each_promise_is_refuted_by_its_own_runs(evidence: Evidence, refuted: set[str]) -> None:
+def test_each_promise_is_refuted_by_its_own_runs(evidence: PropertyRuns, refuted: set[str]) -> None:
     assert broken(SOUND, evidence) == refuted
 
 

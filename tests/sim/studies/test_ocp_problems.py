@@ -15,12 +15,12 @@ from mathnavi.sim.studies.nodes.ocp_problems import (
     ADAPTIVE,
     METHODS,
     OcpProblemsConfig,
-    _attempts,
     _claim,
     _figure,
     _first_reached,
     _ratio,
     _row,
+    attempts,
 )
 
 ENERGY = "double integrator, energy"
@@ -114,6 +114,6 @@ def test_the_points_inside_an_interval_count_as_nodes() -> None:
 
 
 def test_what_is_not_exhaustive_stops_at_the_first_that_reached_it() -> None:
-    assert len(_attempts(ENERGY, 10, exhaustive=False)) == 1
-    assert [row["method"] for row in _attempts(ENERGY, 10, exhaustive=True)] == list(METHODS)
+    assert len(attempts(ENERGY, 10, exhaustive=False)) == 1
+    assert [row["method"] for row in attempts(ENERGY, 10, exhaustive=True)] == list(METHODS)
     assert list(METHODS)[: len(ADAPTIVE)] == list(ADAPTIVE)

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
 from mathnavi.sim.studies.ranging.range_observer import runs
-from mathnavi.sim.studies.ranging.range_observer.claims import Evidence, falls
+from mathnavi.sim.studies.ranging.range_observer.claims import LockResults, falls
 from mathnavi.sim.studies.ranging.range_observer.identities import complex_step, identities
-from mathnavi.sim.studies.ranging.range_observer.runs import START, Gains, ThesisRun
+from mathnavi.sim.studies.ranging.range_observer.observer_run import RunErrors, follow
+from mathnavi.sim.studies.ranging.range_observer.runs import START, ObserverGains, ThesisRun
 from mathnavi.sim.studies.ranging.range_observer.study import PRINTED_START, SETS
-from mathnavi.sim.studies.ranging.range_observer.watched import Verdict, watched
 
-OURS, PRINT = Gains("s", 5.0, 1.0), Gains("none", 5.0, 1.0)
+OURS, PRINT = ObserverGains("s", 5.0, 1.0), ObserverGains("none", 5.0, 1.0)
 STEP = 1e-4  # [s]
 
 
@@ -70,7 +70,7 @@ def test_an_estimate_on_the_image_of_the_truth_is_not_off() -> None:
     run = runs.from_thesis_start(asked).run
     image = STANDARD.images(START)[1]
     turned = dataclasses.replace(run, mission=runs.mission_with("2t", run.mission.ranging, image))
-    seen = watched(turned, OURS.config())
+    seen = follow(turned, OURS.config())
     assert np.linalg.norm(seen.x[:, :2] - seen.truth[:, :2], axis=1).min() > 1.0
     assert max(seen.position.max(), seen.in_z.max()) <= 1e-3
 
@@ -90,7 +90,7 @@ def test_the_mean_of_a_true_and_a_faulty_ray_errs_less_than_the_faulty_one() -> 
 
 
 def test_an_error_falls_only_where_lock_is_kept_at_both_gains() -> None:
-    near, nearer, lost = (Verdict(p, h, 0.0, 0.0, 0.0, 0.0) for p, h in ((0.2, 0.1), (0.02, 0.01), (0.9, 0.1)))
+    near, nearer, lost = (RunErrors(p, h, 0.0, 0.0, 0.0, 0.0) for p, h in ((0.2, 0.1), (0.02, 0.01), (0.9, 0.1)))
     drawn = {("2s", "standard", 1.0): [near, lost, near], ("2s", "standard", 10.0): [nearer, nearer, lost]}
-    e = Evidence([], np.zeros(3), {}, {}, {}, drawn, {}, [])
+    e = LockResults([], np.zeros(3), {}, {}, {}, drawn, {}, [])
     assert falls(e) == {("2s", "standard"): [pytest.approx(10.0)]}

@@ -19,8 +19,11 @@ from mathnavi.sim.records.store import Store
 from mathnavi.sim.sweep import cluster
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import check
-from mathnavi.sim.sweep.execution import run_trials
+from mathnavi.sim.sweep.execution import run_jobs, run_trials
+from mathnavi.sim.sweep.job import job
+from tests.sim.sweep.computations import mishap
 from tests.sim.sweep.test_execution import TIMEOUT, coins
+from tests.sim.sweep.test_jobs import walks
 
 distributed = pytest.importorskip("distributed")
 dask_config = pytest.importorskip("dask.config")
@@ -46,6 +49,16 @@ def test_the_records_are_those_of_this_machine(dask: Any, tmp_path: Path) -> Non
         local = run_trials(trials, here, workers=2, timeout=TIMEOUT)
         remote = run_trials(trials, there, cluster=dask.scheduler_address, timeout=TIMEOUT)
     assert [replace(record, timings={}) for record in remote] == [replace(record, timings={}) for record in local]
+
+
+def test_the_results_of_jobs_are_those_of_this_machine(dask: Any, tmp_path: Path) -> None:
+    jobs = [*walks(4), *(job(mishap, kind) for kind in ("raise", "die", "hang"))]
+    with Store.open(tmp_path / "here.db") as here, Store.open(tmp_path / "there.db") as there:
+        local = run_jobs(jobs, here, workers=2, timeout=TIMEOUT)
+        run_jobs(jobs[:2], there)  # a store is gone on with wherever it was begun
+        remote = run_jobs(jobs, there, cluster=dask.scheduler_address, timeout=TIMEOUT)
+    assert [replace(record, timings={}) for record in remote] == [replace(record, timings={}) for record in local]
+    assert [record.status for record in remote] == [*["ok"] * 4, "raised", "crashed", "timed-out"]
 
 
 def test_what_ends_before_an_interrupt_is_stored_and_the_rest_is_called_off(dask: Any, tmp_path: Path) -> None:

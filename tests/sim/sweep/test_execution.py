@@ -140,7 +140,7 @@ def test_records_name_files_as_they_were_asked_for(
     monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "any")
     one, other = (coins(1, marks=str(file))[0] for file in files)
     assert one.key == other.key
-    store.add(one.record(one.key, "ok", True))
+    store.add(one.record(one.key, "ok", success=True))
     for asked in (one, other):
         (record,) = run_trials([asked], store)
         assert record.fields["marks"] == asked.config.marks

@@ -26,6 +26,7 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.sim.scenarios.flight_parts import drawn_point
+from mathnavi.sim.studies.framework.study import TerrainReference
 
 DEVIATIONS = (0.03, 0.1, 0.3)  # the print's is the last
 NODES = 7  # N
@@ -37,17 +38,17 @@ _HEIGHTS = (50.0, 450.0)  # [m] above h_min
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What is asked of a vehicle: all that a worker needs."""
+class ArrivalChange:
+    """A change of the time of arrival that one vehicle is asked for, on its way."""
 
-    terrain: HeightField
+    place: TerrainReference
     share: float
     seed: int
 
 
 @dataclass(frozen=True)
-class Step:
-    """What came of it."""
+class ArrivalStep:
+    """Result of one planning step after a change of the time of arrival."""
 
     share: float
     later: bool  # whether a later time was asked for
@@ -55,10 +56,13 @@ class Step:
     outlier: bool  # by (A.14)
 
 
-def one_step(asked: Asked) -> Step | None:
-    """One vehicle that is asked once; None where it has no mission, or has come too near to its target before."""
-    rng = np.random.default_rng(asked.seed)
-    mission = _drawn(asked.terrain, rng)
+def one_step(change: ArrivalChange) -> ArrivalStep | None:
+    """Fly one vehicle until it is asked once, and plan one step.
+
+    None where it has no mission, or has come too near to its target before.
+    """
+    rng = np.random.default_rng(change.seed)
+    mission = _drawn(change.place.ground, rng)
     flight = FlightConfig(nodes=NODES)
     planner, _ = SafeFlight.build(flight, mission)
     assert isinstance(planner, RecedingHorizon)
@@ -66,7 +70,7 @@ def one_step(asked: Asked) -> Step | None:
     current: Plan | None = None
     t, x = 0.0, np.array([*mission.start, 0.0, 0.0, 0.0])
     count = int(rng.integers(*_STEPS))
-    deviation = float(rng.uniform(-asked.share, asked.share))
+    deviation = float(rng.uniform(-change.share, change.share))
     for _ in range(count):
         start = t if current is None else t + planner.period
         plan = planner.plan(PlanRequest(t, start, Estimate(t, x), current))
@@ -75,12 +79,12 @@ def one_step(asked: Asked) -> Step | None:
             return None
         t += planner.period
         x = state_at(current, t)
-    return _complied(planner, certificate, x, asked.share, deviation)
+    return _complied(planner, certificate, x, change.share, deviation)
 
 
 def _complied(
     planner: RecedingHorizon, certificate: Certificate, x: Array, share: float, deviation: float
-) -> Step | None:
+) -> ArrivalStep | None:
     parameters, landscape = planner.parameters, planner.landscape
     free = CondensedSqp().solve(Problem(parameters, landscape, x), np.zeros(3 * parameters.arcs + 1))
     if isinstance(free, str):
@@ -102,7 +106,7 @@ def _complied(
     problem = replace(Problem(parameters, landscape, following), wanted=LengthToGo(wanted))
     found = CondensedSqp(iteration_limit=50).solve(problem, free.unknowns)
     done = not isinstance(found, str) and abs(eta(found.accelerations, following) + h - agreed) <= TOLERANCE
-    return Step(share, deviation > 0.0, done, is_outlier(agreed, own, h))
+    return ArrivalStep(share, deviation > 0.0, done, is_outlier(agreed, own, h))
 
 
 def _drawn(terrain: HeightField, rng: np.random.Generator) -> FlightMission:

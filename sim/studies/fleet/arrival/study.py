@@ -24,8 +24,7 @@ from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.studies.fleet.arrival.steps import DEVIATIONS, Asked, Step, one_step
-from mathnavi.sim.studies.framework.parallel import computed
+from mathnavi.sim.studies.fleet.arrival.steps import DEVIATIONS, ArrivalChange, ArrivalStep, one_step
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts, median
 from mathnavi.sim.sweep.trial import Trial, trial
 
@@ -42,7 +41,7 @@ COLOURS = {NOMINAL: "#0d5fa8", FAULTED: "#d9731a", PRINTED: "#c2183b", CONSTRAIN
 
 @dataclass(frozen=True)
 class ArrivalConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 8
     """fleets of each size, and with failures"""
@@ -76,9 +75,9 @@ class Arrival:
             (kind, size): [records[kind, size, seed] for seed in range(config.seeds)]
             for kind, size in dict.fromkeys((kind, size) for kind, size, _ in trials)
         }
-        asked = [Asked(setup.ground, share, seed) for share in DEVIATIONS for seed in range(config.steps)]
-        steps = [step for step in computed(setup, one_step, asked) if step is not None]
-        shown = setup.flown(fleet(setup, min(SHOWN, max(sizes)), 0, NOMINAL))
+        changes = [ArrivalChange(setup.place, share, seed) for share in DEVIATIONS for seed in range(config.steps)]
+        steps = [step for step in setup.compute(one_step, changes) if step is not None]
+        shown = setup.flown({NOMINAL: fleet(setup, min(SHOWN, max(sizes)), 0, NOMINAL)})[NOMINAL]
         rows = [_row(kind, size, some) for (kind, size), some in of.items()]
         return StudyResult(
             summary=(
@@ -100,7 +99,7 @@ class Arrival:
 
 
 def fleet(setup: Setup, size: int, seed: int, kind: str) -> Trial:
-    """One fleet's mission."""
+    """Trial of one fleet's mission."""
     fields: dict[str, Any] = {"terrain": setup.terrain, "vehicles": size}
     if kind == FAULTED:
         fields["faults.solver_failure_rate"] = FAILING
@@ -153,7 +152,7 @@ def _seconds(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
 
 
-def _steps_table(steps: Sequence[Step]) -> Table:
+def _steps_table(steps: Sequence[ArrivalStep]) -> Table:
     head = ("at most", "later", "in one step", "sooner", "in one step", "both by (A.14) no outlier")
     body = []
     for share in DEVIATIONS:
@@ -172,7 +171,7 @@ def _steps_table(steps: Sequence[Step]) -> Table:
     return Table("One vehicle, asked for another time by (A.13)", head, body)
 
 
-def _claims(of: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[Step]) -> list[Claim]:
+def _claims(of: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[ArrivalStep]) -> list[Claim]:
     by_kind = {kind: np.concatenate([spreads(some) for (k, _), some in of.items() if k == kind]) for kind in COLOURS}
     worst = {kind: float(np.nanmax(some)) if np.isfinite(some).any() else np.inf for kind, some in by_kind.items()}
     whole = all(np.isfinite(by_kind[kind]).all() for kind in (NOMINAL, FAULTED))
@@ -222,12 +221,12 @@ def _without_plan(of: Mapping[tuple[str, int], Sequence[Record]], kind: str) -> 
     return float((figures(some, "solver_failures") / figures(some, "replans")).mean())
 
 
-def _done(steps: Sequence[Step], share: float) -> float:
+def _done(steps: Sequence[ArrivalStep], share: float) -> float:
     some = [step.done for step in steps if step.share == share]
     return float(np.mean(some)) if some else 0.0
 
 
-def _share(steps: Sequence[Step], *, later: bool) -> str:
+def _share(steps: Sequence[ArrivalStep], *, later: bool) -> str:
     some = [step.done for step in steps if step.share == DEVIATIONS[-1] and step.later is later]
     return f"{np.mean(some):.0%} of {len(some)}" if some else "none tried"
 
@@ -235,7 +234,7 @@ def _share(steps: Sequence[Step], *, later: bool) -> str:
 # ---- what is drawn
 
 
-def _figure(shown: RunResult, of: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[Step]) -> Figure:
+def _figure(shown: RunResult, of: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[ArrivalStep]) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 4.4), layout="constrained")
         left, middle, right = page.subplots(1, 3, width_ratios=(1.3, 1.1, 0.9))
@@ -277,7 +276,7 @@ def _draw_spreads(axes: Axes, of: Mapping[tuple[str, int], Sequence[Record]]) ->
     axes.legend(loc="upper right", fontsize=8.0)
 
 
-def _draw_steps(axes: Axes, steps: Sequence[Step]) -> None:
+def _draw_steps(axes: Axes, steps: Sequence[ArrivalStep]) -> None:
     for later, colour, label, off in ((True, "#0d5fa8", "later", -0.1), (False, "#c2183b", "sooner", 0.1)):
         for k, share in enumerate(DEVIATIONS):
             some = [step.done for step in steps if step.share == share and step.later is later]

@@ -31,7 +31,7 @@ def claims(
     everybody: OutlierFound,
     outliers: Mapping[int, OutlierFound],
 ) -> list[Claim]:
-    """All three."""
+    """Evaluate all three claims."""
     off = {kind: max((_relative(f) for c, f in rates.items() if c.kind == kind), key=abs) for kind in KINDS}
     near = max(map(abs, off.values())) <= WITHIN
     then = {case.fraction: found.rate for case, found in late.items() if case.own == "then"}

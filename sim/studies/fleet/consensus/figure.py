@@ -41,7 +41,7 @@ def figure(
     over: Mapping[LinkCase, LinkFound],
     outlier: OutlierFound,
 ) -> Figure:
-    """All of it."""
+    """Draw the figure of the study."""
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(12.0, 8.6), layout="constrained")
         axes = page.subplots(2, 2)
@@ -137,7 +137,7 @@ def _draw_outlier(axes: Axes, found: OutlierFound) -> None:
 
 
 def _shown(values: Array, follows: bool) -> Array:
-    """What an outlier tells; in its first round it has nothing to tell."""
+    """Values that an outlier sends; NaN in its first round, in which it has nothing to send."""
     shown = values.copy()
     if follows:
         shown[0] = np.nan

@@ -35,7 +35,7 @@ class ClockCase:
 
 @dataclass(frozen=True)
 class ClockFound:
-    """What came of it."""
+    """Differences between clocks before and after agreement."""
 
     first: float  # [s] by which the clocks differ at most
     last: float  # [s] by which the corrected ones do
@@ -57,7 +57,7 @@ class _EachWay:
 
 
 def clocks_agree(case: ClockCase) -> ClockFound:
-    """On a line, with clocks that are up to 5 s off and drift."""
+    """Run clock consensus on a line, with clocks that are up to 5 s off and drift."""
     graph, period, seconds = graph_of("line", case.n), 0.01, 15.0
     rng = np.random.default_rng(3)
     offsets, drifts = rng.uniform(-5.0, 5.0, case.n), rng.uniform(-case.drift, case.drift, case.n)
@@ -79,7 +79,7 @@ def clocks_agree(case: ClockCase) -> ClockFound:
 
 @dataclass(frozen=True)
 class OutlierCase:
-    """How finely the rounds divide a planning period, and whether the rule (A.14) is followed."""
+    """Number of rounds in a planning period, and whether the rule (A.14) is followed."""
 
     rounds: int  # in a planning period
     delta: float | None = 0.3  # None: everybody takes part
@@ -88,7 +88,7 @@ class OutlierCase:
 
 @dataclass(frozen=True, eq=False)
 class OutlierFound:
-    """What came of it."""
+    """Values that the vehicles hold, with an outlier among them."""
 
     t: Array  # (k,) [s]
     values: Array  # (k, n) [s] eta, and what an outlier tells

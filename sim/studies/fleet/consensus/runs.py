@@ -38,7 +38,7 @@ _STAY = 12  # rounds on one graph
 
 @dataclass(frozen=True)
 class RateCase:
-    """One graph: all that a worker needs."""
+    """A graph, and the step of the protocol on it."""
 
     kind: Kind
     n: int
@@ -48,7 +48,7 @@ class RateCase:
 
 @dataclass(frozen=True, eq=False)
 class RateFound:
-    """What came of it."""
+    """Measured rate of consensus on one graph."""
 
     connectivity: float  # lambda_2
     rate: float  # measured over the scaling
@@ -108,7 +108,7 @@ class DelayCase:
 
 @dataclass(frozen=True, eq=False)
 class DelayFound:
-    """What came of it."""
+    """Disagreement over time with a delay on every link."""
 
     t: Array  # (k,) over the bound
     size: Array  # (k,) disagreement, over the first
@@ -118,7 +118,7 @@ class DelayFound:
 
 
 def delayed(case: DelayCase) -> DelayFound:
-    """On a random graph, with the same delay on every link."""
+    """Run consensus on a random graph, with the same delay on every link."""
     graph = graph_of("random", case.n)
     s = 0.05 / (graph.eigenvalues[-1] * H)
     bound = math.pi / (2.0 * s * graph.eigenvalues[-1])  # [s]
@@ -159,7 +159,7 @@ class LinkCase:
 
 @dataclass(frozen=True, eq=False)
 class LinkFound:
-    """What came of it."""
+    """Disagreement over time on links that change or lose messages."""
 
     t: Array  # (k,) [s] times s
     size: Array  # (k,) disagreement, over the first
@@ -201,5 +201,5 @@ def over_links(case: LinkCase) -> LinkFound:
 
 
 def _alternating(graphs: Sequence[Graph], stay: int) -> Switching:
-    """Each for so many rounds, over and over; it changes between two rounds."""
+    """Switch between graphs, each for ``stay`` rounds, over and over; it changes between two rounds."""
     return Switching(tuple((H * (stay * k - 0.5), graph) for k, graph in enumerate(islice(cycle(graphs), 1000))))

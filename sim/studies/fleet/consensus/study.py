@@ -52,7 +52,7 @@ _CLOCKS = (
 
 @dataclass(frozen=True)
 class ConsensusConfig:
-    """How much is computed."""
+    """Sample sizes: cases that are computed."""
 
     sizes: int = 3
     """numbers of vehicles: 4, 8, 16"""

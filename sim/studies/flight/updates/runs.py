@@ -11,7 +11,7 @@ import numpy as np
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.hill import Hill, with_hills
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.studies.framework.study import VEHICLE
+from mathnavi.sim.studies.framework.study import VEHICLE, TerrainReference
 from mathnavi.sim.sweep.trial import Trial, trial
 
 WEIGHT = 10.0  # of the radars
@@ -23,15 +23,15 @@ _INSIDE = 0.06  # of the map's side that the target stays from the border
 
 
 def hill_name(notice: float) -> str:
+    """Name of a mission with a hill that becomes known ``notice`` [s] ahead."""
     return f"hill told {notice:g} s ahead"
 
 
 @dataclass(frozen=True)
-class Asked:
-    """A mission of which variations are wanted: all that a worker needs."""
+class MissionToVary:
+    """A mission of which variations are wanted."""
 
-    terrain: str
-    ground: HeightField
+    place: TerrainReference
     seed: int
     notices: tuple[float, ...]
 
@@ -61,20 +61,21 @@ class Flown:
         return left
 
 
-def varied_mission(asked: Asked) -> dict[str, Trial]:
+def varied_mission(mission: MissionToVary) -> dict[str, Trial]:
     """A mission as it was, and with each change, by the path that it had."""
-    outcome = trial("safe-flight", asked.seed, fields={"terrain": asked.terrain}).flown()
-    mission = outcome.config["mission"]
-    flown = Flown(outcome.recording.t, outcome.recording.truths[VEHICLE], np.array(mission["target"]))
-    place = {"terrain": asked.terrain, "start": mission["start"], "target": mission["target"]}
+    terrain, ground = mission.place.terrain, mission.place.ground
+    outcome = trial("safe-flight", mission.seed, fields={"terrain": terrain}).flown()
+    drawn = outcome.config["mission"]
+    flown = Flown(outcome.recording.t, outcome.recording.truths[VEHICLE], np.array(drawn["target"]))
+    place = {"terrain": terrain, "start": drawn["start"], "target": drawn["target"]}
     varied = {
         "as it was": {},
-        **_radars(flown, asked.ground),
-        "target moves": {"target_path": _path(flown, asked.ground)},
-        **_hills(flown, asked.ground, asked.notices),
+        **_radars(flown, ground),
+        "target moves": {"target_path": _path(flown, ground)},
+        **_hills(flown, ground, mission.notices),
     }
     return {
-        name: trial("safe-flight", asked.seed, fields={**place, **fields}, measure=MEASURE)
+        name: trial("safe-flight", mission.seed, fields={**place, **fields}, measure=MEASURE)
         for name, fields in varied.items()
     }
 
@@ -85,7 +86,7 @@ def side_of(ground: HeightField) -> float:
 
 
 def _radars(flown: Flown, ground: HeightField) -> dict[str, dict[str, Any]]:
-    """One that appears in the way, one that drives into it, and one that vanishes before it is reached."""
+    """Fields of a radar that appears in the way, of one that drives into it, and of one that vanishes before."""
     way, told = flown.at(_WAY)[:2], _TOLD * flown.duration
     radius, aside = RADIUS * side_of(ground), ASIDE * side_of(ground) * flown.across
     if not ground.contains(*(way + aside)):

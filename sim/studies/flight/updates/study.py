@@ -25,14 +25,22 @@ from mathnavi.models.terrain.visibility import Radar
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.studies.flight.updates.runs import RADIUS, WEIGHT, Asked, hill_name, side_of, varied_mission
+from mathnavi.sim.studies.flight.updates.runs import RADIUS, WEIGHT, MissionToVary, hill_name, side_of, varied_mission
 from mathnavi.sim.studies.framework.drawing import RADAR, paths_on_map
-from mathnavi.sim.studies.framework.parallel import computed
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts, ends, median, track
+from mathnavi.sim.studies.framework.study import (
+    Setup,
+    StudyResult,
+    TerrainReference,
+    check_counts,
+    ends,
+    median,
+    track,
+)
 
 Booleans = NDArray[np.bool_]
 
@@ -45,7 +53,7 @@ COLOURS = {"as it was": "#101824", "radar appears": "#c2183b", "target moves": "
 
 @dataclass(frozen=True)
 class UpdatesConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 20
     """missions, each with every change"""
@@ -67,15 +75,13 @@ class Updates:
     def run(config: UpdatesConfig, setup: Setup) -> StudyResult:
         notices = NOTICES[: config.notices]
         seeds = range(config.seeds)
-        varied = computed(
-            setup, varied_mission, [Asked(str(setup.terrain), setup.ground, seed, notices) for seed in seeds]
-        )
+        varied = setup.compute(varied_mission, [MissionToVary(setup.place, seed, notices) for seed in seeds])
         trials = {(name, seed): mission for seed in seeds for name, mission in varied[seed].items()}
         records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
         of = {name: [records[name, seed] for seed in seeds] for name in varied[0]}
         rows = [_row(name, some) for name, some in of.items()]
-        build = _build_ms(setup)
-        shown = {name: setup.flown(trials[name, 0]) for name in COLOURS}
+        (build,) = setup.compute(build_ms, [setup.place])
+        shown = setup.flown({name: trials[name, 0] for name in COLOURS})
         (radar,) = trials["radar appears", 0].config.radar
         return StudyResult(
             summary=(
@@ -97,7 +103,7 @@ class Updates:
 
 
 def announced(outcome: RunResult) -> dict[str, Any]:
-    """What was said of the guarantee on the way."""
+    """Count the events that announce a loss of the guarantee (a measure)."""
     kinds = [event.kind for event in outcome.recording.events]
     return {
         name.replace("-", "_"): kinds.count(name)
@@ -105,9 +111,9 @@ def announced(outcome: RunResult) -> dict[str, Any]:
     }
 
 
-def _build_ms(setup: Setup) -> float:
+def build_ms(place: TerrainReference) -> MeasuredTime:
     """CPU time [ms] of a new terminal cost, with a threat, of the planner's default grid: the least of some."""
-    ground = setup.ground
+    ground = place.ground
     middle = 0.5 * np.array([ground.width, ground.depth])
     flight = FlightConfig()
     spent = []
@@ -117,7 +123,7 @@ def _build_ms(setup: Setup) -> float:
         began = time.thread_time()
         factored_cost(ground, target, (radar,), flight.grid_nodes, flight.grid_layers)
         spent.append(time.thread_time() - began)
-    return 1e3 * min(spent)
+    return MeasuredTime(1e3 * min(spent))
 
 
 # ---- what came of it
@@ -149,7 +155,7 @@ def _safe(records: Sequence[Record]) -> Booleans:
 
 
 def _unannounced(records: Sequence[Record]) -> Booleans:
-    """(n,) whether each came below h_min, or did not arrive, and nobody was told."""
+    """(n,) True where a mission came below h_min, or did not arrive, without an announcement."""
     failed = ~_safe(records) | (figures(records, "arrived") == 0)
     silent: Booleans = failed & (figures(records, "guarantee_lost") == 0) & (figures(records, "arrival_lost") == 0)
     return silent

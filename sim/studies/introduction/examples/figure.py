@@ -29,8 +29,8 @@ FLOOR = 1e-9  # of an error that is drawn
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
-    """What is drawn."""
+class IntroductionRuns:
+    """Data of the figure."""
 
     gains: Array  # (n,) of alpha, and of beta
     exponents: Array  # (n, n) [1/s] measured, by alpha and beta
@@ -39,7 +39,7 @@ class Shown:
     forms: Mapping[str, Sequence[RunResult]]
 
 
-def introduction_figure(shown: Shown) -> Figure:
+def introduction_figure(shown: IntroductionRuns) -> Figure:
     """Five panels."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11.4, 9.6), layout="constrained")
@@ -99,7 +99,7 @@ def _escape(axes: Axes, outcome: RunResult) -> None:
     axes.set_title("(b) Example 2.2, u = sin t: truth (dashed) and estimate")
 
 
-def _map(figure: Figure, axes: Axes, shown: Shown) -> None:
+def _map(figure: Figure, axes: Axes, shown: IntroductionRuns) -> None:
     gains, exponents = shown.gains, shown.exponents
     norm = TwoSlopeNorm(0.0, min(float(exponents.min()), -0.1), max(float(exponents.max()), 0.1))
     image = axes.pcolormesh(gains, gains, exponents.T, cmap="RdBu_r", norm=norm, shading="nearest")

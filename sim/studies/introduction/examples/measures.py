@@ -22,7 +22,7 @@ _UNEXCITED = 1e-9  # of the largest mode at the start
 
 
 def example_2_2(outcome: RunResult) -> dict[str, Any]:
-    """Of the error e = x^ - x of Example 2.2 and its linear equation; the exponent is that of (e_1, e_2)."""
+    """Measure the error e = x^ - x of Example 2.2 against its linear equation; the exponent is that of (e_1, e_2)."""
     fields = outcome.config["estimator"]["fields"]
     t, x_hat, x = estimates(outcome)
     matrix = error_dynamics(fields["alpha"], fields["beta"])
@@ -31,7 +31,7 @@ def example_2_2(outcome: RunResult) -> dict[str, Any]:
 
 
 def in_coordinates(outcome: RunResult) -> dict[str, Any]:
-    """Of the error T(x^) - T(x) and d/dt (z - x~) = A (z - x~), with the T and the A of the observer."""
+    """Measure T(x^) - T(x) against d/dt (z - x~) = A (z - x~), with the T and the A of the observer."""
     fields = outcome.config["estimator"]["fields"]
     system = SYSTEMS[outcome.config["fields"]["system"]]
     immersion = Immersion.of(system, tuple(fields["poles"]), fields.get("order", 1))
@@ -66,7 +66,7 @@ def predicted(t: Array, start: Array, matrix: Array) -> Array:
 
 
 def _deviation(t: Array, e: Array, matrix: Array) -> float:
-    """How far e (k, n) is from exp(t A) e(0), of the largest that this is."""
+    """Largest distance of e (k, n) from exp(t A) e(0), over the largest of the latter."""
     expected = predicted(t, e[0], matrix)
     return float(np.abs(e - expected).max() / np.abs(expected).max())
 

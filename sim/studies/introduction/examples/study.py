@@ -23,7 +23,7 @@ from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
 from mathnavi.sim.studies.introduction.examples import measures
-from mathnavi.sim.studies.introduction.examples.figure import Shown, introduction_figure
+from mathnavi.sim.studies.introduction.examples.figure import IntroductionRuns, introduction_figure
 from mathnavi.sim.sweep.trial import Trial, trial
 
 SCENARIO = "textbook-observer"
@@ -40,7 +40,7 @@ EXACT, OF_SERIES = 1e-5, 5e-3  # of the largest error, from which an error may d
 
 @dataclass(frozen=True)
 class IntroductionExamplesConfig:
-    """How much is run."""
+    """Sample sizes: runs."""
 
     grid: int = 15
     """values of alpha, and of beta"""
@@ -78,16 +78,17 @@ class IntroductionExamples:
                 ]
         flown = iter(setup.fly([each for trials in asked.values() for each in trials]))
         records = {name: [next(flown) for _ in trials] for name, trials in asked.items()}
-        apart = _separation(config.pairs)
-        shown = Shown(
+        (apart,) = setup.compute(output_separation, [config.pairs])
+        examples = {("escape", 0): asked["escape"][0], ("oscillation", 0): asked["2.3"][0]}
+        for form in ("printed", "corrected"):
+            examples |= {(form, k): one for k, one in enumerate(asked[f"kazantzis-kravaris, {form}"][:3])}
+        runs = setup.flown(examples)
+        shown = IntroductionRuns(
             gains=gains,
             exponents=figures(records["map"], "exponent_per_s").reshape(config.grid, config.grid),
-            escape=setup.flown(asked["escape"][0]),
-            oscillation=setup.flown(asked["2.3"][0]),
-            forms={
-                form: [setup.flown(one) for one in asked[f"kazantzis-kravaris, {form}"][:3]]
-                for form in ("printed", "corrected")
-            },
+            escape=runs["escape", 0],
+            oscillation=runs["oscillation", 0],
+            forms={form: [run for (name, _), run in runs.items() if name == form] for form in ("printed", "corrected")},
         )
         return StudyResult(
             summary=(
@@ -114,14 +115,14 @@ def _signal(constant: float, sine: float) -> dict[str, Any]:
 
 
 def _drawn(system: str, estimator: str, fields: Mapping[str, Any], seed: int) -> Trial:
-    """From a start error drawn with a seed, uniformly on each state; the same for every observer of a system."""
+    """Trial from a start error drawn with a seed, uniformly on each state; the same for every observer of a system."""
     off = DRAWN[system] * np.random.default_rng(seed).uniform(-1.0, 1.0, 2)
     own = {"system": system, "start_error": tuple(off.tolist()), "duration": 5.0, "estimator.poles": POLES}
     return trial(SCENARIO, seed, estimator=estimator, fields={**own, **fields}, measure=measures.IN_COORDINATES)
 
 
-def _separation(pairs: int) -> dict[str, float]:
-    """Over pairs of initial points of Example 2.1 with one x_1: largest |dy| under u = 0, least under u = 1."""
+def output_separation(pairs: int) -> dict[str, float]:
+    """Largest |dy| under u = 0 and least under u = 1 over pairs of initial points of Example 2.1 with one x_1."""
     rng = np.random.default_rng(0)
     still: list[float] = []
     driven: list[float] = []

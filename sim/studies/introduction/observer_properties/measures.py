@@ -36,7 +36,7 @@ _EXACT = 1e-9
 
 
 class Decay(IntEnum):
-    """How an error falls, by what is the stronger claim; the names are those of ``Rate``."""
+    """Ways in which an error falls, ordered by the strength of the claim; the names are those of ``Rate``."""
 
     NONE = 0
     ASYMPTOTIC = 1
@@ -45,7 +45,7 @@ class Decay(IntEnum):
 
 
 def property_figures(outcome: RunResult) -> dict[str, Any]:
-    """Of the length of the error, from the first estimate that is not initialising on, in the units of the state.
+    """Measure the length of the error, from the first estimate that is not initialising on, in the units of the state.
 
     ``start`` is that of the start that the estimator was told of, or that of its first estimate if it was told of none;
     ``late`` that of the last tenth of the run, ``largest`` the largest, ``drift`` the largest of the first second.
@@ -70,7 +70,7 @@ def property_figures(outcome: RunResult) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class OnTruth:
-    """A ranging estimator that is told its start as it is, and that it may be off by ``UNSURE``."""
+    """A ranging estimator that is given its true start, with standard deviations ``UNSURE``."""
 
     estimator: str
     fields: Mapping[str, Any]
@@ -113,7 +113,7 @@ def lengths(outcome: RunResult, x: Array, truth: Array) -> Array:
 
 
 def decay(error: Array, start: float) -> Decay:
-    """How errors (k,) at equal intervals fall that were ``start`` at first.
+    """Classify how errors (k,) at equal intervals fall that were ``start`` at first.
 
     Exact from the second estimate on is finite time. An exponential falls to a hundredth, and in the second half of the
     time until it meets its floor not much slower than in the first; what falls by less, or ever more slowly, and is
@@ -136,7 +136,7 @@ def decay(error: Array, start: float) -> Decay:
 
 
 def _told(outcome: RunResult) -> float | None:
-    """The length of the error of the start that the estimator was told; None if it was told none."""
+    """Length of the error of the start that the estimator was given; None if it was given none."""
     if outcome.config["scenario"] == "textbook-observer":
         config = instance(TextbookConfig, outcome.config["fields"], "fields")
         believed, true = config.mission.start_state, config.start_state

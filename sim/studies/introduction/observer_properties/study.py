@@ -14,7 +14,6 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Rate as Share
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.studies.framework.parallel import computed
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
 from mathnavi.sim.studies.introduction.observer_properties.measures import ranging_drift
 from mathnavi.sim.studies.introduction.observer_properties.subjects import (
@@ -26,7 +25,13 @@ from mathnavi.sim.studies.introduction.observer_properties.subjects import (
     SUBJECTS,
     Subject,
 )
-from mathnavi.sim.studies.introduction.observer_properties.verdicts import STAYS, Evidence, Verdict, found, verdicts
+from mathnavi.sim.studies.introduction.observer_properties.verdicts import (
+    STAYS,
+    PropertyRuns,
+    PropertyVerdict,
+    found,
+    verdicts,
+)
 
 NEARBY, ANYWHERE = "#0d5fa8", "#d9731a"
 KEPT, BROKEN = "#2b7a4b", "#b3202f"
@@ -34,7 +39,7 @@ KEPT, BROKEN = "#2b7a4b", "#b3202f"
 
 @dataclass(frozen=True)
 class ObserverPropertiesConfig:
-    """How much is run."""
+    """Sample sizes: runs."""
 
     starts: int = 20
     """starts nearby, and anywhere, for each estimator; on the truth and under each input a quarter of it"""
@@ -86,7 +91,9 @@ class ObserverPropertiesStudy:
         )  # fmt: skip
 
 
-def _flown(subjects: tuple[Subject, ...], config: ObserverPropertiesConfig, setup: Setup) -> dict[Subject, Evidence]:
+def _flown(
+    subjects: tuple[Subject, ...], config: ObserverPropertiesConfig, setup: Setup
+) -> dict[Subject, PropertyRuns]:
     few, seconds = max(1, config.starts // 4), float(config.seconds)
     asked = {}
     for subject in subjects:
@@ -99,11 +106,11 @@ def _flown(subjects: tuple[Subject, ...], config: ObserverPropertiesConfig, setu
     records = iter(setup.fly([one for trials in asked.values() for one in trials]))
     done = {key: [next(records) for _ in trials] for key, trials in asked.items()}
     robots = [subject for subject in subjects if subject.arena.tells_certainty]
-    drifts = computed(setup, ranging_drift, [subject.on_truth(seed) for subject in robots for seed in range(few)])
+    drifts = setup.compute(ranging_drift, [subject.on_truth(seed) for subject in robots for seed in range(few)])
     drifted = {subject: drifts[k * few : (k + 1) * few] for k, subject in enumerate(robots)}
     drifted |= {key[0]: figures(runs, "drift").tolist() for key, runs in done.items() if key[1] == "true"}
     return {
-        subject: Evidence(
+        subject: PropertyRuns(
             drifted[subject],
             done[subject, "near"],
             done[subject, "far"],
@@ -113,7 +120,7 @@ def _flown(subjects: tuple[Subject, ...], config: ObserverPropertiesConfig, setu
     }
 
 
-def _table(judged: Mapping[Subject, list[Verdict]]) -> Table:
+def _table(judged: Mapping[Subject, list[PropertyVerdict]]) -> Table:
     rows = [
         (subject.name, one.name, one.declared, one.measured, "yes" if one.kept else "no")
         for subject, some in judged.items()
@@ -122,7 +129,7 @@ def _table(judged: Mapping[Subject, list[Verdict]]) -> Table:
     return Table("Table 2.1, declared beside measured", ("estimator", "property", "declared", "measured", "kept"), rows)
 
 
-def _claims(judged: Mapping[Subject, list[Verdict]], seen: Mapping[Subject, Evidence]) -> list[Claim]:
+def _claims(judged: Mapping[Subject, list[PropertyVerdict]], seen: Mapping[Subject, PropertyRuns]) -> list[Claim]:
     every = [(subject, one) for subject, some in judged.items() for one in some]
     broken = [f"{subject.name}: {one.name} {one.declared} ({one.measured})" for subject, one in every if not one.kept]
     printed = seen[PRINTED]
@@ -149,7 +156,7 @@ def _claims(judged: Mapping[Subject, list[Verdict]], seen: Mapping[Subject, Evid
 # ---- what is drawn
 
 
-def _figure(seen: Mapping[str, Evidence], judged: Mapping[Subject, list[Verdict]]) -> Figure:
+def _figure(seen: Mapping[str, PropertyRuns], judged: Mapping[Subject, list[PropertyVerdict]]) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(11.0, 1.9 + 0.36 * len(seen)), layout="constrained")
         shares, drifts = figure.subplots(1, 2, sharey=True, width_ratios=(1.6, 1.0))

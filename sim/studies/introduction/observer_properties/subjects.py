@@ -49,17 +49,17 @@ class Arena(Protocol):
 
     @property
     def tells_certainty(self) -> bool:
-        """Whether a start that is told exactly is also told to be certain, so that starts on the truth need more."""
+        """Tell whether a start that is given exactly also counts as certain, so that starts on the truth need more."""
         ...
 
     def fields(self, seed: int, seconds: float, share: float, signal: str) -> tuple[str, dict[str, Any]]:
-        """The scenario and its fields, of a start that is told with a share of the usual error; "": its own input."""
+        """Scenario and fields of a start that is known with a share of the usual error; "": its own input."""
         ...
 
 
 @dataclass(frozen=True)
 class Textbook:
-    """A system of the textbook, whose start is told with an error."""
+    """A system of the textbook, whose start is known with an error."""
 
     system: str
     tells_certainty = False
@@ -69,6 +69,7 @@ class Textbook:
         return tuple(SIGNALS) if SYSTEMS[self.system].inputs else ("none",)
 
     def fields(self, seed: int, seconds: float, share: float, signal: str) -> tuple[str, dict[str, Any]]:
+        """Scenario and fields of a start that is known with a share of the usual error; "": its own input."""
         rng, system = np.random.default_rng(seed), SYSTEMS[self.system]
         start = [float(rng.uniform(*span)) for span in SPAN[self.system]]
         size = np.abs(system.start_error)
@@ -89,6 +90,7 @@ class Wall:
     tells_certainty = True
 
     def fields(self, seed: int, seconds: float, share: float, signal: str) -> tuple[str, dict[str, Any]]:
+        """Scenario and fields of a start that is known with a share of the usual error; "": its own input."""
         told = {"start_known": True, "start_error": (0.05, 0.05, 3.0)} if share <= NEAR else {}
         fields = {**SILENT, **told, "duration": 2.0 * seconds, "planner.mode": signal or RANGE_INPUTS[0]}
         return "range-localisation", fields
@@ -96,7 +98,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Space:
-    """What moves on a curved space. All that is known of a start is the position: the error is the velocity."""
+    """A body on a curved space, of whose start only the position is known: the error is the velocity."""
 
     space: str = "body"
     tells_certainty = False
@@ -106,6 +108,7 @@ class Space:
         return tuple(TORQUES) if self.space == "body" else ("none",)
 
     def fields(self, seed: int, seconds: float, share: float, signal: str) -> tuple[str, dict[str, Any]]:
+        """Scenario and fields of a start that is known with a share of the usual error; "": its own input."""
         fields: dict[str, Any] = {
             "space": self.space, "speed": share * SPEED, "duration": BRIEF * seconds, "settled": 0.0,
             "reading.noise": 0.0, "speed_max": 2.0 * FAR * SPEED,
@@ -134,15 +137,15 @@ class Subject:
         return properties
 
     def near(self, seed: int, seconds: float) -> Trial:
-        """From a start that is told with a small error."""
+        """Trial from a start that is known with a small error."""
         return self._trial(seed, seconds, NEAR)
 
     def far(self, seed: int, seconds: float) -> Trial:
-        """From anywhere: a start that is told with a large error, or not at all."""
+        """Trial from anywhere: a start that is known with a large error, or not at all."""
         return self._trial(seed, seconds, FAR)
 
     def true(self, seed: int, seconds: float) -> Trial:
-        """From a start that is told as it is, where that is not also told to be certain."""
+        """Trial from a start that is known as it is, where that does not also count as certain."""
         return self._trial(seed, seconds, 0.0)
 
     def on_truth(self, seed: int) -> OnTruth:
@@ -150,7 +153,7 @@ class Subject:
         return OnTruth(self.estimator, dict(self.configuration), seed)
 
     def under(self, name: str, seed: int, seconds: float) -> Trial:
-        """As near, under another input."""
+        """Trial as near, under another input."""
         return self._trial(seed, seconds, NEAR, name)
 
     def _trial(self, seed: int, seconds: float, share: float, signal: str = "") -> Trial:

@@ -30,8 +30,8 @@ RATES = {
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """One entry of Table 2.1 of one estimator."""
+class PropertyVerdict:
+    """An entry of Table 2.1 for one estimator, declared and measured."""
 
     name: str  # of the property
     declared: str
@@ -40,7 +40,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class PropertyRuns:
     """The runs of one estimator, none with noise."""
 
     drifts: Sequence[float]  # the largest error within a second, of runs that start on the truth
@@ -74,7 +74,7 @@ def found(runs: Sequence[Record]) -> Share:
     return rate(sum(bool(record.summary["found"]) for record in runs), len(runs))
 
 
-def verdicts(declared: ObserverProperties, e: Evidence, depends: bool) -> list[Verdict]:
+def verdicts(declared: ObserverProperties, e: PropertyRuns, depends: bool) -> list[PropertyVerdict]:
     """Property 2.1 and the entries of Table 2.1, declared beside measured.
 
     ``depends`` tells whether the plug-in has been seen to fail under some input, of this system or of another.
@@ -83,38 +83,38 @@ def verdicts(declared: ObserverProperties, e: Evidence, depends: bool) -> list[V
     decays = Counter(RATES[Decay(int(record.summary["decay"]))].value for record in e.near)
     under = ", ".join(f"{name} {found(runs).events}/{found(runs).trials}" for name, runs in e.inputs.items())
     return [
-        Verdict(
+        PropertyVerdict(
             "stays on the truth", "yes" if declared.stays_on_truth else "no",
             f"{e.drift:.1e} off within 1 s, {len(e.drifts)} runs", declared.stays_on_truth is (e.drift <= STAYS),
         ),
-        Verdict(
+        PropertyVerdict(
             "domain of attraction", declared.domain_of_attraction.value,
             f"near {near.text()}; anywhere {far.text()}", _attracts(declared, e),
         ),
-        Verdict(
+        PropertyVerdict(
             "rate", declared.rate.value,
             f"{e.rate.value}: " + ", ".join(f"{name} {count}/{len(e.near)}" for name, count in decays.most_common()),
             _strength(e.rate) >= _strength(declared.rate) if declared.rate is not Rate.NONE
             else e.rate is Rate.NONE,
         ),
-        Verdict(
+        PropertyVerdict(
             "input dependence", declared.input_dependence.value, under,
             depends if declared.input_dependence is InputDependence.NON_UNIFORM else not e.failing,
         ),
-        Verdict(
+        PropertyVerdict(
             "observer's domain of operation", declared.observer_domain.value,
             f"error at most {e.peak:.2g} of its start",
             declared.observer_domain is Domain.GLOBAL or e.peak <= CLOSE,
         ),
-        Verdict(
+        PropertyVerdict(
             "system's domain of operation", declared.system_domain.value, f"near {near.text()}, states from all over",
             declared.system_domain is not Domain.GLOBAL or _attracts(declared, e),
         ),
     ]  # fmt: skip
 
 
-def _attracts(declared: ObserverProperties, e: Evidence) -> bool:
-    """Whether starts converge as they should: all for global, most of those nearby for less, few for none.
+def _attracts(declared: ObserverProperties, e: PropertyRuns) -> bool:
+    """Tell whether starts converge as they should: all for global, most of those nearby for less, few for none.
 
     What converges from nowhere may come close, if it does not come closer.
     """

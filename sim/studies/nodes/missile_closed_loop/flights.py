@@ -85,7 +85,7 @@ KINDS = (
 
 
 def some(others: int, pairs: int) -> tuple[Kind, ...]:
-    """Those that the claims are about, so many of the pairs of ``DECOUPLED``, and so many of the others."""
+    """Kinds of flights that the claims need, with so many of the pairs of ``DECOUPLED``, and so many of the others."""
     paired = [kind for pair in DECOUPLED.values() for kind in pair]
     rest = [kind for kind in KINDS if kind not in CLAIMED and kind not in paired]
     asked = (*CLAIMED, *paired[: 2 * pairs], *rest[:others])

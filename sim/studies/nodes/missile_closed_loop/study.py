@@ -23,6 +23,7 @@ from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
@@ -51,7 +52,7 @@ REPLANNED: tuple[Mapping[str, Any], ...] = ({}, ROUGH, TOWARDS.fields)  # flight
 
 @dataclass(frozen=True)
 class MissileClosedLoopConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     cases: int = 4
     """how many of SM, SM2, SM3, FAST are flown"""
@@ -91,8 +92,10 @@ class MissileClosedLoop:
             ("fatrop-compiled", "fatrop", "ipopt-compiled", "ipopt") if compiler() is not None else ("fatrop", "ipopt")
         )
         backend = solvers[0]
-        replans = {name: _replans(name, config.replans) for name in solvers}
-        paths = {kind.autopilot: setup.flown(kind.trials(1, 1)[0]).recording for kind in ROUGH_KINDS}
+        timed = setup.compute(timed_replans, solvers, least=config.replans)
+        replans = dict(zip(solvers, timed, strict=True))
+        rough = setup.flown({kind.autopilot: kind.trials(1, 1)[0] for kind in ROUGH_KINDS})
+        paths = {autopilot: outcome.recording for autopilot, outcome in rough.items()}
         return StudyResult(
             summary=(
                 f"Flights in the cases {', '.join(CASES[: config.cases])}, and {config.seeds} seeds of SM where there "
@@ -108,9 +111,9 @@ class MissileClosedLoop:
         )
 
 
-def _replans(backend: str, least: int) -> dict[str, Any]:
+def timed_replans(backend: str, least: int) -> dict[str, Any]:
     """Times [ms] of at least so many replans with a solver, and how many failed; a flight ends when they are there."""
-    times: list[float] = []
+    times: list[MeasuredTime] = []
     failures, flights = 0, 0
     while len(times) < least:
         fields = {"planner.backend": backend, **REPLANNED[flights % len(REPLANNED)]}
@@ -119,10 +122,10 @@ def _replans(backend: str, least: int) -> dict[str, Any]:
         enough = (least - len(times) + 1) * closed_loop.agents[VEHICLE].planner.period  # [s] the first plan is left out
         outcome = replace(closed_loop, duration=min(enough, closed_loop.duration)).run()
         agent = outcome.recording.agents[VEHICLE]
-        times += [float(t) for t in agent.solve_ms[1:] if np.isfinite(t)]
+        times += [MeasuredTime(t) for t in agent.solve_ms[1:] if np.isfinite(t)]
         failures += int(outcome.summary["solver_failures"])
         flights += 1
-    return {"ms": np.array(times), "failures": failures, "flights": flights}
+    return {"ms": times, "failures": failures, "flights": flights}
 
 
 def _row(kind: Kind, records: Sequence[Record]) -> dict[str, Any]:
@@ -205,7 +208,7 @@ def _flights(kinds: Sequence[Kind], records: Mapping[str, Sequence[Record]]) -> 
 
 
 def _decoupling(records: Mapping[str, Sequence[Record]], config: MissileClosedLoopConfig) -> Table:
-    """What it costs that the pitch planner and the yaw planner each see the other's motion only."""
+    """Table of the cost of planning pitch and yaw apart, each seeing the other's motion only."""
     columns = ("flight", "case", "J planned, apart", "as one", "J flown, apart", "as one", "miss, apart [m]",
                "CPU time of a replan, apart [ms]", "as one [ms]")  # fmt: skip
     rows = []

@@ -1,8 +1,9 @@
-"""What the studies of the missile draw."""
+"""The figures of the study ``missile-nodes``: paths, accuracy and time against the number of nodes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -12,14 +13,30 @@ from matplotlib.figure import Figure
 
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.renders.figures import STYLE
+from mathnavi.sim.interfaces.signals import Array
 
 SCHEME = "Hermite-Simpson"
 COLOURS = {"uniform": "#6b7785", "equidistributed": "#c2183b", "redistributed, arclength": "#e08a1e",
            "redistributed, curvature": "#1b7fbd", "redistributed, local error": "#2f9e5b"}  # fmt: skip
 
 
+@dataclass(frozen=True, eq=False)
+class PlannedPath:
+    """A planned path of the missile, at its nodes and between them."""
+
+    x: Array  # (N, nx) states at the nodes
+    between: Array  # (400, nx) states at equal times
+    replayed: float  # [-] miss or violation of the replay, whichever is larger
+
+    @staticmethod
+    def of(solution: Solution) -> PlannedPath:
+        """The path of a solution that was replayed."""
+        assert solution.replay is not None
+        return PlannedPath(solution.x, solution.state(np.linspace(0.0, solution.duration, 400)), solution.replay.value)
+
+
 def nodes_figure(
-    look: tuple[Solution, Solution],
+    planned: tuple[PlannedPath, PlannedPath],
     table: Mapping[tuple[str, str, int, str], Mapping[str, Any]],
     case: str,
     nodes: Sequence[int],
@@ -29,7 +46,7 @@ def nodes_figure(
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(10.4, 7.0), layout="constrained")
         (paths, errors), (times, load) = figure.subplots(2, 2)
-        _paths(paths, *look)
+        _paths(paths, *planned)
         for method in methods:
             rows = [table[case, SCHEME, n, method] for n in nodes]
             style = {"color": COLOURS[method], "label": method, "ms": 4, "lw": 1.5}
@@ -44,10 +61,9 @@ def nodes_figure(
     return figure
 
 
-def _paths(axes: Axes, even: Solution, adaptive: Solution) -> None:
+def _paths(axes: Axes, even: PlannedPath, adaptive: PlannedPath) -> None:
     for solution, method, marker in ((even, "uniform", "o"), (adaptive, "equidistributed", "s")):
-        t = np.linspace(0.0, solution.duration, 400)
-        path = solution.state(t)
+        path = solution.between
         axes.plot(path[:, 4], -path[:, 5], color=COLOURS[method], lw=0.8, alpha=0.7)
         axes.plot(
             solution.x[:, 4], -solution.x[:, 5], marker, color=COLOURS[method], mfc="none", ms=5, mew=1.1, label=method

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import casadi as ca
@@ -34,8 +34,10 @@ from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.encoding import MeasuredTime
+from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
-from mathnavi.sim.studies.nodes.missile_nodes.figures import nodes_figure
+from mathnavi.sim.studies.nodes.missile_nodes.figures import PlannedPath, nodes_figure
 
 NODES = (10, 15, 20, 25, 30, 35, 40, 50)
 SCHEMES: tuple[Scheme, ...] = (Euler(), Trapezoid(), HermiteSimpson())
@@ -44,12 +46,20 @@ METHODS = ("uniform", "equidistributed", "redistributed, arclength", "redistribu
 _FRACTIONS = np.linspace(0.0, 1.0, 2001)
 Key = tuple[str, str, int, str]  # case, transcription, N, method
 Rows = Mapping[Key, Mapping[str, Any]]
-_LOOK = "SM3"  # whose node densities are those of Figure B.5
+_FIGURE_B_5 = "SM3"  # the case of Figure B.5
+
+
+@dataclass(frozen=True)
+class GateVerdict:
+    """The status of a solution after the replay gate."""
+
+    status: Outcome
+    message: str
 
 
 @dataclass(frozen=True)
 class MissileNodesConfig:
-    """How much is solved."""
+    """Sample sizes: problems and grids that are solved."""
 
     repeats: int = 5
     """solves of which the median time is taken"""
@@ -91,29 +101,36 @@ class MissileNodes:
     def run(config: MissileNodesConfig, setup: Setup) -> StudyResult:
         cases = ("FAST", "SM2", "SM3", "SM")[: config.cases]
         nodes = NODES[: config.grids]
-        references = {case: solve(missile(case), config.reference_nodes) for case in OPTIMA}
+        indirect_cases, grids = list(OPTIMA)[: config.indirect], list(product(cases, SCHEMES, nodes))
+        jobs = Jobs()
+        for case in dict.fromkeys((*cases, *indirect_cases)):
+            reference = ReferenceSolve(case, config.reference_nodes, case in indirect_cases)
+            jobs.add(("reference", case), solved_reference, [reference])
+        for case, scheme, n in grids:
+            jobs.add("grids", solved_on_grid, [GridSolve(case, scheme.name, n, config.repeats)])
+        jobs.add("paths", paths_of_figure_b_5, [_FIGURE_B_5])
+        jobs.add("gate", free_nodes, ["SM2"])
+        done = jobs.done(setup)
+        controls = {case: done["reference", case][0].control for case in cases}
         rows = [
-            row
-            for case in cases
-            for scheme in SCHEMES
-            for n in nodes
-            for row in _rows(case, scheme, n, references[case], config.repeats)
+            {**row, "control_error": relative_distance(control, controls[row["case"]])}
+            for solved in done["grids"]
+            for row, control in solved
         ]
         table = {(row["case"], row["scheme"], row["N"], row["method"]): row for row in rows}
-        look = _even_along_the_path()
-        gate = distribute(missile("SM2"), 20, Free(), scheme=Euler())
-        indirect = {case: _against_pontryagin(references[case]) for case in list(OPTIMA)[: config.indirect]}
+        (shown,), (gate,) = done["paths"], done["gate"]
+        indirect = {case: done["reference", case][0].indirect for case in indirect_cases}
         return StudyResult(
             summary=(
                 f"The cases {', '.join(cases)} on N = {nodes[0]} to {nodes[-1]} nodes by three transcriptions and "
                 f"{len(METHODS)} ways to place the nodes. Times are wall-clock medians of {config.repeats} solves with "
                 "IPOPT from the same coarse guess, replay left out; those of an adaptive method contain the uniform "
                 "solve that it starts from.",
-                _densities(*look),
+                _densities(*shown),
             ),
             rows=rows,
             tables=(_ratios(table, cases), _indirect_table(indirect, config.reference_nodes)),
-            figure=nodes_figure(look, table, cases[0], nodes, METHODS),
+            figure=nodes_figure(shown, table, cases[0], nodes, METHODS),
             caption="(a) Paths with N = 50 (Figure B.5). (b) Control error against N (B.6). (c) Time against N (B.7), "
             "(d) Its mean and largest with uniform nodes, over cases and transcriptions (B.2).",
             claims=(*_targets(table, indirect, config.reference_nodes, gate), *_printed(table, cases, nodes)),
@@ -122,9 +139,17 @@ class MissileNodes:
 
 def control_error(solution: Solution, reference: Solution) -> float:
     """Relative L2 distance of the controls over their scales, in fractions of T."""
-    scale = solution.problem.control_scale
-    u = solution.control(_FRACTIONS * solution.duration) / scale
-    v = reference.control(_FRACTIONS * reference.duration) / scale
+    return relative_distance(sampled_control(solution), sampled_control(reference))
+
+
+def sampled_control(solution: Solution) -> Array:
+    """(2001, nu) the control over its scale, at equal fractions of T."""
+    sampled: Array = solution.control(_FRACTIONS * solution.duration) / solution.problem.control_scale
+    return sampled
+
+
+def relative_distance(u: Array, v: Array) -> float:
+    """sqrt(sum |u - v|^2 / sum |v|^2)."""
     return float(np.sqrt(((u - v) ** 2).sum() / (v**2).sum()))
 
 
@@ -133,6 +158,45 @@ def miss(solution: Solution) -> float:
     if solution.replay is None:
         return float("nan")
     return float(np.hypot(*(solution.replay.end - solution.x[-1])[4:6]))
+
+
+@dataclass(frozen=True)
+class ReferenceSolve:
+    """A case on a fine uniform grid, and whether Pontryagin's conditions are solved too."""
+
+    case: str
+    nodes: int
+    indirect: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceControl:
+    """The control of a fine uniform grid, and its distance from the boundary-value solution."""
+
+    control: Array  # (2001, nu) over its scale
+    indirect: dict[str, float]  # empty where it is not solved
+
+
+@dataclass(frozen=True)
+class GridSolve:
+    """A case by one transcription on N nodes, by every method to place them."""
+
+    case: str
+    scheme: str  # name of one of SCHEMES
+    nodes: int
+    repeats: int
+
+
+def solved_reference(reference: ReferenceSolve) -> ReferenceControl:
+    """Solve a case on a fine uniform grid."""
+    solution = solve(missile(reference.case), reference.nodes)
+    return ReferenceControl(sampled_control(solution), _against_pontryagin(solution) if reference.indirect else {})
+
+
+def free_nodes(case: str) -> GateVerdict:
+    """Forward Euler with free nodes, N = 20, and what the replay gate says."""
+    solution = distribute(missile(case), 20, Free(), scheme=Euler())
+    return GateVerdict(solution.status, solution.message)
 
 
 def _solved(case: str, scheme: Scheme, n: int, method: str) -> Solution:
@@ -147,32 +211,33 @@ def _solved(case: str, scheme: Scheme, n: int, method: str) -> Solution:
             return redistribute(problem, n, monitors[method.removeprefix("redistributed, ")], scheme=scheme)
 
 
-def _rows(case: str, scheme: Scheme, n: int, reference: Solution, repeats: int) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = []
+def solved_on_grid(grid: GridSolve) -> list[tuple[dict[str, Any], Array]]:
+    """Solve by every method: rows without the control error, and controls (2001, nu) over their scales."""
+    (scheme,) = (each for each in SCHEMES if each.name == grid.scheme)
+    found: list[tuple[dict[str, Any], Array]] = []
     for method in METHODS:
-        solutions = [_solved(case, scheme, n, method) for _ in range(repeats)]
+        solutions = [_solved(grid.case, scheme, grid.nodes, method) for _ in range(grid.repeats)]
         solution = solutions[0]
-        rows.append(
-            {
-                "case": case,
-                "scheme": scheme.name,
-                "N": n,
-                "method": method,
-                "status": solution.status.name.lower(),
-                "control_error": control_error(solution, reference),
-                "miss_m": miss(solution),
-                "J": solution.cost,
-                "J_replayed": solution.replay.cost if solution.replay else float("nan"),
-                "T_s": solution.duration,
-                "iterations": solution.iterations,
-                "solve_ms": float(np.median([s.timing.solve_ms for s in solutions])),
-            }
-        )
-    return rows
+        row = {
+            "case": grid.case,
+            "scheme": scheme.name,
+            "N": grid.nodes,
+            "method": method,
+            "status": solution.status.name.lower(),
+            "control_error": float("nan"),
+            "miss_m": miss(solution),
+            "J": solution.cost,
+            "J_replayed": solution.replay.cost if solution.replay else float("nan"),
+            "T_s": solution.duration,
+            "iterations": solution.iterations,
+            "solve_ms": MeasuredTime(np.median([s.timing.solve_ms for s in solutions])),
+        }
+        found.append((row, sampled_control(solution)))
+    return found
 
 
 def _against_pontryagin(direct: Solution) -> dict[str, float]:
-    """How far the direct solution is from the boundary-value one."""
+    """Distance of the direct solution from the boundary-value one."""
     found = solve_indirect(direct)
     scale = direct.problem.control_scale
     off = (direct.control(found.t) - found.u) / scale
@@ -195,7 +260,7 @@ def _targets(
     table: Rows,
     indirect: Mapping[str, Mapping[str, float]],
     nodes: int,
-    gate: Solution,
+    gate: GateVerdict,
 ) -> list[Claim]:
     fast = ("FAST", HermiteSimpson().name, 15)
     worst_time = max(row["duration_error_s"] for row in indirect.values())
@@ -272,29 +337,27 @@ def _printed(table: Rows, cases: Sequence[str], nodes: Sequence[int]) -> list[Cl
     ]  # fmt: skip
 
 
-def _even_along_the_path() -> tuple[Solution, Solution]:
-    """The two grids of Figure B.5, the adaptive one whatever the replay gate says of it."""
-    problem, n = missile(_LOOK), 50
+def paths_of_figure_b_5(case: str) -> tuple[PlannedPath, PlannedPath]:
+    """The paths on both grids of Figure B.5, the adaptive one whatever the replay gate says."""
+    problem, n = missile(case), 50
     even = solve(problem, n)
     programme = transcription(problem, HermiteSimpson(), n, Equidistributed(PATH))
-    return even, replayed(programme.solve(even, redistributed(even, n, PATH)))
+    return PlannedPath.of(even), PlannedPath.of(replayed(programme.solve(even, redistributed(even, n, PATH))))
 
 
-def _densities(even: Solution, adaptive: Solution) -> str:
+def _densities(even: PlannedPath, adaptive: PlannedPath) -> str:
     """Nodes for each 100 m of path, as B.4 counts them."""
 
-    def counts(solution: Solution) -> Array:
-        steps = np.hypot(*np.diff(solution.x[:, 4:6], axis=0).T)
+    def counts(path: PlannedPath) -> Array:
+        steps = np.hypot(*np.diff(path.x[:, 4:6], axis=0).T)
         return np.asarray(100.0 / steps, float)
 
     a, b = counts(even), counts(adaptive)
-    assert even.replay is not None
-    assert adaptive.replay is not None
-    verdict = "would refuse" if adaptive.replay.value > even.replay.value else "accepts"
+    verdict = "would refuse" if adaptive.replayed > even.replayed else "accepts"
     return (
-        f"Nodes for each 100 m of path in the case {_LOOK}, N = 50: {a.min():.1f} to {a.max():.1f} uniform (print: 5 "
-        f"to 13), {b.min():.1f} to {b.max():.1f} equidistributed by the path's arclength (print: 7), a grid that "
-        f"the replay gate {verdict}: {adaptive.replay.value:.1e} against {even.replay.value:.1e}."
+        f"Nodes for each 100 m of path in the case {_FIGURE_B_5}, N = 50: {a.min():.1f} to {a.max():.1f} uniform "
+        f"(print: 5 to 13), {b.min():.1f} to {b.max():.1f} equidistributed by the path's arclength "
+        f"(print: 7), a grid that the replay gate {verdict}: {adaptive.replayed:.1e} against {even.replayed:.1e}."
     )
 
 

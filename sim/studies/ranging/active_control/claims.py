@@ -18,8 +18,8 @@ Key = tuple[str, float]
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """All that the claims are judged by."""
+class ActiveControlResults:
+    """Results from which the claims are evaluated."""
 
     medians: Mapping[Key, Band]  # [s] until the error is below the limit for good
     found: Mapping[Key, tuple[int, int]]  # runs in which it is so before the end, of so many
@@ -28,16 +28,16 @@ class Evidence:
     seconds: float  # of a run
 
     def factor(self, mode: str, turn_rate: float) -> float:
-        """How many times sooner active inputs are."""
+        """Ratio of the times until a robot finds itself: another mode's over that of active inputs."""
         return self.medians[mode, turn_rate].median / max(_LEAST, self.medians["active", turn_rate].median)
 
 
-def claims(e: Evidence) -> list[Claim]:
-    """Every claim that the study is there for."""
+def claims(e: ActiveControlResults) -> list[Claim]:
+    """Evaluate every claim of the study."""
     return [_active(e), _decides(e), _basis(e), _deliberate(e)]
 
 
-def _active(e: Evidence) -> Claim:
+def _active(e: ActiveControlResults) -> Claim:
     slow = {mode: e.factor(mode, SLOW) for mode in SOONER}
     fast = " and ".join(f"{e.factor(mode, FAST):.2f} times sooner than {mode}" for mode in SOONER)
     bands = ", ".join(f"{mode} {e.medians[mode, SLOW].text()}" for mode in COMPARED)
@@ -53,7 +53,7 @@ def _active(e: Evidence) -> Claim:
     )  # fmt: skip
 
 
-def _decides(e: Evidence) -> Claim:
+def _decides(e: ActiveControlResults) -> Claim:
     slow = {mode: band for (mode, turn_rate), band in e.medians.items() if turn_rate == SLOW}
     soonest, latest = (pick(slow, key=lambda mode: slow[mode].median) for pick in (min, max))
     return Claim(
@@ -64,7 +64,7 @@ def _decides(e: Evidence) -> Claim:
     )  # fmt: skip
 
 
-def _basis(e: Evidence) -> Claim:
+def _basis(e: ActiveControlResults) -> Claim:
     own = e.medians["singular-value", SLOW]
     others = {mode: e.medians[mode, SLOW] for mode in COMPARED}
     return Claim(
@@ -78,7 +78,7 @@ def _basis(e: Evidence) -> Claim:
     )  # fmt: skip
 
 
-def _deliberate(e: Evidence) -> Claim:
+def _deliberate(e: ActiveControlResults) -> Claim:
     shares = {mode: e.found[mode, SLOW] for mode in ("active", "random", "circle", "still")}
     first = [_sum(e.tracks[kind]) for kind in TRACKS]
     return Claim(

@@ -21,7 +21,7 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.store import Record
-from mathnavi.sim.studies.ranging.active_control.claims import Evidence, Key
+from mathnavi.sim.studies.ranging.active_control.claims import ActiveControlResults, Key
 from mathnavi.sim.studies.ranging.active_control.flights import COMPARED, FAST, LIMIT, MODES, OFTEN, PATH, SLOW, WALL
 
 COLOURS = dict(zip(MODES, ("#0d5fa8", "#7a4fb5", "#e07b00", "#0f9472", "#c2183b", "#8a6d1f", "#6b7a8c"), strict=True))
@@ -32,9 +32,12 @@ _HALO = [patheffects.withStroke(linewidth=3.0, foreground="white")]
 
 
 def figure(
-    flown: Mapping[Key, Sequence[Record]], evidence: Evidence, tracks: Mapping[str, Sequence[Record]], seconds: float
+    flown: Mapping[Key, Sequence[Record]],
+    evidence: ActiveControlResults,
+    tracks: Mapping[str, Sequence[Record]],
+    seconds: float,
 ) -> Figure:
-    """All of it."""
+    """Draw the figure of the study."""
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 12.0))
         above = page.add_gridspec(
@@ -92,7 +95,7 @@ def _series(rows: Sequence[Sequence[float]]) -> Array:
     return filled
 
 
-def _draw_times(axes: Axes, evidence: Evidence) -> None:
+def _draw_times(axes: Axes, evidence: ActiveControlResults) -> None:
     axes.set_title(f"(b) Below {LIMIT} m for good after")
     for k, mode in enumerate(reversed(MODES)):
         for turn_rate, lift, face in ((SLOW, 0.0, COLOURS[mode]), (FAST, -0.28, "white")):

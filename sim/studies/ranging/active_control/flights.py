@@ -57,8 +57,8 @@ def fields_of(mode: str, turn_rate: float) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Flight:
-    """One run of a mode."""
+class LocalisationRun:
+    """A run of a robot that drives by one mode."""
 
     mode: str
     turn_rate: float  # [rad/s]

@@ -18,7 +18,7 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.statistics import Band
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts, median
-from mathnavi.sim.studies.ranging.active_control.claims import Evidence, claims
+from mathnavi.sim.studies.ranging.active_control.claims import ActiveControlResults, claims
 from mathnavi.sim.studies.ranging.active_control.figure import figure
 from mathnavi.sim.studies.ranging.active_control.flights import (
     COMPARED,
@@ -27,14 +27,14 @@ from mathnavi.sim.studies.ranging.active_control.flights import (
     MODES,
     SLOW,
     TRACKS,
-    Flight,
+    LocalisationRun,
     tracking,
 )
 
 
 @dataclass(frozen=True)
 class ActiveControlConfig:
-    """How much is flown."""
+    """Sample sizes: missions that are flown."""
 
     seeds: int = 100
     """runs of each mode that the target compares"""
@@ -60,7 +60,7 @@ class ActiveControl:
     @staticmethod
     def run(config: ActiveControlConfig, setup: Setup) -> StudyResult:
         flights = [
-            Flight(mode, turn_rate, seed, config.seconds)
+            LocalisationRun(mode, turn_rate, seed, config.seconds)
             for seed in range(config.seeds)
             for turn_rate, modes in ((SLOW, MODES), (FAST, COMPARED))
             for mode in modes
@@ -102,9 +102,9 @@ def times(records: Sequence[Record], seconds: float) -> Array:
 
 def _evidence(
     flown: Mapping[tuple[str, float], Sequence[Record]], tracks: Mapping[str, Sequence[Record]], seconds: float
-) -> Evidence:
+) -> ActiveControlResults:
     samples = {key: times(records, seconds) for key, records in flown.items()}
-    return Evidence(
+    return ActiveControlResults(
         medians={key: median(sample) for key, sample in samples.items()},
         found={key: (int((sample < seconds).sum()), len(sample)) for key, sample in samples.items()},
         touched={key: sum(r.summary["touched_wall"] for r in records) for key, records in flown.items()},
@@ -140,7 +140,7 @@ def _track_rows(tracks: Mapping[str, Sequence[Record]]) -> list[dict[str, object
     ]
 
 
-def _mode_table(evidence: Evidence) -> Table:
+def _mode_table(evidence: ActiveControlResults) -> Table:
     rows: list[tuple[object, ...]] = []
     for (mode, turn_rate), band in evidence.medians.items():
         found, n = evidence.found[mode, turn_rate]

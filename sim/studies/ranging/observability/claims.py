@@ -23,8 +23,8 @@ FAILING, FINDING = 0.1, 0.85  # shares of starts from which a robot that stands 
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """All that the claims are judged by."""
+class ObservabilityResults:
+    """Results from which the claims are evaluated."""
 
     counts: Mapping[tuple[str, str, str], Sequence[tuple[int, int]]]  # by wall, sensors, motion: states, known images
     rotations: Mapping[str, int]  # of each wall
@@ -38,12 +38,12 @@ class Evidence:
     maps: Mapping[MapKey, Rate]
 
 
-def claims(e: Evidence) -> list[Claim]:
-    """Every claim that the study is there for."""
+def claims(e: ObservabilityResults) -> list[Claim]:
+    """Evaluate every claim of the study."""
     return [*_targets(e), *_definitions(e), _of_the_map(e)]
 
 
-def _targets(e: Evidence) -> list[Claim]:
+def _targets(e: ObservabilityResults) -> list[Claim]:
     ellipse = [pair for key, some in e.counts.items() if key[0] == "ellipse" and key[2] == EXCITING for pair in some]
     full = {name: int((values > RANKED).sum()) for name, values in e.still_ranks.items()}
     ranks = ", ".join(f"{name}: {full[name]} of {len(e.still_ranks[name])}" for name in SENSORS)
@@ -70,7 +70,7 @@ def _targets(e: Evidence) -> list[Claim]:
     ]  # fmt: skip
 
 
-def _elsewhere(e: Evidence) -> str:
+def _elsewhere(e: ObservabilityResults) -> str:
     told = []
     for wall, rotations in e.rotations.items():
         counts = {n for key, some in e.counts.items() if key[0] == wall and key[2] == EXCITING for n, _ in some}
@@ -111,7 +111,7 @@ def _set(values: set[int]) -> str:
     return "/".join(str(value) for value in sorted(values))
 
 
-def _definitions(e: Evidence) -> list[Claim]:
+def _definitions(e: ObservabilityResults) -> list[Claim]:
     n, moving, standing = len(e.moving), e.moving, e.standing
     promised = [trial for trial in (*moving, *standing) if trial.singleton]
     kept = sum(trial.weakly_observable for trial in promised)
@@ -158,8 +158,8 @@ def _definitions(e: Evidence) -> list[Claim]:
     ]  # fmt: skip
 
 
-def _of_the_map(e: Evidence) -> Claim:
-    """Two sensors: from one to three the number of sensors would tell more than the wall."""
+def _of_the_map(e: ObservabilityResults) -> Claim:
+    """Evaluate the claim for two sensors: from one to three their number would say more than the wall."""
     shares = {key: found for key, found in e.maps.items() if key[2] in ("2s", "2t") and key[3] == "observer"}
     least, most = min(shares, key=lambda key: shares[key].value), max(shares, key=lambda key: shares[key].value)
     return Claim(

@@ -42,7 +42,7 @@ ESTIMATOR_COLOURS = {"observer": "#0d5fa8", "EKF": "#e07b00"}
 
 @dataclass(frozen=True)
 class Series:
-    """One line of a family: shares, one for each of its walls."""
+    """A line of a family: shares, one for each of its walls."""
 
     label: str
     colour: str
@@ -52,7 +52,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Family:
-    """One panel."""
+    """A panel: shares over a family of walls."""
 
     title: str
     xlabel: str
@@ -76,7 +76,7 @@ class Region:
 
 
 def figure(outputs: RangeOutputs, x_0: Array, families: Sequence[Family], regions: Sequence[Region]) -> Figure:
-    """All of it; ``x_0`` is the state whose feasible set is shown."""
+    """Draw the figure of the study; ``x_0`` is the state whose feasible set is shown."""
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(11.8, 10.6), layout="constrained")
         top, middle, bottom = np.array(drawn.subfigures(3, 1, height_ratios=(1.2, 1.0, 0.62)))

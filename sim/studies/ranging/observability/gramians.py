@@ -51,8 +51,8 @@ class GramianCase:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What came of it."""
+class GramianResult:
+    """Directions that an empirical Gramian sees, and how well."""
 
     number: int  # in GRAMIANS
     unseen: int  # directions of the state that the readings say nothing of
@@ -66,7 +66,7 @@ class Seen:
         return GRAMIANS[self.number]
 
 
-def seen(number: int) -> Seen:
+def observability_gramian(number: int) -> GramianResult:
     """The Gramian of one of ``GRAMIANS``, read: a direction of which they say nothing has the eigenvalue nought."""
     gramian = GRAMIANS[number].gramian()
     scales = np.ones(len(gramian.names))
@@ -74,7 +74,7 @@ def seen(number: int) -> Seen:
     unseen = len(gramian.unseen(scales))
     with np.errstate(divide="ignore"):
         deviations = 1.0 / np.sqrt(np.where(np.arange(len(values)) < unseen, 0.0, values))
-    return Seen(number, unseen, deviations, _named(vectors[:, 0], gramian.names))
+    return GramianResult(number, unseen, deviations, _named(vectors[:, 0], gramian.names))
 
 
 def _named(direction: Array, names: Sequence[str]) -> str:

@@ -62,16 +62,18 @@ exact, believes its first guess too much to move"""
 
 
 def driving(t: float) -> tuple[float, float]:
+    """Commands (v, omega) [m/s, rad/s] of a figure of eight of 1.5 m by .55 m in 8 s."""
     return figure_eight(t, 0.5, 8.0)
 
 
 def standing(t: float) -> tuple[float, float]:
+    """Commands of a robot that stands still."""
     return 0.0, 0.0
 
 
 @dataclass(frozen=True)
 class MapCase:
-    """One wall, one set of sensors."""
+    """A wall of a family, and a set of sensors."""
 
     family: str
     value: float  # where it stands in its family
@@ -157,7 +159,7 @@ def spread(curve: Curve) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class Attempt:
-    """One start in one map with one estimator: all that a worker needs."""
+    """A start in one map with one estimator."""
 
     case: MapCase
     estimator: str
@@ -166,7 +168,7 @@ class Attempt:
 
 
 def converged(attempt: Attempt) -> bool:
-    """Whether it finds the true state from anywhere; the same seed is the same draw for every estimator."""
+    """Tell whether an estimator finds the true state from anywhere; a seed draws the same for every estimator."""
     case, rng = attempt.case, np.random.default_rng(attempt.seed)
     start, estimate = drawn_start(case.curve, rng), case.curve.draw(rng)
     found = _found(case, attempt.estimator, start, driving, attempt.seconds, [estimate], spread(case.curve), CONVERGED)
@@ -175,7 +177,7 @@ def converged(attempt: Attempt) -> bool:
 
 @dataclass(frozen=True)
 class NearAttempt:
-    """One pose in one map, several first estimates that are nearly right, and whether the robot drives."""
+    """A pose in one map, several first estimates that are nearly right, and whether the robot drives."""
 
     case: MapCase
     estimator: str
@@ -185,7 +187,7 @@ class NearAttempt:
 
 
 def found_exactly(attempt: NearAttempt) -> bool:
-    """Whether the pose is found to 1 mm and 1 mrad, from most of the first estimates.
+    """Tell whether the pose is found to 1 mm and 1 mrad, from most of the first estimates.
 
     One alone may happen to be as near as that on the feasible set, where it stays if nothing tells its states apart.
     """
@@ -220,7 +222,7 @@ def _found(
 
 @dataclass(frozen=True)
 class RegionAttempt:
-    """One place of the first estimate, with headings all round, for one run."""
+    """A place of the first estimate, with headings all round, for one run."""
 
     case: MapCase
     estimator: str
@@ -231,7 +233,7 @@ class RegionAttempt:
 
 
 def share_converged(attempt: RegionAttempt) -> float:
-    """From which share of the headings at that place the true state is found."""
+    """Share of the headings at that place from which the true state is found."""
     case, start = attempt.case, np.array(attempt.start)
     turns = 2.0 * math.pi * np.arange(attempt.headings) / attempt.headings
     estimates = [np.array([*attempt.place, turn]) for turn in turns]

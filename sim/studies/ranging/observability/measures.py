@@ -28,7 +28,7 @@ MOTIONS: dict[str, Array] = {
 
 @dataclass(frozen=True)
 class Counting:
-    """One wall, one set of sensors, one motion, and one true state: all that a worker needs."""
+    """A wall, a set of sensors, a motion, and a true state."""
 
     wall: str
     sensors: str
@@ -38,7 +38,7 @@ class Counting:
 
 
 def counted(counting: Counting) -> tuple[int, int]:
-    """How many states read the same, and how many of these are images of the truth under rotations of the wall."""
+    """Count the states that read the same, and those of them that are images of the truth by the wall's symmetry."""
     rng = np.random.default_rng(counting.seed)
     case = MapCase(counting.wall, 0.0, WALLS[counting.wall], counting.sensors)
     x = drawn_start(case.curve, rng)
@@ -61,7 +61,7 @@ class PropositionTrial:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnState:
     """A state of the standard field, and sensors."""
 
     sensors: str
@@ -72,8 +72,8 @@ class Drawn:
         return MapCase("ellipse", 0.0, STANDARD, self.sensors).outputs
 
 
-def proposition_tried(drawn: Drawn) -> tuple[PropositionTrial, PropositionTrial]:
-    """Both sides of Proposition C.1 at a state, under an input that is drawn, held for 0.3 s, and standing still."""
+def proposition_tried(drawn: DrawnState) -> tuple[PropositionTrial, PropositionTrial]:
+    """Try Proposition C.1 at a state, under an input that is drawn, held for 0.3 s, and standing still."""
     rng, T, outputs = np.random.default_rng(drawn.seed), 0.3, drawn.outputs
     x = drawn_start(STANDARD, rng)
     feasible = feasible_set(outputs, outputs.at(x)[0], step=0.03)
@@ -86,7 +86,7 @@ def proposition_tried(drawn: Drawn) -> tuple[PropositionTrial, PropositionTrial]
     return tried((rng.uniform(0.1, 0.8), rng.uniform(-1.5, 1.5))), tried((0.0, 0.0))
 
 
-def apart_with_equal_rates(drawn: Drawn) -> float:
+def apart_with_equal_rates(drawn: DrawnState) -> float:
     """[m] by how much the output flow over 0.3 s differs, at least, on {Q = 0} farther than 0.1 from the true state.
 
     NaN where {Q = 0} does not reach as far.
@@ -103,7 +103,7 @@ def apart_with_equal_rates(drawn: Drawn) -> float:
 # ---- ranks
 
 
-def least_singular_value(drawn: Drawn) -> float:
+def least_singular_value(drawn: DrawnState) -> float:
     """[m per m or rad] of h' (l, 3) at a state; nought where l < 3."""
     x = drawn_start(STANDARD, np.random.default_rng(drawn.seed))
     system = range_system(drawn.outputs)
@@ -123,7 +123,7 @@ class FlagsRank:
 
 
 def flags_ranks(poses: int) -> list[FlagsRank]:
-    """At poses that are drawn off the flags' axis, and on it, the least rank; the largest where the robot stands."""
+    """Ranks at poses drawn off the flags' axis, and on it: the least; the largest where the robot stands."""
     rows = []
     for known in (True, False):
         textbook = camera_and_flags(known)

@@ -22,7 +22,7 @@ from mathnavi.sim.studies.ranging.observability.maps import (
 
 @dataclass(frozen=True)
 class WantedRegion:
-    """One run, and the places of the first estimate from which it is tried to find it."""
+    """A run, and the places of the first estimate from which it is tried."""
 
     title: str
     case: MapCase
@@ -31,7 +31,7 @@ class WantedRegion:
     attempts: Sequence[RegionAttempt]
 
     def drawn(self, shares: Sequence[float]) -> Region:
-        """For the picture."""
+        """Region of the picture, of the shares that converged by place."""
         c, s = math.cos(self.start[2]), math.sin(self.start[2])
         path = self.start[:2] + driven_path()[:, :2] @ np.array([[c, s], [-s, c]])
         places = np.array([attempt.place for attempt in self.attempts])
@@ -39,7 +39,7 @@ class WantedRegion:
 
 
 def wanted_regions(places: int, headings: int, seconds: float) -> list[WantedRegion]:
-    """Two estimators in the standard ellipse, and the observer where the wall is nearly symmetric."""
+    """Regions of two estimators in the standard ellipse, and of the observer where the wall is nearly symmetric."""
     ellipse, egg = MapCase("ellipse", 0.0, STANDARD, "2t"), MapCase("egg", 0.1, egged(0.1), "2s")
     regions = []
     for case, estimator, title in (

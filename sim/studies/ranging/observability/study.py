@@ -17,9 +17,9 @@ import numpy as np
 from mathnavi.sim.records.statistics import Rate, rate
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
-from mathnavi.sim.studies.ranging.observability.claims import Evidence, MapKey, claims
+from mathnavi.sim.studies.ranging.observability.claims import MapKey, ObservabilityResults, claims
 from mathnavi.sim.studies.ranging.observability.figure import ESTIMATOR_COLOURS, Family, Series, figure
-from mathnavi.sim.studies.ranging.observability.gramians import GRAMIANS, seen
+from mathnavi.sim.studies.ranging.observability.gramians import GRAMIANS, observability_gramian
 from mathnavi.sim.studies.ranging.observability.maps import (
     FAMILIES,
     FIRST_ESTIMATES,
@@ -37,7 +37,7 @@ from mathnavi.sim.studies.ranging.observability.measures import (
     MOTIONS,
     WALLS,
     Counting,
-    Drawn,
+    DrawnState,
     apart_with_equal_rates,
     counted,
     flags_ranks,
@@ -61,7 +61,7 @@ COUNTED = ("1", "2s", "2t", "3", "4")  # sensors with which states that read the
 
 @dataclass(frozen=True)
 class ObservabilityConfig:
-    """How much is measured."""
+    """Sample sizes: cases that are measured."""
 
     starts: int = 60
     """starts in each wall"""
@@ -104,7 +104,7 @@ class Observability:
         _add_evidence(jobs, config)
         for k, region in enumerate(regions):
             jobs.add(("region", k), share_converged, region.attempts)
-        jobs.add("gramians", seen, range(min(config.gramians, len(GRAMIANS))))
+        jobs.add("gramians", observability_gramian, range(min(config.gramians, len(GRAMIANS))))
         done = jobs.done(setup)
         evidence = _evidence(done, cases, config)
         isolations = {(case.family, case.value, case.sensors): done["isolation", case][0] for case in cases}
@@ -141,7 +141,8 @@ class Observability:
 
 
 def _chosen(family: Sequence[MapCase], walls: int) -> list[MapCase]:
-    """At most so many for each set of sensors, the first and the last of them; or of sets, where there is one wall."""
+    """Choose so many walls at most for each set of sensors, the first and the last among them; or sets, for one
+    wall."""
     chosen: list[MapCase] = []
     one_wall = len({case.curve for case in family}) == 1
     for sensors in (None,) if one_wall else dict.fromkeys(case.sensors for case in family):
@@ -155,7 +156,7 @@ def _attempts(case: MapCase, estimator: str, config: ObservabilityConfig) -> lis
 
 
 def _add_evidence(jobs: Jobs, config: ObservabilityConfig) -> None:
-    """All that claims are judged by beside the maps; in the standard ellipse, states are counted at more of them."""
+    """Ask for all that claims need beside the maps; in the standard ellipse, states are counted at more of them."""
     for wall in WALLS:
         for sensors in COUNTED:
             for motion in MOTIONS:
@@ -168,21 +169,24 @@ def _add_evidence(jobs: Jobs, config: ObservabilityConfig) -> None:
         for drives in (False, True):
             near = [NearAttempt(case, "fast observer", seed, drives, config.seconds) for seed in range(poses)]
             jobs.add(("exactly", sensors, drives), found_exactly, near)
-        jobs.add(("rank", sensors), least_singular_value, [Drawn(sensors, seed) for seed in range(config.starts)])
-    pairs = [Drawn(sensors, seed) for sensors in ("2s", "2t") for seed in range(config.states)]
+        jobs.add(("rank", sensors), least_singular_value, [DrawnState(sensors, seed) for seed in range(config.starts)])
+    pairs = [DrawnState(sensors, seed) for sensors in ("2s", "2t") for seed in range(config.states)]
     for function in (proposition_tried, apart_with_equal_rates):
         jobs.add(function, function, pairs)
+    jobs.add(flags_ranks, flags_ranks, [config.states])
 
 
-def _evidence(done: Mapping[Any, list[Any]], cases: Sequence[MapCase], config: ObservabilityConfig) -> Evidence:
+def _evidence(
+    done: Mapping[Any, list[Any]], cases: Sequence[MapCase], config: ObservabilityConfig
+) -> ObservabilityResults:
     found = {drives: {name: _rate(done["exactly", name, drives]) for name in SENSORS} for drives in (False, True)}
-    return Evidence(
+    return ObservabilityResults(
         counts={key[1:]: some for key, some in done.items() if isinstance(key, tuple) and key[0] == "count"},
         rotations={name: curve.symmetry for name, curve in WALLS.items()},
         still_ranks={name: np.array(done["rank", name]) for name in SENSORS},
         still_found=found[False],
         driving_found=found[True],
-        flags=flags_ranks(config.states),
+        flags=done[flags_ranks][0],
         moving=[moving for moving, _ in done[proposition_tried]],
         standing=[standing for _, standing in done[proposition_tried]],
         equal_rates=np.array(done[apart_with_equal_rates]),

@@ -9,8 +9,8 @@ import numpy as np
 
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.statistics import Rate
-from mathnavi.sim.studies.ranging.observability.claims import RANKED, Evidence, MapKey
-from mathnavi.sim.studies.ranging.observability.gramians import Seen
+from mathnavi.sim.studies.ranging.observability.claims import RANKED, MapKey, ObservabilityResults
+from mathnavi.sim.studies.ranging.observability.gramians import GramianResult
 from mathnavi.sim.studies.ranging.observability.maps import ESTIMATORS, FIRST_ESTIMATES, SENSORS
 from mathnavi.sim.studies.ranging.observability.measures import FlagsRank
 
@@ -19,9 +19,9 @@ DRAWN = tuple(name for name in ESTIMATORS if name != "fast observer")
 
 
 def rows(
-    e: Evidence, isolations: Mapping[tuple[str, float, str], float], gramians: Sequence[Seen]
+    e: ObservabilityResults, isolations: Mapping[tuple[str, float, str], float], gramians: Sequence[GramianResult]
 ) -> list[dict[str, Any]]:
-    """The CSV: a row for each thing that was measured, told apart by ``what``."""
+    """Rows of the CSV, one for each thing that was measured, distinguished by ``what``."""
     return [
         *(_map_row(key, found, isolations[key[:3]]) for key, found in e.maps.items()),
         *(
@@ -59,7 +59,7 @@ def _share(found: Rate) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def map_table(e: Evidence, isolations: Mapping[tuple[str, float, str], float]) -> Table:
+def map_table(e: ObservabilityResults, isolations: Mapping[tuple[str, float, str], float]) -> Table:
     """Shares of starts that converge, of the observer beside the EKF."""
     columns = ("family", "value", "sensors", "isolation [m/(m, rad)]", *(f"{name}: converged" for name in DRAWN))
     shown = [
@@ -70,8 +70,8 @@ def map_table(e: Evidence, isolations: Mapping[tuple[str, float, str], float]) -
     return Table("How the map decides: starts from which the true state is found", columns, shown)
 
 
-def count_table(e: Evidence) -> Table:
-    """How many states read the same."""
+def count_table(e: ObservabilityResults) -> Table:
+    """Table of how many states read the same."""
     motions = list(dict.fromkeys(motion for _, _, motion in e.counts))
     shown = []
     for wall, sensors in dict.fromkeys((wall, sensors) for wall, sensors, _ in e.counts):
@@ -87,8 +87,8 @@ def _counts(some: Sequence[tuple[int, int]]) -> str:
     return " or ".join(str(n) for n in sorted({n for n, _ in some}))
 
 
-def standing_table(e: Evidence) -> Table:
-    """What standing still is worth, by the number of sensors."""
+def standing_table(e: ObservabilityResults) -> Table:
+    """Table of the worth of standing still, by the number of sensors."""
     columns = ("sensors", "directions [°]", "poses with rank h' = 3", "least singular value, median", "standing still",
                "figure of eight")  # fmt: skip
     shown = []
@@ -125,7 +125,7 @@ def flags_table(flags: Sequence[FlagsRank]) -> Table:
     return Table("Example C.2: rank of d(h, y', ..., y^(order)) with the input held", columns, shown)
 
 
-def gramian_table(gramians: Sequence[Seen]) -> Table:
+def gramian_table(gramians: Sequence[GramianResult]) -> Table:
     """Empirical Gramians of scenarios."""
     columns = ("scenario", "run", "components", "unseen directions", "deviation of the least seen", "which is")
     shown = [

@@ -15,7 +15,7 @@ from mathnavi.sim.records.statistics import Rate, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.ranging.range_convergence.costs import ALL_ALIVE, BANK_LOOP, PARTICLE_LOOP
-from mathnavi.sim.studies.ranging.range_convergence.runs import BANK, EKF, FLOOR, PARTICLES, Found, converged
+from mathnavi.sim.studies.ranging.range_convergence.runs import BANK, EKF, FLOOR, PARTICLES, EstimatorResult, converged
 
 OBSERVED: Mapping[str, float] = {"2s": 0.95, "3": 0.95, "4": 0.95, "2t": 0.85}
 """shares of starts from which the observer is to find the state, by sensors"""
@@ -34,17 +34,17 @@ FoundKey = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """All that the claims are judged by."""
+class ConvergenceResults:
+    """Results from which the claims are evaluated."""
 
     observed: Mapping[str, Rate]  # by sensors: starts from which the observer finds the state, without noise
-    found: Mapping[FoundKey, Sequence[Found]]
+    found: Mapping[FoundKey, Sequence[EstimatorResult]]
     costs: Mapping[str, Mapping[str, Array]]  # by sensors and name: (R,) [us] an update
     drives: Mapping[tuple[str, float], Sequence[Record]]  # by sensors and friction
     run_cpu: Array  # (R,) CPU time of a run on wheels over its duration
 
     def share(self, wall: str, sensors: str, estimator: str) -> Rate:
-        """Of the runs in which it converged."""
+        """Share of the runs in which an estimator converged."""
         runs = self.found[wall, sensors, estimator]
         return rate(len(converged(runs)), len(runs))
 
@@ -54,7 +54,7 @@ class Evidence:
         return root_mean_square(values, np.random.default_rng(0)) if values else None
 
     def nees(self, sensors: str) -> Consistency | None:
-        """Of the bank at the end of the runs in which it converged; None without any."""
+        """Average NEES of the bank at the end of the runs in which it converged; None without any."""
         squares = [found.nees[-1] for found in converged(self.found[ELLIPSE, sensors, BANK])]
         return consistency(squares, DEGREES) if squares else None
 
@@ -68,16 +68,16 @@ class Evidence:
         return float(np.sqrt(np.mean(np.square(figures(self.drives[sensors, friction], "position_rms_m")))))
 
     def cheaper(self, sensors: str, name: str) -> float:
-        """How many times: the particle filter's cost of an update over that of a loop of the bank's kernels."""
+        """Ratio of the costs of an update: the particle filter's over that of a loop of the bank's kernels."""
         return float(np.median(self.costs[sensors][PARTICLE_LOOP] / self.costs[sensors][name]))
 
 
-def claims(e: Evidence) -> list[Claim]:
-    """Every claim that the study is there for."""
+def claims(e: ConvergenceResults) -> list[Claim]:
+    """Evaluate every claim of the study."""
     return [_global(e), _bank(e), _nonconvex(e), _diffdrive(e), _consistency(e)]
 
 
-def _global(e: Evidence) -> Claim:
+def _global(e: ConvergenceResults) -> Claim:
     return Claim(
         "range.global", "target", "Without noise and turning, the observer finds the pose from anywhere.", "C.3, C.4",
         "manifold feed-forward, figure of eight: " + _each({name: f">= {least:g}" for name, least in OBSERVED.items()}),
@@ -86,7 +86,7 @@ def _global(e: Evidence) -> Claim:
     )  # fmt: skip
 
 
-def _bank(e: Evidence) -> Claim:
+def _bank(e: ConvergenceResults) -> Claim:
     shares, holds = {}, []
     ratios: dict[str, list[float]] = {FLOOR: [], PARTICLES: []}
     for name, least in BEYOND_EKF.items():
@@ -112,7 +112,7 @@ def _bank(e: Evidence) -> Claim:
     )  # fmt: skip
 
 
-def _called(e: Evidence) -> str:
+def _called(e: ConvergenceResults) -> str:
     """Plug-ins on filterpy beside the bank, for the most sensors that were timed."""
     cost = e.costs["4"]
     times = {
@@ -122,7 +122,7 @@ def _called(e: Evidence) -> str:
     return "filterpy's over the bank's: " + _each(times)
 
 
-def _nonconvex(e: Evidence) -> Claim:
+def _nonconvex(e: ConvergenceResults) -> Claim:
     sets = [sensors for wall, sensors, _ in e.found if wall == BEAN_WALL]
     shares = {name: e.share(BEAN_WALL, name, BANK) for name in sets}
     return Claim(
@@ -132,7 +132,7 @@ def _nonconvex(e: Evidence) -> Claim:
     )  # fmt: skip
 
 
-def _diffdrive(e: Evidence) -> Claim:
+def _diffdrive(e: ConvergenceResults) -> Claim:
     worst = {name: max(e.driven(s, friction) for s, friction in e.drives if s == name) for name in DRIVEN}
     factor = float(1.0 / np.median(e.run_cpu))
     frictions = sorted({friction for _, friction in e.drives})
@@ -149,7 +149,7 @@ def _diffdrive(e: Evidence) -> Claim:
     )  # fmt: skip
 
 
-def _consistency(e: Evidence) -> Claim:
+def _consistency(e: ConvergenceResults) -> Claim:
     found = {name: e.nees(name) for name in BEYOND_EKF}
     nis = {name: f"{e.nis(name, BANK):.3f}" for name in BEYOND_EKF}
     return Claim(

@@ -42,7 +42,7 @@ PLUGINS = {
 
 @dataclass(frozen=True, eq=False)
 class Readings:
-    """What a robot reads that drives a figure of eight."""
+    """Readings of a robot that drives a figure of eight."""
 
     mission: RangingMission
     ranges: Array  # (n, l) [m]
@@ -50,7 +50,7 @@ class Readings:
 
 
 def read(sensors: str, seconds: float, rng: np.random.Generator) -> Readings:
-    """With a set of ``SENSORS``, by name, and the standard noise."""
+    """Draw readings with a set of ``SENSORS``, by name, and the standard noise."""
     mission = told_mission(STANDARD, sensors)
     readings = noisy_run(mission, np.array(START), seconds, rng).readings[1:]
     return Readings(mission, *(np.array([pair[k].value for pair in readings]) for k in (0, 1)))
@@ -78,7 +78,7 @@ def costs(readings: Readings, repetitions: int) -> Mapping[str, Array]:
 
 
 def _plugin(readings: Readings, plugin: Any) -> Callable[[], int]:
-    """All updates of a plug-in, as the loop calls it."""
+    """Prepare all updates of a plug-in, as the loop calls it."""
     estimator, period = plugin.build(plugin.Config(), readings.mission), readings.mission.period
     calls = [
         (k * period, (Measurement("ranges", k * period, rho), Measurement("odometry", k * period, u)), u)

@@ -23,7 +23,7 @@ from mathnavi.sim.studies.ranging.range_convergence.claims import (
     DEGREES,
     DRIVEN,
     ELLIPSE,
-    Evidence,
+    ConvergenceResults,
 )
 from mathnavi.sim.studies.ranging.range_convergence.costs import ALL_ALIVE, BANK_LOOP, EKF_LOOP, PARTICLE_LOOP
 from mathnavi.sim.studies.ranging.range_convergence.runs import BANK, EKF, FLOOR, INSTANTS, PARTICLES, UKF
@@ -52,7 +52,7 @@ TIMES: Mapping[str, tuple[str, str]] = {  # name, colour of what is timed
 }
 
 
-def figure(e: Evidence, seconds: float) -> Figure:
+def figure(e: ConvergenceResults, seconds: float) -> Figure:
     """Six panels."""
     with matplotlib.rc_context(STYLE):
         drawn = Figure(figsize=(12.4, 9.4), layout=ConstrainedLayoutEngine(h_pad=0.1, w_pad=0.08))
@@ -66,7 +66,7 @@ def figure(e: Evidence, seconds: float) -> Figure:
     return drawn
 
 
-def _shares(axes: Axes, e: Evidence) -> None:
+def _shares(axes: Axes, e: ConvergenceResults) -> None:
     lines: list[tuple[str, str, Mapping[str, Rate]]] = [("observer,\nno noise", OBSERVER, e.observed)]
     lines += [(_short(name), COLOUR[name], _sets(e, ELLIPSE, name)) for name in LIKENED]
     lines.insert(2, ("bank,\nin a bean", COLOUR[BANK], _sets(e, BEAN_WALL, BANK)))
@@ -84,7 +84,7 @@ def _shares(axes: Axes, e: Evidence) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def _sets(e: Evidence, wall: str, estimator: str) -> dict[str, Rate]:
+def _sets(e: ConvergenceResults, wall: str, estimator: str) -> dict[str, Rate]:
     return {sensors: e.share(wall, sensors, estimator) for sensors in BEYOND_EKF}
 
 
@@ -92,7 +92,7 @@ def _short(name: str) -> str:
     return name.replace("particle filter", "1000\nparticles").replace("EKF from nearby", "EKF from\nnearby")
 
 
-def _errors(axes: Axes, e: Evidence, seconds: float) -> None:
+def _errors(axes: Axes, e: ConvergenceResults, seconds: float) -> None:
     t = np.linspace(0.0, seconds, INSTANTS)
     ends = []
     for name in (*LIKENED, FLOOR):
@@ -122,7 +122,7 @@ def _apart(values: list[float]) -> list[float]:
     return placed
 
 
-def _rms(axes: Axes, e: Evidence) -> None:
+def _rms(axes: Axes, e: ConvergenceResults) -> None:
     names = (FLOOR, *LIKENED)
     for k, name in enumerate(names):
         for j, sensors in enumerate(BEYOND_EKF):
@@ -140,7 +140,7 @@ def _rms(axes: Axes, e: Evidence) -> None:
     axes.grid(visible=False, axis="x")
 
 
-def _costs(axes: Axes, e: Evidence) -> None:
+def _costs(axes: Axes, e: ConvergenceResults) -> None:
     cost = e.costs["4"]
     for k, (key, (_, colour)) in enumerate(TIMES.items()):
         taken = float(np.median(cost[key]))
@@ -167,7 +167,7 @@ def _costs(axes: Axes, e: Evidence) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def _nees(axes: Axes, e: Evidence, seconds: float) -> None:
+def _nees(axes: Axes, e: ConvergenceResults, seconds: float) -> None:
     t = np.linspace(0.0, seconds, INSTANTS)[1:]
     styles = dict(zip(BEYOND_EKF, ("-", "--", ":"), strict=True))
     for sensors, style in styles.items():
@@ -187,7 +187,7 @@ def _nees(axes: Axes, e: Evidence, seconds: float) -> None:
     axes.set_title("(e) does the bank know how good it is?")
 
 
-def _wheels(axes: Axes, e: Evidence) -> None:
+def _wheels(axes: Axes, e: ConvergenceResults) -> None:
     rng = np.random.default_rng(0)
     frictions = sorted({friction for _, friction in e.drives})
     highest = max(1e3 * e.driven(sensors, frictions[-1]) for sensors in DRIVEN)

@@ -2,7 +2,7 @@
 
 The robot is the ideal unicycle, which moves exactly (``mathnavi.estimators.observability.region``), so nothing is
 simulated but its readings. A run's errors are drawn for it alone: the ranges' noise, the odometry's noise, and the
-sign of its bias. Every estimator of a run is told the same.
+sign of its bias. Every estimator of a run reads the same.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PLUGINS: Mapping[str, str] = {
     PARTICLES: "range_particle",
     FLOOR: "range_ekf",
 }
-NEAR = 0.1  # [m, rad] standard deviation of the start that FLOOR is told
+NEAR = 0.1  # [m, rad] standard deviation of the start that FLOOR is given
 INSTANTS = 41  # of a run at which errors are kept
 
 _SLIP = (0.0, 0.0)  # of a robot without wheels
@@ -42,7 +42,7 @@ _SLIP = (0.0, 0.0)  # of a robot without wheels
 
 @dataclass(frozen=True)
 class RangeRun:
-    """One run, with noise, and who is told of it: all that a worker needs."""
+    """A run with noise, and the estimators that follow it."""
 
     curve: Curve
     sensors: str
@@ -52,8 +52,8 @@ class RangeRun:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What an estimator made of a run."""
+class EstimatorResult:
+    """Errors and consistency of one estimator over a run."""
 
     converged: bool
     position: float  # [m] RMS over the last quarter
@@ -65,7 +65,7 @@ class Found:
 
 
 def told_mission(curve: Curve, sensors: str) -> RangingMission:
-    """With the standard noise, and an unknown start."""
+    """Mission with the standard noise, and an unknown start."""
     noise, angles = Noise(), tuple(math.radians(angle) for angle in SENSORS[sensors])
     return RangingMission(curve, angles, noise.ranging(), noise.odometry(_SLIP))
 
@@ -85,8 +85,8 @@ def noisy_run(mission: RangingMission, start: Array, seconds: float, rng: np.ran
     return dataclasses.replace(exact, readings=readings)
 
 
-def told(asked: RangeRun) -> dict[str, Found]:
-    """What each of the estimators makes of it; the same seed is the same run."""
+def estimator_results(asked: RangeRun) -> dict[str, EstimatorResult]:
+    """Run each of the estimators over the readings; the same seed is the same run."""
     rng = np.random.default_rng(asked.seed)
     start, mission = drawn_start(asked.curve, rng), told_mission(asked.curve, asked.sensors)
     run = noisy_run(mission, start, asked.seconds, rng)
@@ -94,7 +94,7 @@ def told(asked: RangeRun) -> dict[str, Found]:
     return {name: _found(name, run, near, asked.seed) for name in asked.estimators}
 
 
-def _found(name: str, run: ExactRun, near: Array, seed: int) -> Found:
+def _found(name: str, run: ExactRun, near: Array, seed: int) -> EstimatorResult:
     plugin, mission = load("estimators", PLUGINS[name]), run.mission
     if name == FLOOR:
         mission = dataclasses.replace(mission, start=KnownStart((near[0], near[1], near[2]), (NEAR, NEAR, NEAR)))
@@ -110,7 +110,7 @@ def _found(name: str, run: ExactRun, near: Array, seed: int) -> Found:
     shown = np.linspace(0, len(run.t) - 1, INSTANTS).round().astype(int)
     nis = np.array([e.extra.get("nis", (np.nan, np.nan)) for e in estimates[last:]])
     nis = nis[np.isfinite(nis).all(axis=1)]
-    return Found(
+    return EstimatorResult(
         converged=rms[0] < POSITION and rms[1] < HEADING,
         position=rms[0],
         heading=rms[1],
@@ -128,7 +128,7 @@ def _nees(estimates: Sequence[Estimate], off: Array) -> Array:
 
 @dataclass(frozen=True)
 class ExactAttempt:
-    """One start and one first estimate, both from anywhere, without noise."""
+    """A start and a first estimate, both from anywhere, without noise."""
 
     curve: Curve
     sensors: str
@@ -137,7 +137,7 @@ class ExactAttempt:
 
 
 def observer_converges(attempt: ExactAttempt) -> bool:
-    """Whether the observer (C.5) with the manifold feed-forward finds the true state."""
+    """Tell whether the observer (C.5) with the manifold feed-forward finds the true state."""
     rng, curve = np.random.default_rng(attempt.seed), attempt.curve
     start, estimate = drawn_start(curve, rng), curve.draw(rng)
     mission = RangingMission(curve, tuple(math.radians(angle) for angle in SENSORS[attempt.sensors]))
@@ -146,6 +146,6 @@ def observer_converges(attempt: ExactAttempt) -> bool:
     return bool(region_of_convergence(plugin, config, run, estimate[None], spread(curve), criterion)[0])
 
 
-def converged(found: Sequence[Found]) -> list[Found]:
-    """Those that did."""
+def converged(found: Sequence[EstimatorResult]) -> list[EstimatorResult]:
+    """Runs that converged."""
     return [one for one in found if one.converged]

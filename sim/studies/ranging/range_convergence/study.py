@@ -15,7 +15,7 @@ import numpy as np
 
 from mathnavi.models.field.curve import BEAN
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.framework.jobs import Jobs
@@ -27,7 +27,7 @@ from mathnavi.sim.studies.ranging.range_convergence.claims import (
     DRIVEN,
     ELLIPSE,
     OBSERVED,
-    Evidence,
+    ConvergenceResults,
     claims,
 )
 from mathnavi.sim.studies.ranging.range_convergence.costs import costs, read
@@ -40,8 +40,8 @@ from mathnavi.sim.studies.ranging.range_convergence.runs import (
     UKF,
     ExactAttempt,
     RangeRun,
+    estimator_results,
     observer_converges,
-    told,
 )
 from mathnavi.sim.sweep.trial import Trial, trial
 
@@ -52,12 +52,12 @@ TIMED = 10  # [s] of readings that updates are timed over
 
 @dataclass(frozen=True)
 class RangeConvergenceConfig:
-    """How much is measured."""
+    """Sample sizes: cases that are measured."""
 
     seeds: int = 200
     """runs of the observer, the bank and the EKF with each set of sensors"""
     peers: int = 60
-    """of them that the UKF and the particle filter are told of too"""
+    """of them that the UKF and the particle filter follow too"""
     drives: int = 10
     """runs on wheels with each set of sensors and friction"""
     repetitions: int = 7
@@ -102,7 +102,7 @@ class RangeConvergence:
         )
 
 
-def _evidence(config: RangeConvergenceConfig, setup: Setup) -> Evidence:
+def _evidence(config: RangeConvergenceConfig, setup: Setup) -> ConvergenceResults:
     jobs = Jobs()
     for name in OBSERVED:
         attempts = [ExactAttempt(STANDARD, name, seed, config.seconds) for seed in range(config.seeds)]
@@ -113,7 +113,7 @@ def _evidence(config: RangeConvergenceConfig, setup: Setup) -> Evidence:
                 RangeRun(curve, name, seed, config.seconds, _estimators(wall, seed, config.peers))
                 for seed in range(config.seeds)
             ]
-            jobs.add((wall, name), told, runs)
+            jobs.add((wall, name), estimator_results, runs)
     asked = {
         (name, friction): [_on_wheels(name, friction, seed, config.seconds) for seed in range(config.drives)]
         for name in DRIVEN
@@ -122,8 +122,10 @@ def _evidence(config: RangeConvergenceConfig, setup: Setup) -> Evidence:
     flown = iter(setup.fly([each for trials in asked.values() for each in trials]))
     drives = {key: [next(flown) for _ in trials] for key, trials in asked.items()}
     done = jobs.done(setup)
-    length = min(TIMED, config.seconds)
-    return Evidence(
+    timing = {"repetitions": config.repetitions}
+    update_times = setup.compute(timed_updates, BEYOND_EKF, seconds=min(TIMED, config.seconds), **timing)
+    (run_times,) = setup.compute(timed_runs, [config.seconds], **timing)
+    return ConvergenceResults(
         observed={name: rate(sum(done["observer", name]), config.seeds) for name in OBSERVED},
         found={
             (wall, name, estimator): [run[estimator] for run in done[wall, name] if estimator in run]
@@ -131,9 +133,12 @@ def _evidence(config: RangeConvergenceConfig, setup: Setup) -> Evidence:
             for name in BEYOND_EKF
             for estimator in _estimators(wall, 0, 1)
         },
-        costs={name: costs(read(name, length, np.random.default_rng(0)), config.repetitions) for name in BEYOND_EKF},
+        costs={
+            name: {filter_name: np.array(taken) for filter_name, taken in found.items()}
+            for name, found in zip(BEYOND_EKF, update_times, strict=True)
+        },
         drives=drives,
-        run_cpu=_run_cpu(config),
+        run_cpu=np.array(run_times),
     )
 
 
@@ -148,22 +153,28 @@ def _on_wheels(sensors: str, friction: float, seed: int, seconds: int) -> Trial:
     return trial("range-localisation", seed, fields=fields, drive="differential", duration=float(seconds))
 
 
-def _run_cpu(config: RangeConvergenceConfig) -> Array:
+def timed_updates(sensors: str, seconds: float, repetitions: int) -> dict[str, list[MeasuredTime]]:
+    """(R,) CPU time [us] of an update by estimator, over readings of a set of sensors."""
+    found = costs(read(sensors, seconds, np.random.default_rng(0)), repetitions)
+    return {name: [MeasuredTime(time) for time in taken] for name, taken in found.items()}
+
+
+def timed_runs(seconds: int, repetitions: int) -> list[MeasuredTime]:
     """(R,) CPU time of a run on wheels, physics and bank, over its duration; what is compiled is compiled before."""
     taken = []
-    for _ in range(config.repetitions + 1):
-        closed_loop = _on_wheels("4", FRICTIONS[-1], 0, config.seconds).build()
+    for _ in range(repetitions + 1):
+        closed_loop = _on_wheels("4", FRICTIONS[-1], 0, seconds).build()
         began = time.thread_time()
         run = closed_loop.run()
-        taken.append((time.thread_time() - began) / float(run.recording.t[-1]))
-    return np.array(taken[1:])
+        taken.append(MeasuredTime((time.thread_time() - began) / float(run.recording.t[-1])))
+    return taken[1:]
 
 
 # ---- rows and tables
 
 
-def _rows(e: Evidence) -> list[dict[str, Any]]:
-    """The CSV: a row for each thing that was measured, told apart by ``what``."""
+def _rows(e: ConvergenceResults) -> list[dict[str, Any]]:
+    """The CSV: a row for each thing that was measured, distinguished by ``what``."""
     return [
         *(
             {"what": "observer", "wall": ELLIPSE, "sensors": name, "estimator": "observer", "runs": found.trials,
@@ -185,7 +196,7 @@ def _rows(e: Evidence) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _found_row(e: Evidence, wall: str, sensors: str, estimator: str) -> dict[str, Any]:
+def _found_row(e: ConvergenceResults, wall: str, sensors: str, estimator: str) -> dict[str, Any]:
     share, rms = e.share(wall, sensors, estimator), e.rms(wall, sensors, estimator)
     row: dict[str, Any] = {
         "what": "found", "wall": wall, "sensors": sensors, "estimator": estimator, "runs": share.trials,
@@ -198,7 +209,7 @@ def _found_row(e: Evidence, wall: str, sensors: str, estimator: str) -> dict[str
     return row
 
 
-def _found_table(e: Evidence) -> Table:
+def _found_table(e: ConvergenceResults) -> Table:
     columns = ("wall", "sensors", "estimator", "converged", "RMSE [m]", "NIS a ray")
     rows = []
     for wall, sensors, estimator in e.found:
@@ -211,7 +222,7 @@ def _found_table(e: Evidence) -> Table:
     return Table("Runs that converged, and how exact their last quarter is", columns, rows)
 
 
-def _cost_table(e: Evidence) -> Table:
+def _cost_table(e: ConvergenceResults) -> Table:
     names = list(next(iter(e.costs.values())))
     rows = [(name, *(f"{np.median(cost[name]):.2f}" for cost in e.costs.values())) for name in names]
     return Table(
@@ -222,7 +233,7 @@ def _cost_table(e: Evidence) -> Table:
     )
 
 
-def _drive_table(e: Evidence) -> Table:
+def _drive_table(e: ConvergenceResults) -> Table:
     columns = ("sensors", "friction", "converged", "RMS position error [m]", "largest of a run [m]", "touched the wall")
     rows = []
     for (name, friction), records in e.drives.items():

@@ -13,12 +13,19 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.ranging.range_observer.identities import Identities
-from mathnavi.sim.studies.ranging.range_observer.runs import MOTIONS, MOVING, PRINTED_GAINS, SHOWN, TURNING, Gains
-from mathnavi.sim.studies.ranging.range_observer.watched import Verdict
+from mathnavi.sim.studies.ranging.range_observer.observer_run import RunErrors
+from mathnavi.sim.studies.ranging.range_observer.runs import (
+    MOTIONS,
+    MOVING,
+    PRINTED_GAINS,
+    SHOWN,
+    TURNING,
+    ObserverGains,
+)
 
 FEED_FORWARDS: tuple[FeedForward, ...] = tuple(name for name in get_args(FeedForward) if name != "none")
-PRINT = Gains("none", *PRINTED_GAINS)
-OBSERVER = Gains("s", *PRINTED_GAINS)
+PRINT = ObserverGains("none", *PRINTED_GAINS)
+OBSERVER = ObserverGains("s", *PRINTED_GAINS)
 Q_ZERO, EXACT = 1e-7, 1e-9  # [m^2/s] of |Q|, [rad/s] and [rad] of a feed-forward on the truth
 FALL = (4.0, 11.0)  # times by which the print's error falls from k = 1 to k = 10
 SAME = 1e-3  # [rad] by which z(0) as printed may be off Psi(x(0))
@@ -27,39 +34,41 @@ STILL = "standing still"
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """All that the claims are judged by."""
+class LockResults:
+    """Results from which the claims are evaluated."""
 
     identities: Sequence[Identities]
     start_off: Array  # (3,) [rad] z(0) as printed less Psi(x(0))
-    thesis: Mapping[tuple[str, FeedForward], Sequence[Verdict]]  # by motion, at the printed gains, without noise
-    noisy: Mapping[tuple[str, Gains], Sequence[Verdict]]  # by motion
-    true_start: Mapping[FeedForward, Verdict]  # from z(0) = Psi(x(0)), without noise
-    drawn: Mapping[tuple[str, str, float], Sequence[Verdict]]  # of the print, by sensors, drive and k, 100 readings/s
-    fast: Mapping[tuple[str, float], Sequence[Verdict]]  # likewise by sensors and k, 1000 readings/s
+    thesis: Mapping[tuple[str, FeedForward], Sequence[RunErrors]]  # by motion, at the printed gains, without noise
+    noisy: Mapping[tuple[str, ObserverGains], Sequence[RunErrors]]  # by motion
+    true_start: Mapping[FeedForward, RunErrors]  # from z(0) = Psi(x(0)), without noise
+    drawn: Mapping[tuple[str, str, float], Sequence[RunErrors]]  # of the print, by sensors, drive and k, 100 readings/s
+    fast: Mapping[tuple[str, float], Sequence[RunErrors]]  # likewise by sensors and k, 1000 readings/s
     averaged: Sequence[tuple[float, float]]  # [m] RMS errors by the mean of both rays and by the one that errs
 
 
-def claims(e: Evidence) -> list[Claim]:
-    """Every claim that the study is there for."""
+def claims(e: LockResults) -> list[Claim]:
+    """Evaluate every claim of the study."""
     return [_identities(e), _print(e), *_printed(e)]
 
 
-def median(some: Sequence[Verdict], name: str = "position") -> float:
+def median(some: Sequence[RunErrors], name: str = "position") -> float:
+    """Median over runs of one of their errors."""
     return float(np.median([getattr(verdict, name) for verdict in some]))
 
 
-def locked(some: Sequence[Verdict]) -> int:
+def locked(some: Sequence[RunErrors]) -> int:
+    """Number of runs that kept lock in X."""
     return sum(verdict.locked for verdict in some)
 
 
 def largest(some: Sequence[Identities], name: str) -> float:
-    """Of those that are not guarded."""
+    """Largest residual of those that are not guarded."""
     return float(np.nanmax([getattr(each, name) for each in some]))
 
 
-def falls(e: Evidence) -> dict[tuple[str, str], list[float]]:
-    """By sensors and drive: the position error at k = 1 over that at k = 10, where lock is kept at both."""
+def falls(e: LockResults) -> dict[tuple[str, str], list[float]]:
+    """Ratio, by sensors and drive, of the position errors at k = 1 and k = 10, where lock is kept at both."""
     return {
         (sensors, drive): [
             slow.position / fast.position
@@ -74,7 +83,7 @@ def falls(e: Evidence) -> dict[tuple[str, str], list[float]]:
 # ---- what is asked for
 
 
-def _identities(e: Evidence) -> Claim:
+def _identities(e: LockResults) -> Claim:
     Q, s, rho_dot, manifold = (largest(e.identities, name) for name in ("Q", "s", "rho_dot", "manifold"))
     return Claim(
         "range.identities", "target", "Q vanishes on the truth, and each feed-forward is Ψ_*F there.", "C.4",
@@ -87,7 +96,7 @@ def _identities(e: Evidence) -> Claim:
     )  # fmt: skip
 
 
-def _print(e: Evidence) -> Claim:
+def _print(e: LockResults) -> Claim:
     ratios = falls(e)
     every = [ratio for some in ratios.values() for ratio in some]
     told = f"{min(every):.1f} to {max(every):.1f} times" if every else "it keeps lock nowhere"
@@ -111,7 +120,7 @@ def _print(e: Evidence) -> Claim:
 # ---- what is printed
 
 
-def _printed(e: Evidence) -> list[Claim]:
+def _printed(e: LockResults) -> list[Claim]:
     off = float(np.abs(e.start_off).max())
     best = min(MOVING, key=lambda motion: median(e.thesis[motion, "none"]))
     worst_of_truth = e.true_start["none"]
@@ -150,7 +159,7 @@ def _printed(e: Evidence) -> list[Claim]:
     ]  # fmt: skip
 
 
-def _told(e: Evidence, flag: str, name: str, unit: str) -> str:
+def _told(e: LockResults, flag: str, name: str, unit: str) -> str:
     return ", ".join(
         f"{motion} {sum(getattr(one, flag) for one in e.thesis[motion, 'none'])} of "
         f"{len(e.thesis[motion, 'none'])} ({median(e.thesis[motion, 'none'], name):.2f} {unit})"
@@ -159,11 +168,11 @@ def _told(e: Evidence, flag: str, name: str, unit: str) -> str:
     )
 
 
-def _holds(e: Evidence, flag: str) -> bool:
+def _holds(e: LockResults, flag: str) -> bool:
     return any(all(getattr(one, flag) for one in e.thesis[motion, "none"]) for motion in MOVING)
 
 
-def _noise(e: Evidence) -> list[Claim]:
+def _noise(e: LockResults) -> list[Claim]:
     motions = tuple(dict.fromkeys(motion for motion, _ in e.noisy))
     tracked = {
         flag: {motion: sum(getattr(one, flag) for one in e.noisy[motion, PRINT]) for motion in motions}
@@ -209,8 +218,8 @@ def _noise(e: Evidence) -> list[Claim]:
     ]  # fmt: skip
 
 
-def _proposition(e: Evidence) -> Claim:
-    """With two rays a hundred readings a second are too few: the gain that it takes is beyond them."""
+def _proposition(e: LockResults) -> Claim:
+    """Evaluate C.1: with two rays 100 readings a second are too few for the gain that it takes."""
     sets = tuple(dict.fromkeys(sensors for sensors, _, _ in e.drawn))
     fast = tuple(dict.fromkeys(sensors for sensors, _ in e.fast))
     errors = {

@@ -22,9 +22,9 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import POSITION
 from mathnavi.sim.studies.framework.heat_map import readable_on
 from mathnavi.sim.studies.ranging.observability.maps import STANDARD
-from mathnavi.sim.studies.ranging.range_observer.claims import Evidence, locked, median
+from mathnavi.sim.studies.ranging.range_observer.claims import LockResults, locked, median
+from mathnavi.sim.studies.ranging.range_observer.observer_run import ObserverRun
 from mathnavi.sim.studies.ranging.range_observer.runs import MOTIONS, START
-from mathnavi.sim.studies.ranging.range_observer.watched import Watched
 
 TRUTH = hexadecimal(COLOURS[SceneElement.DRIVEN])
 OF: Mapping[FeedForward, str] = {
@@ -43,15 +43,15 @@ PAIR: tuple[FeedForward, FeedForward] = ("none", "s")
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
-    """The runs that are drawn, by feed-forward: without noise all, with noise the print and one."""
+class ShownRuns:
+    """Runs that are drawn, by feed-forward: all without noise; as printed and one other with it."""
 
-    exact: Mapping[FeedForward, Watched]
-    noisy: Mapping[FeedForward, Watched]
+    exact: Mapping[FeedForward, ObserverRun]
+    noisy: Mapping[FeedForward, ObserverRun]
 
 
-def range_observer_figure(drawn: Drawn, e: Evidence) -> Figure:
-    """All of it, a row after the other."""
+def range_observer_figure(drawn: ShownRuns, e: LockResults) -> Figure:
+    """Draw the figure of the study, a row after the other."""
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(12.4, 16.0), layout=ConstrainedLayoutEngine(w_pad=0.09, h_pad=0.07))
         rows = np.array(figure.subfigures(5, 1, height_ratios=(0.85, 1.1, 0.95, 1.1, 1.1), hspace=0.03))
@@ -75,7 +75,7 @@ def range_observer_figure(drawn: Drawn, e: Evidence) -> Figure:
 # ---- without noise
 
 
-def _components(panels: Sequence[Axes], runs: Mapping[FeedForward, Watched]) -> None:
+def _components(panels: Sequence[Axes], runs: Mapping[FeedForward, ObserverRun]) -> None:
     for k, (axes, name) in enumerate(zip(panels, PARTS, strict=True)):
         for feedforward, width in zip(PAIR, (1.6, 2.6), strict=True):
             run = runs[feedforward]
@@ -96,7 +96,7 @@ def _legend(axes: Axes, columns: int) -> None:
     axes.legend(fontsize=8, ncols=columns, loc="upper left", columnspacing=1.0, handlelength=1.8, borderaxespad=0.1)
 
 
-def _field(axes: Axes, runs: Mapping[FeedForward, Watched], *, noisy: bool) -> None:
+def _field(axes: Axes, runs: Mapping[FeedForward, ObserverRun], *, noisy: bool) -> None:
     wall = STANDARD.polyline
     axes.fill(*wall.T, color=GRID, alpha=0.22, lw=0)
     axes.plot(*wall.T, color=INK, lw=1.8)
@@ -134,7 +134,7 @@ def _field(axes: Axes, runs: Mapping[FeedForward, Watched], *, noisy: bool) -> N
     axes.annotate("1 m", (bar + 0.5, low[1] + 0.06), (0, 4), textcoords="offset points", ha="center", fontsize=8)
 
 
-def _errors(axes: Axes, runs: Mapping[FeedForward, Watched], name: str, title: str) -> None:
+def _errors(axes: Axes, runs: Mapping[FeedForward, ObserverRun], name: str, title: str) -> None:
     errors = {feedforward: np.maximum(getattr(run, name), LEAST) for feedforward, run in runs.items()}
     t = runs["s"].t
     for feedforward, error in errors.items():
@@ -145,7 +145,7 @@ def _errors(axes: Axes, runs: Mapping[FeedForward, Watched], name: str, title: s
 
 
 def _at_the_end(axes: Axes, errors: Mapping[FeedForward, Array], t: Array) -> None:
-    """Each line's name beside its end, no two on top of each other."""
+    """Write each line's name beside its end, no two on top of each other."""
     axes.set_xlim(0.0, t[-1])
     order = sorted(errors, key=lambda f: -float(np.median(errors[f][-len(t) // 8 :])))
     least, last = 1.2, np.inf  # decades between two names
@@ -163,7 +163,7 @@ def _log(axes: Axes, limits: tuple[float, float]) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def _values(axes: Axes, runs: Mapping[FeedForward, Watched]) -> None:
+def _values(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
     for feedforward in PAIR:
         run = runs[feedforward]
         V, Q = run.value[:, 0], np.sqrt(2.0 * run.value[:, 1])
@@ -181,7 +181,7 @@ def _values(axes: Axes, runs: Mapping[FeedForward, Watched]) -> None:
 # ---- with noise
 
 
-def _plane(axes: Axes, runs: Mapping[FeedForward, Watched]) -> None:
+def _plane(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
     for feedforward in PAIR:
         run = runs[feedforward]
         axes.plot(run.z[:, 0], run.z[:, 1], color=OF[feedforward], lw=1.2)
@@ -193,7 +193,7 @@ def _plane(axes: Axes, runs: Mapping[FeedForward, Watched]) -> None:
     _legend(axes, columns=1)
 
 
-def _noise(axes: Axes, runs: Mapping[FeedForward, Watched]) -> None:
+def _noise(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
     for feedforward, run in runs.items():
         axes.plot(run.t, run.position, color=OF[feedforward], lw=1.5)
         axes.plot(run.t, np.abs(run.off[:, 2]), color=OF[feedforward], lw=0.9, ls=":")
@@ -208,7 +208,7 @@ def _noise(axes: Axes, runs: Mapping[FeedForward, Watched]) -> None:
 # ---- over many runs
 
 
-def _shares(axes: Axes, e: Evidence) -> None:
+def _shares(axes: Axes, e: LockResults) -> None:
     """Which inputs and feed-forwards keep lock, with the median error."""
     for i, motion in enumerate(MOTIONS):
         for j, feedforward in enumerate(NAMES):
@@ -227,7 +227,7 @@ def _shares(axes: Axes, e: Evidence) -> None:
     axes.set_title("(i) lock kept from the thesis' start, and RMS error")
 
 
-def _by_gain(axes: Axes, e: Evidence) -> None:
+def _by_gain(axes: Axes, e: LockResults) -> None:
     for sensors, colour in SET_COLOURS.items():
         runs = {k: some for (name, drive, k), some in e.drawn.items() if (name, drive) == (sensors, "standard")}
         found = {k: median(some) for k, some in runs.items()}

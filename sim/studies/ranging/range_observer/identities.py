@@ -27,7 +27,7 @@ _STEP = 1e-30  # [s]
 
 @dataclass(frozen=True)
 class Identities:
-    """What is left on the truth at one state, under one input."""
+    """Residuals on the truth at one state, under one input."""
 
     sensors: str
     Q: float  # |Q| [m^2/s], as printed
@@ -39,7 +39,7 @@ class Identities:
 
 
 def identities(asked: tuple[str, int, int]) -> list[Identities]:
-    """At so many states that a seed draws, with sensors of that name."""
+    """Residuals at a number of states that a seed draws: (name of the sensors, seed, states)."""
     sensors, seed, states = asked
     rng = np.random.default_rng(seed)
     return [_at(sensors, STANDARD.draw(rng, 0.05), rng.uniform(-1.0, 1.0, 2) * FASTEST) for _ in range(states)]

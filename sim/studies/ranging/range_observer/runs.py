@@ -22,7 +22,7 @@ from mathnavi.models.unicycle.quality import KnownStart, RangeQuality
 from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.metrics.ranging import rms
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD, drawn_start, driving
-from mathnavi.sim.studies.ranging.range_observer.watched import STRIDE, Verdict, Watched, watched
+from mathnavi.sim.studies.ranging.range_observer.observer_run import STRIDE, ObserverRun, RunErrors, follow
 
 START = np.array([1.0, -1.0, 0.5 * math.pi])  # x(0) of C.5
 PRINTED_GAINS = (5.0, 1.0)  # k_V and k_Q of C.5
@@ -50,7 +50,7 @@ DRIVES: Mapping[str, Callable[[float], tuple[float, float]]] = {
 
 
 @dataclass(frozen=True)
-class Gains:
+class ObserverGains:
     """The observer in one configuration."""
 
     feedforward: FeedForward
@@ -63,10 +63,10 @@ class Gains:
 
 @dataclass(frozen=True)
 class ThesisRun:
-    """From the thesis' start with sensors at -90° and -45°, z(0) off by what a seed draws, or not at all."""
+    """Run from the thesis' start with sensors at -90° and -45°, z(0) off by what a seed draws, or not at all."""
 
     motion: str
-    gains: Gains
+    gains: ObserverGains
     seed: int
     seconds: int
     noisy: tuple[bool, bool] = (False, False)  # which of the two rays err
@@ -75,7 +75,7 @@ class ThesisRun:
 
 @dataclass(frozen=True)
 class DrawnRun:
-    """From a start that is drawn and told as it is, with the print at one gain k = k_V = k_Q after the other."""
+    """Run from a drawn, known start, as printed with one gain k = k_V = k_Q after the other."""
 
     sensors: str
     drive: str
@@ -86,7 +86,7 @@ class DrawnRun:
 
 
 def mission_with(sensors: str, quality: RangeQuality, start: Array, period: float = 0.01) -> RangingMission:
-    """The standard field, a start (3,) that is told."""
+    """Mission in the standard field with a start (3,) that is known."""
     angles = tuple(math.radians(angle) for angle in SENSORS[sensors])
     x_1, x_2, phi = start.tolist()
     return RangingMission(STANDARD, angles, ranging=quality, start=KnownStart((x_1, x_2, phi)), period=period)
@@ -110,8 +110,8 @@ def places(z: Array, rho: Array, alpha: Array) -> Array:
     return STANDARD.points(z[..., :-1]) - away
 
 
-def from_thesis_start(asked: ThesisRun) -> Watched:
-    """That run, watched."""
+def from_thesis_start(asked: ThesisRun) -> ObserverRun:
+    """Run the observer from the thesis' start."""
     rng = np.random.default_rng(asked.seed).spawn(1)[0]
     z, x = (None, START) if asked.true_start else first_z(asked.seed)
     quality = RangeQuality(NOISE if any(asked.noisy) else 0.0)
@@ -119,19 +119,26 @@ def from_thesis_start(asked: ThesisRun) -> Watched:
     run = dataclasses.replace(exact, mission=mission_with("2t", quality, x))
     if any(asked.noisy):
         run = _with_noise(run, np.where(asked.noisy, NOISE, 0.0), rng)
-    return watched(run, asked.gains.config(() if z is None else tuple(z.tolist())))
+    return follow(run, asked.gains.config(() if z is None else tuple(z.tolist())))
 
 
-def thesis_verdict(asked: ThesisRun) -> Verdict:
-    return Verdict.of(from_thesis_start(asked))
+def shown_run(asked: ThesisRun) -> ObserverRun:
+    """Run the observer from the thesis' start, for a picture: without the readings."""
+    seen = from_thesis_start(asked)
+    return dataclasses.replace(seen, run=dataclasses.replace(seen.run, readings=()))
 
 
-def drawn_verdicts(asked: DrawnRun) -> list[Verdict]:
-    """At each gain."""
+def thesis_verdict(asked: ThesisRun) -> RunErrors:
+    """Errors of the observer over the last quarter of a run from the thesis' start."""
+    return RunErrors.of(from_thesis_start(asked))
+
+
+def drawn_verdicts(asked: DrawnRun) -> list[RunErrors]:
+    """Errors of the observer at each gain."""
     start = drawn_start(STANDARD, np.random.default_rng(asked.seed))
     mission = mission_with(asked.sensors, RangeQuality(), start, asked.period)
     run = exact_run(mission, start, DRIVES[asked.drive], float(asked.seconds))
-    return [Verdict.of(watched(run, Gains("none", k, k).config())) for k in asked.gains]
+    return [RunErrors.of(follow(run, ObserverGains("none", k, k).config())) for k in asked.gains]
 
 
 def averaged(asked: ThesisRun) -> tuple[float, float]:
@@ -154,7 +161,7 @@ def _thesis_truth(motion: str, seconds: int) -> ExactRun:
 
 
 def _with_noise(run: ExactRun, relative: Array, rng: np.random.Generator) -> ExactRun:
-    """Every range (l,) off by a Gaussian of ``relative`` (l,) of itself."""
+    """Scale every range (l,) by a Gaussian of ``relative`` (l,)."""
     factors = 1.0 + relative * rng.standard_normal((len(run.t), len(relative)))
     readings = tuple(
         (Measurement(ranges.name, ranges.t, factor * ranges.value), *rest)

@@ -22,15 +22,16 @@ from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
 from mathnavi.sim.studies.ranging.range_observer.claims import (
     OBSERVER,
     PRINT,
-    Evidence,
+    LockResults,
     claims,
     falls,
     largest,
     locked,
     median,
 )
-from mathnavi.sim.studies.ranging.range_observer.figure import Drawn, range_observer_figure
+from mathnavi.sim.studies.ranging.range_observer.figure import ShownRuns, range_observer_figure
 from mathnavi.sim.studies.ranging.range_observer.identities import Identities, identities
+from mathnavi.sim.studies.ranging.range_observer.observer_run import RunErrors
 from mathnavi.sim.studies.ranging.range_observer.runs import (
     DRIVES,
     MOTIONS,
@@ -38,27 +39,26 @@ from mathnavi.sim.studies.ranging.range_observer.runs import (
     SHOWN,
     START,
     DrawnRun,
-    Gains,
+    ObserverGains,
     ThesisRun,
     averaged,
     drawn_verdicts,
-    from_thesis_start,
+    shown_run,
     thesis_verdict,
 )
-from mathnavi.sim.studies.ranging.range_observer.watched import Verdict
 
 SETS = ("2s", "2t", "3", "4")
 PRINTED_START = np.array([23.0 * math.pi / 4.0, 242.0 * math.pi / 1101.0, math.pi / 2.0])  # z(0) of C.5
 GAINS = (1.0, 10.0, 100.0, 1000.0)
 FAST_SETS, FAST_GAINS, FAST_PERIOD, FAST_SECONDS = ("2s", "2t"), (1e3, 1e4, 1e5), 0.001, 6
 NOISY_MOTIONS = (SHOWN, "up and down")
-NOISY_GAINS = (*(Gains(name, *PRINTED_GAINS) for name in get_args(FeedForward)), Gains("s", 0.2, 0.2))
+NOISY_GAINS = (*(ObserverGains(name, *PRINTED_GAINS) for name in get_args(FeedForward)), ObserverGains("s", 0.2, 0.2))
 BOTH = (True, True)
 
 
 @dataclass(frozen=True)
-class RangeObserverConfig:
-    """How much is run."""
+class RangeObserverStudyConfig:
+    """Sample sizes: runs."""
 
     starts: int = 15
     """first estimates that are drawn around the thesis' start"""
@@ -76,23 +76,18 @@ class RangeObserverConfig:
 class RangeObserverStudy:
     """The active range observer: Figures C.3 to C.8, the print beside its feed-forwards."""
 
-    Config = RangeObserverConfig
-    quick = RangeObserverConfig(starts=2, drives=1, states=50)
+    Config = RangeObserverStudyConfig
+    quick = RangeObserverStudyConfig(starts=2, drives=1, states=50)
     title = "The active range observer, as printed and with feed-forward (Figures C.3 to C.8)"
     on_terrain = False
 
     @staticmethod
-    def run(config: RangeObserverConfig, setup: Setup) -> StudyResult:
-        e = _evidence(_asked(config).done(setup))
-        drawn = Drawn(
-            exact={
-                name: from_thesis_start(ThesisRun(SHOWN, Gains(name, *PRINTED_GAINS), 0, config.seconds))
-                for name in get_args(FeedForward)
-            },
-            noisy={
-                gains.feedforward: from_thesis_start(ThesisRun(SHOWN, gains, 0, config.seconds, BOTH))
-                for gains in (PRINT, OBSERVER)
-            },
+    def run(config: RangeObserverStudyConfig, setup: Setup) -> StudyResult:
+        done = _asked(config).done(setup)
+        e = _evidence(done)
+        drawn = ShownRuns(
+            exact={name: done["shown", name][0] for name in get_args(FeedForward)},
+            noisy={gains.feedforward: done["shown, noisy", gains.feedforward][0] for gains in (PRINT, OBSERVER)},
         )
         return StudyResult(
             summary=(
@@ -117,14 +112,17 @@ class RangeObserverStudy:
 # ---- what is asked for
 
 
-def _asked(config: RangeObserverConfig) -> Jobs:
+def _asked(config: RangeObserverStudyConfig) -> Jobs:
     jobs, seconds = Jobs(), config.seconds
     for name in get_args(FeedForward):
-        gains = Gains(name, *PRINTED_GAINS)
+        gains = ObserverGains(name, *PRINTED_GAINS)
+        jobs.add(("shown", name), shown_run, [ThesisRun(SHOWN, gains, 0, seconds)])
         jobs.add(("true start", name), thesis_verdict, [ThesisRun(SHOWN, gains, 0, seconds, true_start=True)])
         for motion in MOTIONS:
             runs = [ThesisRun(motion, gains, seed, seconds) for seed in range(config.starts)]
             jobs.add(("thesis", motion, name), thesis_verdict, runs)
+    for gains in (PRINT, OBSERVER):
+        jobs.add(("shown, noisy", gains.feedforward), shown_run, [ThesisRun(SHOWN, gains, 0, seconds, BOTH)])
     for motion in NOISY_MOTIONS:
         for gains in NOISY_GAINS:
             runs = [ThesisRun(motion, gains, seed, seconds, BOTH) for seed in range(config.starts)]
@@ -143,9 +141,9 @@ def _asked(config: RangeObserverConfig) -> Jobs:
     return jobs
 
 
-def _evidence(done: Mapping[Any, list[Any]]) -> Evidence:
+def _evidence(done: Mapping[Any, list[Any]]) -> LockResults:
     psi = np.append(STANDARD.ranges(START, np.radians(SENSORS["2t"]))[1], START[2])
-    return Evidence(
+    return LockResults(
         identities=[one for some in done["identities",] for one in some],
         start_off=wrapped(PRINTED_START - psi),
         thesis={key[1:]: some for key, some in done.items() if key[0] == "thesis"},
@@ -170,15 +168,16 @@ def _evidence(done: Mapping[Any, list[Any]]) -> Evidence:
 # ---- what is told
 
 
-def _rows(e: Evidence) -> list[dict[str, Any]]:
+def _rows(e: LockResults) -> list[dict[str, Any]]:
     """The CSV: a row for each run, and for each set of sensors what is left of the identities."""
-    groups: list[tuple[dict[str, Any], Sequence[Verdict]]] = [
-        *(({"what": "thesis' start", "motion": m, **_gains(Gains(f, *PRINTED_GAINS))}, some)
+    groups: list[tuple[dict[str, Any], Sequence[RunErrors]]] = [
+        *(({"what": "thesis' start", "motion": m, **_gains(ObserverGains(f, *PRINTED_GAINS))}, some)
           for (m, f), some in e.thesis.items()),
         *(({"what": "thesis' start, 5 % noise", "motion": m, **_gains(g)}, some) for (m, g), some in e.noisy.items()),
-        *(({"what": "from the truth", "motion": d, "sensors": s, **_gains(Gains("none", k, k))}, some)
+        *(({"what": "from the truth", "motion": d, "sensors": s, **_gains(ObserverGains("none", k, k))}, some)
           for (s, d, k), some in e.drawn.items()),
-        *(({"what": "from the truth, 1 kHz", "motion": "standard", "sensors": s, **_gains(Gains("none", k, k))}, some)
+        *(({"what": "from the truth, 1 kHz", "motion": "standard", "sensors": s,
+            **_gains(ObserverGains("none", k, k))}, some)
           for (s, k), some in e.fast.items()),
     ]  # fmt: skip
     runs = [
@@ -194,7 +193,7 @@ def _rows(e: Evidence) -> list[dict[str, Any]]:
     return [*runs, *left]
 
 
-def _gains(gains: Gains) -> dict[str, Any]:
+def _gains(gains: ObserverGains) -> dict[str, Any]:
     return {"feedforward": gains.feedforward, "k_v": gains.k_v, "k_q": gains.k_q}
 
 
@@ -202,7 +201,7 @@ def _of(some: Sequence[Identities], sensors: str) -> list[Identities]:
     return [one for one in some if one.sensors == sensors]
 
 
-def _thesis_table(e: Evidence) -> Table:
+def _thesis_table(e: LockResults) -> Table:
     names: tuple[FeedForward, ...] = get_args(FeedForward)
     columns = ("input", *(f"{'print' if name == 'none' else name}: keeps lock, RMS [m], [rad]" for name in names))
     rows = [
@@ -211,7 +210,7 @@ def _thesis_table(e: Evidence) -> Table:
     return Table("From the thesis' start, without noise, gains (5, 1)", columns, rows)
 
 
-def _noise_table(e: Evidence) -> Table:
+def _noise_table(e: LockResults) -> Table:
     columns = ("input", "feed-forward", "k_V, k_Q", "keeps lock, RMS [m], [rad]")
     rows = [
         (motion, "print" if gains.feedforward == "none" else gains.feedforward, f"{gains.k_v:g}, {gains.k_q:g}",
@@ -221,11 +220,11 @@ def _noise_table(e: Evidence) -> Table:
     return Table("From the thesis' start, with 5 % range noise", columns, rows)
 
 
-def _told(some: Sequence[Verdict]) -> str:
+def _told(some: Sequence[RunErrors]) -> str:
     return f"{locked(some)} of {len(some)}, {median(some):.2g}, {median(some, 'heading'):.2g}"
 
 
-def _gains_table(e: Evidence) -> Table:
+def _gains_table(e: LockResults) -> Table:
     columns = ("sensors", "figure of eight", *(f"k = {k:g}" for k in GAINS), "k = 1 over k = 10")
     ratios = falls(e)
     rows = [

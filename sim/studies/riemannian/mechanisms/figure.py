@@ -20,7 +20,7 @@ from mathnavi.sim.studies.riemannian.mechanisms.runs import (
     OBSERVER,
     TUNED,
     UKF,
-    Comparison,
+    EstimatorComparison,
 )
 
 COLOURS = {
@@ -29,12 +29,12 @@ COLOURS = {
     EKF: "#7a4fb5", UKF: "#b79ad8",
 }  # fmt: skip
 
-Found = Mapping[str, Mapping[str, Comparison]]
+Found = Mapping[str, Mapping[str, EstimatorComparison]]
 
 
 @dataclass(frozen=True)
-class Shown:
-    """What is drawn."""
+class MechanismFigureData:
+    """Data of the figure."""
 
     own: Found
     loaded: Found
@@ -43,8 +43,8 @@ class Shown:
     step: float  # [s] between them
 
 
-def figure(shown: Shown) -> Figure:
-    """All of it."""
+def figure(shown: MechanismFigureData) -> Figure:
+    """Draw the figure of the study."""
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 8.2), layout="constrained")
         axes = page.subplots(2, 2, width_ratios=(1.35, 1.0))
@@ -72,7 +72,7 @@ def _draw_bars(axes: Axes, found: Found, title: str) -> None:
     axes.legend(loc="upper left", ncols=3 if len(names) == 6 else 2, fontsize=8.0)
 
 
-def _draw_series(axes: Axes, some: Mapping[str, Comparison], step: float) -> None:
+def _draw_series(axes: Axes, some: Mapping[str, EstimatorComparison], step: float) -> None:
     axes.set_title("(c) two-link arm: error over time")
     for name in (BUTTERWORTH, OBSERVER):
         error = np.maximum(some[name].over_time, 1e-6)

@@ -19,6 +19,7 @@ from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import POSITION
 from mathnavi.sim.metrics.tuning import RecordedCall, recorded_calls, replayed, spread, tuned
 from mathnavi.sim.plugin.registry import load
+from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.scenarios.arm_velocity import VEHICLE, ArmVelocityConfig, believed
 from mathnavi.sim.sweep.trial import trial
 
@@ -51,8 +52,8 @@ SWEPT: Mapping[str, tuple[str, str, tuple[float, ...]]] = {
 
 
 @dataclass(frozen=True)
-class Motion:
-    """A mechanism and how it is moved: all that a worker needs."""
+class MechanismMotion:
+    """A mechanism and how it is moved."""
 
     mechanism: str  # as the scenario calls it
     frequency: float  # [rad/s]
@@ -63,8 +64,8 @@ class Motion:
 
 
 @cache
-def recorded(motion: Motion) -> tuple[LagrangianMission, list[RecordedCall]]:
-    """A flight of it with the observer in the loop, as calls of an estimator, and what that is told."""
+def recorded(motion: MechanismMotion) -> tuple[LagrangianMission, list[RecordedCall]]:
+    """Record a flight with the observer in the loop, as the mission and the calls of an estimator."""
     fields: dict[str, Any] = {
         "mechanism": motion.mechanism, "load": motion.load, "duration": motion.seconds, "settled": 0.0,
         "reading.resolution": BITS, "estimator.bandwidth": OMEGA, "planner.frequency": motion.frequency,
@@ -79,7 +80,7 @@ def recorded(motion: Motion) -> tuple[LagrangianMission, list[RecordedCall]]:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class EstimatorComparison:
     """An estimator over one motion."""
 
     mechanism: str
@@ -96,27 +97,27 @@ class Comparison:
 
     @property
     def ran(self) -> bool:
-        """All the time, with a finite error, and without starting anew."""
+        """Tell whether it ran all the time, with a finite error, and without starting anew."""
         return not self.raised and bool(np.isfinite(self.error)) and not (self.restarts or self.lost)
 
 
 @dataclass(frozen=True)
-class Compared:
+class ComparisonCase:
     """A mechanism, and the estimators to run over it."""
 
-    tuning: Motion
-    motion: Motion
+    tuning: MechanismMotion
+    motion: MechanismMotion
     estimators: tuple[str, ...]
     values: int  # of a sweep, at most
     shown: bool = False  # whether errors over time are kept
 
 
-def compared(job: Compared) -> list[Comparison]:
-    """Every estimator over the same readings; what a mechanism or an estimator raises is told."""
+def compared(job: ComparisonCase) -> list[EstimatorComparison]:
+    """Run every estimator over the same readings; an exception becomes part of the result."""
     return [_comparison(name, job) for name in job.estimators]
 
 
-def _comparison(name: str, job: Compared) -> Comparison:
+def _comparison(name: str, job: ComparisonCase) -> EstimatorComparison:
     try:
         mission, calls = recorded(job.motion)
         rates = slice(mission.system.manifold.size, None)
@@ -125,15 +126,15 @@ def _comparison(name: str, job: Compared) -> Comparison:
         ran = replayed(plugin.build(config, mission), calls, rates)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError, mujoco.FatalError) as error:
         told = f"{type(error).__name__}: {error}"
-        return Comparison(job.motion.mechanism, name, np.nan, np.nan, False, np.nan, 0, 0, 0, told)
+        return EstimatorComparison(job.motion.mechanism, name, np.nan, np.nan, False, np.nan, 0, 0, 0, told)
     over_time = ran.error[::OFTEN].tolist() if job.shown else ()
-    return Comparison(
+    return EstimatorComparison(
         job.motion.mechanism, name, ran.rms(BEGIN), setting, at_edge, peak, ran.restarts, ran.refused, ran.lost,
         over_time=over_time,
     )  # fmt: skip
 
 
-def _tuned(name: str, job: Compared) -> tuple[Any, Any, float, bool]:
+def _tuned(name: str, job: ComparisonCase) -> tuple[Any, Any, float, bool]:
     """A plug-in, its configuration, the value of the swept field, and whether that is at the edge of the sweep."""
     if name not in SWEPT:
         plugin = load("estimators", "riemannian_observer")
@@ -150,7 +151,7 @@ def _tuned(name: str, job: Compared) -> tuple[Any, Any, float, bool]:
     return plugin, replace(config, **{swept: found.best}), found.best, found.at_edge
 
 
-def update_cost(motion: Motion) -> list[float]:
+def update_cost(motion: MechanismMotion) -> list[MeasuredTime]:
     """[us] of CPU time of one update of the observer, medians over blocks of a hundred, curvature included."""
     mission, calls = recorded(motion)
     plugin = load("estimators", "riemannian_observer")
@@ -161,4 +162,4 @@ def update_cost(motion: Motion) -> list[float]:
         estimator.update(call.t, call.measurements, call.command)
         times.append(1e-3 * (time.thread_time_ns() - began))
     blocks: Sequence[Any] = np.array_split(np.array(times[100:]), max(1, (len(times) - 100) // 100))
-    return [float(np.median(block)) for block in blocks]
+    return [MeasuredTime(np.median(block)) for block in blocks]

@@ -15,7 +15,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
-from mathnavi.sim.studies.riemannian.mechanisms.figure import Shown, figure
+from mathnavi.sim.studies.riemannian.mechanisms.figure import MechanismFigureData, figure
 from mathnavi.sim.studies.riemannian.mechanisms.runs import (
     BITS,
     BUTTERWORTH,
@@ -33,9 +33,9 @@ from mathnavi.sim.studies.riemannian.mechanisms.runs import (
     SWEPT,
     TUNED,
     UKF,
-    Compared,
-    Comparison,
-    Motion,
+    ComparisonCase,
+    EstimatorComparison,
+    MechanismMotion,
     compared,
     update_cost,
 )
@@ -53,7 +53,7 @@ HELPS = 1.1  # times below the best Butterworth, from which the observer helps
 
 @dataclass(frozen=True)
 class MechanismsConfig:
-    """How much is run."""
+    """Sample sizes: runs."""
 
     own: int = len(OWN)
     """mechanisms of our own, at most"""
@@ -84,21 +84,24 @@ class Mechanisms:
         simple = tuple(name for name in (OBSERVER, *SWEPT) if name not in SLOW)
         jobs = Jobs()
         for name in mechanisms:
-            tuning, motion = Motion(name, TUNED_AT, T, seed=1), Motion(name, SHOWN_AT, T, seed=2)
-            jobs.add(name, compared, [Compared(tuning, motion, own, config.values, shown=name == OWN[0])])
-            light, heavy = Motion(name, TUNED_AT, T, LOAD, seed=1), Motion(name, SHOWN_AT, T, LOAD, seed=2)
-            jobs.add(("load", name), compared, [Compared(light, heavy, LOADED, config.values)])
+            tuning, motion = MechanismMotion(name, TUNED_AT, T, seed=1), MechanismMotion(name, SHOWN_AT, T, seed=2)
+            jobs.add(name, compared, [ComparisonCase(tuning, motion, own, config.values, shown=name == OWN[0])])
+            light, heavy = (
+                MechanismMotion(name, TUNED_AT, T, LOAD, seed=1),
+                MechanismMotion(name, SHOWN_AT, T, LOAD, seed=2),
+            )
+            jobs.add(("load", name), compared, [ComparisonCase(light, heavy, LOADED, config.values)])
         for name in SUITE[: config.suite]:
             there = f"dm_control:{name}"
             tuning, motion = (
-                Motion(there, frequency, T, tracked=False, seed=seed)
+                MechanismMotion(there, frequency, T, tracked=False, seed=seed)
                 for frequency, seed in ((TUNED_AT, 1), (SHOWN_AT, 2))
             )
-            jobs.add(name, compared, [Compared(tuning, motion, simple, config.values)])
+            jobs.add(name, compared, [ComparisonCase(tuning, motion, simple, config.values)])
         for name in timed:
-            jobs.add(("cost", name), update_cost, [Motion(name, SHOWN_AT, T, seed=2)])
+            jobs.add(("cost", name), update_cost, [MechanismMotion(name, SHOWN_AT, T, seed=2)])
         done = jobs.done(setup)
-        evidence = Evidence(
+        evidence = MechanismResults(
             {name: {c.estimator: c for c in done[name][0]} for name in mechanisms},
             {name: {c.estimator: c for c in done["load", name][0]} for name in mechanisms},
             {name: {c.estimator: c for c in done[name][0]} for name in SUITE[: config.suite]},
@@ -126,7 +129,7 @@ class Mechanisms:
                 _table("Our own mechanisms", evidence.own), _loaded(evidence),
                 _table("dm_control's suite", evidence.suite),
             ),
-            figure=figure(Shown(evidence.own, evidence.loaded, evidence.suite, OWN[0], 1e-3 * OFTEN)),
+            figure=figure(MechanismFigureData(evidence.own, evidence.loaded, evidence.suite, OWN[0], 1e-3 * OFTEN)),
             caption="(a) Error of the joint velocities, by estimator. (b) The last link is 30 % heavier than believed: "
             "without and with the disturbance, each with omega = 30 and tuned, and its rivals, tuned. (c) The two-link "
             "arm: error over time. (d) dm_control's suite: how many times below the best Butterworth filter the "
@@ -136,34 +139,34 @@ class Mechanisms:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """All that the claims are judged by."""
+class MechanismResults:
+    """Results from which the claims are evaluated."""
 
-    own: Mapping[str, Mapping[str, Comparison]]  # by mechanism and estimator
-    loaded: Mapping[str, Mapping[str, Comparison]]
-    suite: Mapping[str, Mapping[str, Comparison]]
+    own: Mapping[str, Mapping[str, EstimatorComparison]]  # by mechanism and estimator
+    loaded: Mapping[str, Mapping[str, EstimatorComparison]]
+    suite: Mapping[str, Mapping[str, EstimatorComparison]]
     cost: Mapping[str, float]  # [us]
 
     def ratio(self, name: str, estimator: str = OBSERVER) -> float:
-        """How many times below the best Butterworth filter the observer, or another estimator, is."""
+        """Ratio of the errors of the best Butterworth filter and of the observer, or of another estimator."""
         some = self.own.get(name) or self.suite[name]
         return some[BUTTERWORTH].error / some[estimator].error
 
     def gain(self, name: str) -> float:
-        """How many times less the error is with the disturbance, where the model errs."""
+        """Ratio of the observer's errors without and with the disturbance, where the model errs."""
         return self.loaded[name][OBSERVER].error / self.loaded[name][DISTURBED].error
 
     def tuned_gain(self, name: str) -> float:
-        """That with both tuned."""
+        """Ratio of the errors without and with the disturbance, both tuned."""
         return self.loaded[name][TUNED].error / self.loaded[name][DISTURBED_TUNED].error
 
-    def fallen(self) -> list[Comparison]:
+    def fallen(self) -> list[EstimatorComparison]:
         """The runs over the suite that the observer did not do throughout."""
         return [some[each] for some in self.suite.values() for each in INTRINSIC if not some[each].ran]
 
 
-def claims(e: Evidence) -> list[Claim]:
-    """Every claim that the study is there for."""
+def claims(e: MechanismResults) -> list[Claim]:
+    """Evaluate every claim of the study."""
     helped, with_disturbance = (
         {name: e.ratio(name, by) for name in e.suite if e.ratio(name, by) >= HELPS}
         for by in (OBSERVER, DISTURBED_TUNED)
@@ -215,12 +218,12 @@ def claims(e: Evidence) -> list[Claim]:
 
 
 def number(ratio: float) -> str:
-    """Two digits, without an exponent."""
+    """Write a ratio with two digits, without an exponent."""
     return f"{ratio:.0f}" if ratio >= 10.0 else f"{ratio:.2g}"
 
 
-def _fallen(e: Evidence) -> str:
-    """What became of the runs that were not done throughout, and of readings."""
+def _fallen(e: MechanismResults) -> str:
+    """Text on the runs that were not done throughout, and on refused readings."""
     runs = [
         f"{c.mechanism} ({c.estimator}: {c.raised or f'error {c.error:.2g}, {c.restarts} restarts, {c.lost} lost'})"
         for c in e.fallen()
@@ -229,13 +232,13 @@ def _fallen(e: Evidence) -> str:
     return f", not throughout on {', '.join(runs)}" if runs else f", throughout on all, {refused} readings refused"
 
 
-def _told(e: Evidence, name: str) -> str:
+def _told(e: MechanismResults, name: str) -> str:
     some = e.own[name]
     tuned = ", ".join(f"{each.removeprefix('observer, ')} {some[each].error:.2g}" for each in (TUNED, HIGH_GAIN, EKF))
     return f"{some[OBSERVER].error:.2g} against {some[BUTTERWORTH].error:.2g} rad/s; {tuned}"
 
 
-def _table(title: str, found: Mapping[str, Mapping[str, Comparison]]) -> Table:
+def _table(title: str, found: Mapping[str, Mapping[str, EstimatorComparison]]) -> Table:
     names: Sequence[str] = list(next(iter(found.values())))
     rows = []
     for mechanism, some in found.items():
@@ -244,14 +247,14 @@ def _table(title: str, found: Mapping[str, Mapping[str, Comparison]]) -> Table:
     return Table(f"{title}: error [rad/s, m/s]", ("mechanism", "peak", *names), rows)
 
 
-def _cell(c: Comparison) -> str:
+def _cell(c: EstimatorComparison) -> str:
     if c.raised:
         return c.raised
     swept = "" if np.isnan(c.setting) else f" ({c.setting:g}{', at the edge' if c.at_edge else ''})"
     return f"{c.error:.2g}{swept}"
 
 
-def _loaded(e: Evidence) -> Table:
+def _loaded(e: MechanismResults) -> Table:
     rows = [
         (name, *(_cell(some[each]) for each in LOADED), f"{e.gain(name):.1f}", number(e.tuned_gain(name)))
         for name, some in e.loaded.items()

@@ -26,16 +26,16 @@ _SHOWN = 4.0  # [s] of (g) and (h)
 
 
 @dataclass(frozen=True)
-class Shown:
-    """What is drawn."""
+class SphereFigureData:
+    """Data of the figure."""
 
     runs: Mapping[tuple[str, str], Mapping[str, Array]]
     noise: Mapping[str, Band]
     residuals: Mapping[str, float]
 
 
-def figure(shown: Shown) -> Figure:
-    """All of it."""
+def figure(shown: SphereFigureData) -> Figure:
+    """Draw the figure of the study."""
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 10.5), layout="constrained")
         axes = page.subplots(3, 3)
@@ -70,7 +70,7 @@ def _draw_errors(axes: Axes, runs: Mapping[str, Mapping[str, Array]], name: str,
     axes.set_ylim(0.3 * _LEAST, None)
 
 
-def _draw_components(axes: Axes, shown: Shown) -> None:
+def _draw_components(axes: Axes, shown: SphereFigureData) -> None:
     axes.set_title("(g) $v$ on $S^3$, and $\\hat v$")
     truth = shown.runs["S^3", "repaired"]
     early = truth["t"] <= _SHOWN

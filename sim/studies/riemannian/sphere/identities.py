@@ -27,16 +27,16 @@ _GAINS = IntrinsicGains(2.0, 0.8, "constant", "matched")
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where the identities are tried: all that a worker needs."""
+class IdentityCase:
+    """A space of constant curvature, and the seed of a pair of points."""
 
     n: int
     kappa: float
     seed: int
 
 
-def residuals(place: Place) -> dict[str, float]:
-    """By equation, the largest component of its left side less its right; "printed" ones are those of the print."""
+def residuals(place: IdentityCase) -> dict[str, float]:
+    """Largest component, by equation, of its left side less its right; "printed" ones are those of the thesis."""
     space, rng = ConstantCurvature(place.n, place.kappa), np.random.default_rng(place.seed)
     x = space.draw(rng)
     xi = space.exp(x, rng.uniform(0.05, FARTHEST) * space.draw_vector(rng, x))

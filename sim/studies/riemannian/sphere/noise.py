@@ -78,8 +78,8 @@ class Tumbling:
 
 
 @dataclass(frozen=True)
-class Sweep:
-    """An estimator to be tuned: all that a worker needs."""
+class TuningSweep:
+    """An estimator to be tuned on a run of ``seconds`` [s], with so many values."""
 
     name: str
     seconds: float
@@ -87,7 +87,7 @@ class Sweep:
 
 
 @dataclass(frozen=True)
-class Flight:
+class EstimatedRun:
     """A run, and the values of the fields with which the estimators follow it."""
 
     run: Tumbling
@@ -95,7 +95,7 @@ class Flight:
 
 
 def recorded(run: Tumbling) -> tuple[LagrangianMission, list[RecordedCall]]:
-    """The run as calls of an estimator, and what that is told."""
+    """Record a run as the mission and the calls of an estimator."""
     fields: dict[str, Any] = {
         "duration": run.seconds, "settled": 0.0, "speed": run.speed, "speed_max": max(30.0, 0.75 * run.speed), **TORQUES
     }  # fmt: skip
@@ -103,7 +103,7 @@ def recorded(run: Tumbling) -> tuple[LagrangianMission, list[RecordedCall]]:
     return config_mission(flight.config), recorded_calls(flight.build().run().recording, VEHICLE, POSITION)
 
 
-def swept(sweep: Sweep) -> Tuning:
+def swept(sweep: TuningSweep) -> Tuning:
     """The errors of an estimator by the value of its field, on the run for it."""
     plugin_name, field, grid = SWEPT[sweep.name]
     plugin = load("estimators", plugin_name)
@@ -119,7 +119,7 @@ def settings(tunings: Mapping[str, Tuning]) -> tuple[tuple[str, float], ...]:
     return tuple((name, own[name]) for name in NAMES)
 
 
-def errors(flight: Flight) -> dict[str, tuple[float, float]]:
+def errors(flight: EstimatedRun) -> dict[str, tuple[float, float]]:
     """|omega^ - omega| and, as a body rate, |Delta v|_g [rad/s] of every estimator, root mean squares once settled."""
     mission, calls = recorded(flight.run)
     first = round(SETTLED_FROM * len(calls))
@@ -138,7 +138,7 @@ def _length_rms(off: Sequence[Array]) -> float:
     return float(np.sqrt(np.mean(np.sum(np.square(off), axis=1))))
 
 
-def settling(flight: Flight) -> dict[str, float]:
+def settling(flight: EstimatedRun) -> dict[str, float]:
     """[s] from when on the error stays below 1 % of that at the start; NaN if it does not."""
     mission, calls = recorded(flight.run)
     found = {
@@ -161,8 +161,8 @@ def _built(name: str, value: float, mission: LagrangianMission) -> Any:
 
 
 @dataclass(frozen=True)
-class Noise:
-    """What came of it."""
+class NoiseResults:
+    """Errors and settling times of every estimator over noisy runs."""
 
     tunings: Mapping[str, Tuning]
     errors: Mapping[str, Band]  # |Delta v| as a body rate [rad/s] by estimator
@@ -174,14 +174,14 @@ class Noise:
         tunings: Mapping[str, Tuning],
         found: Sequence[Mapping[str, tuple[float, float]]],
         late: Mapping[float, Sequence[Mapping[str, float]]],
-    ) -> Noise:
-        """Of what the runs gave, and of the settling by speed."""
+    ) -> NoiseResults:
+        """Gather the errors of the runs, and the settling times by speed."""
         plain, carried = ({name: median(np.array([one[name][k] for one in found])) for name in NAMES} for k in (0, 1))
         settled = {name: {speed: [one[name] for one in some] for speed, some in late.items()} for name in SETTLED}
-        return Noise(tunings, carried, plain, settled)
+        return NoiseResults(tunings, carried, plain, settled)
 
     def times(self, name: str) -> float:
-        """How many times the observer's error that of another estimator is."""
+        """Ratio of another estimator's error and the observer's."""
         return self.errors[name].median / self.errors[OBSERVER].median
 
     def setting(self, name: str) -> str:
@@ -192,8 +192,8 @@ class Noise:
         return f"{tuning.best:g}{', at the edge' if tuning.at_edge else ''}"
 
 
-def noise_claim(noise: Noise) -> Claim:
-    """The observer against differences; what a model and the noise's variance can do besides is told."""
+def noise_claim(noise: NoiseResults) -> Claim:
+    """Evaluate the observer against differences; the text adds what a model and the noise's variance can do."""
     better = min((name for name in FIXED if "Butterworth" in name), key=lambda name: noise.errors[name].median)
     ratios = noise.times(DIFFERENCES), noise.times(better)
     rivals = ", ".join(
@@ -212,7 +212,7 @@ def noise_claim(noise: Noise) -> Claim:
     )  # fmt: skip
 
 
-def noise_tables(noise: Noise) -> tuple[Table, Table]:
+def noise_tables(noise: NoiseResults) -> tuple[Table, Table]:
     """Errors once all have settled, and how long that takes."""
     rows = [
         (n, noise.setting(n), noise.errors[n].text(), f"{noise.times(n):.3g}", f"{noise.plain[n].median:.3g}")
@@ -230,8 +230,8 @@ def noise_tables(noise: Noise) -> tuple[Table, Table]:
     )
 
 
-def noise_rows(noise: Noise) -> list[dict[str, Any]]:
-    """For the study's file."""
+def noise_rows(noise: NoiseResults) -> list[dict[str, Any]]:
+    """Rows for the study's file."""
     rows: list[dict[str, Any]] = [
         {"what": "noise", "estimator": name, "rms_rad_s": band.median, "plain_rms_rad_s": noise.plain[name].median}
         for name, band in noise.errors.items()

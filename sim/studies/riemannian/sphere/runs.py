@@ -38,7 +38,7 @@ _GAINS: Mapping[str, Mapping[str, Any]] = {
 
 @dataclass(frozen=True)
 class ContinuousRun:
-    """One run in continuous time: all that a worker needs."""
+    """A run in continuous time, with one pair of gains."""
 
     space: str  # "S^3" or "H^2"
     gains: str  # "printed" or "repaired"
@@ -46,7 +46,7 @@ class ContinuousRun:
 
 
 def flown(run: ContinuousRun) -> dict[str, Array]:
-    """Every ``KEPT`` s: t, theta, |Delta v|, v and v^ in the ambient space, and (|Delta v|^2 / 2, S, <s, Delta v>)."""
+    """Integrate; every ``KEPT`` s t, theta, |Delta v|, v and v^ (ambient), and (|Delta v|^2 / 2, S, <s, Delta v>)."""
     system, start = _system(run.space)
     space, n = system.manifold, system.manifold.size
     fields = _GAINS[run.gains]
@@ -95,7 +95,7 @@ def _instant(system: PointSystem, state: Array) -> Instant:
 
 
 def cart_pendulum(gains: str, seconds: float) -> Trial:
-    """In MuJoCo, let go at an angle, sampled at 1 kHz with exact encoders."""
+    """Trial in MuJoCo, let go at an angle, sampled at 1 kHz with exact encoders."""
     fields = {
         "mechanism": "cart-pendulum", "reading.resolution": 0, "duration": seconds, "settled": 0.0,
         "start": (0.0, 2.0, 0.4, 3.0), **{f"estimator.{name}": value for name, value in _GAINS[gains].items()},

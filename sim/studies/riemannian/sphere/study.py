@@ -18,18 +18,18 @@ from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
-from mathnavi.sim.studies.riemannian.sphere.figure import Shown, figure
-from mathnavi.sim.studies.riemannian.sphere.identities import Place, residuals
+from mathnavi.sim.studies.riemannian.sphere.figure import SphereFigureData, figure
+from mathnavi.sim.studies.riemannian.sphere.identities import IdentityCase, residuals
 from mathnavi.sim.studies.riemannian.sphere.noise import (
     CUTOFFS,
     SETTLING,
     SPEEDS,
     SWEPT,
     TUNED_ON,
-    Flight,
-    Noise,
-    Sweep,
+    EstimatedRun,
+    NoiseResults,
     Tumbling,
+    TuningSweep,
     errors,
     noise_claim,
     noise_rows,
@@ -51,7 +51,7 @@ _LEFT = 0.98  # of it, with the printed gains after 30 s
 
 @dataclass(frozen=True)
 class SphereConfig:
-    """How much is run."""
+    """Sample sizes: runs."""
 
     points: int = 1000
     """pairs of points at which the identities are tried, for each dimension and curvature"""
@@ -82,19 +82,19 @@ class Sphere:
     def run(config: SphereConfig, setup: Setup) -> StudyResult:
         jobs, longest = Jobs(), min(6.0, 0.5 * config.seconds)
         for name in SWEPT:
-            jobs.add(("tuned", name), swept, [Sweep(name, longest, config.values)])
+            jobs.add(("tuned", name), swept, [TuningSweep(name, longest, config.values)])
         for gains in GAINS:
             for space in SPACES:
                 jobs.add((space, gains), flown, [ContinuousRun(space, gains, config.seconds)])
         for n in DIMENSIONS:
             for kappa in CURVATURES:
-                jobs.add("identities", residuals, [Place(n, kappa, seed) for seed in range(config.points)])
+                jobs.add("identities", residuals, [IdentityCase(n, kappa, seed) for seed in range(config.points)])
         jobs.add("bodies", off_geodesic, range(config.bodies))
         done = jobs.done(setup)
         carts = setup.fly([cart_pendulum(gains, min(10.0, config.seconds)) for gains in GAINS])
         runs = {(space, gains): done[space, gains][0] for space in SPACES for gains in GAINS}
         runs |= {("cart and pendulum", g): _series(r) for g, r in zip(GAINS, carts, strict=True)}
-        evidence = Evidence(
+        evidence = SphereResults(
             runs=runs,
             residuals=_worst(done["identities"]),
             tried=len(done["identities"]),
@@ -116,7 +116,7 @@ class Sphere:
             ),
             rows=_rows(evidence),
             tables=(_identity_table(evidence), *noise_tables(evidence.noise)),
-            figure=figure(Shown(runs, evidence.noise.errors, evidence.residuals)),
+            figure=figure(SphereFigureData(runs, evidence.noise.errors, evidence.residuals)),
             caption="(a) to (f) Distance between x and xi, and length of v - v^, with the gains as printed and "
             "repaired; dashed: 1 % of the velocity at the start. (g) v on S^3 and what the observer makes of it, "
             "three of four ambient components (Figure D.4). (h) Lyapunov functions along the repaired run. (i) Body "
@@ -126,17 +126,17 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """All that the claims are judged by."""
+class SphereResults:
+    """Results from which the claims are evaluated."""
 
     runs: Mapping[tuple[str, str], Mapping[str, Array]]  # by space and gains
     residuals: Mapping[str, float]  # by equation, the largest
     tried: int  # pairs of points
     off: Array  # [rad] of free bodies in MuJoCo from their geodesics
-    noise: Noise
+    noise: NoiseResults
 
     def left(self, space: str, gains: str) -> float:
-        """Of the velocity error at the start, at the end."""
+        """Share of the velocity error at the start that is left at the end."""
         error = self.runs[space, gains]["speed_error"]
         return float(error[-1] / error[0])
 
@@ -147,8 +147,8 @@ class Evidence:
         return float(run["t"][above[-1]])
 
 
-def claims(e: Evidence) -> list[Claim]:
-    """Every claim that the study is there for."""
+def claims(e: SphereResults) -> list[Claim]:
+    """Evaluate every claim of the study."""
     true = {name: value for name, value in e.residuals.items() if "printed" not in name}
     worst = max(true, key=lambda name: true[name])
     seconds = float(e.runs["S^3", "printed"]["t"][-1])
@@ -207,16 +207,16 @@ def claims(e: Evidence) -> list[Claim]:
     ]  # fmt: skip
 
 
-def _noise(config: SphereConfig, setup: Setup, tunings: Mapping[str, Tuning], longest: float) -> Noise:
-    """Every estimator over noisy runs, and from several speeds."""
+def _noise(config: SphereConfig, setup: Setup, tunings: Mapping[str, Tuning], longest: float) -> NoiseResults:
+    """Run every estimator over noisy runs, and from several speeds."""
     own, jobs = settings(tunings), Jobs()
     speeds = SPEEDS[: config.fast]
-    jobs.add("errors", errors, [Flight(Tumbling(seed, longest), own) for seed in range(config.noisy)])
+    jobs.add("errors", errors, [EstimatedRun(Tumbling(seed, longest), own) for seed in range(config.noisy)])
     for speed in speeds:
         runs = [Tumbling(seed, min(SETTLING, longest), speed) for seed in range((config.noisy + 1) // 2)]
-        jobs.add(speed, settling, [Flight(run, own) for run in runs])
+        jobs.add(speed, settling, [EstimatedRun(run, own) for run in runs])
     done = jobs.done(setup)
-    return Noise.of(tunings, done["errors"], {speed: done[speed] for speed in speeds})
+    return NoiseResults.of(tunings, done["errors"], {speed: done[speed] for speed in speeds})
 
 
 def _worst(found: Sequence[Mapping[str, float]]) -> dict[str, float]:
@@ -227,7 +227,7 @@ def _series(record: Record) -> dict[str, Array]:
     return {name: np.array(record.summary[name]) for name in ("t", "theta", "speed_error")}
 
 
-def _rows(e: Evidence) -> list[dict[str, Any]]:
+def _rows(e: SphereResults) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = [
         {"what": "identity", "equation": name, "largest_residual": value} for name, value in e.residuals.items()
     ]
@@ -239,6 +239,6 @@ def _rows(e: Evidence) -> list[dict[str, Any]]:
     return rows + noise_rows(e.noise)
 
 
-def _identity_table(e: Evidence) -> Table:
+def _identity_table(e: SphereResults) -> Table:
     shown = [(name, f"{value:.1e}") for name, value in e.residuals.items()]
     return Table("Identities: largest residual", ("equation", "left side less right"), shown)

@@ -17,8 +17,8 @@ STRIDE = 5  # readings from one at which errors are taken to the next
 
 
 @dataclass(frozen=True, eq=False)
-class Watched:
-    """A run, at every few readings."""
+class ObserverRun:
+    """A run of the range observer, at every few readings."""
 
     run: ExactRun
     t: Array  # (n,) [s]
@@ -44,12 +44,12 @@ class Watched:
 
     @property
     def last(self) -> slice:
-        """By what it is judged."""
+        """The last quarter, by which the run is judged."""
         return slice(round((1.0 - LAST) * (len(self.t) - 1)), None)
 
 
 @dataclass(frozen=True)
-class Verdict:
+class RunErrors:
     """Root mean squares over the last quarter of a run."""
 
     position: float  # [m]
@@ -60,31 +60,32 @@ class Verdict:
     relative_heading: float  # over that of phi
 
     @staticmethod
-    def of(watched: Watched) -> Verdict:
-        last, truth = watched.last, watched.truth
-        position, heading = rms(watched.position[last]), rms(watched.off[last, 2])
+    def of(run: ObserverRun) -> RunErrors:
+        """The errors of a run."""
+        last, truth = run.last, run.truth
+        position, heading = rms(run.position[last]), rms(run.off[last, 2])
         distance = rms(np.hypot(truth[last, 0], truth[last, 1]))
-        return Verdict(
+        return RunErrors(
             position,
             heading,
-            rms(watched.in_z[last]),
-            float(watched.position.max()),
+            rms(run.in_z[last]),
+            float(run.position.max()),
             position / distance,
             heading / rms(truth[last, 2]),
         )
 
     @property
     def locked(self) -> bool:
-        """Whether the estimate has converged in X."""
+        """Tell whether the estimate has converged in X."""
         return self.position < POSITION and self.heading < HEADING
 
     @property
     def locked_z(self) -> bool:
-        """Whether it has in Z."""
+        """Tell whether the estimate has converged in Z."""
         return self.in_z < HEADING
 
 
-def watched(run: ExactRun, config: RangeObserverConfig) -> Watched:
+def follow(run: ExactRun, config: RangeObserverConfig) -> ObserverRun:
     """The observer in a run, its errors modulo the symmetry of the wall."""
     mission, curve = run.mission, run.mission.curve
     made = RangeObserver.build(config, mission)
@@ -100,7 +101,7 @@ def watched(run: ExactRun, config: RangeObserverConfig) -> Watched:
     turns = 2.0 * math.pi / curve.symmetry * np.arange(curve.symmetry)  # of an ellipse, also by how much s is off
     images = wrapped(z[:, None] - z_true[:, None] - turns[:, None])
     nearest = np.square(images).sum(axis=2).argmin(axis=1)
-    return Watched(
+    return ObserverRun(
         run, run.t[::STRIDE], x, truth, z, z_true,
         np.array([estimate.extra["value"] for estimate in estimates]),
         np.array([mission.difference(one, true) for one, true in zip(x, truth, strict=True)]),

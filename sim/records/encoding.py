@@ -1,0 +1,201 @@
+"""Results of computations as JSON and a block of arrays, and back: the same values, of the same types, bit for bit.
+
+JSON has no tuples, no infinities and no classes, so what it lacks is an object with one tag:
+
+    {"$tuple": [...]}              {"$float": "nan"}           {"$pairs": [[key, value], ...]}     any other mapping
+    {"$class": place, "$fields": {...}}                        dataclasses and NamedTuples, by "module:Class"
+    {"$enum": [place, name]}       {"$path": "a/b"}            {"$number": [dtype, value]}         a scalar of NumPy
+    {"$array": [dtype, shape, [...]]}                          a small array
+    {"$block": name}                                           a larger one, which stands in the block (an .npz file)
+    {"$timing": name}                                          a ``MeasuredTime``, which is kept apart from all else
+
+A class is found again by its name, so it stands in a module, not in a function.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import io
+import math
+from collections.abc import Mapping
+from enum import Enum
+from functools import cache
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mathnavi.sim.interfaces.signals import Array
+
+SMALL = 32  # elements of an array that stands among the text
+_AS_TEXT = "biuf"  # kinds of arrays that may
+_PLAIN = (bool, int, str)
+
+
+class MeasuredTime(float):
+    """A duration measured on this machine, in a unit of its own: kept, but no result that another run repeats."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Encoded:
+    """A value as JSON, its larger arrays as the bytes of an .npz file, and what was timed by the place in the value."""
+
+    tree: Any
+    arrays: bytes | None = None
+    timings: Mapping[str, float | None] = dataclasses.field(default_factory=dict)
+
+
+def encoded(value: Any) -> Encoded:
+    """``value`` as plain data; TypeError for what cannot be had back, with its place."""
+    writer = _Writer()
+    tree = writer.tree(value, "")
+    if not writer.arrays:
+        return Encoded(tree, None, writer.timings)
+    block = io.BytesIO()
+    np.savez_compressed(block, allow_pickle=False, **writer.arrays)
+    return Encoded(tree, block.getvalue(), writer.timings)
+
+
+def decoded(coded: Encoded) -> Any:
+    """The value that was encoded. Raises ValueError or ImportError if a class is not there any more."""
+    arrays: dict[str, Array] = {}
+    if coded.arrays is not None:
+        with np.load(io.BytesIO(coded.arrays), allow_pickle=False) as block:
+            arrays = dict(block)
+    return _Reader(arrays, coded.timings).value(coded.tree)
+
+
+def place_of(kind: Any) -> str:
+    """The name "module:Name" under which a class or a function is found again; ValueError if it is not."""
+    module, name = getattr(kind, "__module__", ""), getattr(kind, "__qualname__", "")
+    if module == "__main__":
+        raise ValueError(f"{name} lies in the script that runs; allowed: a module of its own")
+    place = f"{module}:{name}"
+    try:
+        found = at_place(place)
+    except (ImportError, AttributeError, ValueError):
+        found = None
+    if found is not kind:
+        raise ValueError(f"{kind!r} is not found at {place!r}; allowed: what stands in a module")
+    return place
+
+
+@cache
+def at_place(place: str) -> Any:
+    """The class or function that stands at "module:Name"."""
+    module, _, name = place.partition(":")
+    return attrgetter(name)(importlib.import_module(module))
+
+
+class _Writer:
+    """Encodes one value; larger arrays and timings are put aside."""
+
+    def __init__(self) -> None:
+        self.arrays: dict[str, Array] = {}
+        self.timings: dict[str, float | None] = {}
+
+    def tree(self, value: Any, place: str) -> Any:
+        if value is None or type(value) in _PLAIN:
+            return value
+        if isinstance(value, MeasuredTime):
+            self.timings[place or "time"] = None if math.isnan(value) else float(value)
+            return {"$timing": place or "time"}
+        if type(value) is float:
+            return value if math.isfinite(value) else {"$float": repr(value)}
+        if type(value) is list:
+            return self._items(value, place)
+        if type(value) is tuple:
+            return {"$tuple": self._items(value, place)}
+        if isinstance(value, Mapping):
+            return self._mapping(value, place)
+        if isinstance(value, np.ndarray):
+            return self._array(value, place)
+        if isinstance(value, np.generic):
+            return {"$number": [value.dtype.str, self.tree(value.item(), place)]}
+        return self._object(value, place)
+
+    def _items(self, items: list[Any] | tuple[Any, ...], place: str) -> list[Any]:
+        return [self.tree(item, f"{place}[{k}]") for k, item in enumerate(items)]
+
+    def _mapping(self, value: Mapping[Any, Any], place: str) -> dict[str, Any]:
+        if all(type(name) is str and not name.startswith("$") for name in value):
+            return {name: self.tree(item, f"{place}.{name}".lstrip(".")) for name, item in value.items()}
+        pairs = [[self.tree(name, place), self.tree(item, f"{place}[{name}]")] for name, item in value.items()]
+        return {"$pairs": pairs}
+
+    def _array(self, value: Array, place: str) -> dict[str, Any]:
+        if value.dtype.hasobject:
+            raise TypeError(f"{place or 'the result'} is an array of objects; allowed: an array of numbers")
+        if value.size <= SMALL and value.dtype.kind in _AS_TEXT:
+            return {"$array": [value.dtype.str, list(value.shape), self._items(value.ravel().tolist(), place)]}
+        name = f"a{len(self.arrays)}"
+        self.arrays[name] = value
+        return {"$block": name}
+
+    def _object(self, value: Any, place: str) -> dict[str, Any]:
+        kind = type(value)
+        if isinstance(value, Enum):
+            return {"$enum": [place_of(kind), value.name]}
+        if isinstance(value, Path):
+            return {"$path": str(value)}
+        if dataclasses.is_dataclass(value):
+            names = [entry.name for entry in dataclasses.fields(value) if entry.init]
+        elif isinstance(value, tuple) and hasattr(value, "_fields"):
+            names = list(value._fields)
+        else:
+            raise TypeError(
+                f"{place or 'the result'} is a {kind.__name__}, which cannot be stored; allowed: plain data"
+            )
+        fields = {name: self.tree(getattr(value, name), f"{place}.{name}".lstrip(".")) for name in names}
+        return {"$class": place_of(kind), "$fields": fields}
+
+
+class _Reader:
+    """Decodes one value."""
+
+    def __init__(self, arrays: Mapping[str, Array], timings: Mapping[str, float | None]) -> None:
+        self._arrays, self._timings = arrays, timings
+
+    def value(self, tree: Any) -> Any:
+        if isinstance(tree, list):
+            return [self.value(item) for item in tree]
+        if not isinstance(tree, dict):
+            return tree
+        match tree:
+            case {"$tuple": items}:
+                return tuple(self.value(items))
+            case {"$float": text}:
+                return float(text)
+            case {"$timing": name}:
+                time = self._timings[name]
+                return MeasuredTime(math.nan if time is None else time)
+            case {"$pairs": pairs}:
+                return {self.value(name): self.value(item) for name, item in pairs}
+            case {"$array": [dtype, shape, items]}:
+                return np.array(self.value(items), dtype=np.dtype(dtype)).reshape(shape)
+            case {"$block": name}:
+                return self._arrays[name]
+            case {"$number": [dtype, item]}:
+                return np.dtype(dtype).type(self.value(item))
+            case {"$path": text}:
+                return Path(text)
+            case {"$enum": [place, name]}:
+                return _class_at(place, Enum)[name]
+            case {"$class": place, "$fields": fields}:
+                return _class_at(place, object)(**{name: self.value(item) for name, item in fields.items()})
+        return {name: self.value(item) for name, item in tree.items()}
+
+
+def _class_at(place: str, base: type) -> Any:
+    """A class that holds data, by its place; ValueError for anything else that a file may name."""
+    kind = at_place(place)
+    holds_data = isinstance(kind, type) and (
+        issubclass(kind, Enum)
+        or dataclasses.is_dataclass(kind)
+        or (issubclass(kind, tuple) and hasattr(kind, "_fields"))
+    )
+    if not (holds_data and issubclass(kind, base)):
+        raise ValueError(f"{place!r} is no class of data; allowed: a dataclass, a NamedTuple or an Enum")
+    return kind

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mathnavi.sim.commands.arguments import Group, flags, parse
+from mathnavi.sim.commands.arguments import FlagGroup, flags, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import compilation_announced
@@ -41,7 +41,7 @@ LATE = 0.75  # of a run, from which on its last quarter lasts
 
 
 @dataclass(frozen=True)
-class Options:
+class EstimateOptions:
     """Flags of the command."""
 
     out: Path | None = None
@@ -92,10 +92,10 @@ def _order(name: str, saved: RunConfig, words: Sequence[str]) -> RunRequest:
     estimator = restored_part("estimators", name, saved, (saved.estimator, saved.estimator_fields))
     config = saved.restored(scenario.Config, saved.fields, "fields")
     groups = (
-        Group(Options),
-        Group(type(estimator.config), "estimator", estimator.config, f"Of the estimator {name}."),
+        FlagGroup(EstimateOptions),
+        FlagGroup(type(estimator.config), "estimator", estimator.config, f"Of the estimator {name}."),
     )
-    known = tuple(flag for group in groups for flag, _ in flags(group.of, group.prefix))
+    known = tuple(flag for group in groups for flag, _ in flags(group.schema, group.prefix))
     prog = f"mathnavi estimate {name}"
     purpose = (estimator.plugin.__doc__ or "").strip().partition("\n")[0]
     options, fields = parse(words, prog, purpose, *groups)

@@ -25,7 +25,7 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
 @dataclass(frozen=True)
-class Options:
+class RunOptions:
     """Flags of a run."""
 
     out: Path | None = None
@@ -45,7 +45,7 @@ def main(argv: Sequence[str]) -> int:
     try:
         source = value_of("--from", argv)
         saved = RunConfig.read(Path(source)) if source is not None else None
-        order = read_order("run", argv, Options, saved)
+        order = read_order("run", argv, RunOptions, saved)
     except SystemExit:  # the help is printed
         return 0
     folder = order.options.out or Path("renders/out") / f"{order.name.replace(':', '.')}-seed{order.common.seed}"
@@ -132,7 +132,7 @@ def _drawn(folder: Path) -> set[Path]:
     return {folder / name for name in ("video.mp4", "report.html", *pictures)}
 
 
-def _draw(options: Options, folder: Path, errors: Console) -> None:
+def _draw(options: RunOptions, folder: Path, errors: Console) -> None:
     """Video and report if they were asked for; a run without them is still a run."""
     from mathnavi.sim.records.run_log import NothingToDrawError
 

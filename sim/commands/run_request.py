@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mathnavi.sim.commands import opengl
-from mathnavi.sim.commands.arguments import Group, flags, given, parse, value_of, with_flag
+from mathnavi.sim.commands.arguments import FlagGroup, flags, given, parse, value_of, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.plugin.registry import PluginSpec, load, names
@@ -51,7 +51,7 @@ class RunRequest:
     known: tuple[str, ...]  # flags
 
     @property
-    def fields(self) -> tuple[Group, ...]:
+    def fields(self) -> tuple[FlagGroup, ...]:
         """The fields of the scenario and its plug-ins, at their present values."""
         return _fields(self.config, self.controller, self.estimator, self.common)
 
@@ -112,11 +112,11 @@ def read_order(
     config = _restored(scenario.Config, saved, words) if saved else scenario.Config()
     common = CommonOptions(saved.seed if saved else 0, controller, observer)
     groups = (
-        Group(CommonOptions, default=common, heading="Of every scenario."),
-        Group(options),
+        FlagGroup(CommonOptions, default=common, heading="Of every scenario."),
+        FlagGroup(options),
         *_fields(config, planner, estimator, common),
     )
-    known = tuple(flag for group in groups for flag, _ in flags(group.of, group.prefix))
+    known = tuple(flag for group in groups for flag, _ in flags(group.schema, group.prefix))
     purpose = (scenario.__doc__ or "").strip().partition("\n")[0]
     prog = f"mathnavi {command} {name}"
     common, own, config, planner_config, observer_config = parse(words, prog, purpose, *groups)
@@ -124,11 +124,11 @@ def read_order(
     return RunRequest(prog, name, scenario, common, own, config, *parts, known)
 
 
-def _fields(config: Any, controller: PluginSpec, estimator: PluginSpec, common: CommonOptions) -> tuple[Group, ...]:
+def _fields(config: Any, controller: PluginSpec, estimator: PluginSpec, common: CommonOptions) -> tuple[FlagGroup, ...]:
     return (
-        Group(type(config), default=config),
-        Group(type(controller.config), "planner", controller.config, f"Of the controller {common.controller}."),
-        Group(type(estimator.config), "estimator", estimator.config, f"Of the estimator {common.estimator}."),
+        FlagGroup(type(config), default=config),
+        FlagGroup(type(controller.config), "planner", controller.config, f"Of the controller {common.controller}."),
+        FlagGroup(type(estimator.config), "estimator", estimator.config, f"Of the estimator {common.estimator}."),
     )
 
 

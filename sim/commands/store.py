@@ -12,7 +12,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.records.store import Record, Store, canonical_json
@@ -27,7 +27,7 @@ File = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE.db")]
 
 
 @dataclass(frozen=True)
-class Show:
+class StoreShowOptions:
     """What is in a store."""
 
     file: File
@@ -35,7 +35,7 @@ class Show:
 
 
 @dataclass(frozen=True)
-class Export:
+class StoreExportOptions:
     """From a store to a table."""
 
     file: File
@@ -57,7 +57,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _show(argv: Sequence[str]) -> None:
-    (options,) = parse(argv, "mathnavi store show", "Print what is in a store.", Group(Show))
+    (options,) = parse(argv, "mathnavi store show", "Print what is in a store.", FlagGroup(StoreShowOptions))
     with bad_input(), Store.existing(options.file) as store:
         records = store.records()
     console = Console()
@@ -72,7 +72,9 @@ def _show(argv: Sequence[str]) -> None:
 
 
 def _export(argv: Sequence[str]) -> None:
-    (options,) = parse(argv, "mathnavi store export", "Write a store as a table (.csv, .jsonl).", Group(Export))
+    (options,) = parse(
+        argv, "mathnavi store export", "Write a store as a table (.csv, .jsonl).", FlagGroup(StoreExportOptions)
+    )
     with bad_input(), Store.existing(options.file) as store:
         writers = {".csv": store.export_csv, ".jsonl": store.export_jsonl}
         if options.out.suffix not in writers:

@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.commands.arguments import Group, parse, without
+from mathnavi.sim.commands.arguments import FlagGroup, parse, without
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
@@ -38,7 +38,7 @@ USAGE = "usage: mathnavi study NAME|all [OPTIONS]      NAME: {}\nmathnavi study 
 
 
 @dataclass(frozen=True)
-class Options:
+class StudyOptions:
     """Flags of every study."""
 
     terrain: tuple[str, ...] = ()
@@ -116,7 +116,7 @@ class _Site:
         return self.name if self.terrain is None else f"over {self.name}"
 
 
-def _sites(options: Options, studies: Studies) -> list[_Site]:
+def _sites(options: StudyOptions, studies: Studies) -> list[_Site]:
     """Every terrain with the studies that are done on it, and the others, which are done once.
 
     The files of a study are in a folder of its terrain where there are several, all else lies beside these.
@@ -139,7 +139,7 @@ def _sites(options: Options, studies: Studies) -> list[_Site]:
     return [*sites, _Site("without terrain", None, out, anywhere)] if anywhere else sites
 
 
-def read_order(argv: Sequence[str]) -> tuple[Options, dict[str, tuple[Any, Any]]]:
+def read_order(argv: Sequence[str]) -> tuple[StudyOptions, dict[str, tuple[Any, Any]]]:
     """The options, and the studies with their configurations."""
     name = argv[0]
     chosen = names("studies") if name == ALL else (name,)
@@ -150,7 +150,10 @@ def read_order(argv: Sequence[str]) -> tuple[Options, dict[str, tuple[Any, Any]]
     prog = f"mathnavi study {name}"
     if name == ALL:
         (options,) = parse(
-            argv[1:], prog, "Every study, and the ledger of the claims.", Group(Options, default=Options())
+            argv[1:],
+            prog,
+            "Every study, and the ledger of the claims.",
+            FlagGroup(StudyOptions, default=StudyOptions()),
         )
         return options, {
             one: (plugin, plugin.quick if options.quick else plugin.Config()) for one, plugin in plugins.items()
@@ -158,7 +161,7 @@ def read_order(argv: Sequence[str]) -> tuple[Options, dict[str, tuple[Any, Any]]
     plugin = plugins[name]
     default = plugin.quick if "--quick" in argv else plugin.Config()
     purpose = (plugin.__doc__ or "").strip().partition("\n")[0]
-    groups = Group(Options, default=Options()), Group(plugin.Config, default=default)
+    groups = FlagGroup(StudyOptions, default=StudyOptions()), FlagGroup(plugin.Config, default=default)
     options, config = parse(argv[1:], prog, purpose, *groups)
     return options, {name: (plugin, config)}
 
@@ -168,7 +171,7 @@ def _study(
     plugin: Any,
     config: Any,
     site: _Site,
-    options: Options,
+    options: StudyOptions,
     argv: Sequence[str],
     errors: Console,
 ) -> Sequence[Claim]:

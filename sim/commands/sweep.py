@@ -27,7 +27,7 @@ REPORT = ".html"
 
 
 @dataclass(frozen=True)
-class Options:
+class SweepOptions:
     """Flags of a sweep."""
 
     trials: int
@@ -152,7 +152,7 @@ class SweepRequest:
 def read_sweep(argv: Sequence[str]) -> SweepRequest:
     """What ``argv`` asks for; BadInputError if it cannot be."""
     variations = read_variations(argv)
-    orders = read_orders(argv, Options, variations)
+    orders = read_orders(argv, SweepOptions, variations)
     seed, count = orders[0].common.seed, orders[0].options.trials
     if seed > LARGEST_SEED - count + 1:
         raise BadInputError(f"--seed = {seed}; allowed: 0 to {LARGEST_SEED} less the trials that follow")

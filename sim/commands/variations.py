@@ -75,7 +75,7 @@ class Target:
         return {
             flag: (group.prefix, name)
             for group in self.order.fields
-            for flag, name in fields_by_flag(group.of, group.prefix).items()
+            for flag, name in fields_by_flag(group.schema, group.prefix).items()
         }
 
     def values(self, variation: Variation) -> Uniform | list[Any]:

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run import build
 from mathnavi.sim.commands.run_config import RunConfig
@@ -34,7 +34,7 @@ NO_DISPLAY = "allowed: a desktop, or `ssh -X`; `mathnavi render DIR` makes a vid
 
 
 @dataclass(frozen=True)
-class Options:
+class ViewOptions:
     """What to show."""
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
@@ -53,7 +53,7 @@ class _Unchanged:
 
 def main(argv: Sequence[str]) -> int:
     try:
-        (options,) = parse(argv, "mathnavi view", DESCRIPTION, Group(Options))
+        (options,) = parse(argv, "mathnavi view", DESCRIPTION, FlagGroup(ViewOptions))
     except SystemExit:  # the help is printed
         return 0
     prepare()

@@ -12,14 +12,13 @@ import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
-from importlib.metadata import entry_points
 from numbers import Real
 from typing import Any, TypeVar, get_type_hints
 
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Consensus, Estimator, Planner, Sensor
-from mathnavi.sim.plugin.sources import GROUPS, installed
+from mathnavi.sim.plugin.groups import installed
 
 Quality = TypeVar("Quality")
 
@@ -58,7 +57,7 @@ def names(kind: str) -> tuple[str, ...]:
 
 def called(kind: str, place: str) -> str:
     """What the command line calls the class at "package.module:Class": its entry point, or that place itself."""
-    return next((point.name for point in entry_points(group=GROUPS[kind]) if point.value == place), place)
+    return next((point.name for point in installed(kind) if point.value == place), place)
 
 
 def load(kind: str, name: str) -> Any:
@@ -66,7 +65,7 @@ def load(kind: str, name: str) -> Any:
 
     Raises PluginError if there is none, naming those that exist, or if it declares no frozen configuration.
     """
-    points = {point.name: point for point in entry_points(group=GROUPS[kind])}
+    points = {point.name: point for point in installed(kind)}
     if name not in points and ":" not in name:
         raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, sorted(points), _PLACE)}")
     try:

@@ -13,7 +13,7 @@ from PIL import Image
 from mathnavi.renders import clip, video
 from mathnavi.renders.gallery import __main__ as program
 from mathnavi.renders.gallery.table import HERE, MATHNAVI, README, Command, Entry, chosen, entries
-from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.render import Options as RenderOptions
 from mathnavi.sim.commands.run import Options as RunOptions
 from mathnavi.sim.commands.run_request import read_order
@@ -82,7 +82,7 @@ def test_every_command_can_be_given() -> None:
         if last[0] != MATHNAVI:
             assert last[-1].startswith(f"{folder_of(run)}/")
             continue
-        (options,) = parse(last[2:], "mathnavi render", "", Group(RenderOptions))
+        (options,) = parse(last[2:], "mathnavi render", "", FlagGroup(RenderOptions))
         assert str(options.folder) == folder_of(run)
         assert (options.clip, options.still) == ((True, False) if entry.name in CLIPS else (False, True))
 

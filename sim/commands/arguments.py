@@ -257,7 +257,7 @@ def without(flag: str, argv: Sequence[str]) -> list[str]:
 
 
 def with_flag(message: str, known: Sequence[str], prefix: str = "") -> str:
-    """A message that starts with "field = ", "field: " or "field is " with the flag in place of the field."""
+    """The message, with the flag in place of the field where it starts with "field = ", "field: " or "field is "."""
     found = re.match(r"([A-Za-z_][\w.]*)(?= = |: | is )", message)
     if found is None:
         return message
@@ -279,11 +279,11 @@ def _check_flags(argv: Sequence[str], prog: str, known: Mapping[str, bool]) -> N
 
 
 def suggestion(name: str, known: Sequence[str], prog: str) -> str:
-    """What may have been meant by a flag that is not known."""
+    """A hint for a flag that is not known: those that it may be a misspelling of, or those that are allowed."""
     if not name.startswith("--no-"):
         known = [flag for flag in known if flag not in {negation(other) for other in known}]
     close = close_names(name, known)
-    # A field may be asked for without its group: --nodes means --planner.nodes.
+    # A field may be named without its group: --nodes means --planner.nodes.
     close += [flag for flag in known if flag.rpartition(".")[2] == name.lstrip("-") and flag not in close]
     if close:
         return f"did you mean {' or '.join(close)}? (`{prog} --help` lists all)"
@@ -314,7 +314,7 @@ def _as_given(flag: str, argv: Sequence[str]) -> str:
 
 
 def _values(flag: str, argv: Sequence[str]) -> str:
-    """What ``argv`` gives for a flag, where it last does."""
+    """The words that ``argv`` gives with a flag, where it does so last."""
     words: list[str] = []
     inside = False
     for word in argv:

@@ -24,7 +24,7 @@ Place = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
 
 @dataclass(frozen=True)
 class CompareOptions:
-    """What to compare."""
+    """Runs, sweeps or studies to compare."""
 
     left: Place
     """folder of a run or of studies, a study's .json, or the store of a sweep (.db)"""

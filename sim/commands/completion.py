@@ -67,7 +67,7 @@ OWN = {  # dataclasses of a command's own flags
     "terrain import": ("mathnavi.sim.commands.terrain:TerrainImportOptions",),
     "terrain show": ("mathnavi.sim.commands.terrain:TerrainShowOptions",),
 }
-Flags = dict[str, tuple[str, ...]]  # what may follow each, as far as it is known
+Flags = dict[str, tuple[str, ...]]  # words that may follow each, as far as they are known
 
 
 def main(argv: Sequence[str]) -> int:
@@ -84,7 +84,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def candidates(words: Sequence[str]) -> list[str]:
-    """What the last of the words, which may be empty, can become; none where it is a file or anything else."""
+    """Completions of the last of the words, which may be empty; none where it is a file or anything else."""
     *before, current = words or [""]
     if current == "=":  # bash gives --flag=value in three words
         current = ""
@@ -110,7 +110,7 @@ def _candidates(before: Sequence[str], current: str) -> Sequence[str]:
 
 
 def _first(command: str) -> Sequence[str]:
-    """What may follow a command."""
+    """Words that may follow a command."""
     firsts = {**dict.fromkeys(FLOWN, "scenarios"), "study": "studies", "estimate": "estimators"}
     if command in firsts:
         return [*_names(firsts[command]), *(("all",) if command == "study" else ())]
@@ -169,7 +169,7 @@ def plugin(kind: str, name: str) -> Description:
 
 
 def _given(flag: str, words: Sequence[str]) -> str | None:
-    """What stands behind a flag, in either way to write it."""
+    """The value of a flag, in either way to write it; None without the flag."""
     for word, following in zip(words, [*words[1:], ""], strict=True):
         if word == flag:
             return following

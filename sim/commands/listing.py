@@ -1,4 +1,4 @@
-"""``mathnavi list``: what is installed, and where it comes from.
+"""``mathnavi list``: the plug-ins that are installed, and where they come from.
 
 Names come from the entry points, the rest from the index of plug-ins: nothing is imported, so that the list is there at
 once. With ``--full`` all are imported, and estimators say what they claim to be.
@@ -22,7 +22,7 @@ ALL, FULL = "all", "--full"
 KINDS = tuple(sorted((ALL, *GROUPS)))
 USAGE = f"""usage: mathnavi list [{"|".join(KINDS)}] [{FULL}]
 
-The plug-ins that are installed, of one kind or of all. {FULL} imports them, so that one that cannot be used is told,
+The plug-ins that are installed, of one kind or of all. {FULL} imports them, so that one that cannot be used is named,
 and adds what estimators claim to be."""
 CLAIMED = (
     "claimed (Table 2.1): domain of attraction, rate of convergence, input dependence, domains of operation of the "
@@ -52,7 +52,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def read_words(argv: Sequence[str]) -> tuple[str, bool]:
-    """The kind, and whether to import what is of it. (tyro would take longer to import than the list takes.)"""
+    """The kind, and whether to import its plug-ins; BadInputError for other words.
+
+    tyro, which ``arguments`` imports, would take longer to import than the list takes.
+    """
     for word in argv:
         if word.startswith("-") and word != FULL:
             raise BadInputError(f"{word} is not a field of 'mathnavi list'; allowed: {FULL}")
@@ -85,7 +88,7 @@ def listing(kind: str, points: Sequence[EntryPoint], full: bool) -> Table:
 
 
 def claimed_properties(points: Sequence[EntryPoint]) -> Group:
-    """What each estimator claims to be with its default fields, and below it what there is to add."""
+    """Table of what each estimator claims to be with its default fields, and notes below it."""
     from mathnavi.sim.interfaces.observer_properties import ObserverProperties
 
     table = Table(title=CLAIMED, title_justify="left", title_style="bold", box=None, padding=(0, 1, 0, 0))

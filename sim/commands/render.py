@@ -17,7 +17,7 @@ from mathnavi.sim.commands.errors import BadInputError, bad_input
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """What to draw."""
+    """The run to draw, and how."""
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
     """folder of a run; the picture is written into it"""

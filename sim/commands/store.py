@@ -1,4 +1,4 @@
-"""``mathnavi store``: what a sweep has left, to read and to take elsewhere."""
+"""``mathnavi store``: show what a sweep has stored, or export it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ File = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE.db")]
 
 @dataclass(frozen=True)
 class StoreShowOptions:
-    """What is in a store."""
+    """The store to show."""
 
     file: File
     """store of a sweep"""
@@ -36,7 +36,7 @@ class StoreShowOptions:
 
 @dataclass(frozen=True)
 class StoreExportOptions:
-    """From a store to a table."""
+    """The store to export, and where to."""
 
     file: File
     """store of a sweep"""
@@ -97,7 +97,7 @@ def _varied(records: Sequence[Record]) -> list[str]:
 
 
 def _values(records: Sequence[Record]) -> dict[str, set[str]]:
-    """What each field is, in any of the trials."""
+    """Values of each field in any of the trials, as JSON."""
     values: dict[str, set[str]] = {}
     for record in records:
         for name, value in record.fields.items():

@@ -32,7 +32,7 @@ ALL = "all"
 STORE = "trials.db"
 LEDGER = "CLAIMS.md"
 OUT = Path("renders/out/study")
-TERRAIN = "tian_shan"  # unless another is asked for
+TERRAIN = "tian_shan"  # unless another is requested
 Studies = Mapping[str, tuple[Any, Any]]  # plug-in and configuration by name
 USAGE = "usage: mathnavi study NAME|all [OPTIONS]      NAME: {}\nmathnavi study NAME --help lists the options."
 
@@ -66,7 +66,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     prepare()
     try:
-        options, studies = read_order(argv)
+        options, studies = read_studies(argv)
     except SystemExit:  # the help is printed
         return 0
     sites = _sites(options, studies)
@@ -93,31 +93,31 @@ def main(argv: Sequence[str]) -> int:
     if argv[0] == ALL:
         path = (options.out or OUT) / LEDGER
         pairs = list(zip(sites, claims, strict=True))
-        over_terrain = {site.name: some for site, some in pairs if site.terrain is not None}
-        without_terrain = [claim for site, some in pairs if site.terrain is None for claim in some]
+        over_terrain = {site.name: found for site, found in pairs if site.terrain is not None}
+        without_terrain = [claim for site, found in pairs if site.terrain is None for claim in found]
         write_text(path, ledger(over_terrain, without_terrain, _samples(studies)))
         console.print(f"ledger   {path}", soft_wrap=True, highlight=False)
-    missed = [claim for some in claims for claim in some if claim.kind == "target" and not claim.holds]
+    missed = [claim for found in claims for claim in found if claim.kind == "target" and not claim.holds]
     return 1 if missed else 0
 
 
 @dataclass(frozen=True)
 class _Site:
-    """Where some studies are done."""
+    """A terrain, or none, with the studies that are done on it."""
 
     name: str
-    terrain: str | None  # as it was asked for
+    terrain: str | None  # as it was requested
     folder: Path
     studies: Studies
 
     @property
     def where(self) -> str:
-        """In words."""
+        """The site in a sentence."""
         return self.name if self.terrain is None else f"over {self.name}"
 
 
 def _sites(options: StudyOptions, studies: Studies) -> list[_Site]:
-    """Every terrain with the studies that are done on it, and the others, which are done once.
+    """The terrains with the studies that are done on each, and the site of the others, which are done once.
 
     The files of a study are in a folder of its terrain where there are several, all else lies beside these.
     """
@@ -139,8 +139,8 @@ def _sites(options: StudyOptions, studies: Studies) -> list[_Site]:
     return [*sites, _Site("without terrain", None, out, anywhere)] if anywhere else sites
 
 
-def read_order(argv: Sequence[str]) -> tuple[StudyOptions, dict[str, tuple[Any, Any]]]:
-    """The options, and the studies with their configurations."""
+def read_studies(argv: Sequence[str]) -> tuple[StudyOptions, dict[str, tuple[Any, Any]]]:
+    """The options, and the requested studies with their configurations; BadInputError if they cannot be."""
     name = argv[0]
     chosen = names("studies") if name == ALL else (name,)
     try:
@@ -194,7 +194,7 @@ def _study(
 
 
 def _samples(studies: Studies) -> str:
-    """How much each study measures."""
+    """Samples of each study, in words."""
     sizes = {name: dataclasses.asdict(config) for name, (_, config) in studies.items()}
     return "; ".join(
         f"{name}: {', '.join(f'{count} {what}' for what, count in of_study.items())}"

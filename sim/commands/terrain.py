@@ -25,7 +25,7 @@ USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--s
 
 @dataclass(frozen=True)
 class TerrainImportOptions:
-    """From an elevation model to a map."""
+    """The elevation model to import, and the map to write."""
 
     file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
     """.png (16 bit), .hgt, .tif, .tiff or .npz"""
@@ -41,7 +41,7 @@ class TerrainImportOptions:
 
 @dataclass(frozen=True)
 class TerrainShowOptions:
-    """Statistics and a picture of a map."""
+    """The map to show, and the picture to write."""
 
     terrain: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
     """name of a terrain, or an .npz file"""
@@ -103,7 +103,7 @@ def _draw(terrain: HeightField, path: Path) -> None:
 
 
 def statistics(terrain: HeightField) -> str:
-    """What there is to know about a map, a line each."""
+    """Name, size, heights and source of a map, a line each."""
     rows, columns = terrain.z.shape
     lines = {
         "name": terrain.name,

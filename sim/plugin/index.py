@@ -142,10 +142,10 @@ def _rules() -> dict[str, list[int]]:
 def _read(path: Path) -> dict[str, Plain]:
     """The entries of the index by their keys; none from a file that is missing, damaged or made by other rules."""
     try:
-        saved = json.loads(path.read_text(encoding="utf-8"))
-        if saved["rules"] != _rules():
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["rules"] != _rules():
             return {}
-        entries: dict[str, Plain] = saved["entries"]
+        entries: dict[str, Plain] = content["entries"]
         for entry in entries.values():
             _description("", EntryPoint("", "", ""), entry)
             entry["files"].items()

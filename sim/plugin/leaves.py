@@ -49,12 +49,12 @@ class Leaf:
 
     @property
     def wanted(self) -> str:
-        """What is allowed where the field is missing."""
+        """The values that are allowed, where the field is missing."""
         return (self.help if self.positional else f"{self.value_name} {self.help}".rstrip()) or self.value_name
 
     @property
     def explained(self) -> str:
-        """What is allowed where a value is wrong: its type, or how many values there are and what each is."""
+        """The values that are allowed, where one is wrong: its type, or the number of values and what each is."""
         name = self.value_name.strip("{}")
         count = len(name.split())
         if count == 1:

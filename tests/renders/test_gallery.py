@@ -16,7 +16,7 @@ from mathnavi.renders.gallery.table import HERE, MATHNAVI, README, Command, Entr
 from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.render import Options as RenderOptions
 from mathnavi.sim.commands.run import Options as RunOptions
-from mathnavi.sim.commands.run_request import read_order
+from mathnavi.sim.commands.run_request import read_request
 from mathnavi.sim.plugin.registry import names
 
 ENTRIES = entries(README.read_text(encoding="utf-8"))
@@ -62,9 +62,9 @@ def test_a_clip_shows_something_that_moves_again_and_again(name: str) -> None:
 @cache
 def folder_of(command: Command) -> str:
     """Where a run is written to, as its command says; BadInputError where that is none."""
-    order = read_order("run", command[2:], RunOptions)
-    assert order.options.out is not None
-    return str(order.options.out)
+    request = read_request("run", command[2:], RunOptions)
+    assert request.options.out is not None
+    return str(request.options.out)
 
 
 def test_every_command_can_be_given() -> None:

@@ -7,15 +7,15 @@ written, and what the comment beside a field says of its shape, unit and frame s
 from __future__ import annotations
 
 import ast
-import io
 import re
-import tokenize
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from prose import inline, prose
 from sphinx.application import Sphinx
+
+from mathnavi.sim.plugin.field_help import beside, comments
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("models", "sim", "controllers", "estimators", "renders")
@@ -60,26 +60,6 @@ class _Qualified(ast.NodeTransformer):
         # A tilde: the last part of the name is shown.
         meant = self.meaning.get(node.id)
         return ast.parse(f"~{meant}" if meant else node.id, mode="eval").body
-
-
-def comments(source: str) -> dict[int, tuple[int, str]]:
-    """By the number of its line: the column and the text of every comment."""
-    return dict(_comments(source))
-
-
-def beside(node: ast.stmt, comments: dict[int, tuple[int, str]]) -> str:
-    """The comment beside a statement, with the lines of it that go on below."""
-    line = node.end_lineno or node.lineno
-    column, text = comments.get(line, (0, ""))
-    while text and (below := comments.get(line + 1)) and below[0] == column:
-        line, text = line + 1, f"{text} {below[1]}"
-    return text
-
-
-def _comments(source: str) -> Iterator[tuple[int, tuple[int, str]]]:
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type == tokenize.COMMENT:
-            yield token.start[0], (token.start[1], token.string.lstrip("# ").strip())
 
 
 def page(folder: Path, modules: Sequence[Module]) -> str:

@@ -6,10 +6,8 @@ A line ``<!-- generated: NAME -->`` of a page gives way to what ``PARTS[NAME]`` 
 
 from __future__ import annotations
 
-import ast
 import contextlib
 import dataclasses
-import importlib
 import inspect
 import io
 import logging
@@ -18,18 +16,19 @@ import re
 import textwrap
 from collections.abc import Callable, Iterator
 from enum import Enum
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import tyro
-from api import beside, comments
 from sphinx.application import Sphinx
 from sphinx.builders.html import StandaloneHTMLBuilder
 
 from mathnavi.sim.commands import cli, opengl
+from mathnavi.sim.commands.completion import OWN
 from mathnavi.sim.commands.run_request import CommonOptions
+from mathnavi.sim.plugin.field_help import field_help
 from mathnavi.sim.plugin.registry import GROUPS, load, names
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -40,14 +39,13 @@ KINDS = {float: "number", int: "whole number", bool: "yes or no", str: "text", P
 def commands() -> str:
     """Every command: what it is for, its help as printed, and its flags where the help leaves them to a scenario."""
     parts = []
-    for name, (module, purpose) in cli.COMMANDS.items():
+    for name, (_, purpose) in cli.COMMANDS.items():
         usage = _printed(name, "--help")
         parts.append(f"## mathnavi {name}\n\n{purpose[0].upper()}{purpose[1:]}.\n\n{_fence(usage)}")
         for action in dict.fromkeys(re.findall(rf"^(?:usage:)? *mathnavi {name} ([a-z]\w*) ", usage, re.MULTILINE)):
             parts.append(f"### mathnavi {name} {action}\n\n{_fence(_printed(name, action, '--help'))}")
-        options = getattr(importlib.import_module(module), "Options", None)
-        if options is not None and "--help " not in usage.partition("options")[2]:  # else the help has told them
-            parts.append(table(options))
+        if name in OWN and "--help " not in usage.partition("options")[2]:  # else the help has told them
+            parts.append(table(EntryPoint(name, OWN[name][0], "").load()))
     return "\n\n".join(parts)
 
 
@@ -98,7 +96,7 @@ def table(of: type, prefix: str = "") -> str:
 
 
 def _leaves(of: type, prefix: str, default: Any) -> Iterator[tuple[str, str, str, str]]:
-    hints, said = get_type_hints(of, include_extras=True), _told(of)
+    hints, texts = get_type_hints(of, include_extras=True), field_help(of)
     for entry in dataclasses.fields(of):
         value = getattr(default, entry.name) if default is not None else _default(entry)
         hint: Any = hints[entry.name]
@@ -110,7 +108,7 @@ def _leaves(of: type, prefix: str, default: Any) -> Iterator[tuple[str, str, str
             yield from _leaves(hint, name, value)
         elif tyro.conf.Positional not in marks:
             flag = f"--{name.replace('_', '-')}"
-            yield _code(flag), _kind(hint), _shown(value), _escaped(said.get(entry.name, ""))
+            yield _code(flag), _kind(hint), _shown(value), _escaped(texts.get(entry.name, ""))
 
 
 def _default(entry: dataclasses.Field[Any]) -> Any:
@@ -120,21 +118,6 @@ def _default(entry: dataclasses.Field[Any]) -> Any:
     ):  # it asks the machine: what it asks for is said, and not what this one answers
         return inspect.cleandoc(factory.__doc__).partition("\n")[0].rstrip(".")
     return entry.default if factory is dataclasses.MISSING else factory()
-
-
-def _told(of: type) -> dict[str, str]:
-    """What stands below or beside each field, in a dataclass and in those that it is made of."""
-    said: dict[str, str] = {}
-    for each in reversed([base for base in of.__mro__ if dataclasses.is_dataclass(base)]):
-        source = textwrap.dedent(inspect.getsource(each))
-        statements = ast.parse(source).body[0].body  # type: ignore[attr-defined]
-        for field, below in zip(statements, [*statements[1:], None], strict=True):
-            if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
-                docstring = isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant)
-                said[field.target.id] = (
-                    inspect.cleandoc(str(below.value.value)) if docstring else beside(field, comments(source))
-                )
-    return said
 
 
 def _kind(hint: Any) -> str:

@@ -1,104 +1,223 @@
-"""From words to frozen dataclasses that validate themselves.
+"""Frozen dataclasses, which check themselves, from the words of a command line.
 
-tyro reads the words and prints the help. Its errors are told again in one line that names the flag, its value and what
-is allowed. Beyond what tyro checks, a flag given twice is an error unless it is a list, and so is nan or an infinity.
+Each leaf of a dataclass is a flag, or a place without one; a flag that is given twice is an error unless it takes a
+list, and so is nan or an infinity. A wrong word is a ``BadInputError`` of one line that names the flag, its value and
+what is allowed. tyro prints the help.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import io
 import math
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import redirect_stderr
 from dataclasses import dataclass, field
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import tyro
-from tyro.constructors import PrimitiveConstructorSpec
 
 from mathnavi.sim.commands.errors import BadInputError
-from mathnavi.sim.commands.flag_names import flag_of, joined, negation
 from mathnavi.sim.interfaces.checks import close_names
+from mathnavi.sim.plugin.flag_names import joined, negation
+from mathnavi.sim.plugin.leaves import Leaf, leaves_of
 
 _CONFIG = (tyro.conf.UseAppendAction, tyro.conf.DisallowNone)
+_HELP = frozenset(("-h", "--help"))
+_FLAGS_ALLOWED = "allowed: flags, each followed by its values"
 
 
 @dataclass(frozen=True)
-class Group:
+class FlagGroup:
     """A dataclass whose fields are flags: ``--FIELD``, or ``--PREFIX.FIELD``."""
 
-    of: type
+    schema: type
     prefix: str = ""
     default: Any = None  # an instance; None where fields have to be given
     heading: str | None = None  # in the help; the docstring of the dataclass if not given
 
 
-def parse(argv: Sequence[str], prog: str, description: str, *groups: Group) -> tuple[Any, ...]:
+def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) -> tuple[Any, ...]:
     """The dataclasses of the groups with the fields that ``argv`` gives; BadInputError if it cannot be.
 
     ``--help`` prints the help and raises SystemExit.
     """
-    known = {name: repeats for group in groups for name, repeats in flags(group.of, group.prefix)}
-    if not {"-h", "--help"} & set(argv):
-        _check_flags(argv, prog, known)
+    if _HELP & set(argv):
+        _print_help(prog, description, groups)
+    known = {name: repeats for group in groups for name, repeats in flags(group.schema, group.prefix)}
+    _check_flags(argv, prog, known)
+    leaves = {
+        leaf.path: leaf
+        for group in groups
+        for leaf in leaves_of(group.schema, group.prefix, filled=group.default is not None)
+    }
+    words = _Words(argv, list(leaves.values())).assigned()
+    parsed = tuple(_built(group, leaves, words, argv, list(known)) for group in groups)
+    for group, value in zip(groups, parsed, strict=True):
+        _check_finite(value, group.prefix)
+    return parsed
+
+
+def _print_help(prog: str, description: str, groups: Sequence[FlagGroup]) -> None:
     names = [f"group_{k}" for k in range(len(groups))]
-    whole = dataclasses.make_dataclass(
-        "Arguments", [_field(*pair) for pair in zip(names, groups, strict=True)], kw_only=True
+    schema = dataclasses.make_dataclass(
+        "Arguments", [_help_field(*pair) for pair in zip(names, groups, strict=True)], kw_only=True
     )
-    said = io.StringIO()
-    try:
-        with redirect_stderr(said):
-            parsed: Any = tyro.cli(whole, prog=prog, description=description, args=list(argv), config=_CONFIG)
-    except SystemExit as stop:
-        if not stop.code:
-            raise
-        raise BadInputError(_one_line(said.getvalue(), argv, known, [group.prefix for group in groups])) from None
-    except ValueError as error:  # tyro lets pass what a group without a prefix raises
-        raise BadInputError(with_flag(str(error), list(known))) from None
-    for group, name in zip(groups, names, strict=True):
-        _check_finite(getattr(parsed, name), group.prefix)
-    return tuple(getattr(parsed, name) for name in names)
+    tyro.cli(schema, prog=prog, description=description, args=["--help"], config=_CONFIG)
 
 
-def _field(name: str, group: Group) -> tuple[str, Any, Any]:
-    kind = Annotated[group.of, tyro.conf.arg(name=group.prefix, help=group.heading)]  # type: ignore[name-defined]
+def _help_field(name: str, group: FlagGroup) -> tuple[str, Any, Any]:
+    kind = Annotated[group.schema, tyro.conf.arg(name=group.prefix, help=group.heading)]  # type: ignore[name-defined]
     default = group.default
     return name, kind, field() if default is None else field(default_factory=lambda: default)
 
 
-def flags(of: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
+def flags(schema: type, prefix: str = "") -> Iterator[tuple[str, bool]]:
     """The flags of a dataclass, each with whether it may be given several times; --no-FIELD for a truth value too."""
-    for flag, _, hint in _leaves(of, prefix, ""):
-        yield flag, get_origin(hint) is list or Ellipsis in get_args(hint)
-        if hint is bool:
-            yield negation(flag), False
+    for leaf in leaves_of(schema, prefix):
+        if not leaf.positional:
+            yield leaf.flag, leaf.form is not None and leaf.form.container is not None
+            if leaf.hint is bool:
+                yield negation(leaf.flag), False
 
 
-def fields_by_flag(of: type, prefix: str = "") -> dict[str, str]:
+def fields_by_flag(schema: type, prefix: str = "") -> dict[str, str]:
     """The dotted name of the field that each flag of a dataclass sets."""
-    return {flag: name for flag, name, _ in _leaves(of, prefix, "")}
+    return {leaf.flag: leaf.field_name for leaf in leaves_of(schema, prefix) if not leaf.positional}
 
 
-def _leaves(of: type, prefix: str, above: str) -> Iterator[tuple[str, str, Any]]:
-    """Of each flag: itself, the dotted name of its field, and the type of that."""
-    hints = get_type_hints(of, include_extras=True)
-    for entry in dataclasses.fields(of):
-        hint: Any = hints[entry.name]
-        marks: tuple[Any, ...] = ()
-        if get_origin(hint) is Annotated:
-            hint, marks = get_args(hint)[0], get_args(hint)[1:]
-        if tyro.conf.Positional in marks:
-            continue
-        name, field_name = joined(prefix, entry.name), f"{above}.{entry.name}".strip(".")
-        if isinstance(hint, type) and dataclasses.is_dataclass(hint):
-            yield from _leaves(hint, name, field_name)
-        else:
-            # All the words of a field with a constructor of its own are one value, which is given once.
-            whole = any(isinstance(mark, PrimitiveConstructorSpec) for mark in marks)
-            yield flag_of(name), field_name, Any if whole else hint
+class _Words:
+    """The words of ``argv``, on their way to the leaves that they are given to."""
+
+    def __init__(self, argv: Sequence[str], leaves: Sequence[Leaf]) -> None:
+        self._argv = argv
+        self._rest = deque((word, False) for word in argv)  # each with whether "=" ties it to the flag before it
+        self._by_flag = {leaf.flag: leaf for leaf in leaves if not leaf.positional}
+        self._places = deque(leaf for leaf in leaves if leaf.positional)
+        self._places_only = False  # since "--"
+        self._required = [leaf for leaf in leaves if leaf.required]
+
+    def assigned(self) -> dict[str, list[list[str]]]:
+        """The words of each leaf that is given, one list for each time, by the path of the leaf.
+
+        Raises BadInputError where words are missing, are not among the choices, or are left over.
+        """
+        switches = {
+            flag: (leaf.path, state)
+            for leaf in self._by_flag.values()
+            if leaf.hint is bool
+            for flag, state in ((leaf.flag, "True"), (negation(leaf.flag), "False"))
+        }
+        given: dict[str, list[list[str]]] = {}
+        left_over = []
+        while self._rest:
+            word, _ = self._rest.popleft()
+            if word == "--" and not self._places_only:
+                self._places_only = True
+                continue
+            name, equals, value = word.partition("=")
+            flag = name.replace("_", "-") if name.startswith("--") and not self._places_only else ""
+            if equals and flag in {*self._by_flag, *switches}:
+                self._rest.appendleft((value, True))
+            if flag in switches:
+                path, state = switches[flag]
+                given[path] = [[state]]
+            elif flag in self._by_flag:
+                leaf = self._by_flag[flag]
+                given.setdefault(leaf.path, []).append(self._value(leaf))
+            elif self._places:
+                self._rest.appendleft((word, False))
+                leaf = self._places.popleft()
+                given[leaf.path] = [self._value(leaf)]
+            else:
+                left_over.append(word)
+        if missing := [leaf for leaf in self._required if leaf.path not in given]:
+            raise BadInputError("; ".join(f"{leaf.place} is missing; allowed: {leaf.wanted}" for leaf in missing))
+        if left_over:
+            allowed = "allowed: flags, each followed by its values"
+            raise BadInputError(
+                f"{', '.join(word or repr(word) for word in left_over)}: nothing is known to do with this; {allowed}"
+            )
+        return given
+
+    def _value(self, leaf: Leaf) -> list[str]:
+        """The words of one value of a leaf."""
+        form = leaf.form
+        if form is None:
+            raise BadInputError(f"{_as_given(leaf.flag, self._argv)}; allowed: no value on the command line")
+        words: list[str] = []
+        while self._rest and (form.count is None or len(words) < form.count):
+            word, tied = self._rest[0]
+            if not (tied or self._places_only or word in form.choices) and self._is_flag(word):
+                break
+            if form.count is None and len(self._rest) <= len(self._places):  # these are for the places
+                break
+            words.append(self._rest.popleft()[0])
+        if form.count is not None and len(words) < form.count:
+            raise _wrong(leaf, self._argv, f"{form.count} value{'s' * (form.count > 1)}")
+        if form.choices:
+            for word in words:
+                if word not in form.choices:
+                    raise BadInputError(f"{leaf.place} = {word}; allowed: {', '.join(sorted(form.choices))}")
+        return words
+
+    def _is_flag(self, word: str) -> bool:
+        """A flag, or what looks like one: a misspelt flag is no value of the flag before it."""
+        name = word.partition("=")[0]
+        if word == "--" or name.replace("_", "-") in self._by_flag:
+            return True
+        number = re.match(r"-(\d|\.|(inf|infinity|nan)$)", name, re.IGNORECASE)
+        return not number and re.match(r"-+[^\W\d_]", name) is not None
+
+
+def _built(
+    group: FlagGroup,
+    leaves: Mapping[str, Leaf],
+    words: Mapping[str, Sequence[Sequence[str]]],
+    argv: Sequence[str],
+    known: Sequence[str],
+) -> Any:
+    """The dataclass of a group: each field from its words, or as the default has it."""
+
+    def built(schema: type, prefix: str, default: Any) -> Any:
+        values: dict[str, Any] = {}
+        for entry in dataclasses.fields(schema):
+            path = joined(prefix, entry.name)
+            if not entry.init:
+                continue
+            if path in words:
+                values[entry.name] = _converted(leaves[path], words[path], _default(entry, default), argv)
+            elif path in leaves:
+                values[entry.name] = _default(entry, default)
+            else:
+                part = _default(entry, default)
+                nested = type(part) if dataclasses.is_dataclass(part) else get_type_hints(schema)[entry.name]
+                values[entry.name] = built(nested, path, part)
+        try:
+            return schema(**values)
+        except ValueError as error:
+            raise BadInputError(with_flag(str(error), known, prefix)) from None
+
+    return built(group.schema, group.prefix, group.default)
+
+
+def _default(entry: dataclasses.Field[Any], instance: Any) -> Any:
+    """The value of a field that is not given; None where it has to be."""
+    if instance is not None:
+        return getattr(instance, entry.name)
+    if entry.default_factory is not dataclasses.MISSING:
+        return entry.default_factory()
+    return None if entry.default is dataclasses.MISSING else entry.default
+
+
+def _converted(leaf: Leaf, words: Sequence[Sequence[str]], default: Any, argv: Sequence[str]) -> Any:
+    form = leaf.form
+    assert form is not None  # else there would be no words
+    try:
+        values = [form.read(each) for each in words]
+    except (ValueError, TypeError):
+        raise _wrong(leaf, argv, leaf.explained) from None
+    return values[-1] if form.container is None else form.container([*(default or ()), *values])
 
 
 def given(argv: Sequence[str]) -> list[str]:
@@ -138,7 +257,7 @@ def without(flag: str, argv: Sequence[str]) -> list[str]:
 
 
 def with_flag(message: str, known: Sequence[str], prefix: str = "") -> str:
-    """A message that starts with "field = ", "field: " or "field is " with the flag in place of the field."""
+    """The message, with the flag in place of the field where it starts with "field = ", "field: " or "field is "."""
     found = re.match(r"([A-Za-z_][\w.]*)(?= = |: | is )", message)
     if found is None:
         return message
@@ -160,11 +279,11 @@ def _check_flags(argv: Sequence[str], prog: str, known: Mapping[str, bool]) -> N
 
 
 def suggestion(name: str, known: Sequence[str], prog: str) -> str:
-    """What may have been meant by a flag that is not known."""
+    """A hint for a flag that is not known: those that it may be a misspelling of, or those that are allowed."""
     if not name.startswith("--no-"):
         known = [flag for flag in known if flag not in {negation(other) for other in known}]
     close = close_names(name, known)
-    # A field may be asked for without its group: --nodes means --planner.nodes.
+    # A field may be named without its group: --nodes means --planner.nodes.
     close += [flag for flag in known if flag.rpartition(".")[2] == name.lstrip("-") and flag not in close]
     if close:
         return f"did you mean {' or '.join(close)}? (`{prog} --help` lists all)"
@@ -185,42 +304,17 @@ def _check_finite(value: Any, name: str) -> None:
         raise BadInputError(f"--{name.replace('_', '-')} = {value}; allowed: finite numbers")
 
 
-def _one_line(box: str, argv: Sequence[str], known: Mapping[str, bool], prefixes: Sequence[str]) -> str:
-    """What tyro says in a box of several lines."""
-    plain = re.sub(r"\x1b\[[0-9;]*m", "", box)
-    lines = [line.strip("│╭╮╰╯ ") for line in plain.splitlines()[1:]]  # the first is a heading
-    if lines and not lines[0].strip("-"):
-        del lines[0]  # where a terminal has no lines to draw with, a rule is under the heading
-    rule = next((k for k, line in enumerate(lines) if line and not line.strip("─-")), len(lines))
-    message = re.sub(r"\bgroup[_-](\d+)\b[.]?", lambda k: f"{prefixes[int(k[1])]}.".lstrip("."), " ".join(lines[:rule]))
-    if found := re.match(r"Error parsing (--\S+): ", message):
-        heading = next((k for k in range(rule, len(lines)) if lines[k].startswith(f"{found[1]} ")), rule)
-        kinds = "".join(lines[heading : heading + 1]).partition(" ")[2].strip("{}")
-        if len(kinds.split()) > 1:  # of several values the help says what each is
-            told = " ".join(lines[heading + 1 :]).replace(" (", ";").partition(";")[0]
-            kinds = f"{len(kinds.split())} values: {told} ({kinds})"
-        return _wrong(found[1], argv, kinds)
-    if found := re.match(r"Error parsing ([\w.]*): (.*)", message):
-        return with_flag(found[2], list(known), found[1].strip("."))
-    if found := re.match(r"Missing value for argument '(--\S+?)'. Expected (\d+) values", message):
-        return _wrong(found[1], argv, f"{found[2]} value{'s' * (found[2] != '1')}")
-    if found := re.match(r"invalid choice '(.*)' for argument '(\S+)'. Expected one of \((.*)\)", message):
-        choices = sorted({choice.strip(" '") for choice in found[3].split(",")} - {"", "None"})
-        return f"{found[2]} = {found[1]}; allowed: {', '.join(choices)}"
-    if found := re.match(r"Missing from [^:]*: (\S+) (.*) \(required\)", message):
-        return f"{found[1]} is missing; allowed: {found[2]}"
-    if found := re.match(r"Unrecognized options: (.*)", message):
-        return f"{found[1]}: nothing is known to do with this; allowed: flags, each followed by its values"
-    return message
+def _wrong(leaf: Leaf, argv: Sequence[str], allowed: str) -> BadInputError:
+    return BadInputError(f"{_as_given(leaf.place, argv)}; allowed: {allowed}")
 
 
-def _wrong(flag: str, argv: Sequence[str], allowed: str) -> str:
+def _as_given(flag: str, argv: Sequence[str]) -> str:
     values = _values(flag, argv)
-    return f"{flag} = {values}; allowed: {allowed}" if values else f"{flag}: its value is missing; allowed: {allowed}"
+    return f"{flag} = {values}" if values else f"{flag}: its value is missing"
 
 
 def _values(flag: str, argv: Sequence[str]) -> str:
-    """What ``argv`` gives for a flag, where it last does."""
+    """The words that ``argv`` gives with a flag, where it does so last."""
     words: list[str] = []
     inside = False
     for word in argv:

@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     try:
         code = _command(arguments[0])(arguments[1:])
-        sys.stdout.flush()  # so that a reader that has gone is told of here
+        sys.stdout.flush()  # so that a reader that has gone is noticed here
         return code
     except BadInputError as error:
         print(f"mathnavi: {' '.join(str(error).split())}", file=sys.stderr)

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table as Printed
 from rich.text import Text
 
-from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 
@@ -23,8 +23,8 @@ Place = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
 
 
 @dataclass(frozen=True)
-class Options:
-    """What to compare."""
+class CompareOptions:
+    """Runs, sweeps or studies to compare."""
 
     left: Place
     """folder of a run or of studies, a study's .json, or the store of a sweep (.db)"""
@@ -40,7 +40,7 @@ class Options:
 
 def main(argv: Sequence[str]) -> int:
     try:
-        (options,) = parse(argv, "mathnavi compare", DESCRIPTION, Group(Options))
+        (options,) = parse(argv, "mathnavi compare", DESCRIPTION, FlagGroup(CompareOptions))
     except SystemExit:  # the help is printed
         return 0
     from mathnavi.renders.comparison.report import (  # what draws takes long to import

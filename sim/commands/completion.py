@@ -2,30 +2,20 @@
 
 The script asks ``mathnavi completion words WORD ...``, the words that stand there with the one that is being typed
 last, and gets one candidate a line: so a plug-in that is installed later is completed too, with its fields. They are
-read from the sources (``mathnavi.sim.plugin.sources``), which is a matter of a fifth of a second. Where nothing is
-known to complete with, the shell completes names of files.
+read from the index (``mathnavi.sim.plugin.index``), which is a matter of a fifth of a second. Where nothing is known to
+complete with, the shell completes names of files.
 """
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Sequence
+from importlib.metadata import EntryPoint
 
 from mathnavi.sim.commands.errors import BadInputError
-from mathnavi.sim.commands.flag_names import flag_of, joined, negation
 from mathnavi.sim.commands.known import COMMANDS
-from mathnavi.sim.plugin.sources import (
-    Definition,
-    UnreadableError,
-    config_fields,
-    definition,
-    fields,
-    installed,
-    is_dataclass,
-    named,
-    spelt_out,
-)
+from mathnavi.sim.plugin.flag_names import flag_of, joined, negation
+from mathnavi.sim.plugin.groups import GROUPS, installed
+from mathnavi.sim.plugin.index import COMMAND, Description, describe
 
 WORDS = "words"  # what the scripts ask for
 SCRIPTS = {
@@ -65,19 +55,19 @@ FLOWN = ("run", "sweep")
 PLUGIN_FLAGS = {"--controller": "controllers", "--estimator": "estimators", "--consensus": "consensus"}
 NAMES = {**PLUGIN_FLAGS, "--terrain": "terrains"}  # kinds of plug-ins that a flag takes
 OWN = {  # dataclasses of a command's own flags
-    "run": ("mathnavi.sim.commands.run:Options", "mathnavi.sim.commands.run_request:CommonOptions"),
-    "sweep": ("mathnavi.sim.commands.sweep:Options", "mathnavi.sim.commands.run_request:CommonOptions"),
-    "study": ("mathnavi.sim.commands.study:Options",),
-    "estimate": ("mathnavi.sim.commands.estimate:Options",),
-    "render": ("mathnavi.sim.commands.render:Options",),
-    "view": ("mathnavi.sim.commands.view:Options",),
-    "compare": ("mathnavi.sim.commands.compare:Options",),
-    "store show": ("mathnavi.sim.commands.store:Show",),
-    "store export": ("mathnavi.sim.commands.store:Export",),
-    "terrain import": ("mathnavi.sim.commands.terrain:Import",),
-    "terrain show": ("mathnavi.sim.commands.terrain:Show",),
+    "run": ("mathnavi.sim.commands.run:RunOptions", "mathnavi.sim.commands.run_request:CommonOptions"),
+    "sweep": ("mathnavi.sim.commands.sweep:SweepOptions", "mathnavi.sim.commands.run_request:CommonOptions"),
+    "study": ("mathnavi.sim.commands.study:StudyOptions",),
+    "estimate": ("mathnavi.sim.commands.estimate:EstimateOptions",),
+    "render": ("mathnavi.sim.commands.render:RenderOptions",),
+    "view": ("mathnavi.sim.commands.view:ViewOptions",),
+    "compare": ("mathnavi.sim.commands.compare:CompareOptions",),
+    "store show": ("mathnavi.sim.commands.store:StoreShowOptions",),
+    "store export": ("mathnavi.sim.commands.store:StoreExportOptions",),
+    "terrain import": ("mathnavi.sim.commands.terrain:TerrainImportOptions",),
+    "terrain show": ("mathnavi.sim.commands.terrain:TerrainShowOptions",),
 }
-Flags = dict[str, tuple[str, ...]]  # what may follow each, as far as it is known
+Flags = dict[str, tuple[str, ...]]  # words that may follow each, as far as they are known
 
 
 def main(argv: Sequence[str]) -> int:
@@ -94,13 +84,13 @@ def main(argv: Sequence[str]) -> int:
 
 
 def candidates(words: Sequence[str]) -> list[str]:
-    """What the last of the words, which may be empty, can become; none where it is a file or anything else."""
+    """Completions of the last of the words, which may be empty; none where it is a file or anything else."""
     *before, current = words or [""]
     if current == "=":  # bash gives --flag=value in three words
         current = ""
     try:
         found = _candidates([word for word in before if word != "="], current)
-    except UnreadableError:  # a plug-in whose source does not tell
+    except LookupError:
         return []
     return [word for word in found if word.startswith(current)]
 
@@ -120,7 +110,7 @@ def _candidates(before: Sequence[str], current: str) -> Sequence[str]:
 
 
 def _first(command: str) -> Sequence[str]:
-    """What may follow a command."""
+    """Words that may follow a command."""
     firsts = {**dict.fromkeys(FLOWN, "scenarios"), "study": "studies", "estimate": "estimators"}
     if command in firsts:
         return [*_names(firsts[command]), *(("all",) if command == "study" else ())]
@@ -137,103 +127,55 @@ def _flags(command: str, given: Sequence[str]) -> Flags:
     """The flags of a command with the values that they take."""
     if command == "list":
         return {"--full": ()}
-    name, found = given[0] if given else "", Flags()
-    for place in OWN.get(command, ()) or OWN.get(f"{command} {name}", ()):
-        found |= flags_of(_at(place))
-    if command == "study" and name not in ("", "all") and not name.startswith("-"):
-        found |= _config_flags(_plugin("studies", name))
-    if command == "estimate" and name and not name.startswith("-"):
-        found |= _config_flags(_plugin("estimators", name), "estimator")
-    if command in FLOWN and name and not name.startswith("-"):
-        scenario = _plugin("scenarios", name)
-        found |= _config_flags(scenario)
+    name, flags = given[0] if given else "", Flags()
+    own = OWN.get(command, ()) or OWN.get(f"{command} {name}", ())
+    for options in describe([(COMMAND, EntryPoint(place, place, "")) for place in own]):
+        flags |= flags_of(options)
+    if not name or name.startswith("-"):
+        return flags
+    if command == "study" and name != "all":
+        flags |= flags_of(plugin("studies", name))
+    if command == "estimate":
+        flags |= flags_of(plugin("estimators", name), "estimator")
+    if command in FLOWN:
+        scenario = plugin("scenarios", name)
+        flags |= flags_of(scenario)
         for flag, prefix in (("--controller", "planner"), ("--estimator", "estimator")):
-            part = _given(flag, given) or _default(scenario, flag.removeprefix("--"))
-            found |= _config_flags(_plugin(PLUGIN_FLAGS[flag], part), prefix) if part else {}
-    return found
+            part = _given(flag, given) or scenario.stated.get(flag.removeprefix("--"))
+            flags |= flags_of(plugin(PLUGIN_FLAGS[flag], part), prefix) if part else {}
+    return flags
 
 
-def flags_of(config: Definition, prefix: str = "") -> Flags:
-    """The flags of a dataclass below a prefix, with what they may be set to; UnreadableError if it cannot be read."""
-    return _flags_of_fields(fields(config), prefix)
+def flags_of(described: Description, prefix: str = "") -> Flags:
+    """The flags of what is described below a prefix, with the values that are known to be allowed."""
+    flags = Flags()
+    for field in described.fields:
+        flag = flag_of(joined(prefix, field.name))
+        flags[flag] = tuple(_names(NAMES[flag])) if flag in NAMES else field.choices
+        if field.switch:
+            flags[negation(flag)] = ()
+    return flags
 
 
-def _config_flags(plugin: Definition, prefix: str = "") -> Flags:
-    return _flags_of_fields(config_fields(plugin), prefix)
-
-
-def _flags_of_fields(entries: Sequence[Any], prefix: str) -> Flags:
-    found = Flags()
-    for entry in entries:
-        kind, module = spelt_out(entry.kind, entry.module)
-        if "Positional" in ast.unparse(kind):
-            continue
-        if (
-            isinstance(kind, ast.Subscript)
-            and ast.unparse(kind.value) == "Annotated"
-            and isinstance(kind.slice, ast.Tuple)
-        ):
-            kind, module = spelt_out(kind.slice.elts[0], module)
-        name = joined(prefix, entry.name)
-        part = _dataclass(kind, module)
-        if part is not None:
-            found |= flags_of(part, name)
-            continue
-        flag = flag_of(name)
-        found[flag] = tuple(_names(NAMES[flag])) if flag in NAMES else tuple(_choices(kind, module))
-        if ast.unparse(kind) == "bool":
-            found[negation(flag)] = ()
-    return found
-
-
-def _dataclass(kind: ast.expr, module: str) -> Definition | None:
-    """The dataclass that a type names, if it is one."""
-    if not isinstance(kind, ast.Name | ast.Attribute):
-        return None
-    try:
-        made = named(kind, module)
-    except UnreadableError:  # int, for one, is bound nowhere
-        return None
-    return made if is_dataclass(made) else None
-
-
-def _choices(kind: ast.expr, module: str) -> Iterator[str]:
-    """What a type allows if it lists that: the words of a Literal."""
-    if isinstance(kind, ast.BinOp):  # A | None
-        for side in (kind.left, kind.right):
-            yield from _choices(*spelt_out(side, module))
-    if isinstance(kind, ast.Subscript) and ast.unparse(kind.value) == "Literal":
-        listed = kind.slice.elts if isinstance(kind.slice, ast.Tuple) else [kind.slice]
-        yield from (str(each.value) for each in listed if isinstance(each, ast.Constant))
+def plugin(kind: str, name: str) -> Description:
+    """The plug-in with a name, or at "package.module:Class"; LookupError if there is none or it cannot be imported."""
+    point = next((point for point in installed(kind) if point.name == name), EntryPoint(name, name, GROUPS[kind]))
+    if ":" not in point.value:
+        raise LookupError(f"{kind}: {name!r} is not known")
+    (described,) = describe([(kind, point)])
+    if described.error:
+        raise LookupError(f"{kind}: {name!r} cannot be imported: {described.error}")
+    return described
 
 
 def _given(flag: str, words: Sequence[str]) -> str | None:
-    """What stands behind a flag, in either way to write it."""
+    """The value of a flag, in either way to write it; None without the flag."""
     for word, following in zip(words, [*words[1:], ""], strict=True):
         if word == flag:
             return following
         if word.startswith(f"{flag}="):
             return word.partition("=")[2]
     return None
-
-
-def _default(scenario: Definition, part: str) -> str | None:
-    """The name that a scenario's class has for a part of its own choice."""
-    for entry in scenario.node.body:
-        match entry:
-            case ast.Assign(targets=[ast.Name(id=name)], value=ast.Constant(value=str(value))) if name == part:
-                return value
-    return None
-
-
-def _plugin(kind: str, name: str) -> Definition:
-    place = next((point.value for point in installed(kind) if point.name == name), name)
-    return _at(place)
-
-
-def _at(place: str) -> Definition:
-    module, _, name = place.partition(":")
-    return definition(module, name)
 
 
 def _names(kind: str) -> list[str]:

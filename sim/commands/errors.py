@@ -1,4 +1,4 @@
-"""Bad input: what the user can put right, in one line."""
+"""Bad input: mistakes that the user can put right, each said in one line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class BadInputError(ValueError):
 
 @contextmanager
 def bad_input() -> Iterator[None]:
-    """A ValueError or an OSError in here means that the input was bad."""
+    """Raise BadInputError for a ValueError or an OSError in here: the input was bad."""
     try:
         yield
     except BadInputError:

@@ -16,13 +16,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from mathnavi.sim.commands.arguments import Group, flags, parse
+from mathnavi.sim.commands.arguments import FlagGroup, flags, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.run import build, fly
 from mathnavi.sim.commands.run_config import RunConfig
-from mathnavi.sim.commands.run_request import CommonOptions, RunRequest, loaded, prepare, restored_part
+from mathnavi.sim.commands.run_request import CommonOptions, RunRequest, loaded, prepare, restored_plugin
 from mathnavi.sim.commands.summary import verdict, warnings
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
@@ -36,12 +36,12 @@ USAGE = (
     "usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]      ESTIMATOR: {}\n"
     "mathnavi estimate ESTIMATOR DIR --help lists the options."
 )
-OWN_EVENTS = ("estimator-status", "estimate-unusable")  # of an estimator
+ESTIMATOR_EVENTS = ("estimator-status", "estimate-unusable")
 LATE = 0.75  # of a run, from which on its last quarter lasts
 
 
 @dataclass(frozen=True)
-class Options:
+class EstimateOptions:
     """Flags of the command."""
 
     out: Path | None = None
@@ -56,25 +56,25 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     with bad_input():
         log = read_log(folder)
-    saved = RunConfig.read(folder)
+    run_config = RunConfig.read(folder)
     try:
-        order = _order(estimator, saved, words)
+        request = _request(estimator, run_config, words)
     except SystemExit:  # the help is printed
         return 0
-    out = order.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
+    out = request.options.out or folder.with_name(f"{folder.resolve().name}-{estimator.replace(':', '.')}")
     _check_out(out, folder)
     errors = Console(stderr=True)
     with output_folder(out), compilation_announced(errors):
-        outcome = fly(_playback(order, saved, log), errors)
+        result = fly(_playback(request, run_config, log), errors)
         with bad_input():
-            outcome.write(out)
+            result.write(out)
     console = Console()
-    console.print(f"{estimator} over {folder}: {verdict(outcome, 'the estimator')}", style="bold", highlight=False)
-    for warning in warnings(outcome.recording):
+    console.print(f"{estimator} over {folder}: {verdict(result, 'the estimator')}", style="bold", highlight=False)
+    for warning in warnings(result.recording):
         console.print(f"warning: {warning}", style="bold", highlight=False)
-    console.print(_comparison(order, saved, log, outcome))
+    console.print(_comparison(request, run_config, log, result))
     console.print(f"run     {out}", soft_wrap=True, highlight=False)
-    return 0 if outcome.success else 1
+    return 0 if result.success else 1
 
 
 def _places(argv: Sequence[str]) -> tuple[str, Path, Sequence[str]]:
@@ -85,23 +85,31 @@ def _places(argv: Sequence[str]) -> tuple[str, Path, Sequence[str]]:
     return argv[0], Path(argv[1]), argv[2:]
 
 
-def _order(name: str, saved: RunConfig, words: Sequence[str]) -> RunRequest:
-    """The saved run with another estimator, or with the same and the fields that it had unless they are given anew."""
-    scenario = loaded("scenarios", saved.scenario)
-    controller = restored_part("controllers", saved.controller, saved, (saved.controller, saved.controller_fields))
-    estimator = restored_part("estimators", name, saved, (saved.estimator, saved.estimator_fields))
-    config = saved.restored(scenario.Config, saved.fields, "fields")
+def _request(name: str, run_config: RunConfig, words: Sequence[str]) -> RunRequest:
+    """The recorded run with another estimator, or with the same and its recorded fields unless they are given anew."""
+    scenario = loaded("scenarios", run_config.scenario)
+    controller = restored_plugin("controllers", run_config.controller, run_config)
+    estimator = restored_plugin("estimators", name, run_config)
+    config = run_config.restored(scenario.Config, run_config.fields, "fields")
     groups = (
-        Group(Options),
-        Group(type(estimator.config), "estimator", estimator.config, f"Of the estimator {name}."),
+        FlagGroup(EstimateOptions),
+        FlagGroup(type(estimator.config), "estimator", estimator.config, f"Of the estimator {name}."),
     )
-    known = tuple(flag for group in groups for flag, _ in flags(group.of, group.prefix))
+    known = tuple(flag for group in groups for flag, _ in flags(group.schema, group.prefix))
     prog = f"mathnavi estimate {name}"
     purpose = (estimator.plugin.__doc__ or "").strip().partition("\n")[0]
     options, fields = parse(words, prog, purpose, *groups)
-    common = CommonOptions(saved.seed, saved.controller, name)
+    common = CommonOptions(run_config.seed, run_config.controller, name)
     return RunRequest(
-        prog, saved.scenario, scenario, common, options, config, controller, PluginSpec(estimator.plugin, fields), known
+        prog,
+        run_config.scenario,
+        scenario,
+        common,
+        options,
+        config,
+        controller,
+        PluginSpec(estimator.plugin, fields),
+        known,
     )
 
 
@@ -112,15 +120,15 @@ def _check_out(out: Path, folder: Path) -> None:
         raise BadInputError(f"--out = {out} holds other files than a run's; allowed: a new folder, or that of a run")
 
 
-def _playback(order: RunRequest, saved: RunConfig, log: RunLog) -> ClosedLoop:
-    """The recorded run as an experiment, with the estimator asked for in the loop."""
-    closed_loop = build(order, saved)
+def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> ClosedLoop:
+    """The recorded run as a closed loop, with the requested estimator in it."""
+    closed_loop = build(request, run_config)
     ((vehicle, agent),) = closed_loop.agents.items()
     fresh = closed_loop.plant.state(vehicle), np.zeros(agent.input_size)
     if (log.x.shape[1:], log.u.shape[1:]) != (fresh[0].shape, fresh[1].shape):
         raise BadInputError(
             f"{log.directory / ARRAYS}: truth.x {log.x.shape} and command.u {log.u.shape} are not those of "
-            f"{saved.scenario}; allowed: (n, {len(fresh[0])}) and (n, {len(fresh[1])})"
+            f"{run_config.scenario}; allowed: (n, {len(fresh[0])}) and (n, {len(fresh[1])})"
         )
     readings = {
         name.removeprefix("measurement."): rows for name, rows in log.arrays.items() if name.startswith("measurement.")
@@ -129,13 +137,13 @@ def _playback(order: RunRequest, saved: RunConfig, log: RunLog) -> ClosedLoop:
     period = float(log.t[1] - log.t[0])
     if abs(agent.estimator.period - period) > 1e-9:
         raise BadInputError(
-            f"ESTIMATOR = {order.common.estimator}: it estimates every {agent.estimator.period:g} s; allowed: every "
+            f"ESTIMATOR = {request.common.estimator}: it estimates every {agent.estimator.period:g} s; allowed: every "
             f"{period:g} s, as {log.directory} was run"
         )
     try:
         plant = RecordedPlant(vehicle, run, closed_loop.plant.dt, closed_loop.plant.sensors(vehicle))
     except ValueError as error:
-        raise BadInputError(f"ESTIMATOR = {order.common.estimator} over {log.directory}: {error}") from error
+        raise BadInputError(f"ESTIMATOR = {request.common.estimator} over {log.directory}: {error}") from error
     inputs = RecordedInputs(run, period)
 
     def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
@@ -157,40 +165,43 @@ def _restore(recording: Recording, log: RunLog, vehicle: str) -> None:
     agent = recording.agents[vehicle]
     agent.plans[:] = zip(log.adopted.tolist(), log.plans, strict=True)
     agent.requests = int(log.summary.get("replans", len(log.plans)))
-    kept = [event for event in log.events if event.kind not in OWN_EVENTS]
+    kept = [event for event in log.events if event.kind not in ESTIMATOR_EVENTS]
     recording.events[:] = sorted([*kept, *recording.events], key=lambda event: event.t)
 
 
-def _comparison(order: RunRequest, saved: RunConfig, log: RunLog, outcome: RunResult) -> Table | str:
-    """Root mean squares of the errors of the recorded estimates and of the new ones, where the scenario has any."""
-    ((_, states),) = outcome.recording.state_names.items()
+def _comparison(request: RunRequest, run_config: RunConfig, log: RunLog, result: RunResult) -> Table | str:
+    """Root mean square errors of the recorded estimates and of the new ones, where the scenario has any."""
+    ((_, states),) = result.recording.state_names.items()
     found = [
-        _errors(order, states, some["estimate.t"], some["estimate.x"], log) if "estimate.x" in some else {}
-        for some in (log.arrays, outcome.arrays)
+        _errors(request, states, run["estimate.t"], run["estimate.x"], log) if "estimate.x" in run else {}
+        for run in (log.arrays, result.arrays)
     ]
     table = Table(title="errors, root mean square", title_justify="left", box=None, padding=(0, 2, 0, 0))
     table.add_column("of", style="dim")
-    for who in (f"recorded: {called('estimators', saved.estimator)}", order.common.estimator):
+    for who in (f"recorded: {called('estimators', run_config.estimator)}", request.common.estimator):
         table.add_column(who, justify="right")
         table.add_column("last quarter", justify="right")
     for name in found[1]:
         table.add_row(Text(name), *(cell for errors in found for cell in errors.get(name, ("-", "-"))))
-    return table if found[1] else f"{order.name} does not say how estimates and its truth compare"
+    return table if found[1] else f"{request.name} does not say how estimates and its truth compare"
 
 
 def _errors(
-    order: RunRequest, states: tuple[str, ...], t: Array, x: Array, log: RunLog
+    request: RunRequest, states: tuple[str, ...], t: Array, x: Array, log: RunLog
 ) -> Mapping[str, tuple[str, str]]:
-    """By name with unit: over the whole run, and over its last quarter; as the scenario has it, or state by state."""
+    """Root mean square errors by name with unit: over the whole run, and over its last quarter.
+
+    The errors are those that the scenario computes, or state by state.
+    """
     truth = log.x[np.searchsorted(log.t, t - 1e-9)]
-    if hasattr(order.scenario, "errors"):
-        errors = order.scenario.errors(order.config, x, truth)
+    if hasattr(request.scenario, "errors"):
+        errors = request.scenario.errors(request.config, x, truth)
     elif x.shape == truth.shape:
         errors = {name: x[:, k] - truth[:, k] for k, name in enumerate(states)}
     else:
         return {}
     late = t >= LATE * log.t[-1]
-    return {name: (_rms(off), _rms(off[late])) for name, off in errors.items()}
+    return {name: (_rms(error), _rms(error[late])) for name, error in errors.items()}
 
 
 def _rms(values: Array) -> str:

@@ -1,4 +1,4 @@
-"""What trials say, as tables to read: rates with their limits, medians with their bands, what went wrong."""
+"""Tables of trials, to be read: rates with their limits, medians with their bands, what went wrong."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mathnavi.sim.records.statistics import Band, Rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import PATH_RATIO, Sweep, TrialGroup, format_numbers, format_value
 
-# What is shown first: of a flight these, of another scenario what comes first.
+# Shown first: of a flight these, of another scenario those that come first.
 FLIGHT_EVENTS = ("success", "any ground contacts", "below h_min", "late or not arrived", "recorded failure")
 FIGURES = (
     PATH_RATIO, "arrival_time_s", "min_clearance_m", "control_effort",
@@ -25,7 +25,7 @@ FIGURES = (
     "solve_ms_mean",
 )  # fmt: skip
 MOST_COLUMNS = 5
-MOST_FAULTS = 5  # kinds of what went wrong
+MOST_FAILURES = 5  # kinds of failures
 GAP = 2  # [characters] between columns
 
 
@@ -38,14 +38,16 @@ class Column:
 
     @property
     def width(self) -> int:
-        """[characters] at least."""
+        """Least width [characters]."""
         lines = [line for cell in self.cells for line in cell.splitlines()]
         return max(map(len, [*lines, *self.name.split()]), default=0)
 
 
 def print_evidence(console: Console, records: Sequence[Record], varied: Sequence[str]) -> None:
-    """The tables of a set of trials: a row for each combination of the listed values of the fields that were varied,
-    and one for each bin of a continuous field.
+    """Print the tables of a set of trials.
+
+    They have a row for each combination of the listed values of the fields that were varied, and one for each bin of a
+    continuous field.
     """
     sweep = Sweep(records, varied)
     named = [name.rpartition(".")[2].replace("_", " ") for name in sweep.listed]
@@ -56,13 +58,13 @@ def print_evidence(console: Console, records: Sequence[Record], varied: Sequence
         bins = sweep.bins(name)
         if len(bins) > 1:
             _print_groups(console, sweep, bins, [Column(name, [part.name.partition(" (")[0] for part in bins])])
-    for table in _faults(records):
+    for table in _failures(records):
         console.print()
         console.print(table)
 
 
 def verdict(records: Sequence[Record]) -> str:
-    """How many trials there are, and how they ended."""
+    """A sentence: the number of trials, and how they ended."""
     statuses = Counter(record.status for record in records)
     successes = sum(record.success is True for record in records)
     ends = [f"{count} {status.replace('-', ' ')}" for status, count in sorted(statuses.items()) if status != "ok"]
@@ -77,7 +79,7 @@ def _print_groups(console: Console, sweep: Sweep, groups: Sequence[TrialGroup], 
 
 
 def _print_table(console: Console, heading: str, lead: Sequence[Column], columns: Sequence[Column]) -> None:
-    """As many of the columns as there is room for beside those that lead; the rest is named."""
+    """Print as many columns as there is room for beside those that lead, and name the rest."""
     everything = [*lead, *columns]
     ends = np.cumsum([column.width + GAP for column in everything])
     count = max(int(np.searchsorted(ends, console.width, side="right")), len(lead) + 1)
@@ -117,8 +119,8 @@ def _medians(sweep: Sweep, groups: Sequence[TrialGroup]) -> list[Column]:
     return columns
 
 
-def _faults(records: Sequence[Record]) -> Iterator[Table]:
-    """What was raised, or how processes died: the most frequent first, with a seed to see it again."""
+def _failures(records: Sequence[Record]) -> Iterator[Table]:
+    """Table of what was raised, or how processes died: the most frequent first, with a seed to see it again."""
     seen: dict[tuple[str, str], list[int]] = {}
     for record in records:
         if record.error is not None:
@@ -132,10 +134,10 @@ def _faults(records: Sequence[Record]) -> Iterator[Table]:
         table.add_column(name, no_wrap=True)
     table.add_column("message", overflow="fold")
     most = sorted(seen.items(), key=lambda item: -len(item[1]))
-    for (status, message), seeds in most[:MOST_FAULTS]:
+    for (status, message), seeds in most[:MOST_FAILURES]:
         table.add_row(status.replace("-", " "), str(len(seeds)), str(min(seeds)), Text(message))
-    if len(most) > MOST_FAULTS:
-        table.add_row(f"{len(most) - MOST_FAULTS} more", "", "", "")
+    if len(most) > MOST_FAILURES:
+        table.add_row(f"{len(most) - MOST_FAILURES} more", "", "", "")
     yield table
 
 

@@ -1,29 +1,28 @@
-"""``mathnavi list``: what is installed, and where it comes from.
+"""``mathnavi list``: the plug-ins that are installed, and where they come from.
 
-Names come from the entry points, the rest from the plug-ins' sources: nothing is imported, so that the list is there at
-once. A plug-in that cannot be read so is imported. With ``--full`` all are, and estimators say what they claim to be.
+Names come from the entry points, the rest from the index of plug-ins: nothing is imported, so that the list is there at
+once. With ``--full`` all are imported, and estimators say what they claim to be.
 """
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
-from functools import cache
-from importlib.metadata import Distribution, EntryPoint
-from typing import Any
+from importlib.metadata import EntryPoint
 
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
 from mathnavi.sim.commands.errors import BadInputError
-from mathnavi.sim.plugin.sources import GROUPS, UnreadableError, config_fields, definition, installed
+from mathnavi.sim.plugin.flag_names import flag_of
+from mathnavi.sim.plugin.groups import GROUPS, installed
+from mathnavi.sim.plugin.index import describe, imported
 
 ALL, FULL = "all", "--full"
 KINDS = tuple(sorted((ALL, *GROUPS)))
 USAGE = f"""usage: mathnavi list [{"|".join(KINDS)}] [{FULL}]
 
-The plug-ins that are installed, of one kind or of all. {FULL} imports them, so that one that cannot be used is told,
+The plug-ins that are installed, of one kind or of all. {FULL} imports them, so that one that cannot be used is named,
 and adds what estimators claim to be."""
 CLAIMED = (
     "claimed (Table 2.1): domain of attraction, rate of convergence, input dependence, domains of operation of the "
@@ -53,7 +52,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def read_words(argv: Sequence[str]) -> tuple[str, bool]:
-    """The kind, and whether to import what is of it. (tyro would take longer to import than the list takes.)"""
+    """The kind, and whether to import its plug-ins; BadInputError for other words.
+
+    tyro, which ``arguments`` imports, would take longer to import than the list takes.
+    """
     for word in argv:
         if word.startswith("-") and word != FULL:
             raise BadInputError(f"{word} is not a field of 'mathnavi list'; allowed: {FULL}")
@@ -66,27 +68,27 @@ def read_words(argv: Sequence[str]) -> tuple[str, bool]:
 
 
 def listing(kind: str, points: Sequence[EntryPoint], full: bool) -> Table:
-    """The plug-ins of one kind: name, and below one another what it is, its fields and where it comes from."""
+    """The plug-ins of one kind: name, and below one another what it is, its fields and where it comes from.
+
+    They are imported here with ``full``, else described by the index.
+    """
     table = Table(title=kind, title_justify="left", title_style="bold", show_header=False, box=None, pad_edge=False)
     table.add_column(style="bold", no_wrap=True)
     table.add_column()
-    for point in points:
-        try:
-            first_line, fields = (_imported if full else _read)(point, kind in WITH_FIELDS)
-        except Exception as error:  # one broken plug-in must not hide the others
-            said, fields = Text(f"cannot be imported: {error}", style="red"), []
-        else:
-            said = Text(first_line)
-        if fields:
-            said.append(f"\n{WITH_FIELDS[kind]}: {', '.join(fields)}", style="dim")
-        source = f"{_version(point.dist)}, " if point.dist else ""
-        said.append(f"\n{source}{point.value}", style="dim")
-        table.add_row(point.name, said)
+    found = [imported(kind, point) for point in points] if full else describe([(kind, point) for point in points])
+    for plugin in found:
+        text = Text(f"cannot be imported: {plugin.error}", style="red") if plugin.error else Text(plugin.first_line)
+        fields = dict.fromkeys(flag_of(field.name.partition(".")[0])[2:] for field in plugin.fields)
+        if fields and kind in WITH_FIELDS:
+            text.append(f"\n{WITH_FIELDS[kind]}: {', '.join(fields)}", style="dim")
+        source = f"{plugin.distribution}, " if plugin.distribution else ""
+        text.append(f"\n{source}{plugin.value}", style="dim")
+        table.add_row(plugin.name, text)
     return table
 
 
 def claimed_properties(points: Sequence[EntryPoint]) -> Group:
-    """What each estimator claims to be with its default fields, and below it what there is to add."""
+    """Table of what each estimator claims to be with its default fields, and notes below it."""
     from mathnavi.sim.interfaces.observer_properties import ObserverProperties
 
     table = Table(title=CLAIMED, title_justify="left", title_style="bold", box=None, padding=(0, 1, 0, 0))
@@ -111,28 +113,3 @@ def claimed_properties(points: Sequence[EntryPoint]) -> Group:
         if claimed.note:
             notes.append(Text(f"{point.name}: {claimed.note}", style="dim"))
     return Group(table, *notes)
-
-
-def _read(point: EntryPoint, with_fields: bool) -> tuple[str, list[str]]:
-    """First line of a plug-in, and its fields if asked for, from its source; imported where that does not tell them."""
-    try:
-        plugin = definition(point.module, point.attr)
-        return plugin.first_line, [_flag(field.name) for field in config_fields(plugin)] if with_fields else []
-    except UnreadableError:
-        return _imported(point, with_fields)
-
-
-def _imported(point: EntryPoint, with_fields: bool) -> tuple[str, list[str]]:
-    plugin: Any = point.load()
-    config = getattr(plugin, "Config", None) if with_fields else None
-    fields = [_flag(field.name) for field in dataclasses.fields(config)] if config else []
-    return (plugin.__doc__ or "").strip().partition("\n")[0], fields
-
-
-def _flag(name: str) -> str:
-    return name.replace("_", "-")
-
-
-@cache
-def _version(source: Distribution) -> str:
-    return f"{source.name} {source.version}"

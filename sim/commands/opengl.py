@@ -12,7 +12,10 @@ BACKENDS = ("osmesa", "egl", "glfw")
 
 
 def choose() -> None:
-    """Keep what MUJOCO_GL says, else choose; without any, rendering is off and nothing complains of it."""
+    """Keep the backend that MUJOCO_GL names, else choose one; without any, rendering is switched off.
+
+    BadInputError if MUJOCO_GL names none that is known.
+    """
     backend = opengl.choose_backend()
     if backend is None:
         os.environ["MUJOCO_GL"] = opengl.SWITCHED_OFF[0]

@@ -1,4 +1,4 @@
-"""A bar for trials: how many, how fast, how long still, what has failed."""
+"""A bar for trials: number, rate, remaining time, failures."""
 
 from __future__ import annotations
 
@@ -18,21 +18,24 @@ COMPILING = "compiling the numerical kernels, once on this machine for each kind
 
 @contextmanager
 def sweep_progress(errors: Console, name: str) -> Iterator[Callable[[Done], None]]:
-    """What ``run_trials`` reports its progress to: a bar, or a line now and then where ``errors`` is no terminal."""
+    """A function for the ``progress`` of ``run_trials``.
+
+    It moves a bar, or prints a line now and then where ``errors`` is no terminal.
+    """
     bar = Progress(
         TextColumn(name), BarColumn(bar_width=12), TextColumn("{task.fields[status]}"),
         console=errors, disable=not errors.is_terminal, transient=True,
     )  # fmt: skip
-    began = told = time.perf_counter()
+    began = reported = time.perf_counter()
 
     def update(progress: Done) -> None:
-        nonlocal began, told
+        nonlocal began, reported
         now = time.perf_counter()
         if progress.done == progress.found:  # a study runs several lists of trials
             began = now
         bar.update(task, total=progress.total, completed=progress.done, status=_status(progress, began))
-        if not errors.is_terminal and now - told >= SELDOM:
-            told = now
+        if not errors.is_terminal and now - reported >= SELDOM:
+            reported = now
             errors.print(f"{name}: {_status(progress, began)}", highlight=False, soft_wrap=True)
 
     with bar:
@@ -42,7 +45,7 @@ def sweep_progress(errors: Console, name: str) -> Iterator[Callable[[Done], None
 
 @contextmanager
 def compilation_announced(errors: Console) -> Iterator[None]:
-    """Say so, once, when numba begins to compile in here."""
+    """Print a line, once, when numba begins to compile in here."""
     announced = False
 
     def announce(compiling: bool) -> None:

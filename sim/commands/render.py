@@ -11,13 +11,13 @@ from typing import Annotated
 import tyro
 
 from mathnavi.sim.commands import opengl
-from mathnavi.sim.commands.arguments import Group, parse, with_flag
+from mathnavi.sim.commands.arguments import FlagGroup, parse, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 
 
 @dataclass(frozen=True)
-class Options:
-    """What to draw."""
+class RenderOptions:
+    """The run to draw, and how."""
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
     """folder of a run; the picture is written into it"""
@@ -50,7 +50,10 @@ class Options:
 def main(argv: Sequence[str]) -> int:
     try:
         (options,) = parse(
-            argv, "mathnavi render", "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp.", Group(Options)
+            argv,
+            "mathnavi render",
+            "Draw a run: video.mp4, CAMERA.mp4, CAMERA.png or CAMERA.webp.",
+            FlagGroup(RenderOptions),
         )
     except SystemExit:  # the help is printed
         return 0

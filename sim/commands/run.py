@@ -19,13 +19,13 @@ from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import compilation_announced
 from mathnavi.sim.commands.run_config import RunConfig
-from mathnavi.sim.commands.run_request import RunRequest, prepare, read_order, usage
+from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
 from mathnavi.sim.commands.summary import summary_table, verdict, warnings
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop, RunResult
 
 
 @dataclass(frozen=True)
-class Options:
+class RunOptions:
     """Flags of a run."""
 
     out: Path | None = None
@@ -44,21 +44,21 @@ def main(argv: Sequence[str]) -> int:
     prepare()
     try:
         source = value_of("--from", argv)
-        saved = RunConfig.read(Path(source)) if source is not None else None
-        order = read_order("run", argv, Options, saved)
+        run_config = RunConfig.read(Path(source)) if source is not None else None
+        request = read_request("run", argv, RunOptions, run_config)
     except SystemExit:  # the help is printed
         return 0
-    folder = order.options.out or Path("renders/out") / f"{order.name.replace(':', '.')}-seed{order.common.seed}"
+    folder = request.options.out or Path("renders/out") / f"{request.name.replace(':', '.')}-seed{request.common.seed}"
     if folder.is_dir() and any(folder.iterdir()) and not (folder / "config.json").exists():
         raise BadInputError(f"--out = {folder} holds other files than a run's; allowed: a new folder, or that of a run")
     errors = Console(stderr=True)
     with output_folder(folder), compilation_announced(errors):
-        closed_loop = build(order, saved)
-        outcome = fly(closed_loop, errors)
-        replaced = order.options.out is None and (folder / "summary.json").exists()
+        closed_loop = build(request, run_config)
+        result = fly(closed_loop, errors)
+        replaced = request.options.out is None and (folder / "summary.json").exists()
         stale = _drawn(folder)
         with bad_input():
-            outcome.write(folder)
+            result.write(folder)
         stale |= _drawn(folder)
     shown = sorted(picture for picture in stale if picture.exists())
     for picture in shown:
@@ -68,30 +68,30 @@ def main(argv: Sequence[str]) -> int:
         errors.print(f"replaced the run in {folder}{gone}", style="dim", soft_wrap=True, highlight=False)
 
     console = Console()
-    console.print(f"{order.name}, seed {order.common.seed}: {verdict(outcome)}", style="bold", highlight=False)
-    for warning in warnings(outcome.recording):
+    console.print(f"{request.name}, seed {request.common.seed}: {verdict(result)}", style="bold", highlight=False)
+    for warning in warnings(result.recording):
         console.print(f"warning: {warning}", style="bold", highlight=False)
-    console.print(summary_table(outcome.summary, outcome.recording.events))
-    _draw(order.options, folder, errors)
+    console.print(summary_table(result.summary, result.recording.events))
+    _draw(request.options, folder, errors)
     console.print(f"run     {folder}", soft_wrap=True, highlight=False)
     for made in ("video.mp4", "report.html"):
         if (folder / made).is_file():
             console.print(f"{made.partition('.')[0]:8}{folder / made}", soft_wrap=True, highlight=False)
-    return 0 if outcome.success else 1
+    return 0 if result.success else 1
 
 
-def build(order: RunRequest, saved: RunConfig | None) -> ClosedLoop:
-    """The closed loop; what is wrong with its fields comes to light here."""
-    with order.bad_input():
-        closed_loop: ClosedLoop = order.scenario.build(
-            order.config, order.common.seed, order.controller, order.estimator
+def build(request: RunRequest, run_config: RunConfig | None) -> ClosedLoop:
+    """The closed loop of a request; BadInputError for fields that do not fit, or another terrain than recorded."""
+    with request.bad_input():
+        closed_loop: ClosedLoop = request.scenario.build(
+            request.config, request.common.seed, request.controller, request.estimator
         )
     terrain = closed_loop.config.get("terrain", {})
-    same_map = saved is not None and terrain.get("path") == saved.terrain_path
-    if saved is not None and same_map and terrain.get("digest") != saved.terrain_digest:
+    same_map = run_config is not None and terrain.get("path") == run_config.terrain_path
+    if run_config is not None and same_map and terrain.get("digest") != run_config.terrain_digest:
         raise BadInputError(
-            f"terrain {terrain['path']!r} is not the one of {saved.path}: its digest is {terrain['digest']}; "
-            f"allowed: {saved.terrain_digest}"
+            f"terrain {terrain['path']!r} is not the one of {run_config.path}: its digest is {terrain['digest']}; "
+            f"allowed: {run_config.terrain_digest}"
         )
     return closed_loop
 
@@ -121,7 +121,7 @@ def fly(closed_loop: ClosedLoop, errors: Console) -> RunResult:
 
 
 def _drawn(folder: Path) -> set[Path]:
-    """What is made of a run like the one that stands in a folder, if one does: of an earlier run it must not stay."""
+    """Pictures and reports of a run like the one in a folder, if any: those of an earlier run must not stay."""
     from mathnavi.renders.drawing import drawing_of
 
     try:
@@ -132,8 +132,8 @@ def _drawn(folder: Path) -> set[Path]:
     return {folder / name for name in ("video.mp4", "report.html", *pictures)}
 
 
-def _draw(options: Options, folder: Path, errors: Console) -> None:
-    """Video and report if they were asked for; a run without them is still a run."""
+def _draw(options: RunOptions, folder: Path, errors: Console) -> None:
+    """Draw the video and the report if they are requested; a run without them is still a run."""
     from mathnavi.sim.records.run_folder import NothingToDrawError
 
     if options.video:

@@ -13,7 +13,7 @@ from mathnavi.sim.interfaces.fields import instance, of_type
 
 @dataclass(frozen=True)
 class RunConfig:
-    """What is needed to run again."""
+    """The configuration of a recorded run: what is needed to run it again."""
 
     path: Path
     scenario: str
@@ -28,23 +28,23 @@ class RunConfig:
 
     @staticmethod
     def read(folder: Path) -> RunConfig:
-        """The configuration of the run in ``folder``."""
+        """The configuration of the run in ``folder``; BadInputError if there is none, or it is broken."""
         path = folder / "config.json"
         if not path.is_file():
             raise BadInputError(f"--from = {folder}: there is no {path}; allowed: the folder of a run")
         try:
-            saved = json.loads(path.read_text(encoding="utf-8"))
+            data = json.loads(path.read_text(encoding="utf-8"))
             parts = {}
             for kind in ("controller", "estimator"):
-                parts[kind] = of_type(str, saved[kind]["name"], f"{kind}.name")
-                parts[f"{kind}_fields"] = of_type(dict, saved[kind]["fields"], f"{kind}.fields")
+                parts[kind] = of_type(str, data[kind]["name"], f"{kind}.name")
+                parts[f"{kind}_fields"] = of_type(dict, data[kind]["fields"], f"{kind}.fields")
             return RunConfig(
                 path=path,
-                scenario=of_type(str, saved["scenario"], "scenario"),
-                seed=of_type(int, saved["seed"], "seed"),
-                fields=of_type(dict, saved["fields"], "fields"),
-                terrain_path=saved.get("terrain", {}).get("path"),
-                terrain_digest=saved.get("terrain", {}).get("digest"),
+                scenario=of_type(str, data["scenario"], "scenario"),
+                seed=of_type(int, data["seed"], "seed"),
+                fields=of_type(dict, data["fields"], "fields"),
+                terrain_path=data.get("terrain", {}).get("path"),
+                terrain_digest=data.get("terrain", {}).get("digest"),
                 **parts,
             )
         except KeyError as error:
@@ -53,7 +53,7 @@ class RunConfig:
             raise BadInputError(f"{path}: not the configuration of a run ({error})") from None
 
     def restored(self, config: type, fields: dict[str, Any], where: str) -> Any:
-        """The frozen dataclass ``config`` with the saved fields."""
+        """The frozen dataclass ``config`` with the recorded fields; BadInputError if they do not fit."""
         try:
             return instance(config, fields, where)
         except ValueError as error:

@@ -1,4 +1,4 @@
-"""What `mathnavi run` and `mathnavi sweep` are asked for: a scenario, its plug-ins, and every field of theirs."""
+"""The request of `mathnavi run` and `mathnavi sweep`: a scenario, its plug-ins, and every field of theirs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mathnavi.sim.commands import opengl
-from mathnavi.sim.commands.arguments import Group, flags, given, parse, value_of, with_flag
+from mathnavi.sim.commands.arguments import FlagGroup, flags, given, parse, value_of, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run_config import RunConfig
 from mathnavi.sim.plugin.registry import PluginSpec, load, names
@@ -38,7 +38,7 @@ class CommonOptions:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """Everything that was asked for."""
+    """A scenario with its plug-ins, and their fields, as requested."""
 
     prog: str
     name: str  # of the scenario
@@ -51,13 +51,13 @@ class RunRequest:
     known: tuple[str, ...]  # flags
 
     @property
-    def fields(self) -> tuple[Group, ...]:
+    def fields(self) -> tuple[FlagGroup, ...]:
         """The fields of the scenario and its plug-ins, at their present values."""
         return _fields(self.config, self.controller, self.estimator, self.common)
 
     @contextmanager
     def bad_input(self) -> Iterator[None]:
-        """A ValueError or an OSError in here means that the input was bad; the error names the flag."""
+        """Raise BadInputError for a ValueError or an OSError in here: the input was bad; the message names the flag."""
         try:
             with bad_input():
                 yield
@@ -66,7 +66,7 @@ class RunRequest:
 
 
 def usage(command: str, argv: Sequence[str]) -> bool:
-    """Whether the usage was asked for, and printed; BadInputError without any word."""
+    """Print the usage if it is requested, and return whether it is; BadInputError without any word."""
     if not argv:
         raise BadInputError(f"SCENARIO is missing; allowed: {', '.join(names('scenarios'))}")
     if argv[0] in ("-h", "--help"):
@@ -83,40 +83,36 @@ def prepare() -> None:
         sys.path.append(os.getcwd())
 
 
-def read_order(
+def read_request(
     command: str,
     argv: Sequence[str],
     options: type,
-    saved: RunConfig | None = None,
+    run_config: RunConfig | None = None,
     chosen: Mapping[str, str] | None = None,
 ) -> RunRequest:
-    """What ``argv`` asks for, on top of what a saved run says.
+    """The request that ``argv`` makes, on top of what a recorded run was; BadInputError if it cannot be.
 
     ``options`` are the command's own flags; ``chosen`` are plug-ins ("controller", "estimator") that no flag names.
     """
-    name, words = _scenario(argv, saved)
+    name, words = _scenario(argv, run_config)
     scenario = loaded("scenarios", name)
     controller, observer = (
         (chosen or {}).get(part, value_of(f"--{part}", words)) for part in ("controller", "estimator")
     )
     if controller is None:
-        controller = saved.controller if saved else scenario.controller
+        controller = run_config.controller if run_config else scenario.controller
     if observer is None:
-        observer = saved.estimator if saved else scenario.estimator
-    planner = restored_part(
-        "controllers", controller, saved, (saved.controller, saved.controller_fields) if saved else None
-    )
-    estimator = restored_part(
-        "estimators", observer, saved, (saved.estimator, saved.estimator_fields) if saved else None
-    )
-    config = _restored(scenario.Config, saved, words) if saved else scenario.Config()
-    common = CommonOptions(saved.seed if saved else 0, controller, observer)
+        observer = run_config.estimator if run_config else scenario.estimator
+    planner = restored_plugin("controllers", controller, run_config)
+    estimator = restored_plugin("estimators", observer, run_config)
+    config = _restored(scenario.Config, run_config, words) if run_config else scenario.Config()
+    common = CommonOptions(run_config.seed if run_config else 0, controller, observer)
     groups = (
-        Group(CommonOptions, default=common, heading="Of every scenario."),
-        Group(options),
+        FlagGroup(CommonOptions, default=common, heading="Of every scenario."),
+        FlagGroup(options),
         *_fields(config, planner, estimator, common),
     )
-    known = tuple(flag for group in groups for flag, _ in flags(group.of, group.prefix))
+    known = tuple(flag for group in groups for flag, _ in flags(group.schema, group.prefix))
     purpose = (scenario.__doc__ or "").strip().partition("\n")[0]
     prog = f"mathnavi {command} {name}"
     common, own, config, planner_config, observer_config = parse(words, prog, purpose, *groups)
@@ -124,53 +120,54 @@ def read_order(
     return RunRequest(prog, name, scenario, common, own, config, *parts, known)
 
 
-def _fields(config: Any, controller: PluginSpec, estimator: PluginSpec, common: CommonOptions) -> tuple[Group, ...]:
+def _fields(config: Any, controller: PluginSpec, estimator: PluginSpec, common: CommonOptions) -> tuple[FlagGroup, ...]:
     return (
-        Group(type(config), default=config),
-        Group(type(controller.config), "planner", controller.config, f"Of the controller {common.controller}."),
-        Group(type(estimator.config), "estimator", estimator.config, f"Of the estimator {common.estimator}."),
+        FlagGroup(type(config), default=config),
+        FlagGroup(type(controller.config), "planner", controller.config, f"Of the controller {common.controller}."),
+        FlagGroup(type(estimator.config), "estimator", estimator.config, f"Of the estimator {common.estimator}."),
     )
 
 
-def _scenario(argv: Sequence[str], saved: RunConfig | None) -> tuple[str, Sequence[str]]:
+def _scenario(argv: Sequence[str], run_config: RunConfig | None) -> tuple[str, Sequence[str]]:
     if argv[0].startswith("-"):
-        if saved is None:
+        if run_config is None:
             raise BadInputError(
                 f"{argv[0]} stands where the scenario belongs; allowed: {', '.join(names('scenarios'))}"
             )
-        return saved.scenario, argv
-    if saved is not None and argv[0] != saved.scenario:
-        raise BadInputError(f"scenario {argv[0]!r} is not the one in {saved.path}; allowed: {saved.scenario}")
+        return run_config.scenario, argv
+    if run_config is not None and argv[0] != run_config.scenario:
+        raise BadInputError(f"scenario {argv[0]!r} is not the one in {run_config.path}; allowed: {run_config.scenario}")
     return argv[0], argv[1:]
 
 
 def loaded(kind: str, name: str) -> Any:
-    """The plug-in called so; BadInputError says what stands where it is named on the command line."""
+    """The plug-in with a name; BadInputError names the flag that it is given with."""
     try:
         return load(kind, name)
     except ValueError as error:
         raise BadInputError(str(error).replace(kind, PLACES[kind], 1)) from error
 
 
-def restored_part(
-    kind: str, name: str, saved: RunConfig | None, before: tuple[str, dict[str, Any]] | None
-) -> PluginSpec:
-    """A plug-in with its default fields, or with the saved ones if it is the plug-in that was saved."""
+def restored_plugin(kind: str, name: str, run_config: RunConfig | None) -> PluginSpec:
+    """A plug-in with its default fields, or with the recorded ones if it is the plug-in of the recorded run."""
     plugin = loaded(kind, name)
-    if saved is not None and before is not None and loaded(kind, before[0]) is plugin:
-        return PluginSpec(plugin, saved.restored(plugin.Config, before[1], f"{kind.removesuffix('s')}.fields"))
+    if run_config is not None:
+        part = kind.removesuffix("s")
+        recorded, fields = getattr(run_config, part), getattr(run_config, f"{part}_fields")
+        if loaded(kind, recorded) is plugin:
+            return PluginSpec(plugin, run_config.restored(plugin.Config, fields, f"{part}.fields"))
     return PluginSpec.of(plugin)
 
 
-def _restored(config: type, saved: RunConfig, words: Sequence[str]) -> Any:
-    """The saved fields of a scenario, but for the lists that are given anew: those start empty."""
+def _restored(config: type, run_config: RunConfig, words: Sequence[str]) -> Any:
+    """The recorded configuration of a scenario, but for the lists that are given anew: those start empty."""
     lists = {flag for flag, repeats in flags(config) if repeats} & set(given(words))
-    fields = {name: value for name, value in saved.fields.items() if f"--{name.replace('_', '-')}" not in lists}
-    return saved.restored(config, fields, "fields")
+    fields = {name: value for name, value in run_config.fields.items() if f"--{name.replace('_', '-')}" not in lists}
+    return run_config.restored(config, fields, "fields")
 
 
 def _about_a_file(message: str, config: Any) -> str:
-    """A message that starts with the name of a file, with the field that names it before it."""
+    """The message, with the field that names a file before it where it starts with the name of that file."""
     for entry in dataclasses.fields(config):
         value = getattr(config, entry.name)
         if isinstance(value, str) and message.startswith(f"{value}: "):

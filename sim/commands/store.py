@@ -1,4 +1,4 @@
-"""``mathnavi store``: what a sweep has left, to read and to take elsewhere."""
+"""``mathnavi store``: show what a sweep has stored, or export it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.records.store import Record, Store, canonical_json
@@ -27,16 +27,16 @@ File = Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE.db")]
 
 
 @dataclass(frozen=True)
-class Show:
-    """What is in a store."""
+class StoreShowOptions:
+    """The store to show."""
 
     file: File
     """store of a sweep"""
 
 
 @dataclass(frozen=True)
-class Export:
-    """From a store to a table."""
+class StoreExportOptions:
+    """The store to export, and where to."""
 
     file: File
     """store of a sweep"""
@@ -57,7 +57,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _show(argv: Sequence[str]) -> None:
-    (options,) = parse(argv, "mathnavi store show", "Print what is in a store.", Group(Show))
+    (options,) = parse(argv, "mathnavi store show", "Print what is in a store.", FlagGroup(StoreShowOptions))
     with bad_input(), Store.existing(options.file) as store:
         records = store.records()
     console = Console()
@@ -72,7 +72,9 @@ def _show(argv: Sequence[str]) -> None:
 
 
 def _export(argv: Sequence[str]) -> None:
-    (options,) = parse(argv, "mathnavi store export", "Write a store as a table (.csv, .jsonl).", Group(Export))
+    (options,) = parse(
+        argv, "mathnavi store export", "Write a store as a table (.csv, .jsonl).", FlagGroup(StoreExportOptions)
+    )
     with bad_input(), Store.existing(options.file) as store:
         writers = {".csv": store.export_csv, ".jsonl": store.export_jsonl}
         if options.out.suffix not in writers:
@@ -95,7 +97,7 @@ def _varied(records: Sequence[Record]) -> list[str]:
 
 
 def _values(records: Sequence[Record]) -> dict[str, set[str]]:
-    """What each field is, in any of the trials."""
+    """Values of each field in any of the trials, as JSON."""
     values: dict[str, set[str]] = {}
     for record in records:
         for name, value in record.fields.items():

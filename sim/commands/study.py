@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.models.terrain.library import load_terrain
-from mathnavi.sim.commands.arguments import Group, parse, without
+from mathnavi.sim.commands.arguments import FlagGroup, parse, without
 from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError, bad_input
 from mathnavi.sim.commands.output import output_folder
 from mathnavi.sim.commands.progress import sweep_progress
@@ -33,13 +33,13 @@ ALL = "all"
 STORE = "trials.db"
 LEDGER = "CLAIMS.md"
 OUT = Path("renders/out/study")
-TERRAIN = "tian_shan"  # unless another is asked for
+TERRAIN = "tian_shan"  # unless another is requested
 Studies = Mapping[str, tuple[Any, Any]]  # plug-in and configuration by name
 USAGE = "usage: mathnavi study NAME|all [OPTIONS]      NAME: {}\nmathnavi study NAME --help lists the options."
 
 
 @dataclass(frozen=True)
-class Options:
+class StudyOptions:
     """Flags of every study."""
 
     terrain: tuple[str, ...] = ()
@@ -69,7 +69,7 @@ def main(argv: Sequence[str]) -> int:
         return 0
     prepare()
     try:
-        options, studies = read_order(argv)
+        options, studies = read_studies(argv)
     except SystemExit:  # the help is printed
         return 0
     if options.cluster is not None:
@@ -99,31 +99,31 @@ def main(argv: Sequence[str]) -> int:
     if argv[0] == ALL:
         path = (options.out or OUT) / LEDGER
         pairs = list(zip(sites, claims, strict=True))
-        over_terrain = {site.name: some for site, some in pairs if site.terrain is not None}
-        without_terrain = [claim for site, some in pairs if site.terrain is None for claim in some]
+        over_terrain = {site.name: found for site, found in pairs if site.terrain is not None}
+        without_terrain = [claim for site, found in pairs if site.terrain is None for claim in found]
         write_text(path, ledger(over_terrain, without_terrain, _samples(studies)))
         console.print(f"ledger   {path}", soft_wrap=True, highlight=False)
-    missed = [claim for some in claims for claim in some if claim.kind == "target" and not claim.holds]
+    missed = [claim for found in claims for claim in found if claim.kind == "target" and not claim.holds]
     return 1 if missed else 0
 
 
 @dataclass(frozen=True)
 class _Site:
-    """Where some studies are done."""
+    """A terrain, or none, with the studies that are done on it."""
 
     name: str
-    terrain: str | None  # as it was asked for
+    terrain: str | None  # as it was requested
     folder: Path
     studies: Studies
 
     @property
     def where(self) -> str:
-        """In words."""
+        """The site in a sentence."""
         return self.name if self.terrain is None else f"over {self.name}"
 
 
-def _sites(options: Options, studies: Studies) -> list[_Site]:
-    """Every terrain with the studies that are done on it, and the others, which are done once.
+def _sites(options: StudyOptions, studies: Studies) -> list[_Site]:
+    """The terrains with the studies that are done on each, and the site of the others, which are done once.
 
     The files of a study are in a folder of its terrain where there are several, all else lies beside these.
     """
@@ -145,8 +145,8 @@ def _sites(options: Options, studies: Studies) -> list[_Site]:
     return [*sites, _Site("without terrain", None, out, anywhere)] if anywhere else sites
 
 
-def read_order(argv: Sequence[str]) -> tuple[Options, dict[str, tuple[Any, Any]]]:
-    """The options, and the studies with their configurations."""
+def read_studies(argv: Sequence[str]) -> tuple[StudyOptions, dict[str, tuple[Any, Any]]]:
+    """The options, and the requested studies with their configurations; BadInputError if they cannot be."""
     name = argv[0]
     chosen = names("studies") if name == ALL else (name,)
     try:
@@ -156,7 +156,10 @@ def read_order(argv: Sequence[str]) -> tuple[Options, dict[str, tuple[Any, Any]]
     prog = f"mathnavi study {name}"
     if name == ALL:
         (options,) = parse(
-            argv[1:], prog, "Every study, and the ledger of the claims.", Group(Options, default=Options())
+            argv[1:],
+            prog,
+            "Every study, and the ledger of the claims.",
+            FlagGroup(StudyOptions, default=StudyOptions()),
         )
         return options, {
             one: (plugin, plugin.quick if options.quick else plugin.Config()) for one, plugin in plugins.items()
@@ -164,7 +167,7 @@ def read_order(argv: Sequence[str]) -> tuple[Options, dict[str, tuple[Any, Any]]
     plugin = plugins[name]
     default = plugin.quick if "--quick" in argv else plugin.Config()
     purpose = (plugin.__doc__ or "").strip().partition("\n")[0]
-    groups = Group(Options, default=Options()), Group(plugin.Config, default=default)
+    groups = FlagGroup(StudyOptions, default=StudyOptions()), FlagGroup(plugin.Config, default=default)
     options, config = parse(argv[1:], prog, purpose, *groups)
     return options, {name: (plugin, config)}
 
@@ -174,7 +177,7 @@ def _study(
     plugin: Any,
     config: Any,
     site: _Site,
-    options: Options,
+    options: StudyOptions,
     argv: Sequence[str],
     errors: Console,
 ) -> Sequence[Claim]:
@@ -197,7 +200,7 @@ def _study(
 
 
 def _samples(studies: Studies) -> str:
-    """How much each study measures."""
+    """Samples of each study, in words."""
     sizes = {name: dataclasses.asdict(config) for name, (_, config) in studies.items()}
     return "; ".join(
         f"{name}: {', '.join(f'{count} {what}' for what, count in of_study.items())}"

@@ -1,4 +1,4 @@
-"""What came out of a run, to be read: the verdict, what there is to be warned of, the summary as a table."""
+"""The result of a run, to be read: the verdict, warnings, the summary as a table."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
-UNTOLD = ("seed", "version", SHORTFALL)  # stand elsewhere
+SHOWN_ELSEWHERE = ("seed", "version", SHORTFALL)
 
 
-def verdict(outcome: RunResult, subject: str = "the mission") -> str:
-    """Whether the mission, or what else was run, did what it should, and if not, why."""
-    if outcome.success:
+def verdict(result: RunResult, subject: str = "the mission") -> str:
+    """A sentence: the mission, or what else was run, did what it should, or why it did not."""
+    if result.success:
         return f"{subject} did what it should"
-    why = outcome.summary.get(SHORTFALL)
+    why = result.summary.get(SHORTFALL)
     return f"{subject} did NOT do what it should{f': {why}' if why else ''}"
 
 
 def warnings(recording: Recording) -> list[str]:
-    """What a good end may hide: a vehicle that the controller had no part in flying."""
+    """Warnings of what a good end may hide: a vehicle that the controller had no part in flying."""
     found = []
     for name, agent in recording.agents.items():
         if agent.requests and all("reserve-plan" in plan.notes for _, plan in agent.plans):
@@ -35,14 +35,14 @@ def warnings(recording: Recording) -> list[str]:
 
 
 def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
-    """One row a figure, in groups; keys of no group come last. Of a kind of events the first is told."""
+    """One row a figure, in groups; keys of no group come last. Of a kind of events the first is shown."""
     table = Table(show_header=False, box=None, pad_edge=False)
     table.add_column(style="dim")
     table.add_column()
     table.add_column(justify="right")
     table.add_column()
     grouped = {key for keys in SUMMARY_GROUPS.values() for key in keys}
-    rest = tuple(key for key in summary if key not in grouped and key not in UNTOLD)
+    rest = tuple(key for key in summary if key not in grouped and key not in SHOWN_ELSEWHERE)
     for group, keys in {**SUMMARY_GROUPS, "other": rest}.items():
         heading = group
         for key in keys:
@@ -62,8 +62,8 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
 
 def _first(events: Sequence[Event]) -> str:
     event = events[0]
-    told = f"at {event.t:.1f} s, {event.agent}" + f": {event.message}" * bool(event.message)
-    return f"first {told}" if len(events) > 1 else told
+    text = f"at {event.t:.1f} s, {event.agent}" + f": {event.message}" * bool(event.message)
+    return f"first {text}" if len(events) > 1 else text
 
 
 def _figure(value: Any) -> str:

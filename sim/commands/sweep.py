@@ -16,7 +16,7 @@ from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
 from mathnavi.sim.commands.evidence import print_evidence, verdict
 from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
 from mathnavi.sim.commands.run_request import RunRequest, prepare, usage
-from mathnavi.sim.commands.variations import read_orders, read_variations, trials
+from mathnavi.sim.commands.variations import read_requests, read_variations, trials
 from mathnavi.sim.records.store import TRANSIENT, Record, Store, StoreWriteError
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
@@ -27,7 +27,7 @@ REPORT = ".html"
 
 
 @dataclass(frozen=True)
-class Options:
+class SweepOptions:
     """Flags of a sweep."""
 
     trials: int
@@ -65,23 +65,23 @@ def main(argv: Sequence[str]) -> int:
         return 0
     prepare()
     try:
-        asked = read_sweep(argv)
+        sweep = read_sweep(argv)
     except SystemExit:  # the help is printed
         return 0
-    order, options = asked.order, asked.order.options
+    request, options = sweep.request, sweep.request.options
     errors = Console(stderr=True)
     command = shlex.join(["mathnavi", "sweep", *argv])
     state: Progress | None = None  # before the store is looked into
     try:
-        with order.bad_input():
-            made = keys(asked.trials)  # a file that a field names, and that is not there, comes to light here
-            _check_combinations(asked, made)
+        with request.bad_input():
+            trial_keys = keys(sweep.trials)  # a file that a field names, and that is not there, comes to light here
+            _check_combinations(sweep, trial_keys)
             if options.cluster is not None:
                 check(options.cluster)
             with compilation_announced(errors):
-                _build_combinations(asked)
+                _build_combinations(sweep)
             store = Store.open(options.store)
-        with store, sweep_progress(errors, order.name.rpartition(":")[2]) as draw:
+        with store, sweep_progress(errors, request.name.rpartition(":")[2]) as draw:
 
             def progress(now: Progress) -> None:
                 nonlocal state
@@ -89,13 +89,13 @@ def main(argv: Sequence[str]) -> int:
                 draw(now)
 
             endings = store.endings()
-            transient = sum(key in endings and endings[key].status in TRANSIENT for key in made)
-            found = sum(key in endings for key in made) - (transient if options.retry else 0)
-            state = Progress(len(made), found, found, 0, 0, False)
-            told = f"{found} of {len(made)} trials are already in {options.store}"
-            errors.print(told, style="dim", highlight=False, soft_wrap=True)
+            transient = sum(key in endings and endings[key].status in TRANSIENT for key in trial_keys)
+            found = sum(key in endings for key in trial_keys) - (transient if options.retry else 0)
+            state = Progress(len(trial_keys), found, found, 0, 0, False)
+            message = f"{found} of {len(trial_keys)} trials are already in {options.store}"
+            errors.print(message, style="dim", highlight=False, soft_wrap=True)
             records = run_trials(
-                asked.trials,
+                sweep.trials,
                 store,
                 workers=options.workers or available_cores(),
                 cluster=options.cluster,
@@ -110,8 +110,8 @@ def main(argv: Sequence[str]) -> int:
         print(f"mathnavi: {' '.join(str(error).split())}, {_stored(state)}; to go on: {command}", file=sys.stderr)
         return 1
     console = Console()
-    console.print(f"{order.name}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
-    print_evidence(console, records, [*asked.listed, *asked.drawn])
+    console.print(f"{request.name}, {verdict(records)}", style="bold", highlight=False, soft_wrap=True)
+    print_evidence(console, records, [*sweep.listed, *sweep.drawn])
     console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
     if transient and not options.retry:
         console.print(
@@ -121,7 +121,7 @@ def main(argv: Sequence[str]) -> int:
         )
     if options.report:
         try:
-            page = _report(asked, records, command)
+            page = _report(sweep, records, command)
         except OSError as error:
             print(f"mathnavi: no report: {error}", file=sys.stderr)
             return 1
@@ -129,20 +129,20 @@ def main(argv: Sequence[str]) -> int:
     return 0
 
 
-def _report(asked: SweepRequest, records: Sequence[Record], command: str) -> Path:
+def _report(sweep: SweepRequest, records: Sequence[Record], command: str) -> Path:
     from mathnavi.renders.sweep_report import write_sweep_report  # what draws takes a while to import
     from mathnavi.sim.commands.tracks import shown_flights
 
-    terrain, tracks = shown_flights(asked.trials, records)
-    path: Path = asked.order.options.store.with_suffix(REPORT)
-    return write_sweep_report(path, records, [*asked.listed, *asked.drawn], terrain, tracks, command)
+    terrain, tracks = shown_flights(sweep.trials, records)
+    path: Path = sweep.request.options.store.with_suffix(REPORT)
+    return write_sweep_report(path, records, [*sweep.listed, *sweep.drawn], terrain, tracks, command)
 
 
 @dataclass(frozen=True)
 class SweepRequest:
-    """What a sweep is asked for."""
+    """The trials of a sweep, and what varies among them."""
 
-    order: RunRequest  # the first, where plug-ins are varied
+    request: RunRequest  # the first, where plug-ins are varied
     trials: list[Trial]  # those of one seed together
     listed: list[str]  # fields
     drawn: list[str]  # fields
@@ -150,36 +150,36 @@ class SweepRequest:
 
 
 def read_sweep(argv: Sequence[str]) -> SweepRequest:
-    """What ``argv`` asks for; BadInputError if it cannot be."""
+    """The sweep that ``argv`` requests; BadInputError if it cannot be."""
     variations = read_variations(argv)
-    orders = read_orders(argv, Options, variations)
-    seed, count = orders[0].common.seed, orders[0].options.trials
+    requests = read_requests(argv, SweepOptions, variations)
+    seed, count = requests[0].common.seed, requests[0].options.trials
     if seed > LARGEST_SEED - count + 1:
         raise BadInputError(f"--seed = {seed}; allowed: 0 to {LARGEST_SEED} less the trials that follow")
-    by_order = [trials(order, variations, count) for order in orders]
-    drawn = by_order[0][1]
-    by_seed = zip(*(made for made, _ in by_order), strict=True)
-    asked = list(itertools.chain.from_iterable(itertools.chain.from_iterable(by_seed)))
+    by_request = [trials(request, variations, count) for request in requests]
+    drawn = by_request[0][1]
+    by_seed = zip(*(of_seeds for of_seeds, _ in by_request), strict=True)
+    every = list(itertools.chain.from_iterable(itertools.chain.from_iterable(by_seed)))
     listed = [variation.name for variation in variations if variation.name not in drawn]
-    return SweepRequest(orders[0], asked, listed, drawn, asked[: len(asked) // count])
+    return SweepRequest(requests[0], every, listed, drawn, every[: len(every) // count])
 
 
-def _check_combinations(asked: SweepRequest, made: Sequence[str]) -> None:
+def _check_combinations(sweep: SweepRequest, trial_keys: Sequence[str]) -> None:
     """BadInputError if two combinations of listed values are the same trials under two names."""
     seen: dict[str, Trial] = {}
-    for key, first in zip(made, asked.firsts, strict=False):
+    for key, first in zip(trial_keys, sweep.firsts, strict=False):
         other = seen.setdefault(key, first)
         if other is not first:
             one, two = (trial.record(key, "ok").fields for trial in (other, first))
-            name = next(name for name in asked.listed if one[name] != two[name])
+            name = next(name for name in sweep.listed if one[name] != two[name])
             raise BadInputError(
                 f"--vary {name}: {one[name]} and {two[name]} have the same content; allowed: each content once"
             )
 
 
-def _build_combinations(asked: SweepRequest) -> None:
-    """Each combination once, so that a ValueError that only building finds is raised before anything is run."""
-    for trial in asked.firsts:
+def _build_combinations(sweep: SweepRequest) -> None:
+    """Build each combination once, so that a ValueError that only building finds is raised before anything is run."""
+    for trial in sweep.firsts:
         try:
             trial.build()
         except (ValueError, OSError):

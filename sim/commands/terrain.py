@@ -16,7 +16,7 @@ import tyro
 from mathnavi.models.terrain.dem import import_dem
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain, terrain_names
-from mathnavi.sim.commands.arguments import Group, flags, parse, with_flag
+from mathnavi.sim.commands.arguments import FlagGroup, flags, parse, with_flag
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 
 USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--scale M] [--crop ROW COL SIZE]
@@ -24,8 +24,8 @@ USAGE = """usage: mathnavi terrain import FILE --out FILE.npz [--spacing M] [--s
 
 
 @dataclass(frozen=True)
-class Import:
-    """From an elevation model to a map."""
+class TerrainImportOptions:
+    """The elevation model to import, and the map to write."""
 
     file: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FILE")]
     """.png (16 bit), .hgt, .tif, .tiff or .npz"""
@@ -40,8 +40,8 @@ class Import:
 
 
 @dataclass(frozen=True)
-class Show:
-    """Statistics and a picture of a map."""
+class TerrainShowOptions:
+    """The map to show, and the picture to write."""
 
     terrain: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
     """name of a terrain, or an .npz file"""
@@ -62,18 +62,22 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _import(argv: Sequence[str]) -> None:
-    (options,) = parse(argv, "mathnavi terrain import", "Write an elevation model as a map (.npz).", Group(Import))
+    (options,) = parse(
+        argv, "mathnavi terrain import", "Write an elevation model as a map (.npz).", FlagGroup(TerrainImportOptions)
+    )
     try:
         with bad_input():
             terrain = import_dem(options.file, options.out, options.spacing, options.scale, options.crop)
     except BadInputError as error:
-        raise BadInputError(with_flag(str(error), [flag for flag, _ in flags(Import)])) from error
+        raise BadInputError(with_flag(str(error), [flag for flag, _ in flags(TerrainImportOptions)])) from error
     print(statistics(terrain))
     print(f"map       {options.out}")
 
 
 def _show(argv: Sequence[str]) -> None:
-    (options,) = parse(argv, "mathnavi terrain show", "Print the statistics of a map and draw it.", Group(Show))
+    (options,) = parse(
+        argv, "mathnavi terrain show", "Print the statistics of a map and draw it.", FlagGroup(TerrainShowOptions)
+    )
     with bad_input():
         terrain = load_terrain(options.terrain)
         picture = options.out or Path("renders/out") / f"{terrain.name}.png"
@@ -99,7 +103,7 @@ def _draw(terrain: HeightField, path: Path) -> None:
 
 
 def statistics(terrain: HeightField) -> str:
-    """What there is to know about a map, a line each."""
+    """Name, size, heights and source of a map, a line each."""
     rows, columns = terrain.z.shape
     lines = {
         "name": terrain.name,

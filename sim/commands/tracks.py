@@ -37,7 +37,7 @@ def shown_flights(trials: Sequence[Trial], records: Sequence[Record]) -> tuple[H
 
 
 def _chosen(records: Mapping[int, Record]) -> dict[str, int]:
-    """Which of the records are shown, by what they are shown for; each once."""
+    """Indices of the records that are shown, each once, with the reason for it."""
     places, among = list(records), list(records.values())
     clearance = figures(among, "min_clearance_m")
     ratio = figures(among, PATH_RATIO)

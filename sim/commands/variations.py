@@ -18,7 +18,7 @@ import numpy as np
 
 from mathnavi.sim.commands.arguments import fields_by_flag, given, parse, suggestion, values_of
 from mathnavi.sim.commands.errors import BadInputError
-from mathnavi.sim.commands.run_request import RunRequest, read_order
+from mathnavi.sim.commands.run_request import RunRequest, read_request
 from mathnavi.sim.interfaces.fields import leaf, leaf_type, with_fields
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.sweep.trial import Trial
@@ -50,7 +50,7 @@ class Variation:
 
 @dataclass(frozen=True)
 class Uniform:
-    """What a field is drawn from, both ends included."""
+    """A uniform distribution of a field, both ends included."""
 
     name: str  # of the field
     low: Any
@@ -64,24 +64,27 @@ class Uniform:
 
 
 @dataclass(frozen=True)
-class Target:
-    """Where the fields of an order lie: in which of its configurations, and under which name."""
+class FieldPlaces:
+    """The places of the fields of a request: in which of its configurations they lie, and under which name."""
 
-    order: RunRequest
+    request: RunRequest
 
     @cached_property
-    def places(self) -> dict[str, tuple[str, str]]:
-        """By flag: the prefix of the configuration, and the dotted name in it."""
+    def by_flag(self) -> dict[str, tuple[str, str]]:
+        """Prefix of the configuration, and the dotted name in it, by flag."""
         return {
             flag: (group.prefix, name)
-            for group in self.order.fields
-            for flag, name in fields_by_flag(group.of, group.prefix).items()
+            for group in self.request.fields
+            for flag, name in fields_by_flag(group.schema, group.prefix).items()
         }
 
     def values(self, variation: Variation) -> Uniform | list[Any]:
-        """What the field is drawn from, or its listed values, read as the command line reads them."""
-        prefix, name = self.places[variation.flag]
-        group = next(group for group in self.order.fields if group.prefix == prefix)
+        """The distribution that a field is drawn from, or its listed values, as the command line reads them.
+
+        BadInputError if they cannot be read, or are given twice.
+        """
+        prefix, name = self.by_flag[variation.flag]
+        group = next(group for group in self.request.fields if group.prefix == prefix)
         if leaf_type(group.default, name) in (int, float) and ".." in variation.text:
             if "..." in variation.text:
                 raise variation.wrong(f"three dots are 0..2 or 0..0.2; {FORMS}")
@@ -95,8 +98,8 @@ class Target:
         return values
 
     def _parsed(self, variation: Variation, text: str) -> Any:
-        prefix, name = self.places[variation.flag]
-        group = next(group for group in self.order.fields if group.prefix == prefix)
+        prefix, name = self.by_flag[variation.flag]
+        group = next(group for group in self.request.fields if group.prefix == prefix)
         if leaf_type(group.default, name) is bool:
             if text.lower() not in TRUTH:
                 raise variation.wrong(f"{text!r}; allowed: true, false")
@@ -105,7 +108,7 @@ class Target:
         if not words or any(word == "-h" or word.startswith("--") for word in words):
             raise variation.wrong(f"{text!r} is no value; {FORMS}")
         argv = [f"{variation.flag}={words[0]}"] if len(words) == 1 else [variation.flag, *words]
-        (config,) = parse(argv, self.order.prog, "", group)
+        (config,) = parse(argv, self.request.prog, "", group)
         return leaf(config, name)
 
 
@@ -123,8 +126,8 @@ def read_variations(argv: Sequence[str]) -> list[Variation]:
     return variations
 
 
-def read_orders(argv: Sequence[str], options: type, variations: Sequence[Variation]) -> list[RunRequest]:
-    """What is asked for with each combination of the controllers and estimators that are listed.
+def read_requests(argv: Sequence[str], options: type, variations: Sequence[Variation]) -> list[RunRequest]:
+    """The request for each combination of the controllers and estimators that are listed.
 
     BadInputError for a variation of what is no field, or of a field that is given as well.
     """
@@ -134,68 +137,68 @@ def read_orders(argv: Sequence[str], options: type, variations: Sequence[Variati
             raise variation.wrong("a plug-in is given twice; allowed: each once")
     names = [variation.name for variation in plugins]
     combinations = itertools.product(*(variation.listed for variation in plugins))
-    orders = [
-        read_order("sweep", argv, options, chosen=dict(zip(names, values, strict=True))) for values in combinations
+    requests = [
+        read_request("sweep", argv, options, chosen=dict(zip(names, values, strict=True))) for values in combinations
     ]
-    for order, variation in itertools.product(orders, variations):
-        known = (*Target(order).places, *PLUGINS)
+    for request, variation in itertools.product(requests, variations):
+        known = (*FieldPlaces(request).by_flag, *PLUGINS)
         if variation.flag not in known:
-            hint = suggestion(variation.flag, known, order.prog)
-            raise variation.wrong(f"this is not one of the fields of {order.prog!r} that can be varied; {hint}")
+            hint = suggestion(variation.flag, known, request.prog)
+            raise variation.wrong(f"this is not one of the fields of {request.prog!r} that can be varied; {hint}")
         if variation.flag in given(argv):
             raise variation.wrong(f"{variation.flag} is given as well; allowed: one of both")
-    return orders
+    return requests
 
 
-def trials(order: RunRequest, variations: Sequence[Variation], count: int) -> tuple[list[list[Trial]], list[str]]:
-    """For each of ``count`` seeds, the trials of all combinations of listed values; and the names of what is drawn."""
-    target = Target(order)
+def trials(request: RunRequest, variations: Sequence[Variation], count: int) -> tuple[list[list[Trial]], list[str]]:
+    """Trials of all combinations of listed values, for each of ``count`` seeds; and the names of the drawn fields."""
+    places = FieldPlaces(request)
     variations = [variation for variation in variations if variation.flag not in PLUGINS]
     listed: dict[str, list[Any]] = {}
     drawn: dict[str, Uniform] = {}
     for variation in variations:
-        values = target.values(variation)
+        values = places.values(variation)
         if isinstance(values, Uniform):
             drawn[variation.flag] = values
         else:
             listed[variation.flag] = values
     combinations = [dict(zip(listed, values, strict=True)) for values in itertools.product(*listed.values())]
-    with order.bad_input():
-        bases = [_set(order, target, combination) for combination in combinations]
-        made: list[list[Trial]] = []
-        for seed in range(order.common.seed, order.common.seed + count):
+    with request.bad_input():
+        bases = [_set(request, places, combination) for combination in combinations]
+        by_seed: list[list[Trial]] = []
+        for seed in range(request.common.seed, request.common.seed + count):
             drawn_now = {flag: uniform.draw(seed) for flag, uniform in drawn.items()}
-            made.append([_trial(_set(base, target, drawn_now), seed) for base in bases])
-        return made, [uniform.name for uniform in drawn.values()]
+            by_seed.append([_trial(_set(base, places, drawn_now), seed) for base in bases])
+        return by_seed, [uniform.name for uniform in drawn.values()]
 
 
-def _set(order: RunRequest, target: Target, values: Mapping[str, Any]) -> RunRequest:
-    """The order with some flags set."""
+def _set(request: RunRequest, places: FieldPlaces, values: Mapping[str, Any]) -> RunRequest:
+    """The request with some flags set."""
     if not values:
-        return order
+        return request
     fields: dict[str, dict[str, Any]] = {"": {}, "planner": {}, "estimator": {}}
     for flag, value in values.items():
-        prefix, name = target.places[flag]
+        prefix, name = places.by_flag[flag]
         fields[prefix][name] = value
     return replace(
-        order,
-        config=with_fields(order.config, fields[""]),
+        request,
+        config=with_fields(request.config, fields[""]),
         controller=PluginSpec(
-            order.controller.plugin, with_fields(order.controller.config, fields["planner"], "planner")
+            request.controller.plugin, with_fields(request.controller.config, fields["planner"], "planner")
         ),
         estimator=PluginSpec(
-            order.estimator.plugin, with_fields(order.estimator.config, fields["estimator"], "estimator")
+            request.estimator.plugin, with_fields(request.estimator.config, fields["estimator"], "estimator")
         ),
     )
 
 
-def _trial(order: RunRequest, seed: int) -> Trial:
+def _trial(request: RunRequest, seed: int) -> Trial:
     return Trial(
-        order.name,
-        order.config,
+        request.name,
+        request.config,
         seed,
-        order.common.controller,
-        order.controller.config,
-        order.common.estimator,
-        order.estimator.config,
+        request.common.controller,
+        request.controller.config,
+        request.common.estimator,
+        request.estimator.config,
     )

@@ -15,11 +15,11 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.run import build
 from mathnavi.sim.commands.run_config import RunConfig
-from mathnavi.sim.commands.run_request import prepare, read_order
+from mathnavi.sim.commands.run_request import prepare, read_request
 from mathnavi.sim.engine.replay import RecordedMotion
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.records.run_folder import RunLog, read_fleet, read_json, read_log
@@ -29,13 +29,13 @@ FRAME = 1.0 / 60.0  # [s]
 REST = 1.0  # [s] at the end, before it begins again
 MOST_POINTS = 300  # of a path
 PATH = (0.93, 0.45, 0.05, 1.0)  # colour
-AWAY = 12.0  # times the size of a vehicle: how far the camera is
+DISTANCE = 12.0  # of the camera, in sizes of a vehicle
 NO_DISPLAY = "allowed: a desktop, or `ssh -X`; `mathnavi render DIR` makes a video without a display"
 
 
 @dataclass(frozen=True)
-class Options:
-    """What to show."""
+class ViewOptions:
+    """The run to show, and how fast."""
 
     folder: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="DIR")]
     """folder of a run"""
@@ -53,7 +53,7 @@ class _Unchanged:
 
 def main(argv: Sequence[str]) -> int:
     try:
-        (options,) = parse(argv, "mathnavi view", DESCRIPTION, Group(Options))
+        (options,) = parse(argv, "mathnavi view", DESCRIPTION, FlagGroup(ViewOptions))
     except SystemExit:  # the help is printed
         return 0
     prepare()
@@ -76,11 +76,11 @@ def read_replay(folder: Path) -> RecordedMotion:
     """The run in a folder; BadInputError if there is none that can be shown."""
     if not (folder / "config.json").is_file():
         raise BadInputError(f"DIR = {folder}: there is no {folder / 'config.json'}; allowed: the folder of a run")
-    saved = RunConfig.read(folder)
+    run_config = RunConfig.read(folder)
     with bad_input():
         logs = _logs(folder)
-    order = read_order("view", [saved.scenario], _Unchanged, saved)
-    closed_loop = build(order, saved)
+    request = read_request("view", [run_config.scenario], _Unchanged, run_config)
+    closed_loop = build(request, run_config)
     try:
         states, inputs = (
             {name: part(log) for name, log in logs.items()} for part in (attrgetter("x"), attrgetter("u"))
@@ -91,7 +91,7 @@ def read_replay(folder: Path) -> RecordedMotion:
 
 
 def check_display() -> None:
-    """BadInputError where no window can be opened; MuJoCo's viewer would wait for it without end."""
+    """Raise BadInputError where no window can be opened; MuJoCo's viewer would wait for it without end."""
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise BadInputError(f"view: there is no display, DISPLAY is not set; {NO_DISPLAY}")
     import glfw
@@ -121,7 +121,7 @@ def play(replay: RecordedMotion, viewer: Any, speed: float, clock: Callable[[], 
 
 
 def _draw_paths(replay: RecordedMotion, viewer: Any) -> None:
-    """The path of every vehicle as a line, and the camera behind the first one."""
+    """Draw the path of every vehicle as a line, and put the camera behind the first one."""
     import mujoco
 
     scene, model = viewer.user_scn, replay.plant.model
@@ -140,7 +140,7 @@ def _draw_paths(replay: RecordedMotion, viewer: Any) -> None:
     body = replay.body(name)
     viewer.cam.type, viewer.cam.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, body
     own = model.geom_rbound[model.body_rootid[model.geom_bodyid] == model.body_rootid[body]]
-    viewer.cam.distance = AWAY * float(own.max())
+    viewer.cam.distance = DISTANCE * float(own.max())
     viewer.cam.elevation = -20.0
 
 

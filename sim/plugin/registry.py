@@ -12,14 +12,13 @@ import traceback
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import metadata
-from importlib.metadata import entry_points
 from numbers import Real
 from typing import Any, TypeVar, get_type_hints
 
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Consensus, Estimator, Planner, Sensor
-from mathnavi.sim.plugin.sources import GROUPS, installed
+from mathnavi.sim.plugin.groups import installed
 
 Quality = TypeVar("Quality")
 
@@ -57,8 +56,8 @@ def names(kind: str) -> tuple[str, ...]:
 
 
 def called(kind: str, place: str) -> str:
-    """What the command line calls the class at "package.module:Class": its entry point, or that place itself."""
-    return next((point.name for point in entry_points(group=GROUPS[kind]) if point.value == place), place)
+    """The name of the class at "package.module:Class" on the command line: its entry point, or that place itself."""
+    return next((point.name for point in installed(kind) if point.value == place), place)
 
 
 def load(kind: str, name: str) -> Any:
@@ -66,80 +65,80 @@ def load(kind: str, name: str) -> Any:
 
     Raises PluginError if there is none, naming those that exist, or if it declares no frozen configuration.
     """
-    points = {point.name: point for point in entry_points(group=GROUPS[kind])}
+    points = {point.name: point for point in installed(kind)}
     if name not in points and ":" not in name:
         raise PluginError(f"{kind}: {name!r} is not known; {allowed_for(name, sorted(points), _PLACE)}")
     try:
         plugin = points[name].load() if name in points else _at(name)
     except Exception as error:  # whatever a stranger's module does when it is imported
-        raise PluginError(f"{kind}: {name!r} cannot be imported: {_told(error)}") from error
+        raise PluginError(f"{kind}: {name!r} cannot be imported: {_explained(error)}") from error
     _check_class(kind, plugin, name)
     return plugin
 
 
-def checked_controller(part: PluginSpec, mission: Any, bound: type | None = None) -> tuple[Planner, Any]:
+def checked_controller(spec: PluginSpec, mission: Any, bound: type | None = None) -> tuple[Planner, Any]:
     """The planner and the tracker that a controller builds; the tracker's ``bound`` is of the type given, if one is.
 
-    PluginError if the build fails or anything that the loop needs is missing.
+    Raises PluginError if the build fails or anything that the loop needs is missing.
     """
-    _check_class("controllers", part.plugin, part.name)
-    pair = _called("controllers", part, "build", mission)
-    said = f"controllers: {part.name!r}: build() returned"
+    _check_class("controllers", spec.plugin, spec.name)
+    pair = _invoke("controllers", spec, "build", mission)
+    subject = f"controllers: {spec.name!r}: build() returned"
     if not (isinstance(pair, tuple) and len(pair) == 2):
-        raise PluginError(f"{said} {_kind(pair)}; allowed: a pair (planner, tracker)")
+        raise PluginError(f"{subject} {_kind(pair)}; allowed: a pair (planner, tracker)")
     planner, tracker = pair
-    _check_made(f"{said} the planner", planner, "plan")
-    _check_made(f"{said} the tracker", tracker, "command")
+    _check_made(f"{subject} the planner", planner, "plan")
+    _check_made(f"{subject} the tracker", tracker, "command")
     if bound is not None and not isinstance(getattr(tracker, "bound", None), bound):
         given = _kind(tracker.bound) if hasattr(tracker, "bound") else "no bound"
-        raise PluginError(f"{said} the tracker {_kind(tracker)} with {given}; allowed: bound is a {bound.__name__}")
+        raise PluginError(f"{subject} the tracker {_kind(tracker)} with {given}; allowed: bound is a {bound.__name__}")
     return planner, tracker
 
 
-def checked_estimator(part: PluginSpec, mission: Any) -> Estimator:
+def checked_estimator(spec: PluginSpec, mission: Any) -> Estimator:
     """The estimator that a plug-in builds; PluginError as for a controller."""
-    _check_class("estimators", part.plugin, part.name)
-    estimator: Estimator = _called("estimators", part, "build", mission)
-    _check_made(f"estimators: {part.name!r}: build() returned the estimator", estimator, "update")
+    _check_class("estimators", spec.plugin, spec.name)
+    estimator: Estimator = _invoke("estimators", spec, "build", mission)
+    _check_made(f"estimators: {spec.name!r}: build() returned the estimator", estimator, "update")
     return estimator
 
 
-def checked_consensus(part: PluginSpec, mission: Any) -> Consensus:
-    """What a vehicle agrees with others by; PluginError as for a controller."""
-    _check_class("consensus", part.plugin, part.name)
-    consensus: Consensus = _called("consensus", part, "build", mission)
+def checked_consensus(spec: PluginSpec, mission: Any) -> Consensus:
+    """The consensus by which a vehicle agrees with others; PluginError as for a controller."""
+    _check_class("consensus", spec.plugin, spec.name)
+    consensus: Consensus = _invoke("consensus", spec, "build", mission)
     for method in ("exchange", "start"):
-        _check_made(f"consensus: {part.name!r}: build() returned", consensus, method)
+        _check_made(f"consensus: {spec.name!r}: build() returned", consensus, method)
     for attribute in ("value", "outlier", "refused"):
         if not hasattr(consensus, attribute):
             raise PluginError(
-                f"consensus: {part.name!r}: build() returned {_kind(consensus)} without {attribute}; allowed: one that "
+                f"consensus: {spec.name!r}: build() returned {_kind(consensus)} without {attribute}; allowed: one that "
                 "has period, value, outlier, refused, start and exchange"
             )
     return consensus
 
 
-def checked_sensors(part: PluginSpec, mission: Any) -> tuple[Sensor, ...]:
-    """What a vehicle carries for an estimator; PluginError as for a controller."""
-    _check_class("estimators", part.plugin, part.name)
-    sensors = _called("estimators", part, "sensors", mission)
-    said = f"estimators: {part.name!r}: sensors() returned"
+def checked_sensors(spec: PluginSpec, mission: Any) -> tuple[Sensor, ...]:
+    """The sensors that a vehicle carries for an estimator; PluginError as for a controller."""
+    _check_class("estimators", spec.plugin, spec.name)
+    sensors = _invoke("estimators", spec, "sensors", mission)
+    subject = f"estimators: {spec.name!r}: sensors() returned"
     if not isinstance(sensors, Sequence):
-        raise PluginError(f"{said} {_kind(sensors)}; allowed: a tuple of sensors")
+        raise PluginError(f"{subject} {_kind(sensors)}; allowed: a tuple of sensors")
     for sensor in sensors:
         if missing := [name for name in ("name", "size", "rate", "read") if not hasattr(sensor, name)]:
             raise PluginError(
-                f"{said} {_kind(sensor)} without {' and '.join(missing)}; allowed: name, size, rate, read()"
+                f"{subject} {_kind(sensor)} without {' and '.join(missing)}; allowed: name, size, rate, read()"
             )
     return tuple(sensors)
 
 
-def checked_quality(part: PluginSpec, mission: Any, quality: type[Quality]) -> Quality:
-    """How good a plug-in's estimates are, of the type given; PluginError as for a controller."""
-    _check_class("estimators", part.plugin, part.name)
-    answer = _called("estimators", part, "quality", mission)
+def checked_quality(spec: PluginSpec, mission: Any, quality: type[Quality]) -> Quality:
+    """The quality of a plug-in's estimates, of the type given; PluginError as for a controller."""
+    _check_class("estimators", spec.plugin, spec.name)
+    answer = _invoke("estimators", spec, "quality", mission)
     if not isinstance(answer, quality):
-        raise PluginError(f"estimators: {part.name!r}: quality() returned {_kind(answer)}; allowed: {quality.__name__}")
+        raise PluginError(f"estimators: {spec.name!r}: quality() returned {_kind(answer)}; allowed: {quality.__name__}")
     return answer
 
 
@@ -166,23 +165,26 @@ def _at(name: str) -> Any:
     return getattr(importlib.import_module(module), attribute)
 
 
-def _called(kind: str, part: PluginSpec, method: str, mission: Any) -> Any:
-    """What a plug-in's method makes of its configuration and a mission."""
-    if wanted := _unfit(part.plugin, mission):
+def _invoke(kind: str, spec: PluginSpec, method: str, mission: Any) -> Any:
+    """Call a plug-in's method with its configuration and a mission.
+
+    PluginError if the mission does not fit, or the method fails in any way but a refusal that says what is allowed.
+    """
+    if wanted := _unfit(spec.plugin, mission):
         raise PluginError(
-            f"{kind}: {called(kind, part.name)!r} is for a {wanted} and this scenario has a {type(mission).__name__}; "
+            f"{kind}: {called(kind, spec.name)!r} is for a {wanted} and this scenario has a {type(mission).__name__}; "
             f"allowed: {', '.join(_fitting(kind, mission))}, or package.module:Class"
         )
     try:
-        return getattr(part.plugin, method)(part.config, mission)
+        return getattr(spec.plugin, method)(spec.config, mission)
     except Exception as error:
         if isinstance(error, ValueError) and "allowed" in str(error):
             raise  # it refuses its configuration or the mission, and says why
-        raise PluginError(f"{kind}: {called(kind, part.name)!r}: {method}() failed: {_told(error)}") from error
+        raise PluginError(f"{kind}: {called(kind, spec.name)!r}: {method}() failed: {_explained(error)}") from error
 
 
 def _unfit(plugin: Any, mission: Any) -> str:
-    """The kind of mission that a plug-in says it is built for, where that is another one; else ""."""
+    """The kind of mission that a plug-in is built for, where that is another one; else ""."""
     try:
         kind = get_type_hints(plugin.build).get("mission")
         fits = not isinstance(kind, type) or isinstance(mission, kind)
@@ -196,20 +198,22 @@ def _fitting(kind: str, mission: Any) -> list[str]:
     return [name for name in names(kind) if not _unfit(load(kind, name), mission)]
 
 
-def _told(error: Exception) -> str:
-    """What was raised, and where."""
+def _explained(error: Exception) -> str:
+    """The exception, and where it was raised."""
     machinery = ("<frozen", __file__, importlib.__file__, metadata.__file__)
     frames = traceback.extract_tb(error.__traceback__)
     where = [f" ({frame.filename}:{frame.lineno})" for frame in frames if not frame.filename.startswith(machinery)]
     return f"{type(error).__name__}: {error}{''.join(where[-1:])}"
 
 
-def _check_made(said: str, made: Any, method: str) -> None:
-    period = getattr(made, "period", None)
+def _check_made(subject: str, built: Any, method: str) -> None:
+    period = getattr(built, "period", None)
     missing = [] if isinstance(period, Real) and not isinstance(period, bool) else ["period [s]"]
-    missing += [] if callable(getattr(made, method, None)) else [f"{method}()"]
+    missing += [] if callable(getattr(built, method, None)) else [f"{method}()"]
     if missing:
-        raise PluginError(f"{said} {_kind(made)} without {' and '.join(missing)}; allowed: period [s] and {method}()")
+        raise PluginError(
+            f"{subject} {_kind(built)} without {' and '.join(missing)}; allowed: period [s] and {method}()"
+        )
 
 
 def _kind(value: Any) -> str:

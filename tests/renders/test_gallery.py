@@ -13,10 +13,10 @@ from PIL import Image
 from mathnavi.renders import clip, video
 from mathnavi.renders.gallery import __main__ as program
 from mathnavi.renders.gallery.table import HERE, MATHNAVI, README, Command, GalleryPicture, chosen, entries
-from mathnavi.sim.commands.arguments import Group, parse
+from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.render import Options as RenderOptions
 from mathnavi.sim.commands.run import Options as RunOptions
-from mathnavi.sim.commands.run_request import read_order
+from mathnavi.sim.commands.run_request import read_request
 from mathnavi.sim.plugin.registry import names
 
 ENTRIES = entries(README.read_text(encoding="utf-8"))
@@ -62,9 +62,9 @@ def test_a_clip_shows_something_that_moves_again_and_again(name: str) -> None:
 @cache
 def folder_of(command: Command) -> str:
     """Where a run is written to, as its command says; BadInputError where that is none."""
-    order = read_order("run", command[2:], RunOptions)
-    assert order.options.out is not None
-    return str(order.options.out)
+    request = read_request("run", command[2:], RunOptions)
+    assert request.options.out is not None
+    return str(request.options.out)
 
 
 def test_every_command_can_be_given() -> None:
@@ -82,7 +82,7 @@ def test_every_command_can_be_given() -> None:
         if last[0] != MATHNAVI:
             assert last[-1].startswith(f"{folder_of(run)}/")
             continue
-        (options,) = parse(last[2:], "mathnavi render", "", Group(RenderOptions))
+        (options,) = parse(last[2:], "mathnavi render", "", FlagGroup(RenderOptions))
         assert str(options.folder) == folder_of(run)
         assert (options.clip, options.still) == ((True, False) if entry.name in CLIPS else (False, True))
 

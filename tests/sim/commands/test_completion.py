@@ -6,18 +6,30 @@ import os
 import shutil
 import subprocess
 import sys
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
 from mathnavi.sim.commands.arguments import flags
 from mathnavi.sim.commands.cli import main
-from mathnavi.sim.commands.completion import FLOWN, OWN, SCRIPTS, candidates, flags_of
+from mathnavi.sim.commands.completion import FLOWN, OWN, SCRIPTS, candidates, flags_of, plugin
 from mathnavi.sim.commands.known import COMMANDS
+from mathnavi.sim.plugin.index import COMMAND, describe
 from mathnavi.sim.plugin.registry import load, names
-from mathnavi.sim.plugin.sources import definition, installed
 
 CONFIGURED = [(kind, name) for kind in ("scenarios", "controllers", "estimators", "studies") for name in names(kind)]
+MINE = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True)
+class Settings:
+    gain: float = 1.0
+    fast: bool = False
+
+class Mine:
+    Config = Settings
+"""
 ASKED = {
     "bash": """
         eval "$(mathnavi completion bash)"
@@ -33,17 +45,16 @@ ASKED = {
 
 @pytest.mark.parametrize(("kind", "name"), CONFIGURED)
 def test_every_flag_of_a_plugin_is_completed_and_no_other(kind: str, name: str) -> None:
-    place = next(point for point in installed(kind) if point.name == name)
-    config = load(kind, name).Config
-    read = flags_of(definition(config.__module__, config.__qualname__), "planner")
-    assert set(read) == {flag for flag, _ in flags(config, "planner")}, place
+    found = flags_of(plugin(kind, name), "planner")
+    assert set(found) == {flag for flag, _ in flags(load(kind, name).Config, "planner")}
 
 
 @pytest.mark.parametrize("place", sorted({place for places in OWN.values() for place in places}))
 def test_every_flag_of_a_command_is_completed_and_no_other(place: str) -> None:
     module, _, name = place.partition(":")
     options = getattr(__import__(module, fromlist=[name]), name)
-    assert set(flags_of(definition(module, name))) == {flag for flag, _ in flags(options)}
+    (found,) = describe([(COMMAND, EntryPoint(place, place, ""))])
+    assert set(flags_of(found)) == {flag for flag, _ in flags(options)}
 
 
 def test_commands_plugins_flags_and_values_are_completed() -> None:
@@ -58,6 +69,14 @@ def test_commands_plugins_flags_and_values_are_completed() -> None:
     chosen = ["run", "safe-flight", "--controller", "as_printed", "--planner."]
     assert set(candidates(chosen)) == {flag for flag, _ in flags(load("controllers", "as_printed").Config, "planner")}
     assert candidates(["run", "safe-flight", "--out", ""]) == []  # a folder is for the shell to complete
+
+
+def test_the_fields_of_a_strangers_class_are_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "my_own_planner.py").write_text(MINE)
+    monkeypatch.chdir(tmp_path)
+    words = ["run", "safe-flight", "--controller", "my_own_planner:Mine", "--planner."]
+    assert candidates(words) == ["--planner.gain", "--planner.fast", "--planner.no-fast"]
+    assert "my_own_planner" not in sys.modules
 
 
 @pytest.mark.parametrize("words", [["no-such-command", ""], ["run", "no_such_module:Class", "--"], ["run", "x", "--"]])

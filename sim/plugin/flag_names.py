@@ -1,4 +1,4 @@
-"""What the fields of dataclasses are called on the command line."""
+"""The names of the fields of dataclasses on the command line."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ def joined(prefix: str, field: str) -> str:
 
 
 def flag_of(name: str) -> str:
-    """--planner.grid-nodes of planner.grid_nodes."""
+    """The flag of a dotted name: --planner.grid-nodes for planner.grid_nodes."""
     return f"--{name.replace('_', '-')}"
 
 

@@ -1,0 +1,211 @@
+"""The index of plug-ins: it says what the plug-ins say, notices what changes, and is never in the way."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+
+import pytest
+
+from mathnavi.sim.plugin import index
+from mathnavi.sim.plugin.groups import GROUPS, installed
+from mathnavi.sim.plugin.index import COMMAND, Description, describe, imported
+
+POINTS = [(kind, point) for kind in GROUPS for point in installed(kind)]
+Describe = Callable[[], Description]
+
+BASE = '''
+from dataclasses import dataclass
+from typing import Literal
+
+Shape = Literal["round", "square"]
+
+@dataclass(frozen=True)
+class Fields:
+    first: float = 1.0
+    """the first [m]"""
+    second: str = ""  # a text
+'''
+PLUGIN = '''
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from .base import Fields, Shape
+
+print("imported")
+
+@dataclass(frozen=True)
+class Inner:
+    deep: bool = True
+
+@dataclass(frozen=True)
+class Own(Fields):
+    kind: ClassVar[str] = "strange"
+    shape: Shape = "round"
+    inner: Inner = Inner()
+    third: tuple[tuple[int, float], ...] = ()
+
+class Wanted:
+    """It plans.
+
+    And says more."""
+    Config = Own
+    controller = "flight"
+'''
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package of a stranger that no other process knows; the index is kept in a folder of its own."""
+    folder = tmp_path / "strange_package"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "base.py").write_text(BASE)
+    (folder / "plugin.py").write_text(PLUGIN)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(index, "installed", lambda kind: [])  # what is installed takes long to import
+    return folder
+
+
+@pytest.fixture
+def wanted(package: Path) -> Describe:
+    """The description of the stranger's class, kept like those of a command's own flags."""
+    place = "strange_package.plugin:Wanted"
+    return lambda: describe([(COMMAND, EntryPoint(place, place, ""))])[0]
+
+
+@pytest.fixture
+def children(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """What each process that is started to import something imports."""
+    started: list[list[str]] = []
+    run = subprocess.run
+
+    def counted(*arguments: object, **named: object) -> object:
+        started.append(json.loads(str(named["input"]))["values"])
+        return run(*arguments, **named)  # type: ignore[call-overload]
+
+    monkeypatch.setattr(subprocess, "run", counted)
+    return started
+
+
+def test_the_index_says_what_the_plugins_say() -> None:
+    for (_, point), described in zip(POINTS, describe(POINTS), strict=True):
+        plugin = point.load()
+        assert not described.error
+        assert described.first_line == (plugin.__doc__ or "").strip().partition("\n")[0]
+        assert point.dist is not None
+        assert described.distribution == f"{point.dist.name} {point.dist.version}"
+        config = getattr(plugin, "Config", None)
+        fields = [field.name for field in dataclasses.fields(config)] if config else []
+        assert list(dict.fromkeys(field.name.partition(".")[0] for field in described.fields)) == fields
+
+
+def test_what_is_found_apart_is_what_is_found_here() -> None:
+    assert [*describe(POINTS[:12])] == [imported(*point) for point in POINTS[:12]]
+
+
+def test_every_field_has_its_type_its_choices_and_its_help(wanted: Describe) -> None:
+    described = wanted()
+    assert described.first_line == "It plans."
+    assert described.stated == {"controller": "flight"}
+    fields = {field.name: field for field in described.fields}
+    assert list(fields) == ["first", "second", "shape", "inner.deep", "third"]
+    assert (fields["first"].type, fields["first"].help) == ("FLOAT", "the first [m]")
+    assert fields["second"].help == "a text"
+    assert fields["shape"].choices == ("round", "square")
+    assert fields["inner.deep"].switch
+    assert (fields["third"].type, fields["third"].repeats) == ("INT FLOAT", True)
+    assert not [name for name in sys.modules if name.startswith("strange_package")]
+
+
+def test_what_has_not_changed_is_imported_once(wanted: Describe, children: list[list[str]]) -> None:
+    assert wanted() == wanted()
+    assert children == [["strange_package.plugin:Wanted"]]
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after"),
+    [
+        ("plugin.py", "It plans.", "It plans well."),
+        ("base.py", "the first [m]", "the first length [m]"),
+        ("base.py", '"square"]', '"square", "flat"]'),  # the type of a field, which is defined elsewhere
+    ],
+)
+def test_an_edited_plugin_is_seen(
+    wanted: Describe, package: Path, children: list[list[str]], file: str, before: str, after: str
+) -> None:
+    old = wanted()
+    text = (package / file).read_text()
+    (package / file).write_text(text.replace(before, after))
+    new = wanted()
+    assert new != old
+    assert after.strip('"]').split('"')[-1] in str(new)
+    assert wanted() == new
+    assert len(children) == 2
+
+
+def test_a_plugin_that_cannot_be_imported_is_tried_again(wanted: Describe, package: Path) -> None:
+    (package / "base.py").rename(package / "elsewhere.py")
+    assert wanted().error == "No module named 'strange_package.base'"
+    (package / "elsewhere.py").rename(package / "base.py")
+    assert wanted().first_line == "It plans."
+
+
+@pytest.mark.parametrize("ending", ["import os; os._exit(3)", "raise SystemExit(3)"])
+def test_an_import_that_ends_its_process_hides_no_other(wanted: Describe, package: Path, ending: str) -> None:
+    (package / "deadly.py").write_text(ending)
+    deadly = EntryPoint("deadly", "strange_package.deadly:Planner", "g")
+    other = EntryPoint("other", "strange_package.plugin:Wanted", "g")
+    broken, sound = describe([("controllers", deadly), ("controllers", other)])
+    assert "3" in broken.error
+    assert sound.first_line == "It plans."
+
+
+@pytest.mark.parametrize("damage", ["", "{", "[]", '{"rules": {}}', "\x00", '{"rules": 1, "entries": 2}'])
+def test_a_damaged_index_is_made_anew(wanted: Describe, tmp_path: Path, damage: str) -> None:
+    described = wanted()
+    (file,) = (tmp_path / "cache" / "mathnavi").iterdir()
+    saved = json.loads(file.read_text())
+    file.write_text(damage)
+    assert wanted() == described
+    assert json.loads(file.read_text()) == saved
+    for entry in saved["entries"].values():
+        del entry["fields"]
+    file.write_text(json.dumps(saved))
+    assert wanted() == described
+
+
+def test_without_a_folder_to_write_to_it_is_made_every_time(
+    wanted: Describe, tmp_path: Path, children: list[list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    assert wanted() == wanted()
+    assert len(children) == 2
+
+
+def test_two_processes_may_make_it_at_once(wanted: Describe, tmp_path: Path) -> None:
+    script = (
+        "from importlib.metadata import EntryPoint; from mathnavi.sim.plugin import index;"
+        "index.installed = lambda kind: []; place = 'strange_package.plugin:Wanted';"
+        "print(index.describe([('commands', EntryPoint(place, place, ''))])[0].first_line)"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    started = [
+        subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, env=environment)
+        for _ in range(3)
+    ]
+    assert [process.communicate()[0] for process in started] == ["It plans.\n"] * 3
+    assert len([*(tmp_path / "cache" / "mathnavi").iterdir()]) == 1
+    assert wanted().first_line == "It plans."
+
+
+def test_the_groups_are_those_that_are_installed() -> None:
+    assert {group for group in entry_points().groups if group.startswith("mathnavi.")} == set(GROUPS.values())

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from mathnavi.renders.film import Frame
 from mathnavi.renders.palette import Picture
+from mathnavi.sim.records.former_names import present_name
 from mathnavi.sim.records.run_log import existing_folder, read_json
 
 if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes that draw make none
@@ -67,7 +68,7 @@ def drawing_of(directory: str | Path) -> Drawing:
     path = existing_folder(directory) / "config.json"
     name = read_json(path).get("drawing", FLIGHT)
     try:
-        drawing: Any = importlib.import_module(name)
+        drawing: Any = importlib.import_module(present_name(name))
     except (ImportError, AttributeError, ValueError) as error:
         raise ValueError(f"{str(path)!r}: drawing = {name!r} cannot be imported: {error}") from None
     if missing := [part for part in PARTS if not hasattr(drawing, part)]:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.sim.interfaces.signals import Array, Event, Plan, Status
+from mathnavi.sim.records.former_names import with_present_names
 
 TRUTH = ".truth.x"  # how the names of a fleet's arrays of true states end
 
@@ -157,7 +158,7 @@ def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Eve
     config, summary = (read_json(folder / name) for name in ("config.json", "summary.json"))
     if missing := [name for name in ("scenario", "seed") if name not in config]:
         raise ValueError(f"{str(folder / 'config.json')!r} does not describe a run: it lacks {' and '.join(missing)}")
-    return config, summary, _read_events(folder / "events.jsonl")
+    return with_present_names(config), summary, _read_events(folder / "events.jsonl")
 
 
 def _require(path: Path) -> None:
@@ -221,3 +222,13 @@ def _plans(arrays: Mapping[str, Array], path: Path) -> tuple[Plan, ...]:
         )
     except (KeyError, ValueError) as error:
         raise ValueError(f"{str(path)!r}: the plans do not fit together: {error}") from None
+
+
+def read_arrays(directory: str | Path) -> dict[str, Array]:
+    """Every array of a run's log by its dotted name; errors as of ``read_log``."""
+    return _read_arrays(existing_folder(directory) / "log.npz")
+
+
+def read_record(directory: str | Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Event, ...]]:
+    """Configuration, summary and events of a run; errors as of ``read_log``."""
+    return _read_texts(existing_folder(directory))

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, pass_time
 from mathnavi.models.aerial.dynamics import flow, input_at, state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
@@ -40,6 +40,7 @@ class FlightPlan:
     """A trajectory of arcs with constant acceleration, stamped in absolute time: one's own, or the planner's."""
 
     plan: Plan
+    arrival: float = math.nan  # [s] when it first is at its target; NaN of a plan of one's own
 
     @staticmethod
     def from_inputs(t: ArrayLike, start: ArrayLike, u: ArrayLike) -> FlightPlan:
@@ -105,7 +106,8 @@ class FlightPlan:
         return f"plan of {len(self.u)} arcs", [
             ("from", vector_text(begin, 6), "m"),
             ("to", vector_text(end, 6), "m"),
-            ("duration", f"{self.duration:.2f}", "s"),
+            *([] if math.isnan(self.arrival) else [("at the target after", f"{self.arrival:.2f}", "s")]),
+            ("duration, to rest", f"{self.duration:.2f}", "s"),
             ("length", f"{length / 1e3:.2f}", "km"),
             ("highest speed", f"{speed:.1f}", "m/s"),
             ("highest acceleration", f"{push:.1f}", "m/s^2"),
@@ -190,7 +192,8 @@ def plan_flight(
 
     The planner optimises over a receding horizon; behind every answer stand a safety manoeuvre and a way to rest at the
     target, and each is certified before it is taken up. With ``replan`` it is asked again every period along its own
-    plan, as in flight, and what comes back is the whole trajectory; without, it is the first answer.
+    plan, as in flight, and what comes back is the whole trajectory; without, it is the first answer. The trajectory
+    may pass the target at speed, at ``plan.arrival`` [s], before it comes to rest there.
 
     ``start`` is a position (3,) [m] at rest or a state (6,) [m, m/s], ``target`` a position (3,) [m], both in the map
     frame. ``clearance_min`` [m], ``speed_max`` [m/s] and ``acceleration_max`` [m/s^2] are kept at every instant;
@@ -218,16 +221,18 @@ def plan_flight(
     first = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, x), None))
     if not first.ok:
         raise MissionError(f"no certified plan: {first.status.value}: {first.message}")
-    return FlightPlan(_replanned(planner, first) if replan else first)
+    place = np.array(mission.target)
+    whole = _replanned(planner, first, place) if replan else first
+    return FlightPlan(whole, min(pass_time(whole, place, -math.inf), whole.t_end))
 
 
-def _replanned(planner: Planner, first: Plan) -> Plan:
-    """The trajectory that a receding horizon flies along its own plans: arc after arc, each of the newest plan."""
+def _replanned(planner: Planner, first: Plan, target: Array) -> Plan:
+    """The trajectory that a receding horizon flies along its own plans until it is at the target (3,) [m]."""
     flown: list[Plan] = []
-    plan, t = first, first.t_start
+    plan, t = first, first.t_start + planner.period  # the first is flown for a period before another is asked for
     for _ in range(_REPLANS):
         later = t + planner.period
-        if later >= plan.t_end - TIME_TOLERANCE:
+        if later >= min(plan.t_end, pass_time(plan, target, t)) - TIME_TOLERANCE:
             break
         answer = planner.plan(PlanRequest(t, later, Estimate(t, state_at(plan, t)), plan))
         if answer.ok:

@@ -1,4 +1,4 @@
-"""What is published is whole: every file once, and installed alone it flies beside a stranger's folders of our names."""
+"""What is published is whole: every file once, and installed alone it flies beside a user's folders of our names."""
 
 from __future__ import annotations
 

@@ -116,8 +116,8 @@ class PoseObserver:
         count = self._mission.sensors
         if not (np.isfinite(dt) and dt >= 0.0):
             raise FieldError(f"dt = {dt!r}; allowed: a finite number >= 0 [s]")
-        u = np.asarray(odometry, dtype=np.float64)
-        rho = np.full(count, np.nan) if ranges is None else np.asarray(ranges, dtype=np.float64)
+        u = np.array(odometry, dtype=np.float64)
+        rho = np.full(count, np.nan) if ranges is None else np.array(ranges, dtype=np.float64)
         if u.shape != (2,) or rho.shape != (count,) or not np.isfinite(u).all():
             raise FieldError(f"ranges {rho.shape}, odometry {u.tolist()}; allowed: ({count},) and two finite numbers")
         self._t += float(dt)

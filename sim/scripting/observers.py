@@ -99,13 +99,13 @@ class LagrangianObserver:
         system, n = self._system, len(self._system.inputs)
         if not (np.isfinite(dt) and dt >= 0.0):
             raise FieldError(f"dt = {dt!r}; allowed: a finite number >= 0 [s]")
-        command = np.zeros(n) if u is None else np.asarray(u, dtype=np.float64)
+        command = np.zeros(n) if u is None else np.array(u, dtype=np.float64)
         if command.shape != (n,) or not np.isfinite(command).all():
             raise FieldError(f"u = {command.tolist()}; allowed: {n} finite numbers, of {', '.join(system.inputs)}")
         self._t += float(dt)
         readings = []
         if y is not None:
-            point = np.asarray(y, dtype=np.float64)
+            point = np.array(y, dtype=np.float64)  # a copy: it may be a view of what goes on
             if point.shape != (system.manifold.size,):
                 name, size = system.manifold.name, system.manifold.size
                 raise FieldError(f"y has shape {point.shape}; allowed on {name}: ({size},)")

@@ -12,6 +12,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +32,7 @@ from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
 from mathnavi.sim.scenarios.flight_parts import certified, check_above_ground
 from mathnavi.sim.scripting.requests import plugin, raising
 
-Terrain = HeightField | str
+Terrain = HeightField | str | Path
 _REPLANS = 100_000
 
 
@@ -266,8 +267,10 @@ def _joined(parts: Sequence[Plan]) -> Plan:
 def _ground(terrain: Terrain) -> HeightField:
     if isinstance(terrain, HeightField):
         return terrain
-    with raising(TerrainError):
+    try:
         return load_terrain(terrain)
+    except (OSError, ValueError) as error:
+        raise TerrainError(str(error)) from error
 
 
 def _point(name: str, point: Sequence[float] | None) -> tuple[float, float, float]:

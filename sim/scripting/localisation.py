@@ -101,7 +101,7 @@ class PoseObserver:
                 period=period,
             )
             found = load("estimators", method)
-            spec = PluginSpec(found, configured(found, fields))
+            spec = PluginSpec(found, configured(found.Config(), fields))
             self._estimator: Estimator = checked_estimator(spec, mission)
         self._mission, self._method, self._t = mission, method, 0.0
 

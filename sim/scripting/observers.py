@@ -78,7 +78,7 @@ class LagrangianObserver:
         with raising(FieldError):
             mission = LagrangianMission(system, PositionQuality(noise=noise), _CLOCK, speed_max)
             found = load("estimators", method)
-            spec = PluginSpec(found, configured(found, fields))
+            spec = PluginSpec(found, configured(found.Config(), fields))
             self._estimator: Estimator = checked_estimator(spec, mission)
         self._system, self._method, self._t = system, method, 0.0
 

@@ -26,7 +26,7 @@ def raising(kind: type[ValueError]) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        if isinstance(error, tuple(named for named in _NAMED if named is not ValueError)):
+        if isinstance(error, _NAMED):
             raise
         raise kind(str(error)) from error
 
@@ -39,13 +39,13 @@ def flat(fields: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def configured(plugin: Any, fields: Mapping[str, Any], where: str = "", base: Any = None) -> Any:
-    """The configuration of a plug-in class with some fields set, the others at their defaults or as in ``base``.
+def configured(base: Any, fields: Mapping[str, Any], where: str = "") -> Any:
+    """The configuration ``base`` with some fields set, named from ``where`` on.
 
     FieldError for a field that it does not have, and for a value of another type or out of its range.
     """
     with raising(FieldError):
-        return with_fields(plugin.Config() if base is None else base, flat(fields), where)
+        return with_fields(base, flat(fields), where)
 
 
 def plugin(name: str | type[Any], **fields: Any) -> PluginSpec:
@@ -59,7 +59,7 @@ def plugin(name: str | type[Any], **fields: Any) -> PluginSpec:
     found = _loaded(name) if isinstance(name, str) else name
     if not hasattr(found, "Config"):
         raise PluginError(f"{found!r} declares no frozen dataclass named Config, so it is not a plug-in")
-    return PluginSpec(found, configured(found, fields))
+    return PluginSpec(found, configured(found.Config(), fields))
 
 
 def _loaded(name: str) -> Any:
@@ -113,8 +113,8 @@ def request(
     for (prefix, kind), asked in zip(_PREFIXES.items(), (controller, estimator), strict=True):
         wanted = getattr(found, kind.removesuffix("s")) if asked is None else asked
         spec = wanted if isinstance(wanted, PluginSpec) else _spec(kind, wanted)
-        specs[prefix] = PluginSpec(spec.plugin, configured(spec.plugin, parts[prefix], prefix, spec.config))
-    return ScriptRequest(scenario, found, configured(found, own), specs["planner"], specs["estimator"])
+        specs[prefix] = PluginSpec(spec.plugin, configured(spec.config, parts[prefix], prefix))
+    return ScriptRequest(scenario, found, configured(found.Config(), own), specs["planner"], specs["estimator"])
 
 
 def _spec(kind: str, wanted: Any) -> PluginSpec:

@@ -20,6 +20,7 @@ from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, v
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.registry import load as load_plugin
+from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Rate, rate
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.scenarios.closed_loop import RunResult
@@ -28,7 +29,9 @@ from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
 from mathnavi.sim.sweep.trial import Trial
 from mathnavi.sim.sweep.uniform import Uniform
 
-if TYPE_CHECKING:  # both take a while to import, and no run needs them
+if TYPE_CHECKING:  # these take a while to import, and no run needs them
+    from matplotlib.figure import Figure
+
     from mathnavi.sim.environments.dm import Environment
     from mathnavi.sim.studies.framework.study import StudyResult
 
@@ -52,7 +55,7 @@ def run(
     ``progress`` is called with the simulated time [s].
 
     Raises PluginError for a scenario or a plug-in that is not known, FieldError for a field or a value that is not
-    allowed, MissionError for a mission that cannot be flown.
+    allowed, MissionError for a mission that cannot be flown, FileNotFoundError for a file that is not there.
     """
     asked = request(scenario, controller, estimator, fields)
     with raising(MissionError):
@@ -220,8 +223,7 @@ def _uniform(base: ScriptRequest, name: str, bounds: tuple[Any, ...]) -> Uniform
 def _updated(base: ScriptRequest, values: Mapping[str, Any]) -> ScriptRequest:
     for name, value in values.items():
         where, config, field = _place(base, name)
-        with raising(FieldError):
-            changed = configured(None, {field: value}, base=config)
+        changed = configured(config, {field: value})
         if where == "config":
             base = dataclasses.replace(base, config=changed)
         elif where == "controller":
@@ -253,7 +255,7 @@ class StudyRun:
     folder: Path | None = None  # into which it was written
 
     @property
-    def claims(self) -> Sequence[Any]:
+    def claims(self) -> Sequence[Claim]:
         """What the study says of each claim: expected, measured, holds."""
         return self.result.claims
 
@@ -263,13 +265,13 @@ class StudyRun:
         return self.result.rows
 
     @property
-    def figure(self) -> Any:
+    def figure(self) -> Figure:
         """The study's matplotlib figure."""
         return self.result.figure
 
     def _table(self) -> tuple[str, list[Row]]:
         held = {None: "not measured", True: "holds", False: "does NOT hold"}
-        return f"{self.name}: {self.title}", [(claim.id, claim.measured, held[claim.holds]) for claim in self.claims]
+        return f"{self.name}: {self.title}", [(claim.id, held[claim.holds], "") for claim in self.claims]
 
     def __repr__(self) -> str:
         return short_table(*self._table())
@@ -298,7 +300,7 @@ def study(
     from mathnavi.sim.studies.framework.study import Setup, first_look, on_terrain, write_findings
 
     found = load_plugin("studies", name)
-    config = configured(found, fields, base=found.quick if quick else None)
+    config = configured(found.quick if quick else found.Config(), fields)
     if terrain is not None and not on_terrain(found):
         raise FieldError(f"terrain = {terrain!r}: {name} is not done on a terrain; allowed: None")
     site = (terrain or "tian_shan") if on_terrain(found) else None

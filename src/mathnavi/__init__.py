@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from mathnavi.sim.scripting.requests import plugin
     from mathnavi.sim.scripting.runs import available, make, run, study, sweep
 
+    __version__: str
+
 # Each name with its module, and with its name there where that is another one.
 _PLACES = {
     # runs of scenarios
@@ -147,17 +149,19 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
 ]
 
 
-def __getattr__(name: str) -> Any:
-    if name == "__version__":
-        from importlib.metadata import version
+if not TYPE_CHECKING:  # else a name that is not there would be taken for one that is
 
-        return version(__name__)
-    if name not in _PLACES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, _, inside = _PLACES[name].partition(":")
-    value = getattr(importlib.import_module(f"{__name__}.{module}"), inside or name)
-    globals()[name] = value  # asked for once
-    return value
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version(__name__)
+        if name not in _PLACES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module, _, inside = _PLACES[name].partition(":")
+        value = getattr(importlib.import_module(f"{__name__}.{module}"), inside or name)
+        globals()[name] = value  # asked for once
+        return value
 
 
 def __dir__() -> list[str]:

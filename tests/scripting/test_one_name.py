@@ -36,7 +36,7 @@ run.save("run")
 assert main(["list"]) == 0
 assert main(["estimate", "textbook_ekf", "run"]) in (0, 1)
 assert main(["compare", "run", "run-textbook_ekf"]) == 0
-assert main(["study", "consensus", "--quick", "--out", "study"]) in (0, 1)
+assert main(["study", "introduction-examples", "--quick", "--out", "study"]) in (0, 1)
 print(json.dumps(sorted(sys.modules)))
 """
 

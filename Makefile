@@ -4,6 +4,7 @@
 #   make lint    style, types and the floors of the house
 #   make docs    the documentation, docs/_build/html/index.html, every link of it followed
 #   make gallery the committed pictures once more          make gallery ARGS=safe_flight
+#   make wheel   sdist and wheel, into dist/
 #   make bench   one table: our software beside other people's    make bench ARGS=--quick
 #   make clean   remove caches and outputs
 # PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend.
@@ -21,7 +22,7 @@ BENCHMARKS := $(wildcard benchmarks)
 DOCS := docs/_build/html
 INSTALL := .venv/bin/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: fly test lint bench gallery docs clean opengl .venv
+.PHONY: fly test lint bench gallery docs wheel clean opengl .venv
 .NOTPARALLEL:
 
 fly: .venv/.installed opengl
@@ -53,6 +54,12 @@ docs: .venv/.documented
 	.venv/bin/sphinx-build --quiet --fresh-env --write-all --fail-on-warning --keep-going docs $(DOCS)
 	.venv/bin/python docs/check_links.py $(DOCS)
 	@echo "$(CURDIR)/$(DOCS)/index.html"
+
+# A file that is no longer there must not be left in dist/ from a build before.
+wheel: .venv/.developed
+	rm -rf dist
+	.venv/bin/hatchling build --directory $(CURDIR)/dist
+	@ls -1 $(CURDIR)/dist/*
 
 clean:
 	rm -rf renders/out docs/_build docs/reference/api dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis

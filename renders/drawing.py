@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 from mathnavi.renders.film import TOUR, Annotation, Frame, Shot, checked_camera, frames_of
 from mathnavi.renders.palette import Picture
 from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.records.former_names import present_name
 from mathnavi.sim.records.run_folder import CONFIG, existing_folder, read_json
 
 if TYPE_CHECKING:  # what makes pages takes a while to import, and the processes that draw make none
@@ -68,7 +69,7 @@ def drawing_of(directory: str | Path) -> Drawing[Any]:
     path = existing_folder(directory) / CONFIG
     name = read_json(path).get("drawing", FLIGHT)
     try:
-        module = importlib.import_module(name)
+        module = importlib.import_module(present_name(name))
     except (ImportError, AttributeError, ValueError) as error:
         raise RunFolderError(f"{str(path)!r}: drawing = {name!r} cannot be imported: {error}") from None
     drawing = getattr(module, "drawing", None)

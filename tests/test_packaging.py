@@ -10,6 +10,7 @@ from importlib.metadata import EntryPoint, distribution, entry_points, version
 from pathlib import Path
 
 import pytest
+import yaml
 from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -57,3 +58,21 @@ def test_installed_version_is_the_projects_and_in_the_changelog() -> None:
 @pytest.mark.parametrize("requirement", [Requirement(text) for text in PROJECT["dependencies"]], ids=lambda r: r.name)
 def test_every_dependency_is_in_its_tested_range(requirement: Requirement) -> None:
     assert version(requirement.name) in requirement.specifier
+
+
+def test_the_citation_is_that_of_this_version() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert (citation["title"], citation["version"], citation["license"]) == (
+        PROJECT["name"],
+        PROJECT["version"],
+        PROJECT["license"],
+    )
+    assert citation["authors"] == PROJECT["authors"]
+    assert citation["keywords"] == PROJECT["keywords"]
+    (thesis,) = citation["references"]
+    assert (thesis["type"], thesis["year"]) == ("thesis", 2006)
+    assert thesis["title"] in (ROOT / "README.md").read_text(encoding="utf-8").replace("\n", " ")
+
+
+def test_nothing_forbids_to_publish() -> None:
+    assert not [classifier for classifier in PROJECT["classifiers"] if classifier.startswith("Private")]

@@ -13,6 +13,8 @@ from mathnavi.controllers.nlp_solver import Outcome as Outcome
 from mathnavi.controllers.ocp.grid import Grid
 from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
+from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.short_tables import short_table
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 
@@ -44,7 +46,7 @@ class Replay:
     by_intervals: bool  # open loop is ill-posed, so each interval was re-integrated from its own node
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     """States x_i at N nodes, controls at the scheme's points of each interval, the final time.
 
@@ -72,6 +74,27 @@ class Solution:
     def ok(self) -> bool:
         """Whether this is a solution of the transcribed problem."""
         return self.status in (Outcome.OPTIMAL, Outcome.REFUSED)
+
+    def __repr__(self) -> str:
+        """A short table: how it ended, and what it costs."""
+        rows = [
+            ("J", f"{self.cost:.6g}", ""),
+            ("T", f"{self.duration:.6g}", "s"),
+            ("nodes", str(self.nodes), ""),
+            ("iterations", str(self.iterations), ""),
+        ]
+        if self.replay is not None:
+            rows += [("replay miss", f"{self.replay.miss:.2g}", ""), ("violation", f"{self.replay.violation:.2g}", "")]
+        return short_table(f"{self.problem.name}, {self.method}: {self.status.value}", rows)
+
+    def __getitem__(self, name: str) -> Array:
+        """(N,) a state or a control by its name, at the nodes ``t``; KeyError names those that exist."""
+        if name in self.problem.states:
+            return self.x[:, self.problem.states.index(name)]
+        if name in self.problem.controls:
+            return self.control(self.t)[:, self.problem.controls.index(name)]
+        known = allowed_for(name, self.problem.states + self.problem.controls)
+        raise KeyError(f"{name!r} is no state or control; {known}")
 
     @property
     def nodes(self) -> int:

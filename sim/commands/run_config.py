@@ -9,6 +9,7 @@ from typing import Any
 
 from mathnavi.sim.commands.errors import BadInputError
 from mathnavi.sim.interfaces.fields import instance, of_type
+from mathnavi.sim.records.former_names import present_name
 
 
 @dataclass(frozen=True)
@@ -34,9 +35,9 @@ class RunConfig:
             raise BadInputError(f"--from = {folder}: there is no {path}; allowed: the folder of a run")
         try:
             data = json.loads(path.read_text(encoding="utf-8"))
-            parts = {}
+            parts: dict[str, Any] = {}
             for kind in ("controller", "estimator"):
-                parts[kind] = of_type(str, data[kind]["name"], f"{kind}.name")
+                parts[kind] = present_name(of_type(str, data[kind]["name"], f"{kind}.name"))
                 parts[f"{kind}_fields"] = of_type(dict, data[kind]["fields"], f"{kind}.fields")
             return RunConfig(
                 path=path,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.interfaces.short_tables import value_text
 from mathnavi.sim.interfaces.signals import Event
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
 from mathnavi.sim.scenarios.closed_loop import RunResult
@@ -48,7 +48,7 @@ def summary_table(summary: Mapping[str, Any], events: Sequence[Event]) -> Table:
         for key in keys:
             if key in summary:
                 name, unit = label(key)
-                table.add_row(heading, name, _figure(summary[key]), unit)
+                table.add_row(heading, name, value_text(summary[key]), unit)
                 heading = ""
     kinds: dict[str, list[Event]] = {}
     for event in events:
@@ -64,13 +64,3 @@ def _first(events: Sequence[Event]) -> str:
     event = events[0]
     text = f"at {event.t:.1f} s, {event.agent}" + f": {event.message}" * bool(event.message)
     return f"first {text}" if len(events) > 1 else text
-
-
-def _figure(value: Any) -> str:
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:,.1f}" if abs(value) >= 10.0 else f"{value:.3g}"
-    return str(value)

@@ -8,13 +8,10 @@ field's name: what else is varied, and in which order, changes nothing in it.
 from __future__ import annotations
 
 import itertools
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
-
-import numpy as np
 
 from mathnavi.sim.commands.arguments import fields_by_flag, given, parse, suggestion, values_of
 from mathnavi.sim.commands.errors import BadInputError
@@ -22,6 +19,7 @@ from mathnavi.sim.commands.run_request import RunRequest, read_request
 from mathnavi.sim.interfaces.fields import leaf, leaf_type, with_fields
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.sweep.trial import Trial
+from mathnavi.sim.sweep.uniform import Uniform
 
 PLUGINS = ("--controller", "--estimator")
 FORMS = "allowed: FIELD=V1,V2,... or FIELD=LOW..HIGH"
@@ -46,21 +44,6 @@ class Variation:
 
     def wrong(self, why: str) -> BadInputError:
         return BadInputError(f"--vary {self.name}={self.text}: {why}")
-
-
-@dataclass(frozen=True)
-class Uniform:
-    """A uniform distribution of a field, both ends included."""
-
-    name: str  # of the field
-    low: Any
-    high: Any
-
-    def draw(self, seed: int) -> Any:
-        rng = np.random.default_rng([seed, zlib.crc32(self.name.encode())])
-        if isinstance(self.low, int):
-            return int(rng.integers(self.low, self.high, endpoint=True))
-        return float(rng.uniform(self.low, self.high))
 
 
 @dataclass(frozen=True)

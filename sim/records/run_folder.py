@@ -29,6 +29,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Event, Plan, Status
 from mathnavi.sim.records.files import jsonable, write_json, write_text
+from mathnavi.sim.records.former_names import with_present_names
 
 CONFIG, SUMMARY, EVENTS, ARRAYS, ARRAY_INDEX = "config.json", "summary.json", "events.jsonl", "log.npz", "log.json"
 TRUTH = ".truth.x"  # ending of the names of a fleet's arrays of true states
@@ -195,7 +196,7 @@ def _read_texts(folder: Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Eve
     config, summary = (read_json(folder / name) for name in (CONFIG, SUMMARY))
     if missing := [name for name in ("scenario", "seed") if name not in config]:
         raise RunFolderError(f"{str(folder / CONFIG)!r} does not describe a run: it lacks {' and '.join(missing)}")
-    return config, summary, _read_events(folder / EVENTS)
+    return with_present_names(config), summary, _read_events(folder / EVENTS)
 
 
 def _require(path: Path) -> None:
@@ -260,3 +261,13 @@ def _plans(arrays: Mapping[str, Array], path: Path) -> tuple[Plan, ...]:
         )
     except (KeyError, ValueError) as error:
         raise RunFolderError(f"{str(path)!r}: the plans do not fit together: {error}") from None
+
+
+def read_arrays(directory: str | Path) -> dict[str, Array]:
+    """Every array of a run's log by its dotted name; errors as of ``read_log``."""
+    return _read_arrays(existing_folder(directory) / ARRAYS)
+
+
+def read_record(directory: str | Path) -> tuple[dict[str, Any], dict[str, Any], tuple[Event, ...]]:
+    """Configuration, summary and events of a run; errors as of ``read_log``."""
+    return _read_texts(existing_folder(directory))

@@ -2,40 +2,155 @@
 
 from __future__ import annotations
 
+import base64
 import dataclasses
+import io
+import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.engine.network import Network
+from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
+from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
+from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.run_folder import write_run
 from mathnavi.sim.scenarios.task import Task
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-@dataclass(frozen=True)
+RUN_FILES = ("config.json", "events.jsonl", "log.npz", "log.json", "summary.json")
+SHOWN = 12  # figures of a summary in a short table
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class RunResult:
-    """A run: its arrays by dotted name, its summary, and whether the mission did what it should."""
+    """A run: its arrays by dotted name, its summary, its events, and whether the mission did what it should.
+
+    ``run["truth.x"]`` is an array of the log, (n, nx) by control step; ``run.arrays`` names them all.
+    """
 
     recording: Recording
-    summary: dict[str, Any]
-    config: dict[str, Any]
+    summary: dict[str, Any]  # figures by name, the unit at its end: "min_clearance_m"
+    config: dict[str, Any]  # what config.json holds: scenario, seed, every field, the plug-ins
     success: bool
+    folder: Path | None = None  # which it was read from or saved in
+
+    @cached_property
+    def arrays(self) -> dict[str, Array]:
+        """Every array of log.npz by its dotted name (``mathnavi.sim.engine.log``)."""
+        return self.recording.arrays()
+
+    def __getitem__(self, name: str) -> Array:
+        """The array of a dotted name; KeyError names those that exist."""
+        if name not in self.arrays:
+            raise KeyError(f"{name!r} is not in the log; {allowed_for(name, sorted(self.arrays))}")
+        return self.arrays[name]
 
     @property
-    def arrays(self) -> dict[str, Array]:
-        return self.recording.arrays()
+    def t(self) -> Array:
+        """(n,) [s] times of the control steps."""
+        return self.recording.t
+
+    @property
+    def events(self) -> list[Event]:
+        """Events in order of time."""
+        return self.recording.events
 
     def write(self, folder: Path) -> None:
         """Write the run's folder."""
         write_run(folder, self.config, self.summary, self.recording)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write config.json, summary.json, events.jsonl, log.npz and log.json into a folder, and return it.
+
+        A run that was read from a folder is copied as it is. Raises OSError where the folder cannot be written.
+        """
+        target = Path(folder)
+        if self.folder is None:
+            self.write(target)
+        elif target.resolve() != self.folder.resolve():
+            target.mkdir(parents=True, exist_ok=True)
+            for name in RUN_FILES:
+                if (self.folder / name).is_file():
+                    shutil.copyfile(self.folder / name, target / name)
+        object.__setattr__(self, "folder", target)
+        return target
+
+    def plot(self) -> Figure:
+        """The run at a glance: the map of a flight, the field of a robot, a velocity beside its estimate."""
+        from mathnavi.renders.run_figure import run_figure  # matplotlib takes a while to import
+
+        with self._in_folder() as folder:
+            return run_figure(folder)
+
+    def video(self, path: str | Path, camera: str = "tour", *, progress: bool = False, **options: int) -> Path:
+        """Write an MP4 and return its path; ``options`` are ``width``, ``height`` [pixels] and ``fps`` [1/s].
+
+        Raises ValueError for a camera that the run is not drawn by, RuntimeError where there is no OpenGL.
+        """
+        from mathnavi.renders.video import write_video
+
+        with self._in_folder() as folder:
+            return write_video(folder, camera, path=Path(path), progress=progress, **options)
+
+    def report(self, path: str | Path) -> Path:
+        """Write the run as one HTML page that needs no network, and return its path."""
+        from mathnavi.renders.drawing import drawing_of
+
+        with self._in_folder() as folder:
+            drawing = drawing_of(folder)
+            text = str(drawing.page(drawing.load_run(folder)))
+        if self.folder is None:  # the command that flies the run again names the folder it will be saved in
+            text = text.replace(str(folder), "FOLDER")
+        write_text(Path(path), text)
+        return Path(path)
+
+    @contextmanager
+    def _in_folder(self) -> Iterator[Path]:
+        """The run's folder; one for the time being, if it was not saved yet."""
+        if self.folder is not None:
+            yield self.folder
+            return
+        with TemporaryDirectory() as scratch:
+            self.write(Path(scratch))
+            yield Path(scratch)
+
+    def _table(self) -> tuple[str, list[Row]]:
+        shortfall = self.summary.get(SHORTFALL)
+        ended = "the mission did what it should" if self.success else "the mission did NOT do what it should"
+        title = f"{self.config['scenario']}, seed {self.config['seed']}: {ended}{f': {shortfall}' * bool(shortfall)}"
+        grouped = [key for keys in SUMMARY_GROUPS.values() for key in keys if key in self.summary]
+        own = [key for key in self.summary if key not in grouped and key not in (SHORTFALL, "seed", "version")]
+        rows = [
+            (name, value_text(self.summary[key]), unit)
+            for key in [*grouped, *own][:SHOWN]
+            for name, unit in (label(key),)
+        ]
+        return title, [*rows, ("control steps", str(len(self.t)), ""), ("events", str(len(self.events)), "")]
+
+    def __repr__(self) -> str:
+        return short_table(*self._table())
+
+    def _repr_html_(self) -> str:
+        """The table and the figure, for a notebook."""
+        picture = io.BytesIO()
+        self.plot().savefig(picture, format="png", dpi=80)
+        image = base64.b64encode(picture.getvalue()).decode()
+        return f"{html_table(*self._table())}<img src='data:image/png;base64,{image}'>"
 
 
 @dataclass(frozen=True)

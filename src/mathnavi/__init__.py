@@ -1,1 +1,168 @@
-"""mathnavi: planners and observers close the loop with MuJoCo's physics."""
+"""mathnavi: planners and observers close the loop with MuJoCo's physics.
+
+    import mathnavi as mn
+
+    run = mn.run("safe-flight", seed=3, terrain="jacksboro", controller=mn.plugin("flight", nodes=7))
+    run.summary["min_clearance_m"], run["truth.x"], run.plot(), run.report("flight.html"), run.save("out")
+
+These names are the public interface; each is imported when it is first asked for. Everything else is importable too,
+``mathnavi.models``, ``mathnavi.sim``, ``mathnavi.controllers``, ``mathnavi.estimators``, ``mathnavi.renders``, and may
+change from version to version.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mathnavi.models.field.curve import Curve, ellipse
+    from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
+    from mathnavi.models.manifold.constant_curvature import hyperbolic_space as HyperbolicSpace  # noqa: N812
+    from mathnavi.models.manifold.constant_curvature import sphere as Sphere  # noqa: N812
+    from mathnavi.models.manifold.systems import RigidBody
+    from mathnavi.models.terrain.dem import import_dem as import_terrain
+    from mathnavi.models.terrain.height_field import HeightField
+    from mathnavi.models.terrain.library import load_terrain
+    from mathnavi.models.terrain.visibility import Radar
+    from mathnavi.sim.interfaces.errors import (
+        FieldError,
+        MissionError,
+        PluginError,
+        ProblemError,
+        RunFolderError,
+        StoreError,
+        TerrainError,
+    )
+    from mathnavi.sim.interfaces.signals import Estimate, Measurement, Message, Phase, Plan, PlanRequest, Status
+    from mathnavi.sim.plugin.registry import PluginSpec
+    from mathnavi.sim.scenarios.closed_loop import RunResult
+    from mathnavi.sim.scripting.flight import FlightPlan, Verdict, certify, plan_flight
+    from mathnavi.sim.scripting.loading import load
+    from mathnavi.sim.scripting.localisation import PoseObserver, wall_through
+    from mathnavi.sim.scripting.localisation import feasible_set_bank as FeasibleSetBank  # noqa: N812
+    from mathnavi.sim.scripting.observers import IntrinsicObserver, VelocityObserver
+    from mathnavi.sim.scripting.ocp import OptimalControlStatement as OptimalControlProblem
+    from mathnavi.sim.scripting.requests import plugin
+    from mathnavi.sim.scripting.runs import available, make, run, study, sweep
+
+    __version__: str
+
+# Each name with its module, and with its name there where that is another one.
+_PLACES = {
+    # runs of scenarios
+    "run": "sim.scripting.runs",
+    "load": "sim.scripting.loading",
+    "sweep": "sim.scripting.runs",
+    "study": "sim.scripting.runs",
+    "make": "sim.scripting.runs",
+    "plugin": "sim.scripting.requests",
+    "available": "sim.scripting.runs",
+    "RunResult": "sim.scenarios.closed_loop",
+    "PluginSpec": "sim.plugin.registry",
+    # planner and certificate
+    "plan_flight": "sim.scripting.flight",
+    "certify": "sim.scripting.flight",
+    "FlightPlan": "sim.scripting.flight",
+    "Verdict": "sim.scripting.flight",
+    # observers
+    "IntrinsicObserver": "sim.scripting.observers",
+    "VelocityObserver": "sim.scripting.observers",
+    "Sphere": "models.manifold.constant_curvature:sphere",
+    "HyperbolicSpace": "models.manifold.constant_curvature:hyperbolic_space",
+    "EuclideanSpace": "models.manifold.constant_curvature:flat_space",
+    "RigidBody": "models.manifold.systems",
+    "FeasibleSetBank": "sim.scripting.localisation:feasible_set_bank",
+    "PoseObserver": "sim.scripting.localisation",
+    "Curve": "models.field.curve",
+    "ellipse": "models.field.curve",
+    "wall_through": "sim.scripting.localisation",
+    # optimal control
+    "OptimalControlProblem": "sim.scripting.ocp:OptimalControlStatement",
+    # terrain
+    "load_terrain": "models.terrain.library",
+    "import_terrain": "models.terrain.dem:import_dem",
+    "HeightField": "models.terrain.height_field",
+    "Radar": "models.terrain.visibility",
+    # signals, for plug-ins of one's own
+    "Estimate": "sim.interfaces.signals",
+    "Measurement": "sim.interfaces.signals",
+    "Message": "sim.interfaces.signals",
+    "Phase": "sim.interfaces.signals",
+    "Plan": "sim.interfaces.signals",
+    "PlanRequest": "sim.interfaces.signals",
+    "Status": "sim.interfaces.signals",
+    # errors, all of them ValueErrors
+    "FieldError": "sim.interfaces.errors",
+    "MissionError": "sim.interfaces.errors",
+    "PluginError": "sim.interfaces.errors",
+    "ProblemError": "sim.interfaces.errors",
+    "RunFolderError": "sim.interfaces.errors",
+    "StoreError": "sim.interfaces.errors",
+    "TerrainError": "sim.interfaces.errors",
+}
+
+__all__ = [  # noqa: RUF022 (in the order of the table above)
+    "run",
+    "load",
+    "sweep",
+    "study",
+    "make",
+    "plugin",
+    "available",
+    "RunResult",
+    "PluginSpec",
+    "plan_flight",
+    "certify",
+    "FlightPlan",
+    "Verdict",
+    "IntrinsicObserver",
+    "VelocityObserver",
+    "Sphere",
+    "HyperbolicSpace",
+    "EuclideanSpace",
+    "RigidBody",
+    "FeasibleSetBank",
+    "PoseObserver",
+    "Curve",
+    "ellipse",
+    "wall_through",
+    "OptimalControlProblem",
+    "load_terrain",
+    "import_terrain",
+    "HeightField",
+    "Radar",
+    "Estimate",
+    "Measurement",
+    "Message",
+    "Phase",
+    "Plan",
+    "PlanRequest",
+    "Status",
+    "FieldError",
+    "MissionError",
+    "PluginError",
+    "ProblemError",
+    "RunFolderError",
+    "StoreError",
+    "TerrainError",
+]
+
+
+if not TYPE_CHECKING:  # else a name that is not there would be taken for one that is
+
+    def __getattr__(name: str) -> Any:
+        if name == "__version__":
+            from importlib.metadata import version
+
+            return version(__name__)
+        if name not in _PLACES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module, _, inside = _PLACES[name].partition(":")
+        value = getattr(importlib.import_module(f"{__name__}.{module}"), inside or name)
+        globals()[name] = value  # asked for once
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, "__version__"})

@@ -1,0 +1,63 @@
+"""One figure that shows a run at a glance: the picture of a run in a notebook.
+
+A drawing may have a function ``figure(run)`` beside its other parts; those of mathnavi have theirs in the table below.
+A run whose drawing has none is shown by its signals over time.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from mathnavi.renders.drawing import drawing_of
+from mathnavi.renders.figures import STYLE, canvas, thinned
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.run_folder import read_arrays
+
+MOST_PANELS = 6
+FIGURES = {  # by the module of the drawing
+    "mathnavi.renders.flight.drawing": "mathnavi.renders.flight.figures:map_figure",
+    "mathnavi.renders.fleet.drawing": "mathnavi.renders.fleet.figures:map_figure",
+    "mathnavi.renders.quadrotor.drawing": "mathnavi.renders.quadrotor.figures:clearance_figure",
+    "mathnavi.renders.missile.drawing": "mathnavi.renders.missile.figures:path_figure",
+    "mathnavi.renders.ranging.drawing": "mathnavi.renders.ranging.field_figure:field_figure",
+    "mathnavi.renders.lagrangian.drawing": "mathnavi.renders.lagrangian.figures:velocity_figure",
+    "mathnavi.renders.textbook.drawing": "mathnavi.renders.textbook.report:board_figure",
+}
+
+
+def run_figure(directory: str | Path) -> Figure:
+    """The figure of the run in a folder, on white.
+
+    Raises FileNotFoundError where something is missing, ValueError where something is broken.
+    """
+    folder, drawing = Path(directory), drawing_of(directory)
+    make: Callable[[Any], Figure] | None = getattr(drawing, "figure", None)
+    if make is None and (place := FIGURES.get(str(getattr(drawing, "__name__", "")))) is not None:
+        module, _, function = place.partition(":")
+        make = getattr(importlib.import_module(module), function)
+    figure = signals_figure(read_arrays(folder)) if make is None else make(drawing.load_run(folder))
+    figure.set_facecolor("white")
+    return figure
+
+
+def signals_figure(arrays: dict[str, Array]) -> Figure:
+    """The first arrays of a log that have a row for each control step, over time [s]."""
+    t = arrays["t"]
+    names = [name for name, rows in arrays.items() if name != "t" and rows.ndim == 2 and len(rows) == len(t)]
+    names = names[:MOST_PANELS]
+    chosen = thinned(len(t), 0)
+    with matplotlib.rc_context(STYLE):
+        figure = canvas(9.4, 0.6 + 1.6 * max(1, len(names)))
+        panels = np.atleast_1d(figure.subplots(max(1, len(names)), 1, sharex=True))
+        for axes, name in zip(panels, names, strict=False):
+            axes.plot(t[chosen], arrays[name][chosen])
+            axes.set(title=name)
+        panels[-1].set(xlabel="time [s]")
+    return figure

@@ -1,0 +1,81 @@
+"""A run read back from its folder: the arrays of log.npz as the recording that they were written from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mathnavi.sim.engine.log import AgentRecorder, Recording
+from mathnavi.sim.interfaces.errors import RunFolderError
+from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Plan
+from mathnavi.sim.records.figure_names import SHORTFALL
+from mathnavi.sim.records.run_folder import read_arrays, read_json, read_record
+from mathnavi.sim.scenarios.closed_loop import RunResult
+
+_TRUTH = "truth.x"
+_OF_ESTIMATES, _OF_READINGS = "estimate.", "measurement."
+
+
+def load(folder: str | Path) -> RunResult:
+    """The run in a folder that ``mathnavi run`` or ``RunResult.save`` has written, of this version or an earlier one.
+
+    Its arrays are bit for bit those of the log. Raises RunFolderError where the folder, or one of its files, is
+    missing or broken.
+    """
+    try:
+        config, summary, events = read_record(folder)
+        arrays = read_arrays(folder)
+        states = read_json(Path(folder) / "log.json")["states"]
+        recording = _recording(arrays, list(events), states, summary)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RunFolderError(f"{str(folder)!r} is not the folder of a run: {error}") from error
+    return RunResult(recording, summary, config, SHORTFALL not in summary, Path(folder))
+
+
+def _recording(
+    arrays: Mapping[str, Array], events: list[Event], states: Mapping[str, Any], summary: Mapping[str, Any]
+) -> Recording:
+    """A single vehicle's arrays have no prefix, those of a fleet have their vehicle's name."""
+    t = arrays["t"]
+    single = _TRUTH in arrays
+    truths, agents = {}, {}
+    for name in states:
+        prefix = "" if single else f"{name}."
+        own = {key.removeprefix(prefix): rows for key, rows in arrays.items() if key != "t" and key.startswith(prefix)}
+        truths[name] = own[_TRUTH]
+        if "command.u" in own:
+            agents[name] = _agent(name, events, own, int(summary.get("replans", 0)))
+    return Recording(t, truths, agents, events, {name: tuple(names) for name, names in states.items()}, len(t))
+
+
+def _agent(name: str, events: list[Event], own: Mapping[str, Array], requests: int) -> AgentRecorder:
+    readings = {key.removeprefix(_OF_READINGS): rows for key, rows in own.items() if key.startswith(_OF_READINGS)}
+    return AgentRecorder(name, events, own["command.u"], readings, _estimates(own), _plans(own), requests)
+
+
+def _estimates(own: Mapping[str, Array]) -> list[Estimate]:
+    if "estimate.t" not in own:
+        return []
+    extra = {
+        key.removeprefix(_OF_ESTIMATES): rows
+        for key, rows in own.items()
+        if key.startswith(_OF_ESTIMATES) and key not in ("estimate.t", "estimate.x")
+    }
+    return [
+        Estimate(float(t), x, extra={key: rows[k] for key, rows in extra.items()})
+        for k, (t, x) in enumerate(zip(own["estimate.t"], own["estimate.x"], strict=True))
+    ]
+
+
+def _plans(own: Mapping[str, Array]) -> list[tuple[float, Plan]]:
+    if "plan.offsets" not in own:
+        return []
+    t, x, u, phase = (own[f"plan.{name}"] for name in ("t", "x", "u", "phase"))
+    offsets = own["plan.offsets"].astype(int).tolist()
+    return [
+        (float(adopted), Plan(t[a:b], x[a:b], u[a : b - 1], phase[a : b - 1].astype(np.int64), cost=float(cost)))
+        for a, b, adopted, cost in zip(offsets, offsets[1:], own["plan.adopted"], own["plan.cost"], strict=False)
+    ]

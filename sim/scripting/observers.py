@@ -1,0 +1,188 @@
+"""Observers of velocities on one's own data, sample by sample: no plug-in, no scenario.
+
+A system x' = v, D_t v = F(x, v, u) on a configuration manifold, its metric the kinetic energy, is observed from its
+positions x and its inputs u (thesis, Paper D; ``mathnavi.estimators.riemannian``, ``mathnavi.estimators.velocity``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mathnavi.models.manifold.constant_curvature import ConstantCurvature
+from mathnavi.models.manifold.mission import LagrangianMission
+from mathnavi.models.manifold.sensors import POSITION, PositionQuality
+from mathnavi.models.manifold.system import LagrangianSystem
+from mathnavi.models.manifold.systems import PointSystem
+from mathnavi.models.mechanism.entity import build_model
+from mathnavi.models.mechanism.system import MechanismSystem
+from mathnavi.sim.interfaces.errors import FieldError, ProblemError
+from mathnavi.sim.interfaces.protocols import Estimator
+from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
+from mathnavi.sim.plugin.registry import PluginSpec, checked_estimator, load
+from mathnavi.sim.scripting.requests import configured, raising
+
+ANY_SPEED = 1e6  # |v|_g from which a reading would be refused as an outlier
+_CLOCK = 1e-3  # [s] the nominal period of a mission; the observers follow the steps that they are given
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionEstimate:
+    """The state of a Lagrangian system as it is estimated."""
+
+    estimate: Estimate
+    position: Array  # (size,) a point of the manifold
+    velocity: Array  # (vector_size,) a tangent vector there
+    names: tuple[str, ...]  # of the components of both, with units
+
+    @property
+    def t(self) -> float:
+        """[s] since the first step."""
+        return self.estimate.t
+
+    @property
+    def status(self) -> Status:
+        """OK, INITIALISING or LOST."""
+        return self.estimate.status
+
+    @property
+    def covariance(self) -> Array | None:
+        """Of the state, from an observer that has one."""
+        return self.estimate.covariance
+
+    def _table(self) -> tuple[str, list[Row]]:
+        return f"estimate at {self.t:.6g} s: {self.status.value}", [
+            (name.partition(" [")[0], f"{value:.4g}", name.partition(" [")[2].removesuffix("]"))
+            for name, value in zip(self.names, self.estimate.x, strict=True)
+        ]
+
+    def __repr__(self) -> str:
+        return short_table(*self._table())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self._table())
+
+
+class LagrangianObserver:
+    """Steps an estimator of a Lagrangian system through positions and inputs."""
+
+    def __init__(self, system: LagrangianSystem, method: str, noise: float, speed_max: float, fields: Any) -> None:
+        with raising(FieldError):
+            mission = LagrangianMission(system, PositionQuality(noise=noise), _CLOCK, speed_max)
+            found = load("estimators", method)
+            spec = PluginSpec(found, configured(found.Config(), fields))
+            self._estimator: Estimator = checked_estimator(spec, mission)
+        self._system, self._method, self._t = system, method, 0.0
+
+    @property
+    def system(self) -> LagrangianSystem:
+        """The system that is observed, with the names and units of its states and inputs."""
+        return self._system
+
+    def step(self, dt: float, y: ArrayLike | None, u: ArrayLike | None = None) -> MotionEstimate:
+        """The estimate at the end of a step of dt [s], over which the input u (nu,) was held.
+
+        y (size,) is the position read at its end, None where a reading was lost. The first step starts the observer at
+        its reading, with the velocity zero. u is zero if not given.
+
+        Raises FieldError for a dt that is negative, and for y or u of another shape. A y that is not finite, or not a
+        point of the manifold, is a reading that was lost.
+        """
+        system, n = self._system, len(self._system.inputs)
+        if not (np.isfinite(dt) and dt >= 0.0):
+            raise FieldError(f"dt = {dt!r}; allowed: a finite number >= 0 [s]")
+        command = np.zeros(n) if u is None else np.array(u, dtype=np.float64)
+        if command.shape != (n,) or not np.isfinite(command).all():
+            raise FieldError(f"u = {command.tolist()}; allowed: {n} finite numbers, of {', '.join(system.inputs)}")
+        self._t += float(dt)
+        readings = []
+        if y is not None:
+            point = np.array(y, dtype=np.float64)  # a copy: it may be a view of what goes on
+            if point.shape != (system.manifold.size,):
+                name, size = system.manifold.name, system.manifold.size
+                raise FieldError(f"y has shape {point.shape}; allowed on {name}: ({size},)")
+            readings.append(Measurement(POSITION, self._t, point))
+        estimate = self._estimator.update(self._t, readings, command)
+        size = system.manifold.size
+        return MotionEstimate(estimate, estimate.x[:size], estimate.x[size:], tuple(system.states))
+
+    def __repr__(self) -> str:
+        return short_table(
+            f"{self._method} on {self._system.manifold.name}",
+            [("positions", str(self._system.manifold.size), ""), ("inputs", str(len(self._system.inputs)), "")],
+        )
+
+
+class IntrinsicObserver(LagrangianObserver):
+    """The observer (D.6) on a manifold, in no coordinates:
+
+        xi' = eta - A grad S,   D_t eta = -B grad S + PT F + C R(eta, grad S) eta,   S = dist(x, xi)^2 / 2.
+
+    ``where`` is ``Sphere(n)``, ``HyperbolicSpace(n)`` or ``EuclideanSpace(n)``, with ``potential`` U(p) [1/s^2], a
+    CasADi expression of the ambient point p (size,); or a system of one's own, ``RigidBody(inertia)`` for one. Points
+    and vectors are ambient: on ``Sphere(3)`` unit vectors (4,). The input is the force, ambient too.
+
+    ``bandwidth`` [1/s] is omega of the gains A = 2 zeta omega, B = omega^2; ``fields`` are the further ones of the
+    plug-in ``riemannian_observer``. ``noise`` [rad, m] is the standard deviation of a reading, ``speed_max`` the
+    highest |v|, by which outliers are refused; without it none are.
+
+    Raises FieldError for a field or a value that is not allowed.
+    """
+
+    def __init__(
+        self,
+        where: ConstantCurvature | LagrangianSystem,
+        *,
+        bandwidth: float = 10.0,
+        potential: Callable[[casadi.SX], casadi.SX] | None = None,
+        noise: float = 0.0,
+        speed_max: float = ANY_SPEED,
+        **fields: Any,
+    ) -> None:
+        if isinstance(where, ConstantCurvature):
+            system: LagrangianSystem = PointSystem(where, potential or _no_potential)
+        elif potential is None:
+            system = where
+        else:
+            raise FieldError("potential: allowed with a space of constant curvature; a system has its own forces")
+        super().__init__(system, "riemannian_observer", noise, speed_max, {"bandwidth": bandwidth, **fields})
+
+
+class VelocityObserver(LagrangianObserver):
+    """The joint velocities of a mechanism from its encoders, with its mass matrix as the metric (D.6).
+
+    ``mechanism`` is the path of an MJCF file of slides, hinges and balls, a name ("two-link", "dm_control:acrobot"), or
+    a ``mujoco.MjModel``. y is qpos (nq,) [m, rad], u is ctrl (nu,), the velocity is qvel (nv,) [m/s, rad/s].
+
+    ``method`` is a plug-in: riemannian_observer, high_gain, lagrangian_ekf, lagrangian_ukf or filtered_differences, and
+    ``fields`` are its own. ``noise`` [rad, m] and ``speed_max`` as of an ``IntrinsicObserver``.
+
+    Raises ProblemError for a model that is no such mechanism, PluginError for a method that is not known, FieldError
+    for a field or a value that is not allowed.
+    """
+
+    def __init__(
+        self,
+        mechanism: str | Path | mujoco.MjModel,
+        method: str = "riemannian_observer",
+        *,
+        noise: float = 0.0,
+        speed_max: float = ANY_SPEED,
+        **fields: Any,
+    ) -> None:
+        with raising(ProblemError):
+            model = mechanism if isinstance(mechanism, mujoco.MjModel) else build_model(mechanism)
+            system = MechanismSystem(model)
+        super().__init__(system, method, noise, speed_max, fields)
+
+
+def _no_potential(p: casadi.SX) -> casadi.SX:
+    return casadi.SX(0.0)

@@ -1,0 +1,121 @@
+"""What a script asks for: a scenario, its plug-ins, and fields by mappings or by dotted names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mathnavi.sim.interfaces import errors
+from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.errors import FieldError, PluginError
+from mathnavi.sim.interfaces.fields import flattened, with_fields
+from mathnavi.sim.plugin.registry import PluginSpec, load, names
+
+KINDS = ("controllers", "estimators", "consensus")  # of plug-ins with fields of their own
+_PREFIXES = {"planner": "controllers", "estimator": "estimators"}
+_NAMED = tuple(kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, ValueError))
+
+
+@contextmanager
+def raising(kind: type[ValueError]) -> Iterator[None]:
+    """A ValueError of no more telling kind in here is raised as one of ``kind``."""
+    try:
+        yield
+    except ValueError as error:
+        if isinstance(error, _NAMED):
+            raise
+        raise kind(str(error)) from error
+
+
+def flat(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields by dotted names, arrays as lists: {"noise": {"position": 5.0}} is {"noise.position": 5.0}."""
+    return {
+        name: value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+        for name, value in flattened(fields).items()
+    }
+
+
+def configured(base: Any, fields: Mapping[str, Any], where: str = "") -> Any:
+    """The configuration ``base`` with some fields set, named from ``where`` on.
+
+    FieldError for a field that it does not have, and for a value of another type or out of its range.
+    """
+    with raising(FieldError):
+        return with_fields(base, flat(fields), where)
+
+
+def plugin(name: str | type[Any], **fields: Any) -> PluginSpec:
+    """A controller, an estimator or a consensus protocol with some of its fields set.
+
+    ``name`` is that of an installed plug-in ("flight", "range_ekf"), "package.module:Class", or the class itself.
+    Nested fields are mappings, or dotted names: ``plugin("quadrotor", flight={"nodes": 9})``.
+
+    Raises PluginError for a name that is not known, FieldError for a field or a value that is not allowed.
+    """
+    found = _loaded(name) if isinstance(name, str) else name
+    if not hasattr(found, "Config"):
+        raise PluginError(f"{found!r} declares no frozen dataclass named Config, so it is not a plug-in")
+    return PluginSpec(found, configured(found.Config(), fields))
+
+
+def _loaded(name: str) -> Any:
+    if ":" in name:
+        refused = []
+        for kind in KINDS:
+            try:
+                return load(kind, name)
+            except PluginError as error:
+                refused.append(error)
+        raise refused[0]
+    for kind in KINDS:
+        if name in names(kind):
+            return load(kind, name)
+    known = sorted(each for kind in KINDS for each in names(kind))
+    raise PluginError(f"plugin: {name!r} is not known; {allowed_for(name, known, 'or package.module:Class')}")
+
+
+@dataclass(frozen=True)
+class ScriptRequest:
+    """A scenario with its configuration and its plug-ins, ready to be built."""
+
+    name: str
+    scenario: Any
+    config: Any
+    controller: PluginSpec
+    estimator: PluginSpec
+
+
+def request(
+    scenario: str,
+    controller: PluginSpec | str | type[Any] | None,
+    estimator: PluginSpec | str | type[Any] | None,
+    fields: Mapping[str, Any],
+) -> ScriptRequest:
+    """The request that a script's arguments make.
+
+    ``fields`` are the scenario's, and by "planner.NAME" and "estimator.NAME" those of its plug-ins. Raises PluginError
+    and FieldError as ``plugin`` does.
+    """
+    found = load("scenarios", scenario)
+    own: dict[str, Any] = {}
+    parts: dict[str, dict[str, Any]] = {prefix: {} for prefix in _PREFIXES}
+    for name, value in flat(fields).items():
+        prefix, _, rest = name.partition(".")
+        if rest and prefix in parts:
+            parts[prefix][rest] = value
+        else:
+            own[name] = value
+    specs = {}
+    for (prefix, kind), asked in zip(_PREFIXES.items(), (controller, estimator), strict=True):
+        wanted = getattr(found, kind.removesuffix("s")) if asked is None else asked
+        spec = wanted if isinstance(wanted, PluginSpec) else _spec(kind, wanted)
+        specs[prefix] = PluginSpec(spec.plugin, configured(spec.config, parts[prefix], prefix))
+    return ScriptRequest(scenario, found, configured(found.Config(), own), specs["planner"], specs["estimator"])
+
+
+def _spec(kind: str, wanted: Any) -> PluginSpec:
+    return PluginSpec.of(load(kind, wanted) if isinstance(wanted, str) else wanted)

@@ -1,0 +1,315 @@
+"""Runs of scenarios: one, many, a study, or an environment to be commanded from outside."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mathnavi.sim.interfaces.errors import FieldError, MissionError
+from mathnavi.sim.interfaces.fields import leaf_type
+from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
+from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.plugin.registry import PluginSpec, called, names
+from mathnavi.sim.plugin.registry import load as load_plugin
+from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.statistics import Rate, rate
+from mathnavi.sim.records.store import Record, Store
+from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.scripting.requests import ScriptRequest, configured, flat, raising, request
+from mathnavi.sim.sweep.execution import Progress, available_cores, run_trials
+from mathnavi.sim.sweep.trial import Trial
+from mathnavi.sim.sweep.uniform import Uniform
+
+if TYPE_CHECKING:  # these take a while to import, and no run needs them
+    from matplotlib.figure import Figure
+
+    from mathnavi.sim.environments.dm import Environment
+    from mathnavi.sim.studies.framework.study import StudyResult
+
+Plugin = PluginSpec | str | type[Any] | None
+_PLUGINS = ("controller", "estimator")
+
+
+def run(
+    scenario: str,
+    *,
+    seed: int = 0,
+    controller: Plugin = None,
+    estimator: Plugin = None,
+    progress: Callable[[float], None] | None = None,
+    **fields: Any,
+) -> RunResult:
+    """Fly a scenario once and judge it: the same seed gives the same log, bit for bit.
+
+    ``controller`` and ``estimator`` are plug-ins (``plugin``), their names or their classes; the scenario's own if not
+    given. ``fields`` are the scenario's, nested ones as mappings, ``noise={"position": 5.0}``, or by dotted names.
+    ``progress`` is called with the simulated time [s].
+
+    Raises PluginError for a scenario or a plug-in that is not known, FieldError for a field or a value that is not
+    allowed, MissionError for a mission that cannot be flown, FileNotFoundError for a file that is not there.
+    """
+    asked = request(scenario, controller, estimator, fields)
+    with raising(MissionError):
+        closed_loop = asked.scenario.build(asked.config, _seed(seed), asked.controller, asked.estimator)
+    result: RunResult = closed_loop.run(progress)
+    return result
+
+
+def make(scenario: str, *, seed: int = 0, estimator: Plugin = None, **fields: Any) -> Environment:
+    """A scenario as a ``dm_env.Environment``, whose actions command the actuators (``mathnavi.sim.environments.dm``).
+
+    ``seed`` draws the mission, and the generator of it the seeds of the episodes. Raises as ``run`` does, and
+    MissionError for a scenario that has nothing to command.
+    """
+    from mathnavi.sim.environments.dm import load as environment
+
+    asked = request(scenario, None, estimator, fields)
+    own = {name: value for name, value in flat(fields).items() if not name.startswith("estimator.")}
+    with raising(MissionError):
+        return environment(scenario, seed=_seed(seed), estimator=asked.estimator, **own)
+
+
+def available(kind: str) -> tuple[str, ...]:
+    """Names of what is installed: "scenarios", "controllers", "estimators", "consensus", "studies" or "terrains".
+
+    FieldError for another kind.
+    """
+    try:
+        return names(kind)
+    except KeyError:
+        kinds = "scenarios, controllers, estimators, consensus, studies, terrains"
+        raise FieldError(f"kind = {kind!r}; allowed: {kinds}") from None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SweepResult:
+    """The trials of a sweep, in order of their seeds, those of one seed together."""
+
+    records: tuple[Record, ...]
+    varied: tuple[str, ...]  # fields
+
+    @property
+    def failures(self) -> Rate:
+        """How often the mission did not do what it should, or did not run to its end, with its confidence interval."""
+        return rate(sum(not record.success for record in self.records), len(self.records))
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row for each trial: seed, the varied fields, status, success and the summary's figures."""
+        return [
+            {
+                "seed": record.seed,
+                **{name: record.fields[name] for name in self.varied},
+                "status": record.status,
+                "success": record.success,
+                **{key: value for key, value in record.summary.items() if key != "seed"},
+            }
+            for record in self.records
+        ]
+
+    def figures(self, name: str) -> Array:
+        """(trials,) a figure of the summaries; NaN where a trial has none."""
+        values = (record.summary.get(name) for record in self.records)
+        return np.array([math.nan if value is None else float(value) for value in values])
+
+    def _table(self) -> tuple[str, list[Row]]:
+        scenario = self.records[0].scenario if self.records else "nothing"
+        by_condition: dict[str, list[Record]] = {}
+        for record in self.records:
+            listed = [f"{name} {value_text(record.fields[name])}" for name in self.varied]
+            by_condition.setdefault(", ".join(listed) or "all", []).append(record)
+        title = f"{scenario}, {len(self.records)} trials, failures {self.failures.text()}"
+        if len(by_condition) == len(self.records):
+            return title, []
+        return title, [
+            (name, f"{sum(bool(record.success) for record in records)} of {len(records)}", "succeeded")
+            for name, records in by_condition.items()
+        ]
+
+    def __repr__(self) -> str:
+        return short_table(*self._table())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self._table())
+
+
+def sweep(
+    scenario: str,
+    trials: int = 20,
+    *,
+    vary: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    controller: Plugin = None,
+    estimator: Plugin = None,
+    store: str | Path | None = None,
+    workers: int | None = None,
+    cluster: str | None = None,
+    timeout: float | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    **fields: Any,
+) -> SweepResult:
+    """Fly a scenario with the seeds ``seed`` to ``seed + trials - 1``, in parallel processes.
+
+    ``vary`` names fields as on the command line ("planner.nodes", "faults.gust_rms", "controller"). A list holds values
+    each of which flies every seed; a pair (low, high) is drawn from uniformly, afresh for each seed. With a ``store``
+    (an SQLite file) every trial is kept as it ends, and what it holds already is not flown again. ``timeout`` [s] is
+    for each trial; ``cluster`` is the address of a Dask scheduler.
+
+    Raises as ``run`` does, and StoreError for a store that is broken. A plug-in of one's own has to lie in a module, so
+    that the processes find it.
+    """
+    if trials < 1:
+        raise FieldError(f"trials = {trials!r}; allowed: a whole number >= 1")
+    listed = {name: list(values) for name, values in (vary or {}).items() if not isinstance(values, tuple)}
+    drawn = {name: values for name, values in (vary or {}).items() if isinstance(values, tuple)}
+    plugins = {"controller": controller, "estimator": estimator}
+    asked = []
+    for number in range(_seed(seed), seed + trials):
+        for values in itertools.product(*listed.values()):
+            chosen = dict(zip(listed, values, strict=True))
+            parts = {name: chosen.pop(name, plugins[name]) for name in _PLUGINS}
+            base = request(scenario, parts["controller"], parts["estimator"], {**flat(fields), **chosen})
+            here = {name: _uniform(base, name, bounds).draw(number) for name, bounds in drawn.items()}
+            asked.append(_trial(_updated(base, here) if here else base, number))
+    with ExitStack() as opened:
+        path = store if store is not None else Path(opened.enter_context(TemporaryDirectory())) / "trials.db"
+        records = run_trials(
+            asked,
+            opened.enter_context(Store.open(path)),
+            workers=available_cores() if workers is None else workers,
+            cluster=cluster,
+            timeout=timeout,
+            progress=progress,
+        )
+    return SweepResult(tuple(records), tuple(vary or ()))
+
+
+def _seed(seed: int) -> int:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise FieldError(f"seed = {seed!r}; allowed: a whole number >= 0")
+    return int(seed)
+
+
+def _place(base: ScriptRequest, name: str) -> tuple[str, Any, str]:
+    """Of a field: which configuration of the request it lies in, that configuration, and its name there."""
+    prefix, _, rest = name.partition(".")
+    if rest and prefix == "planner":
+        return "controller", base.controller.config, rest
+    if rest and prefix == "estimator":
+        return "estimator", base.estimator.config, rest
+    return "config", base.config, name
+
+
+def _uniform(base: ScriptRequest, name: str, bounds: tuple[Any, ...]) -> Uniform:
+    _, config, field = _place(base, name)
+    try:
+        kind = leaf_type(config, field)
+    except (KeyError, AttributeError):
+        raise FieldError(f"vary: {name} is not a field of {base.name}") from None
+    if kind not in (int, float) or len(bounds) != 2 or not bounds[0] <= bounds[1]:
+        raise FieldError(f"vary: {name} = {bounds!r}; allowed: (low, high) of a field that is a number, or a list")
+    return Uniform(name, *map(kind, bounds))
+
+
+def _updated(base: ScriptRequest, values: Mapping[str, Any]) -> ScriptRequest:
+    for name, value in values.items():
+        where, config, field = _place(base, name)
+        changed = configured(config, {field: value})
+        if where == "config":
+            base = dataclasses.replace(base, config=changed)
+        elif where == "controller":
+            base = dataclasses.replace(base, controller=PluginSpec(base.controller.plugin, changed))
+        else:
+            base = dataclasses.replace(base, estimator=PluginSpec(base.estimator.plugin, changed))
+    return base
+
+
+def _trial(base: ScriptRequest, seed: int) -> Trial:
+    return Trial(
+        base.name,
+        base.config,
+        seed,
+        called("controllers", base.controller.name),
+        base.controller.config,
+        called("estimators", base.estimator.name),
+        base.estimator.config,
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StudyRun:
+    """A study that was done: its claims, tables and figure."""
+
+    name: str
+    title: str
+    result: StudyResult
+    folder: Path | None = None  # into which it was written
+
+    @property
+    def claims(self) -> Sequence[Claim]:
+        """What the study says of each claim: expected, measured, holds."""
+        return self.result.claims
+
+    @property
+    def rows(self) -> Sequence[Mapping[str, Any]]:
+        """The measurements, a mapping for each row of its CSV."""
+        return self.result.rows
+
+    @property
+    def figure(self) -> Figure:
+        """The study's matplotlib figure."""
+        return self.result.figure
+
+    def _table(self) -> tuple[str, list[Row]]:
+        held = {None: "not measured", True: "holds", False: "does NOT hold"}
+        return f"{self.name}: {self.title}", [(claim.id, held[claim.holds], "") for claim in self.claims]
+
+    def __repr__(self) -> str:
+        return short_table(*self._table())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self._table())
+
+
+def study(
+    name: str,
+    *,
+    quick: bool = False,
+    terrain: str | None = None,
+    out: str | Path | None = None,
+    workers: int | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    **fields: Any,
+) -> StudyRun:
+    """Do a table or a figure of the thesis again; ``quick`` is a small sample for a first look.
+
+    ``fields`` are its sample sizes. A study of flights is done over ``terrain``, "tian_shan" if not given. With ``out``
+    its trials are stored there, and NAME.csv, NAME.png, NAME.html and NAME.json are written.
+
+    Raises PluginError for a study that is not known, FieldError for a field or a value that is not allowed.
+    """
+    from mathnavi.sim.studies.framework.study import Setup, first_look, on_terrain, write_findings
+
+    found = load_plugin("studies", name)
+    config = configured(found.quick if quick else found.Config(), fields)
+    if terrain is not None and not on_terrain(found):
+        raise FieldError(f"terrain = {terrain!r}: {name} is not done on a terrain; allowed: None")
+    site = (terrain or "tian_shan") if on_terrain(found) else None
+    with ExitStack() as opened:
+        folder = Path(out) if out is not None else Path(opened.enter_context(TemporaryDirectory()))
+        trials = opened.enter_context(Store.open(folder / "trials.db"))
+        setup = Setup(site, trials, available_cores() if workers is None else workers, progress)
+        result = found.run(config, setup)
+        if out is not None:
+            small = first_look(config)
+            write_findings(folder, name.replace(":", "."), found.title, result, setup, f"study {name}", small)
+    return StudyRun(name, found.title, result, Path(out) if out is not None else None)

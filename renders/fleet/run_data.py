@@ -16,6 +16,7 @@ from mathnavi.renders.flight.run_data import RunData, flight_of
 from mathnavi.renders.palette import Colour, vehicle_colour
 from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.metrics.fleet import arrival_time
+from mathnavi.sim.records.missions import FleetRecord, read_mission
 from mathnavi.sim.records.run_log import last_at, read_fleet
 
 AGREED = re.compile(r"arrival time from .*: (\S+)")  # how a vehicle's log tells of the time that it has agreed to
@@ -155,8 +156,8 @@ def load_run(directory: str | Path) -> FleetRun:
     log = read_fleet(directory)
     path = log.directory / "config.json"
     try:
-        mission = log.config["mission"]
-        names, separation = tuple(mission["vehicles"]), float(mission["separation"])
+        mission = read_mission(FleetRecord, log.config["mission"])
+        names, separation = tuple(mission.vehicles), mission.separation
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{str(path)!r} does not describe the flight of a fleet: {error!r}") from None
     if set(names) != set(log.vehicles) or len(names) < 2:

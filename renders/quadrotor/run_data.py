@@ -15,6 +15,7 @@ from mathnavi.renders.flight.run_data import RunData, flight_of
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.flight import references
 from mathnavi.sim.metrics.quadrotor import point, tilts
+from mathnavi.sim.records.missions import QuadrotorRecord, read_mission
 from mathnavi.sim.records.run_log import read_log
 
 
@@ -77,9 +78,8 @@ def load_run(directory: str | Path) -> QuadrotorRun:
     flown = np.gradient(centre[:, 3:], log.t, axis=0)
     flight = flight_of(dataclasses.replace(log, x=centre, u=flown), lambda mission: mission)
     try:
-        told = log.config["mission"]
-        reach, most = float(told["reach"]), float(told["thrust_max"])
-        bound = {name: float(told["tracking_bound"][name]) for name in ("horizontal", "vertical")}
+        mission = read_mission(QuadrotorRecord, log.config["mission"])
+        bound = {name: float(mission.tracking_bound[name]) for name in ("horizontal", "vertical")}
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{str(log.directory / 'config.json')!r} does not describe a quadrotor: {error!r}") from None
-    return QuadrotorRun(flight, log.x, log.u, reach, most, bound)
+    return QuadrotorRun(flight, log.x, log.u, mission.reach, mission.thrust_max, bound)

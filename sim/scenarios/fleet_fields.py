@@ -17,7 +17,8 @@ from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
 from mathnavi.sim.interfaces.checks import check, check_names, check_rate
 from mathnavi.sim.interfaces.fields import with_fields
-from mathnavi.sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
+from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults
+from mathnavi.sim.scenarios.flight_parts import FlightNoise, Point
 from mathnavi.sim.scenarios.information import ChangeFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
@@ -221,8 +222,8 @@ class SimultaneousArrivalConfig(ChangeFields, FleetFields):
 
     radio: Radio = field(default_factory=Radio)
     clocks: Clocks = field(default_factory=Clocks)
-    noise: Noise = field(default_factory=Noise)
-    faults: Faults = field(default_factory=Faults)
+    noise: FlightNoise = field(default_factory=FlightNoise)
+    faults: FlightFaults = field(default_factory=FlightFaults)
 
     def __post_init__(self) -> None:
         FleetFields.__post_init__(self)

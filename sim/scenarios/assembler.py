@@ -1,0 +1,162 @@
+"""Assembles the closed loop of a scenario from what all scenarios share.
+
+    plug-ins        the scenario's own where none are given, checked against the mission
+    random streams  one for each source of chance, in the order that the scenario lists
+    faults          of every group of faults in the configuration, around planner, sensors and plant
+    certificate     around the planner of a flight, unless its plug-in declares ``certified = False``
+    record          config.json: enough to build the same loop again, and to draw its run
+
+A scenario says the rest: its mission, its vehicle, its referee, its metrics and its task.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.planner import StopAndHover
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.network import Network
+from mathnavi.sim.interfaces.fields import plain
+from mathnavi.sim.interfaces.protocols import Estimator, Planner, Plant, Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
+from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.fault_fields import Fault, with_disturbances, with_planner_faults, with_sensor_faults
+from mathnavi.sim.scenarios.random_streams import RandomStreams
+from mathnavi.sim.scenarios.task import Task
+
+
+@dataclass(frozen=True)
+class Assembler:
+    """Parts of one closed loop of a scenario, for one seed."""
+
+    scenario: Any  # its class
+    config: Any  # of the scenario's Config
+    seed: int
+    controller: PluginSpec
+    estimator: PluginSpec
+    streams: RandomStreams
+    faults: tuple[Fault, ...]  # the groups of faults in the configuration
+
+    @staticmethod
+    def of(
+        scenario: Any, config: Any, seed: int, controller: PluginSpec | None, estimator: PluginSpec | None
+    ) -> Assembler:
+        """The assembler of a scenario's class, with the scenario's own plug-ins where none are given.
+
+        ``scenario.streams`` lists the names of the random streams, in the order in which they are spawned; without it
+        none is listed.
+        """
+        groups = (getattr(config, field.name) for field in dataclasses.fields(config))
+        return Assembler(
+            scenario, config, seed,
+            controller or PluginSpec.of(load("controllers", scenario.controller)),
+            estimator or PluginSpec.of(load("estimators", scenario.estimator)),
+            RandomStreams(np.random.default_rng(seed), getattr(scenario, "streams", ())),
+            tuple(group for group in groups if isinstance(group, Fault)),
+        )  # fmt: skip
+
+    # ---- controller
+
+    def pilot(self, mission: Any) -> tuple[Planner, Any]:
+        """The planner, with its faults, and the tracker; PluginError if the controller does not fit the mission."""
+        planner, tracker = checked_controller(self.controller, mission)
+        return with_planner_faults(planner, self.faults, self.streams), tracker
+
+    def certified_pilot(
+        self, mission: Any, flight: FlightMission, streams: RandomStreams | None = None
+    ) -> tuple[Planner, Any]:
+        """As ``pilot``, and every plan is certified before it is flown, unless the controller declares otherwise.
+
+        ``flight`` is the mission of the point mass that is certified. PluginError also for a tracker that states no
+        ``TrackingBound``.
+        """
+        raw, tracker = checked_controller(self.controller, mission, TrackingBound)
+        planner = with_planner_faults(raw, self.faults, streams or self.streams)
+        if getattr(self.controller.plugin, "certified", True):
+            planner = certified(planner, flight, tracker.bound)
+        return planner, tracker
+
+    def first_plan(self, mission: Any, flight: FlightMission) -> Plan:
+        """The certified planner's answer at the start; a controller without a certificate is held to it here too."""
+        planner, tracker = checked_controller(self.controller, mission, TrackingBound)
+        request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
+        return certified(planner, flight, tracker.bound).plan(request)
+
+    # ---- estimator and sensors
+
+    def observer(self, mission: Any) -> Estimator:
+        """The estimator; PluginError if it does not fit the mission."""
+        return checked_estimator(self.estimator, mission)
+
+    def sensors(self, mission: Any, *others: Sensor, streams: RandomStreams | None = None) -> tuple[Sensor, ...]:
+        """The sensors that the estimator asks for, and ``others``, with their faults."""
+        carried = (*checked_sensors(self.estimator, mission), *others)
+        return with_sensor_faults(carried, self.faults, streams or self.streams)
+
+    # ---- plant
+
+    def disturbed(self, plant: Plant, period: float, mass: float = 1.0) -> Plant:
+        """The plant with its disturbances, for vehicles of a mass [kg] and planners of a period [s]."""
+        return with_disturbances(plant, self.faults, self.streams, mass=mass, period=period)
+
+    # ---- closed loop
+
+    def closed_loop(
+        self,
+        plant: Plant,
+        agents: Mapping[str, Agent],
+        duration: float,
+        finished: Callable[[float, Mapping[str, Array]], bool],
+        summarise: Callable[[Recording, float], tuple[dict[str, Any], bool]],
+        *,
+        mission: Any,
+        resolved: Any = None,
+        terrain: Mapping[str, Any] | None = None,
+        network: Network | None = None,
+        task: Task | None = None,
+    ) -> ClosedLoop:
+        """The closed loop, and what config.json holds of it.
+
+        ``mission`` is the mission as it is recorded, a dataclass of ``mathnavi.sim.records.missions`` for one;
+        ``resolved`` the configuration with all that was drawn, that given if nothing was; ``terrain`` its name, its
+        path and its digest.
+        """
+        return ClosedLoop(
+            plant, agents, duration, finished, summarise, self._record(mission, resolved, terrain), network, task
+        )
+
+    def _record(self, mission: Any, resolved: Any, terrain: Mapping[str, Any] | None) -> dict[str, Any]:
+        """What config.json holds beside the versions."""
+        drawing = getattr(self.scenario, "drawing", None)
+        place = f"{self.scenario.__module__}:{self.scenario.__qualname__}"
+        return {
+            "scenario": getattr(self.scenario, "name", place),
+            **({} if drawing is None else {"drawing": drawing}),
+            "seed": self.seed,
+            "fields": dataclasses.asdict(self.config if resolved is None else resolved),
+            "controller": _plugin_record(self.controller),
+            "estimator": _plugin_record(self.estimator),
+            **({} if terrain is None else {"terrain": terrain}),
+            "mission": plain(mission),
+        }
+
+
+def certified(planner: Planner, flight: FlightMission, bound: TrackingBound) -> Certified:
+    """The planner behind a certificate, and what flies in its place where there is no certified plan."""
+    certificate = Certificate.of(flight, bound)
+    return Certified(planner, partial(StopAndHover, period=planner.period), certificate, bound, flight.deadline_factor)
+
+
+def _plugin_record(part: PluginSpec) -> dict[str, Any]:
+    return {"name": part.name, "fields": dataclasses.asdict(part.config)}

@@ -1,8 +1,8 @@
-"""One agent of the loop with what it remembers between ticks: estimate, plan, and what others said.
+"""One agent of the loop with its state between ticks: estimate, plan, and messages of others.
 
-A vehicle that flies among others has a coordinator, which talks to theirs over the network. A plan of such a vehicle is
-proposed as soon as it is there, and takes over only if the coordinator admits it at its start; the plan before, which
-leads to rest, stays otherwise.
+A vehicle that flies among others has a coordinator, which exchanges messages with theirs over the network. A plan of
+such a vehicle is proposed as soon as it is there, and takes over only if the coordinator admits it at its start;
+otherwise the plan before, which leads to rest, stays.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Agent:
-    """What flies one vehicle: it sees measurements and messages, never the truth."""
+    """Estimator, planner and tracker of one vehicle: they see measurements and messages, never the truth."""
 
     estimator: Estimator
     planner: Planner
@@ -48,7 +48,7 @@ class Agent:
 
 @dataclass
 class AgentRunner:
-    """One agent with what it remembers between ticks."""
+    """One agent and its state between ticks."""
 
     name: str
     agent: Agent
@@ -68,8 +68,8 @@ class AgentRunner:
     usable: bool = True  # the tracker's last command
     estimating: bool = True  # the estimator's last answer was usable
 
-    def look(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
-        """Do what falls due at tick k; ``row`` is that of the log."""
+    def control_step(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
+        """Estimate, plan and track as far as they fall due at tick k, t [s]; ``row`` is that of the log."""
         if self.plan is None and self.agent.stored is not None:
             self._take_over(t, self.agent.stored)
         self.observe(row, k, t, readings)
@@ -78,14 +78,14 @@ class AgentRunner:
         self.record.command(row, self.command)
 
     def observe(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
-        """Take in what the sensors read, and estimate if it falls due."""
+        """Take in the readings of the sensors, and estimate if that falls due."""
         self.record.measurements(row, readings)
         self.inbox.extend(readings)
         if k % self.estimator_ticks == 0:
             self._estimate(t)
 
-    def obey(self, row: int, command: Array) -> None:
-        """Take a command (nu,) from outside, which stays until the next one."""
+    def hold(self, row: int, command: Array) -> None:
+        """Hold a command (nu,) from outside until the next one."""
         self.command = command
         self.record.command(row, command)
 
@@ -102,7 +102,7 @@ class AgentRunner:
             self._track(t, estimate, self.plan)
 
     def _estimate(self, t: float) -> None:
-        """The estimator's answer, or what is left of the last one where it cannot be used."""
+        """Update the estimate; an answer that cannot be used leaves the last one, marked as lost."""
         try:
             estimate = self.agent.estimator.update(t, self.inbox, self.command)
             complaint = _unusable(estimate, self.estimate)
@@ -120,7 +120,7 @@ class AgentRunner:
             self.record.estimate(self.estimate)
 
     def _of_coordinator(self, t: float, call: Callable[[Coordinator], T], otherwise: T) -> T:
-        """What the coordinator answers; ``otherwise`` where there is none, and where it raises, which is on record."""
+        """The coordinator's answer; ``otherwise`` without a coordinator, and where it raises, which is recorded."""
         if self.agent.coordinator is None:
             return otherwise
         try:
@@ -130,28 +130,28 @@ class AgentRunner:
             return otherwise
 
     def _exchange(self, t: float) -> None:
-        """What has come in, and what is to be said to whom; a coordinator that raises has said nothing."""
+        """Pass received messages to the coordinator and send its answers; one that raises sends nothing."""
         received = self.network.receive(self.name, t)
         outbox = self._of_coordinator(t, lambda coordinator: coordinator.exchange(t, received), Outbox())
         for receiver, message in outbox.messages:
             self.network.send(message, receiver, t)
-        for kind, told in outbox.events:
-            self.record.event(t, kind, told)
+        for kind, text in outbox.events:
+            self.record.event(t, kind, text)
         self.undelivered = sorted([*self.undelivered, *outbox.planner_messages], key=lambda each: each.t)
 
     def _deliver(self, t: float) -> list[Message]:
-        """What falls due, for the planner's next request; each is on record."""
+        """Messages that fall due, for the planner's next request; each is recorded."""
         due = []
         while self.undelivered and self.undelivered[0].t <= t + TIME_TOLERANCE:
             message = self.undelivered.pop(0)
             due.append(message)
-            told = f": {message.payload:.10g}" if isinstance(message.payload, float) else ""
-            self.record.event(t, "message", f"{message.topic} from {message.sender}{told}")
+            value = f": {message.payload:.10g}" if isinstance(message.payload, float) else ""
+            self.record.event(t, "message", f"{message.topic} from {message.sender}{value}")
         self.delivered += due
         return due
 
     def _alarm(self, t: float, estimate: Estimate) -> None:
-        """Between two planning instants: whether what is told now asks for another plan at once."""
+        """Replan between two planning instants where a message that falls due now calls for it."""
         alarmed = getattr(self.agent.planner, "alarmed", None)
         if alarmed is None or self.plan is None or not self.undelivered or self.undelivered[0].t > t + TIME_TOLERANCE:
             return
@@ -203,7 +203,7 @@ class AgentRunner:
         self.pending = waiting
 
     def _admitted(self, t: float, plan: Plan) -> bool:
-        """Whether the others leave room for it; the first plan, which nobody was told of, has no others to ask."""
+        """True if the others leave room for the plan; the first plan was announced to nobody and needs no answer."""
         if self.agent.coordinator is None or self.plan is None:
             return True
         return self._of_coordinator(t, lambda coordinator: coordinator.admits(t, plan), otherwise=False)
@@ -236,7 +236,7 @@ class AgentRunner:
 
 
 def _unusable(estimate: Any, before: Estimate | None) -> str:
-    """What is wrong with an estimator's answer, "" for nothing."""
+    """The error in an estimator's answer; "" for none."""
     if not isinstance(estimate, Estimate):
         return f"update() returned {type(estimate).__name__}; allowed: Estimate"
     x = np.asarray(estimate.x)

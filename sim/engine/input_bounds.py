@@ -1,4 +1,4 @@
-"""What brings the input of a vehicle back to its bounds."""
+"""Saturation: the input of a vehicle within its bounds."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _ROUND_OFF = 1e-9  # relative excess of an input that is not worth an event
 
 
 def input_bound(name: str, input_max: float | Array, size: int) -> Callable[[Array], tuple[Array, str]]:
-    """What brings an input back to its bound, and says so; "" where there is nothing to say."""
+    """A function of an input (nu,): the saturated input (nu,), and a message; "" where nothing was saturated."""
     limits = np.asarray(input_max, dtype=np.float64)
     if limits.shape not in ((), (size,)) or not (limits > 0.0).all():
         raise ValueError(f"vehicle {name!r}: input_max = {input_max!r}; allowed: one number > 0, or {size} of them")

@@ -2,14 +2,14 @@
 
     sensors -> estimator -> planner (slow) -> tracker (fast) -> actuators
 
-Each part runs at its own rate, a whole number of physics ticks. The loop looks, and logs, at the greatest common
-divisor of these; the ticks between two looks are one step of the plant with the inputs held. A plan asked for at t
+Each part runs at its own rate, a whole number of physics ticks. The control step, and the sample in the log,
+is the greatest common divisor of these; in between, the plant advances with the inputs held. A plan asked for at t
 takes over at its own start time, one planning period later, if it is at hand by then; until then, and whenever there is
 none, the vehicle flies the last plan that was adopted, which leads to rest. The loop knows protocols only: it never
 asks what a plan is for.
 
 ``simulate`` runs it from beginning to end. A ``Loop`` is stepped from outside, by whoever commands the actuators in the
-place of planner and tracker: the sensors, the estimators, the disturbances and the looks are those of a flight.
+place of planner and tracker: sensors, estimators, disturbances and samples are those of a flight.
 """
 
 from __future__ import annotations
@@ -53,20 +53,20 @@ def _rates(name: str, agent: Agent, dt: float) -> tuple[int, int, int, int]:
                 f"allowed: a whole fraction of the {part}'s period, {period!r} s"
             )
     coordinator = agent.coordinator
-    talks = 0 if coordinator is None else whole_ticks(coordinator.period, dt, f"{name}: the coordinator's period")
-    return estimator, planner, tracker, talks
+    exchanges = 0 if coordinator is None else whole_ticks(coordinator.period, dt, f"{name}: the coordinator's period")
+    return estimator, planner, tracker, exchanges
 
 
 class Loop:
-    """The loop between two looks: ``look`` or ``observe``, then ``advance``, until ``over``.
+    """The loop, step by step: ``control_step`` or ``observe``, then ``advance``, until ``over``.
 
-    ``t`` [s] and ``truths``, (nx,) by vehicle, are those of the last look; ``recording`` holds all looks so far.
+    ``t`` [s] and ``truths``, (nx,) by vehicle, are those of the last sample; ``recording`` holds all samples so far.
     """
 
     def __init__(
         self, plant: Plant, agents: Mapping[str, Agent], duration: float, network: Network | None = None
     ) -> None:
-        """From the plant's present time for ``duration`` [s]. ``network`` carries what coordinators say.
+        """From the plant's present time for ``duration`` [s]. ``network`` carries the coordinators' messages.
 
         Raises ValueError if an agent has no vehicle, a rate is not a whole number of ticks, or an estimator is slower
         than the parts that use it.
@@ -78,7 +78,7 @@ class Loop:
         self._plant, self._names = plant, plant.names
         rates = {name: _rates(name, agent, dt) for name, agent in agents.items()}
         self.stride = math.gcd(*(ticks for of_agent in rates.values() for ticks in of_agent)) or 1
-        """ticks between two looks; gcd() is 0: no agents"""
+        """ticks between two samples; gcd() is 0: no agents"""
         rows = -(-self._steps // self.stride) + 1
         self.recording = Recording.begin(plant, {name: agent.input_size for name, agent in agents.items()}, rows)
         carrier = IdealNetwork(list(agents)) if network is None else network
@@ -101,27 +101,27 @@ class Loop:
 
     @property
     def over(self) -> bool:
-        """Whether the duration has passed."""
+        """True once the duration has passed."""
         return self._tick == self._steps
 
-    def look(self) -> None:
-        """Sensors and estimators, and what the agents do."""
+    def control_step(self) -> None:
+        """Sample the sensors, estimate, plan and track, whatever falls due now."""
         row, k, t = self._begin()
         for runner in self._each:
-            runner.look(row, k, t, self._plant.sense(runner.name))
+            runner.control_step(row, k, t, self._plant.sense(runner.name))
 
     def observe(self) -> None:
-        """Sensors and estimators only; what acts until the next look is left to ``command``."""
+        """Sample the sensors and estimate only; ``command`` sets the input until the next sample."""
         row, k, t = self._begin()
         for runner in self._each:
             runner.observe(row, k, t, self._plant.sense(runner.name))
 
     def command(self, name: str, u: Array) -> None:
-        """The input (nu,) of a vehicle from this look on, in the place of its tracker's; kept until the next one."""
-        self.runners[name].obey(self._row, u)
+        """Set the input (nu,) of a vehicle from this sample on, in place of its tracker's, until the next command."""
+        self.runners[name].hold(self._row, u)
 
     def advance(self) -> None:
-        """One step of the plant under the commands, to the next look."""
+        """Advance the plant under the commands to the next sample."""
         commands = {runner.name: runner.command for runner in self._each}
         ticks = min(self.stride, self._steps - self._tick)
         self.recording.events.extend(self._plant.step(commands, ticks))
@@ -148,19 +148,19 @@ def simulate(
     """Run the loop from the plant's present time for at most ``duration`` [s], or until ``finished(t, truths)``.
 
     ``finished`` is the referee: it sees the truth and belongs to the scenario, not to a controller. ``progress`` is
-    told the simulated time once a simulated second. ``network`` carries what coordinators say, at once if none is
-    given.
+    called with the simulated time once a simulated second. ``network`` carries the coordinators' messages, at once if
+    none is given.
 
     Raises ValueError if an agent has no vehicle, a rate is not a whole number of ticks, or an estimator is slower
     than the parts that use it.
     """
     loop = Loop(plant, agents, duration, network)
-    told = -math.inf  # [s]
+    reported = -math.inf  # [s]
     while True:
-        loop.look()
+        loop.control_step()
         if loop.over or (finished is not None and finished(loop.t, loop.truths)):
             return loop.recording.end()
         loop.advance()
-        if progress is not None and loop.t >= told + 1.0:
-            told = loop.t
-            progress(told)
+        if progress is not None and loop.t >= reported + 1.0:
+            reported = loop.t
+            progress(reported)

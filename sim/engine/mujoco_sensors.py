@@ -28,7 +28,7 @@ class OwnSensors:
         self._present = False
 
     def read(self, vehicle: str, name: str) -> Array:
-        """What the sensor ``VEHICLE/NAME`` reads now, a copy.
+        """The present reading of the sensor ``VEHICLE/NAME``, a copy.
 
         ValueError if there is none, or none that follows from the positions alone.
         """

@@ -1,4 +1,4 @@
-"""Message passing between vehicles that know nothing of each other but what they are told.
+"""Message passing between vehicles that know of each other only what is communicated.
 
 ``Network`` delivers at once; around it stand wrappers for what a radio does: who hears whom, delay, loss, duplication
 and partition. Every wrapper draws from a generator that is passed in, so a run with them is as reproducible as one
@@ -19,14 +19,14 @@ from mathnavi.sim.interfaces.signals import Message
 
 
 class Network(Protocol):
-    """What carries messages."""
+    """A carrier of messages."""
 
     def send(self, message: Message, receiver: str, t: float) -> None:
         """Take a message that sets out at t [s]."""
         ...
 
     def receive(self, receiver: str, t: float) -> list[Message]:
-        """What has arrived by t [s] and was not received before, in the order of arrival."""
+        """Messages that arrived by t [s] and were not received before, in the order of arrival."""
         ...
 
 
@@ -119,7 +119,7 @@ class Partition:
         check(self.end, "end", self.begin)
 
     def passes(self, sender: str, receiver: str, t: float) -> bool:
-        """Whether a message that sets out at t [s] gets through."""
+        """True if a message sent at t [s] gets through."""
         between = (sender in self.apart) != (receiver in self.apart)
         return not (between and self.begin <= t < self.end)
 

@@ -2,7 +2,7 @@
 
 Between two readings the state follows the solution to a stated error (``mathnavi.models.runge_kutta``); ticks only say
 when sensors may be read. A solution that leaves every bound in finite time ends its vehicle: that is an event,
-"escaped", at the time of it. Kept is the state at the last tick before; from then on nothing moves and no sensor is
+"escaped", stamped with its time. The state of the last tick before is kept; from then on nothing moves and no sensor is
 read.
 """
 
@@ -49,7 +49,7 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class OdeVehicle:
-    """What a scenario gives a vehicle."""
+    """Start, sensors and input of a vehicle whose dynamics are an ODE."""
 
     law: Law
     start: Array  # (nx,) the state at t = 0
@@ -88,7 +88,7 @@ class _Vehicle:
         self.name, self.law = name, given.law
         self.motion = OdeMotion(given.law)
         self.sensors = mounted(name, given.sensors, dt, rng)
-        self.readings: list[Measurement] = []  # since the last look
+        self.readings: list[Measurement] = []  # since the last sample
         self.escaped: float | None = None  # [s]
         self.place(given.start, "start")
 

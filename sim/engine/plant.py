@@ -31,7 +31,7 @@ _GROUND = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_PLANE))
 
 @dataclass(frozen=True)
 class VehicleSetup:
-    """What a scenario gives a vehicle."""
+    """Start, sensors and actuation of a vehicle."""
 
     start: Array  # (nx,) the state at t = 0
     sensors: tuple[Sensor, ...] = ()
@@ -75,7 +75,7 @@ class _Vehicle:
     def __init__(
         self,
         name: str,
-        equipment: VehicleSetup,
+        setup: VehicleSetup,
         model: mujoco.MjModel,
         data: mujoco.MjData,
         rng: np.random.Generator,
@@ -94,7 +94,7 @@ class _Vehicle:
         self.motion = JointMotion(data.qpos[q], data.qvel[v], data.qacc[v], sensed)
         control = _slice(actuators, actuators[0], actuators[-1] + 1) if actuators else slice(0)
         self.actuators = data.ctrl[control]
-        self.drive = equipment.drive
+        self.drive = setup.drive
         self.control = np.zeros(self.drive.input_size) if self.drive else self.actuators  # the input that acts
         self.wrench = data.xfrc_applied[int(model.jnt_bodyid[joints[0]])]  # force and torque, world frame
         self.slides: list[tuple[int, Array]] = []  # where in q, and along which axis: a free joint begins with three
@@ -108,15 +108,15 @@ class _Vehicle:
         self.geoms = frozenset(
             g for g in range(model.ngeom) if model.body(int(model.geom_bodyid[g])).name.startswith(f"{name}/")
         )
-        self.ignored_contacts = frozenset(equipment.ignored_contacts)
+        self.ignored_contacts = frozenset(setup.ignored_contacts)
         self.state_names = state_names(model, joints)
-        self.place(equipment.start, "start")
-        self.bounded = input_bound(name, equipment.input_max, len(self.control))
-        self.delay = whole_ticks(equipment.delay, float(model.opt.timestep), "delay") if equipment.delay != 0.0 else 0
+        self.place(setup.start, "start")
+        self.bounded = input_bound(name, setup.input_max, len(self.control))
+        self.delay = whole_ticks(setup.delay, float(model.opt.timestep), "delay") if setup.delay != 0.0 else 0
         self.layout = Layout(q, v, control, len(self.control), self.bounded, self.drive, self.delay)
         self.underway: deque[tuple[int, Array]] = deque()  # (tick from which it acts, input), where there is a delay
-        self.sensors = mounted(name, equipment.sensors, float(model.opt.timestep), rng)
-        self.readings: list[Measurement] = []  # since the last look
+        self.sensors = mounted(name, setup.sensors, float(model.opt.timestep), rng)
+        self.readings: list[Measurement] = []  # since the last sample
         self.touched: frozenset[str] = frozenset()  # what it touches now
         self.contacts = 0
         self.clipped = False
@@ -148,8 +148,8 @@ class MujocoPlant:
         self._sensors = OwnSensors(model, self.data)
         generators = rng.spawn(len(vehicles))
         self._vehicles = {
-            name: _Vehicle(name, equipment, model, self.data, generator, partial(self._sensors.read, name))
-            for (name, equipment), generator in zip(vehicles.items(), generators, strict=True)
+            name: _Vehicle(name, setup, model, self.data, generator, partial(self._sensors.read, name))
+            for (name, setup), generator in zip(vehicles.items(), generators, strict=True)
         }
         self._names = tuple(self._vehicles)
         self._touching = False  # any vehicle anything
@@ -236,7 +236,7 @@ class MujocoPlant:
             else:
                 vehicle.control[:] = control
         late = tuple(vehicle for vehicle in self._vehicles.values() if vehicle.delay)
-        # Looks of one rate fall on multiples of it, where there is little to read in between.
+        # Samples of one rate fall on multiples of its period, where there is little to read in between.
         between = self._between(ticks) if self._ticks % ticks == 0 else tuple(self._vehicles.values())
         for vehicle in between:
             vehicle.readings.clear()
@@ -293,7 +293,7 @@ class MujocoPlant:
         return control
 
     def _as_expected(self) -> bool:
-        """Whether there is no contact but of vehicles with what they stand on."""
+        """True if the only contacts are those of vehicles with the geoms whose contacts are ignored."""
         if self._expected is None:
             return False
         pairs = self.data.contact.geom
@@ -316,7 +316,7 @@ class MujocoPlant:
         for vehicle in self._vehicles.values():
             now = touching[vehicle.name]
             for thing in sorted(now.keys() - vehicle.touched):
-                slides = [i for i, _ in vehicle.slides]  # joints that turn tell nothing of its place
+                slides = [i for i, _ in vehicle.slides]  # revolute joints do not contribute to its position
                 where = np.round(vehicle.motion.q[slides], 1).tolist()
                 speed = float(np.linalg.norm(vehicle.motion.v[vehicle.slide_rates]))
                 message = f"touches {thing} at {where} with {speed:.1f} m/s"

@@ -1,6 +1,6 @@
 """A finished run as a plant, so that the loop can run another estimator over what was measured and commanded.
 
-Truth, readings and inputs are the recorded ones at every look, whatever is commanded now.
+Truth, readings and inputs are the recorded ones at every sample, whatever is commanded now.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Measurement,
 
 @dataclass(frozen=True, eq=False)
 class RecordedRun:
-    """What a log holds of the run of one vehicle at n looks."""
+    """The log of the run of one vehicle, at n samples."""
 
     t: Array  # (n,) [s]
     x: Array  # (n, nx) the truth
-    u: Array  # (n, nu) held from each look to the next
-    readings: Mapping[str, Array]  # (n, m) by sensor, NaN where none fell due since the last look
+    u: Array  # (n, nu) held from each sample to the next
+    readings: Mapping[str, Array]  # (n, m) by sensor, NaN where none fell due since the last sample
     state_names: tuple[str, ...]  # (nx,)
 
 
@@ -31,14 +31,14 @@ class RecordedPlant:
     """One vehicle's finished run, behind ``mathnavi.sim.interfaces.protocols.Plant``."""
 
     def __init__(self, name: str, run: RecordedRun, dt: float, sensors: Sequence[Sensor]) -> None:
-        """The plant at the first look of ``run``, with ticks of dt [s] and the readings of ``sensors``.
+        """The plant at the first sample of ``run``, with ticks of dt [s] and the readings of ``sensors``.
 
-        ValueError if the looks are not at whole ticks, a sensor's readings are not in the run or of another length, or
-        some of them may not be because it is read more often than the loop looked.
+        ValueError if the samples are not at whole ticks, a sensor's readings are not in the run or of another length,
+        or some of them may not be because it is read more often than the loop looked.
         """
         self.dt = dt
         self._name, self._run, self._sensors = name, run, tuple(sensors)
-        self._ticks = np.rint(run.t / dt).astype(np.int64)  # of the looks
+        self._ticks = np.rint(run.t / dt).astype(np.int64)  # of the samples
         if not np.array_equal(self._ticks * dt, run.t):
             raise ValueError(f"the run was looked at between physics ticks; allowed: at multiples of {dt:g} s")
         apart = int(np.diff(self._ticks).max(initial=1))
@@ -46,11 +46,11 @@ class RecordedPlant:
         for sensor, ticks in zip(sensors, self._every, strict=True):
             kept = {key: values.shape[1] for key, values in run.readings.items()}
             if kept.get(sensor.name) != sensor.size:
-                told = ", ".join(f"{key} ({size})" for key, size in kept.items()) or "nothing"
-                raise ValueError(f"it reads {sensor.name} ({sensor.size}), and the run measured {told}")
+                measured = ", ".join(f"{key} ({size})" for key, size in kept.items()) or "nothing"
+                raise ValueError(f"it reads {sensor.name} ({sensor.size}), and the run measured {measured}")
             if 0 < ticks < apart:
                 raise ValueError(
-                    f"it reads {sensor.name} every {ticks * dt:g} s, and of what came between two looks, "
+                    f"it reads {sensor.name} every {ticks * dt:g} s, and of what came between two samples, "
                     f"{apart * dt:g} s apart, the run has the last"
                 )
         self._row = 0
@@ -77,7 +77,7 @@ class RecordedPlant:
         return self._sensors
 
     def sense(self, name: str) -> Sequence[Measurement]:
-        """The readings of this look in order of time, those of one time in the order of the sensors."""
+        """The readings of this sample in order of time, those of one time in the order of the sensors."""
         now = int(self._ticks[self._row])
         before = int(self._ticks[self._row - 1]) if self._row else -1
         read: list[tuple[int, Measurement]] = []
@@ -98,10 +98,10 @@ class RecordedPlant:
         raise ValueError("what is over cannot be moved; allowed: no other state")
 
     def step(self, commands: Mapping[str, Array], ticks: int = 1) -> Sequence[Event]:
-        """To the next look, which has to be so many ticks away."""
-        away = int(self._ticks[self._row + 1] - self._ticks[self._row])
-        if ticks != away:
-            raise ValueError(f"the next look is {away} ticks away; allowed: a step of so many, not of {ticks}")
+        """Advance to the next sample, which has to be so many ticks ahead."""
+        ahead = int(self._ticks[self._row + 1] - self._ticks[self._row])
+        if ticks != ahead:
+            raise ValueError(f"the next sample is {ahead} ticks ahead; allowed: a step of so many, not of {ticks}")
         self._row += 1
         return ()
 
@@ -110,7 +110,7 @@ class RecordedInputs:
     """A planner and a tracker that give the inputs of a finished run again."""
 
     def __init__(self, run: RecordedRun, period: float) -> None:
-        """``period`` [s] from one look to the next."""
+        """``period`` [s] from one sample to the next."""
         self.period = period
         self._run = run
 

@@ -1,4 +1,4 @@
-"""A finished run put back into the MuJoCo model that it was run in: the bodies where they were, look by look.
+"""A finished run put back into the MuJoCo model that it was run in: the bodies where they were, sample by sample.
 
 A vehicle that is a point has a body ``NAME/airframe`` in the model, which physics does not move; it is put where the
 point is, and tilted as the input asks for.
@@ -45,7 +45,7 @@ class Replay:
         return float(self._t[-1])
 
     def show(self, t: float) -> None:
-        """Put every vehicle where it was at the last look at or before ``t`` [s]."""
+        """Put every vehicle where it was at the last sample at or before ``t`` [s]."""
         row = max(int(np.searchsorted(self._t, t + TIME_TOLERANCE, side="right")) - 1, 0)
         for name in self._states:
             self._place(name, row)
@@ -59,7 +59,7 @@ class Replay:
         return int(model.jnt_bodyid[first])
 
     def path(self, name: str, count: int) -> Array:
-        """(k, 3) [m] where that body was, at ``count`` looks at most, spread evenly."""
+        """(k, 3) [m] where that body was, at ``count`` samples at most, evenly spread."""
         rows = np.unique(np.linspace(0, len(self._t) - 1, min(count, len(self._t))).astype(np.int64))
         at, points = self.body(name), []
         for row in rows:

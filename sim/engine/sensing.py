@@ -17,11 +17,11 @@ class Mounted:
     """A sensor on a vehicle."""
 
     sensor: Sensor
-    every: int  # ticks from one reading to the next; 0: whenever the loop looks
+    every: int  # ticks from one reading to the next; 0: at every control step
     rng: np.random.Generator  # of its own
 
     def due(self, tick: int, looking: bool) -> bool:
-        """Whether it is read at a tick, at which the loop may be looking."""
+        """True if it is read at a tick, which may be that of a control step."""
         return tick % self.every == 0 if self.every else looking
 
 

@@ -1,4 +1,4 @@
-"""What fields are held to; each check raises FieldError, which names the field, its value and what is allowed."""
+"""Checks of fields; each raises FieldError, which names the field, its value and what is allowed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def check_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def allowed_for(name: str, known: Sequence[str], besides: str = "") -> str:
-    """What to say of a name that is none of the known ones: what was meant, perhaps, and all that is allowed."""
+    """The end of an error about an unknown name: close matches, and all that is allowed."""
     close = close_names(name, known)
     meant = f"did you mean {' or '.join(close)}? " if close else ""
     return f"{meant}allowed: {', '.join([*known, *[besides] * bool(besides)]) or 'none'}"

@@ -1,4 +1,4 @@
-"""What MuJoCo's joints contribute to a state (q, v): slide and hinge one number each, a ball 4, 3, a free one 7, 6.
+"""The contribution of MuJoCo's joints to a state (q, v): slide and hinge one number each, a ball 4, 3, a free one 7, 6.
 
 q of a ball joint is a unit quaternion (w, x, y, z), v its rate [rad/s] in the frame of the body it carries. A free
 joint is a position [m] in the world frame before such a quaternion, and a velocity [m/s] there before such a rate.

@@ -1,7 +1,7 @@
-"""What an observer claims to be, in the terms of Table 2.1 of the thesis: each property with the space it lives in.
+"""Declared properties of an observer, in the terms of Table 2.1: each property with the space it lives in.
 
 A claim is held to account by measurement, so an estimator that converges in practice for many starts and not for all
-says ``LOCAL`` and tells the rest in its note.
+is ``LOCAL``, with the rest in its note.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from enum import Enum
 
 
 class Domain(Enum):
-    """Of attraction, of the observer's or of the system's operation."""
+    """Domain of attraction, or of the operation of the observer or of the system."""
 
     GLOBAL = "global"
     SEMI_GLOBAL = "semi-global"  # on any compact set, with the parameters chosen for it

@@ -29,7 +29,7 @@ class StateView(Protocol):
         ...
 
     def sensed(self, name: str) -> Array:
-        """What the vehicle's own sensor of the physics reads now, a rangefinder or an encoder for one; a copy.
+        """The present reading of one of the vehicle's MuJoCo sensors, a rangefinder or an encoder for one; a copy.
 
         ValueError if the vehicle has none of that name, or none that follows from the positions alone.
         """
@@ -37,7 +37,7 @@ class StateView(Protocol):
 
 
 class Sensor(Protocol):
-    """What a vehicle carries. It keeps no time: the plant reads it when a reading falls due."""
+    """A sensor mounted on a vehicle. It keeps no time: the plant reads it when a reading falls due."""
 
     @property
     def name(self) -> str:
@@ -51,7 +51,7 @@ class Sensor(Protocol):
 
     @property
     def rate(self) -> float | None:
-        """[Hz]; None: whenever the loop looks."""
+        """[Hz]; None: at every control step."""
         ...
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
@@ -60,7 +60,7 @@ class Sensor(Protocol):
 
 
 class ActuatorModel(Protocol):
-    """What stands between the input of a vehicle and its joints and actuators, where these are not the same."""
+    """The model between the input of a vehicle and its joints and actuators, where these are not the same."""
 
     @property
     def input_size(self) -> int:
@@ -70,8 +70,8 @@ class ActuatorModel(Protocol):
     def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
         """Before a tick of dt [s]: set, in place, what moves the vehicle under the input u (nu,).
 
-        That is the joint velocities v (nv,) of a vehicle that moves as it is told to, or the ``control`` (na,) of its
-        actuators. q (nq,) are the joint positions, which are not to be changed.
+        That is the joint velocities v (nv,) of a vehicle that moves exactly as commanded, or the ``control`` (na,) of
+        its actuators. q (nq,) are the joint positions, which are not to be changed.
         """
         ...
 
@@ -105,7 +105,7 @@ class Plant(Protocol):
         ...
 
     def sensors(self, name: str) -> tuple[Sensor, ...]:
-        """What the vehicle carries, in the order in which it is read."""
+        """The mounted sensors, in the order in which they are read."""
         ...
 
     def sense(self, name: str) -> Sequence[Measurement]:
@@ -168,12 +168,12 @@ class Tracker(Protocol):
 
 @runtime_checkable
 class Coordinator(Protocol):
-    """What a vehicle says to others and hears of them, between the instants at which it plans."""
+    """The communication module of a vehicle: exchanges messages with others between planning instants."""
 
     period: float  # [s]
 
     def exchange(self, t: float, received: Sequence[Message]) -> Outbox:
-        """Answer what was received since the last call, and say what is to be said."""
+        """Answer the messages received since the last call; the outbox holds what is to be sent."""
         ...
 
     def propose(self, t: float, plan: Plan) -> None:
@@ -181,7 +181,7 @@ class Coordinator(Protocol):
         ...
 
     def admits(self, t: float, plan: Plan) -> bool:
-        """Whether a plan that was proposed may take over now; one that may not is withdrawn."""
+        """True if a proposed plan may take over now; one that may not is withdrawn."""
         ...
 
     def adopted(self, t: float, plan: Plan) -> None:
@@ -193,19 +193,19 @@ class Coordinator(Protocol):
 class Consensus(Protocol):
     """How a vehicle agrees with its neighbours on a number, faster than it plans (thesis, A.8.2).
 
-    The vehicles talk in rounds: in each, every one takes in what it was sent and is then heard by its neighbours.
+    The vehicles communicate in rounds: in each, every one takes in its messages and then sends to its neighbours.
     """
 
     period: float  # [s] between two rounds
 
     @property
     def value(self) -> float:
-        """What the vehicle holds agreed now; NaN while it knows nothing."""
+        """The value that the vehicle takes as agreed now; NaN while it knows nothing."""
         ...
 
     @property
     def outlier(self) -> bool:
-        """Whether the vehicle only follows: its own number takes no part now."""
+        """True if the vehicle only follows: its own number takes no part now."""
         ...
 
     @property
@@ -214,7 +214,7 @@ class Consensus(Protocol):
         ...
 
     def start(self, value: float, now: float = 0.0) -> None:
-        """The vehicle's own number from now on; not finite if it has none. It is told in the next round.
+        """The vehicle's own number from now on; not finite if it has none. It is communicated in the next round.
 
         A time of arrival [s] is one of the clock that shows ``now`` [s]: it is ``value - now`` ahead. A time to go is
         one of a clock that shows 0.
@@ -222,7 +222,7 @@ class Consensus(Protocol):
         ...
 
     def exchange(self, t: float, received: Sequence[Message]) -> Any:
-        """One round at t [s]: take in what has arrived since the last, and return what to tell all neighbours.
+        """One round at t [s]: take in what arrived since the last, and return the payload for all neighbours.
 
         Each message carries its sender's time of sending. Nothing that is received raises.
         """
@@ -256,7 +256,7 @@ class EstimatorPlugin(Protocol):
 
     @staticmethod
     def sensors(config: Any, mission: Any) -> tuple[Sensor, ...]:
-        """What the vehicle has to carry for it; the scenario mounts exactly these."""
+        """The sensors that the estimator needs; the scenario mounts exactly these."""
         ...
 
     @staticmethod
@@ -266,7 +266,7 @@ class EstimatorPlugin(Protocol):
 
     @staticmethod
     def properties(config: Any) -> ObserverProperties:
-        """What it claims to be, as Table 2.1 has it. A stranger's plug-in may leave it out: "not declared"."""
+        """Declared properties, as in Table 2.1. A third-party plug-in may leave them out: "not declared"."""
         ...
 
 
@@ -278,5 +278,5 @@ class ConsensusPlugin(Protocol):
 
     @staticmethod
     def build(config: Any, mission: Any) -> Consensus:
-        """What one vehicle agrees by, for one run. ``mission`` is what it may know of its fleet, a ``Node``."""
+        """The protocol of one vehicle, for one run; ``mission``, a ``Node``, is what it may know of its fleet."""
         ...

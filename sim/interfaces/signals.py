@@ -1,4 +1,4 @@
-"""The vocabulary of the loop: what flows from sensors to actuators.
+"""The signals of the loop, from sensors to actuators.
 
     sensors --Measurement--> estimator --Estimate--> planner --Plan--> tracker --command u--> plant
 
@@ -73,7 +73,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the estimator believes at time ``t``."""
+    """The estimate of the state at time ``t``."""
 
     t: float  # [s]
     x: Array  # (nx,) state
@@ -122,13 +122,13 @@ class Plan:
 
     @staticmethod
     def raised(error: BaseException) -> Plan:
-        """What stands in for the answer of a planner that raised."""
+        """A failed plan in place of the answer of a planner that raised."""
         return Plan.failure(Status.RAISED, f"{type(error).__name__}: {error}{where_raised(error)}")
 
 
 @dataclass(frozen=True)
 class Message:
-    """Something a planner is told while it flies: a radar switched on, a target that moved."""
+    """Information communicated in flight: a radar switched on, a target that moved."""
 
     t: float  # [s] when it is delivered
     sender: str
@@ -138,7 +138,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Outbox:
-    """What a coordinator has to say at one time."""
+    """What a coordinator sends at one time: messages to others, messages to its own planner, and events."""
 
     messages: tuple[tuple[str, Message], ...] = ()  # (receiver, message), for the network
     planner_messages: tuple[Message, ...] = ()  # for the vehicle's own planner: an arrival time that was agreed on
@@ -147,7 +147,7 @@ class Outbox:
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """What a planner is asked: a plan that starts at ``t_start`` on the plan being flown."""
+    """A request to a planner: a plan that starts at ``t_start`` on the plan being flown."""
 
     t: float  # [s] now
     t_start: float  # [s] when the answer takes over: one planning period ahead, or now if there is no plan yet

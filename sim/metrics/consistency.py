@@ -1,4 +1,4 @@
-"""Whether an estimator knows how good it is, and how good it is, from many independent runs.
+"""Consistency and accuracy of an estimator, from many independent runs.
 
 **Consistency.** If an error e (d,) is Gaussian with the covariance P that the estimator says, then e' P^-1 e (NEES) is
 chi-square distributed with d degrees of freedom, and so is, with one for each ray, the normalised innovation squared
@@ -9,7 +9,7 @@ chi-square distributed with d degrees of freedom, and so is, with one for each r
 with the given probability. Above, the estimator believes itself too much, below too little (Bar-Shalom, Li and
 Kirubarajan, 2001, section 5.4).
 
-**Root mean square.** Of the errors of n runs, each of which has an RMS r_i over time: sqrt(mean r_i^2). Its band is the
+**Root mean square** of the errors of n runs, each of which has an RMS r_i over time: sqrt(mean r_i^2). Its band is the
 bootstrap's percentile interval over runs.
 """
 
@@ -50,7 +50,7 @@ class Consistency:
 
 @dataclass(frozen=True)
 class RootMeanSquare:
-    """Of the errors of several runs, with the limits between which that of resampled runs lies."""
+    """Root mean square error of several runs, with its bootstrap limits."""
 
     value: float
     low: float  # NaN of a single run
@@ -81,7 +81,7 @@ def normalised_error_squared(error: Array, covariance: Array) -> Array:
 
 
 def consistency(squares: Sequence[float] | Array, degrees: int, confidence: float = 0.95) -> Consistency:
-    """Of normalised squared errors (n,) of independent runs, each of so many degrees of freedom.
+    """Mean of normalised squared errors (n,) of independent runs, each of so many degrees of freedom.
 
     ValueError for none, for NaN, for degrees < 1 and for a confidence that is not between 0 and 1.
     """
@@ -96,7 +96,7 @@ def consistency(squares: Sequence[float] | Array, degrees: int, confidence: floa
 def root_mean_square(
     values: Sequence[float] | Array, rng: np.random.Generator, confidence: float = 0.95, resamples: int = 9999
 ) -> RootMeanSquare:
-    """Of the RMS values (n,) of independent runs; a single one has no band. ValueError for none and for NaN."""
+    """Root mean square of RMS values (n,) of independent runs; no band for one. ValueError for none and NaN."""
     squares = np.square(_checked(values, "values", confidence))
     if resamples < 1:
         raise ValueError(f"resamples = {resamples!r}; allowed: a whole number >= 1")

@@ -1,4 +1,4 @@
-"""What the flight of a fleet was worth: when who arrived, how near two came to each other, what was agreed."""
+"""Figures of a fleet's flight: arrival times, least separation, agreement."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, solve_times
 
 
 def arrival_times(recording: Recording, missions: Mapping[str, FlightMission]) -> dict[str, float]:
-    """[s] when each vehicle first came within its arrival radius, on the way between two looks; NaN if it did not."""
+    """[s] when each vehicle first came within its arrival radius, between samples if so; NaN if it did not."""
     return {
         name: arrival_time(recording.t, recording.truths[name], np.array(mission.target), mission.arrival_radius)
         for name, mission in missions.items()
@@ -28,21 +28,21 @@ def arrival_times(recording: Recording, missions: Mapping[str, FlightMission]) -
 def arrival_time(t: Array, x: Array, target: Array, radius: float) -> float:
     """[s] when states ``x`` (n, 6) at times (n,) first lie within ``radius`` [m] of a target (3,) [m]; NaN if never.
 
-    Between two looks the distance is taken to change evenly.
+    Between two samples the distance is taken to change evenly.
     """
-    away = np.linalg.norm(x[:, :3] - target, axis=1)
-    near = np.flatnonzero(away <= radius)
+    distance = np.linalg.norm(x[:, :3] - target, axis=1)
+    near = np.flatnonzero(distance <= radius)
     if not len(near) or near[0] == 0:
         return float(t[0]) if len(near) else np.nan
     k = int(near[0])
-    far, close = float(away[k - 1]), float(away[k])
+    far, close = float(distance[k - 1]), float(distance[k])
     return float(t[k - 1] + (t[k] - t[k - 1]) * (far - radius) / max(far - close, 1e-12))
 
 
 def least_separation(recording: Recording, names: Sequence[str]) -> tuple[float, tuple[str, str]]:
     """[m] between the two vehicles that came nearest to each other at any time, and their names.
 
-    Between two looks the vehicles are taken to move straight: a_max h^2 / 4 off at most, some millimetres.
+    Between two samples the vehicles are taken to move straight: a_max h^2 / 4 off at most, some millimetres.
     """
     nearest, pair = np.inf, ("", "")
     for one, other in combinations(names, 2):

@@ -1,4 +1,4 @@
-"""What a flight was worth, from its log and the truth."""
+"""Figures of a flight, from its log and the truth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # the compiled kernels take a while to import, and most that 
 
 
 class Bound(Protocol):
-    """What a tracker says it keeps."""
+    """The tracking bound that a tracker declares."""
 
     horizontal: float  # [m]
     vertical: float  # [m]
@@ -55,7 +55,7 @@ def height_above_ground(x: Array, mission: FlightMission) -> Array:
 
 
 def flown_clearance(t: Array, x: Array, mission: FlightMission) -> Array:
-    """Least height above ground [m] from each look of the loop to the next (n - 1,); -inf off the map.
+    """Least height above ground [m] from each sample to the next (n - 1,); -inf off the map.
 
     The force is constant in between, so the path is one arc and its clearance exact. The arc is the one that ends in
     the next state: a displacement at the beginning of a step is part of it. Where the vehicle touches something the

@@ -1,8 +1,8 @@
 """How well the velocity of a Lagrangian system was found: errors, convergence, Lyapunov functions of a run (Paper D).
 
 With the truth (x, v) and an estimate (xi, eta), v^ = PT_{xi -> x} eta and Delta v = v - v^. Errors of position and
-velocity are told in the components of the manifold at the truth: a joint's angle and rate, a body rate, and [1/s] where
-there is no body. A run has converged if over its last quarter the velocity error keeps its tolerance.
+velocity are given in the components of the manifold at the truth: a joint's angle and rate, a body rate, and [1/s]
+where there is no body. A run has converged if over its last quarter the velocity error keeps its tolerance.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SETTLED = 0.05
 
 @dataclass(frozen=True, eq=False)
 class VelocityErrors:
-    """Of the estimates of one vehicle, at their times (m,)."""
+    """Velocity errors of the estimates of one vehicle, at their times (m,)."""
 
     t: Array  # (m,) [s]
     position: Array  # (m,) theta = dist(x, xi)
@@ -41,7 +41,7 @@ class VelocityErrors:
 
     @staticmethod
     def of(recording: Recording, name: str, manifold: Manifold) -> VelocityErrors:
-        """Of one vehicle's run, whose state is (x, v)."""
+        """The errors of one vehicle's run, whose state is (x, v)."""
         estimates = recording.agents[name].estimates
         t = np.array([estimate.t for estimate in estimates])
         truth = recording.truths[name][np.searchsorted(recording.t, t - TIME_TOLERANCE)]
@@ -51,7 +51,7 @@ class VelocityErrors:
 
     @staticmethod
     def between(t: Array, truth: Array, x: Array, found: Array, manifold: Manifold) -> VelocityErrors:
-        """Of estimates x (m, nx) at t (m,) [s], where the state was ``truth`` (m, nx)."""
+        """The errors of estimates x (m, nx) at t (m,) [s], where the state was ``truth`` (m, nx)."""
         rows = [errors_of(manifold, *pair) for pair in zip(truth, x, strict=True)]
         position, components, norm, lyapunov = (np.array(values) for values in zip(*rows, strict=True))
         return VelocityErrors(t, position, components, norm, lyapunov, found)
@@ -136,7 +136,7 @@ def lagrangian_summary(
 
 
 def angles_to_reference(recording: Recording, name: str, manifold: Manifold) -> Array:
-    """(n,) [rad] the angle from a body to the reference at each look; infinite before the first plan."""
+    """(n,) [rad] the angle from a body to the reference at each sample; infinite before the first plan."""
     truth, n = recording.truths[name], manifold.size
     reference = _reference(recording, name, truth.shape[1])
     known = [bool(np.isfinite(row).all()) for row in reference]
@@ -163,7 +163,7 @@ def tracking_figures(recording: Recording, name: str, manifold: Manifold, settle
 
 
 def _reference(recording: Recording, name: str, size: int) -> Array:
-    """(n, size) the state that the plan in force holds at each look; NaN before the first plan."""
+    """(n, size) the state that the plan in force holds at each sample; NaN before the first plan."""
     reference = np.full((len(recording.t), size), np.nan)
     for adopted, plan in recording.agents[name].plans:
         held = recording.t >= max(adopted, plan.t_start) - TIME_TOLERANCE

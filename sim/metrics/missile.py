@@ -1,4 +1,4 @@
-"""What the flight of a missile was worth, from its log and the truth."""
+"""Figures of a missile's flight, from its log and the truth."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ class Approach:
 
 
 def closest_approach(t: Array, joints: Array, coordinates: Coordinates, target: TargetMotion) -> Approach:
-    """Of a flight with the looks t (n,) [s] and joints (n, nx), to the target where it truly is.
+    """Closest approach of a flight sampled at t (n,) [s], with joints (n, nx), to the target where it truly is.
 
-    Between two looks the path is the cubic through both positions and velocities. Inputs are held in between, so at 250
-    looks a second it is within 1e-9 m of the true path, or 1e-4 m where late thrusters change in between.
+    Between two samples the path is the cubic through both positions and velocities. Inputs are held in between, so at
+    250 samples a second it is within 1e-9 m of the true path, or 1e-4 m where late thrusters change in between.
     """
-    away = np.linalg.norm(coordinates.place(coordinates.from_joints(joints)) - target.at(t), axis=1)
-    k = int(np.argmin(away))
+    distance = np.linalg.norm(coordinates.place(coordinates.from_joints(joints)) - target.at(t), axis=1)
+    k = int(np.argmin(distance))
 
-    best = Approach(float(t[k]), float(away[k]), coordinates.from_joints(joints[k]))
+    best = Approach(float(t[k]), float(distance[k]), coordinates.from_joints(joints[k]))
     for begin in range(max(k - 1, 0), min(k + 1, len(t) - 1)):
 
         def after(s: float, begin: int = begin) -> Approach:
@@ -56,7 +56,7 @@ def closest_approach(t: Array, joints: Array, coordinates: Coordinates, target: 
 
 
 def _between(t: Array, joints: Array, k: int, after: float) -> Array:
-    """Joint coordinates and rates (nx,) so long [s] after look k and before the next, by Hermite's cubic."""
+    """Joint coordinates and rates (nx,) so long [s] after sample k and before the next, by Hermite's cubic."""
     h, half = t[k + 1] - t[k], joints.shape[1] // 2
     s = after / h
     (q0, v0), (q1, v1) = ((joints[i, :half], joints[i, half:]) for i in (k, k + 1))
@@ -86,7 +86,7 @@ def attack_angles(x: Array, coordinates: Coordinates) -> Array:
 
 
 def cost(t: Array, x: Array, u: Array, mission: MissileMission, until: float) -> float:
-    """J of the mission's case [s] along states (n, nx) with inputs (n, nu) held from look to look, up to a time [s]."""
+    """J of the mission's case [s] along states (n, nx), inputs (n, nu) held between samples, up to a time [s]."""
     case, coordinates, body = mission.case, mission.coordinates, mission.body
     begin = case.running_cost(coordinates, x[:-1], u[:-1], body)
     end = case.running_cost(coordinates, x[1:], u[:-1], body)

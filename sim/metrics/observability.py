@@ -1,4 +1,4 @@
-"""What the sensors of a scenario say of its state, measured: the empirical observability Gramian.
+"""The empirical observability Gramian of a scenario's sensors.
 
 The plant is built again and again with the same seed, the vehicle put a little aside in one component i of its state,
 and the same commands are replayed. With readings y^{i+} and y^{i-} from x_0 + delta_i e_i and x_0 - delta_i e_i,
@@ -62,7 +62,7 @@ def empirical_gramian(
     ``build`` makes the plant of one seed, ``lambda: trial(...).build().plant`` for one. ``commands`` are (n, nu) by
     vehicle, each held for so many ``ticks``. ``deltas`` says which components of the state are moved, by the names that
     the plant has for them, and how far. ``deviations`` are standard deviations of sensors' readings, 1 for a sensor
-    that is not named. Readings that were lost in any of the replays say nothing.
+    that is not named. Readings that were lost in any of the replays are left out.
 
     ValueError unless the deltas are positive and of components that there are, and the commands of one length.
     """

@@ -1,4 +1,4 @@
-"""What became of the plans that were asked for, and how long their optimisation took."""
+"""Outcomes of plan requests, and the time of their optimisation."""
 
 from __future__ import annotations
 

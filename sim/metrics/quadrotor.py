@@ -1,4 +1,4 @@
-"""What a quadrotor's flight was worth: the figures of any flight, and those of a body that tilts and pushes."""
+"""Figures of a quadrotor's flight: those of any flight, and those of tilt and thrust."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def quadrotor_summary(
 ) -> dict[str, Any]:
     """The flat summary of one quadrotor's flight, SI units in the names.
 
-    What holds of any flight is that of ``flight_summary`` over ``mission.flight``. Its clearance is exact for arcs of
-    constant acceleration between two looks; a quadrotor's jerk of 100 m/s^3 moves it 3e-6 m off those at 150 looks a
-    second.
+    The figures of any flight are those of ``flight_summary`` over ``mission.flight``. Its clearance is exact for arcs
+    of constant acceleration between two samples; a quadrotor's jerk of 100 m/s^3 moves it 3e-6 m off those at 150
+    samples a second.
     """
     x, t = recording.truths[name], recording.t
     seen = dataclasses.replace(recording, truths={**recording.truths, name: point(x)})

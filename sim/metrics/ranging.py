@@ -1,6 +1,6 @@
-"""What a run of a robot that finds itself was worth, from its log and the truth.
+"""Figures of a run of range localisation, from its log and the truth.
 
-Errors are those of the newest estimate at each look of the loop, modulo the symmetry of the wall. An estimate has
+Errors are those of the newest estimate at each sample, modulo the symmetry of the wall. An estimate has
 converged if over the last quarter of the run the RMS of its position error is below 0.3 m and that of its heading error
 below 0.2 rad.
 """
@@ -31,7 +31,7 @@ LAST = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Errors:
-    """Of the estimates at the n looks of a run."""
+    """Errors of the estimates at the n samples of a run."""
 
     t: Array  # (n,) [s]
     difference: Array  # (n, 3) [m, m, rad] estimate less truth, modulo the symmetry of the wall; NaN before the first
@@ -40,7 +40,7 @@ class Errors:
 
     @staticmethod
     def of(recording: Recording, name: str, mission: RangingMission) -> Errors:
-        """Of one robot's run."""
+        """The errors of one robot's run."""
         truths, estimates = recording.truths[name], recording.agents[name].estimates
         difference, P = np.full((len(truths), 3), np.nan), np.full((len(truths), 3, 3), np.nan)
         found = np.zeros(len(truths), dtype=bool)
@@ -67,7 +67,7 @@ class Errors:
 
     @property
     def last(self) -> slice:
-        """The looks by which convergence is judged."""
+        """The samples by which convergence is judged."""
         return slice(int(np.searchsorted(self.t, (1.0 - LAST) * self.t[-1] - TIME_TOLERANCE)), None)
 
     @property
@@ -75,7 +75,7 @@ class Errors:
         return rms(self.position[self.last]) < POSITION and rms(self.heading[self.last]) < HEADING
 
     def last_above(self, position: float = POSITION, heading: float = HEADING) -> float:
-        """[s] the last look without an estimate, or with an error above either [m], [rad]; 0 if there is none."""
+        """[s] the last sample without an estimate, or with an error above either [m], [rad]; 0 if there is none."""
         above = np.flatnonzero(~((self.position <= position) & (self.heading <= heading) & self.found))
         return float(self.t[above[-1]]) if len(above) else 0.0
 
@@ -124,7 +124,7 @@ def ranging_summary(
 
 
 def _newest(recording: Recording, name: str) -> Integers:
-    """(n,) the newest estimate at each look, -1 before the first."""
+    """(n,) the newest estimate at each sample, -1 before the first."""
     valid = np.array([estimate.t for estimate in recording.agents[name].estimates])
     newest: Integers = np.searchsorted(valid, recording.t + TIME_TOLERANCE, side="right") - 1
     return newest
@@ -137,14 +137,14 @@ def _lost(agent: AgentRecorder, length: int) -> float | None:
 
 
 def _time_in(recording: Recording, name: str, status: Status) -> float:
-    """[s] that the newest estimate said so, from look to look."""
+    """[s] during which the newest estimate had this status, sample by sample."""
     estimates = recording.agents[name].estimates
-    said = [newest >= 0 and estimates[newest].status is status for newest in _newest(recording, name)]
-    return float(np.diff(recording.t)[np.array(said[:-1], dtype=bool)].sum())
+    held = [newest >= 0 and estimates[newest].status is status for newest in _newest(recording, name)]
+    return float(np.diff(recording.t)[np.array(held[:-1], dtype=bool)].sum())
 
 
 def _observable(mission: RangingMission) -> str:
-    """What of the pose ranges can tell at all, whatever the robot does."""
+    """The components of the pose that ranges can determine, whatever the robot does."""
     symmetry = mission.curve.symmetry
     if symmetry == 0:
         return "distance from the centre, heading relative to its direction"

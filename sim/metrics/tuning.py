@@ -35,12 +35,12 @@ class RecordedCall:
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """What an estimator made of a recorded run."""
+    """Estimates of an estimator over a recorded run."""
 
     t: Array  # (n,) [s]
     error: Array  # (n,) |x^_i - x_i| in the unit of the components
-    restarts: int  # of what it starts anew, where it tells that
-    refused: int  # readings, where it tells that
+    restarts: int  # where the estimator counts them
+    refused: int  # readings refused, where the estimator counts them
     lost: int  # estimates that it says are lost
 
     def rms(self, begin: float) -> float:
@@ -60,7 +60,7 @@ class Replay:
 
 @dataclass(frozen=True)
 class Tuning:
-    """What each value of the grid that was tried came to."""
+    """The error for each value of the grid."""
 
     field: str
     grid: tuple[float, ...]
@@ -73,12 +73,12 @@ class Tuning:
 
     @property
     def at_edge(self) -> bool:
-        """Whether that is the least or the greatest of the grid, beyond which there may be a better one."""
+        """True if the best value is at an end of the grid, beyond which there may be a better one."""
         return self.best in (min(self.grid), max(self.grid))
 
 
 def recorded_calls(recording: Recording, name: str, sensor: str) -> list[RecordedCall]:
-    """A flight as calls of an estimator that is told the readings of one sensor, all of which there are."""
+    """A flight as calls of an estimator with the readings of one sensor, none of them lost."""
     agent, truth = recording.agents[name], recording.truths[name]
     readings = agent.readings[sensor]
     return [
@@ -104,7 +104,7 @@ def replayed(estimator: Estimator, calls: Iterable[RecordedCall], components: sl
 
 
 def recorded_error(estimator: Estimator, calls: Iterable[RecordedCall], components: slice, begin: float) -> float:
-    """Of a fresh estimator, over the calls from ``begin`` [s] on; ValueError if there are none."""
+    """Error of a fresh estimator over the calls from ``begin`` [s] on; ValueError if there are none."""
     return replayed(estimator, calls, components).rms(begin)
 
 

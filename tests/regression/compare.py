@@ -71,13 +71,13 @@ def _differences(before: Path, after: Path, renamed: Mapping[str, str]) -> Itera
                 share = np.mean(np.any(one != other, axis=-1)) if one.shape == other.shape else 1.0
                 yield f"{share:.2%} of the pixels differ"
         case ".json":
-            yield from _plain(json.loads(before.read_text()), json.loads(after.read_text()), "", renamed)
+            one, other = (_without_place(path) for path in (before, after))
+            yield from _plain(json.loads(one), json.loads(other), "", renamed)
         case ".jsonl":
             rows = [[json.loads(line) for line in path.read_text().splitlines()] for path in (before, after)]
             yield from _plain(rows[0], rows[1], "", renamed)
         case ".csv":
-            tables = [list(csv.DictReader(path.read_text().splitlines())) for path in (before, after)]
-            yield from _plain([_numbers(row) for row in tables[0]], [_numbers(row) for row in tables[1]], "", renamed)
+            yield from _plain(_table(before), _table(after), "", renamed)
         case ".txt":
             one, other = (path.read_text() for path in (before, after))
             if one.splitlines()[0] != other.splitlines()[0]:
@@ -119,8 +119,18 @@ def _plain(one: Any, other: Any, where: str, renamed: Mapping[str, str]) -> Iter
         yield f"{where}: {one!r} became {other!r}"
 
 
-def _numbers(row: Mapping[str, str]) -> dict[str, Any]:
-    return {name: _number(value) for name, value in row.items()}
+def _without_place(path: Path) -> str:
+    """The text of a file of a run's folder, without where the recording stands."""
+    return path.read_text().replace(str(path.parents[1].resolve()), "FOLDER")
+
+
+def _table(path: Path) -> list[dict[str, Any]]:
+    """The rows of a CSV file, in an order that keys do not change: a sweep is stored under digests of its code."""
+    rows = [
+        {name: _number(value) for name, value in row.items() if not TIMES.search(name)}
+        for row in csv.DictReader(path.read_text().splitlines())
+    ]
+    return sorted(rows, key=repr) if any("seed" in row for row in rows) else rows
 
 
 def _number(text: str) -> Any:

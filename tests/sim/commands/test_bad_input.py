@@ -269,7 +269,7 @@ def test_a_controller_that_builds_the_wrong_thing_is_named(
 @pytest.mark.parametrize(
     ("scenario", "flag", "name", "fitting"),
     [
-        ("safe-flight", "--controller", "missile", "flight, as_printed"),
+        ("safe-flight", "--controller", "missile", "as_printed, flight"),
         ("missile-guidance", "--controller", "flight", "missile"),
         ("missile-guidance", "--estimator", "kalman", "full_state, missile_kalman"),
         ("safe-flight", "--estimator", "missile_kalman", "full_state, kalman"),

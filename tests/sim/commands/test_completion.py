@@ -50,7 +50,7 @@ def test_commands_plugins_flags_and_values_are_completed() -> None:
     assert candidates([""]) == list(COMMANDS)
     for command in FLOWN:
         assert candidates([command, ""]) == list(names("scenarios"))
-    assert candidates(["study", "a"]) == ["active-control", "arrival", "attitude", "all"]
+    assert candidates(["study", "a"]) == ["active-control", "arrival", "as-printed-planner", "attitude", "all"]
     assert candidates(["run", "safe-flight", "--estimator", "quad"]) == ["quadrotor_state"]
     assert candidates(["run", "safe-flight", "--estimator", "=", "quad"]) == ["quadrotor_state"]  # as bash splits it
     assert candidates(["run", "safe-flight", "--planner.backend", ""]) == ["condensed", "ipopt", "fatrop"]

@@ -450,9 +450,9 @@ def test_a_flight_can_be_handed_over_from_one_look_to_the_next() -> None:
     assert not loop.recording.events
     loop.advance()
     for _ in range(4):
-        loop.look()
+        loop.control_step()
         loop.advance()
-    loop.look()
+    loop.control_step()
     assert kinds(loop.recording) == ["message"]
     assert given.planner.asked[0].t == pytest.approx(PERIOD)
     assert given.tracker.flown

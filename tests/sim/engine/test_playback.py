@@ -76,7 +76,7 @@ def test_what_does_not_fit_is_refused() -> None:
         plant(50.0)  # every second tick, while the run was looked at every third
     with pytest.raises(ValueError, match=r"between physics ticks; allowed: at multiples of 0\.02 s"):
         RecordedPlant("v", RUN, 2.0 * DT, (OutputSensor(1, None),))
-    with pytest.raises(ValueError, match="the next look is 3 ticks away"):
+    with pytest.raises(ValueError, match="the next sample is 3 ticks ahead"):
         plant().step({}, 2)
     for act in (plant().apply_wrench, plant().displace, plant().place):
         with pytest.raises(ValueError, match="what is over cannot be"):

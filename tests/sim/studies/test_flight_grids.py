@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from mathnavi.sim.records.store import Record
-from mathnavi.sim.studies import flight_grids
+from mathnavi.sim.studies.flight import flight_grids
 
 GOOD = {
     "arrived": True, "flight_time_s": 250.0, "deadline_s": 300.0, "min_clearance_m": 60.0, "ground_contacts": 0,

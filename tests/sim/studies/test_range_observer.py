@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mathnavi.models.unicycle.kernels import moved
-from mathnavi.sim.studies import range_observer_runs as runs
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
+from mathnavi.sim.studies.ranging.range_observer import runs
 from mathnavi.sim.studies.ranging.range_observer.claims import Evidence, falls
 from mathnavi.sim.studies.ranging.range_observer.identities import complex_step, identities
 from mathnavi.sim.studies.ranging.range_observer.runs import START, Gains, ThesisRun

@@ -80,13 +80,13 @@ class ArmVelocity:
             LagrangianMission(MechanismSystem(each), config.reading, config.period, config.speed_max)
             for each in (model, real)
         )
-        sensors = parts.sensors(mission)
+        stack = parts.stack(mission)
         start = checked_speed(_start(config, mission), mission)
-        plant = MujocoPlant(real, {VEHICLE: VehicleSetup(start, sensors)}, parts.streams.root)
+        plant = MujocoPlant(real, {VEHICLE: VehicleSetup(start, stack.sensors)}, parts.streams.root)
         record = MechanismRecord(**recorded_as(truth, config), mechanism=config.mechanism)
         bounds = np.where(real.actuator_ctrllimited[:, None], real.actuator_ctrlrange, (-np.inf, np.inf))
         inputs = Inputs(tuple(mission.system.inputs), *bounds.T)
-        return observed_loop(parts, LagrangianCase(VEHICLE, plant, mission, truth, record, inputs=inputs))
+        return observed_loop(parts, LagrangianCase(VEHICLE, plant, stack, mission, truth, record, inputs=inputs))
 
     @staticmethod
     def errors(config: ArmVelocityConfig, x: Array, truth: Array) -> dict[str, Array]:

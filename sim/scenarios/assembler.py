@@ -12,7 +12,7 @@ A scenario says the rest: its mission, its vehicle, its referee, its metrics and
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -28,7 +28,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.interfaces.fields import plain
 from mathnavi.sim.interfaces.protocols import Estimator, Planner, Plant, Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.fault_fields import Fault, with_disturbances, with_planner_faults, with_sensor_faults
@@ -37,8 +37,22 @@ from mathnavi.sim.scenarios.task import Task
 
 
 @dataclass(frozen=True)
+class VehicleStack:
+    """Sensors, estimator, planner and tracker of one vehicle, in the order in which data flows."""
+
+    sensors: tuple[Sensor, ...]
+    estimator: Estimator
+    planner: Planner
+    tracker: Any
+
+    def agent(self, input_size: int = 3, messages: Sequence[Message] = ()) -> Agent:
+        """The agent that flies with it; ``messages`` reach the planner at their own times."""
+        return Agent(self.estimator, self.planner, self.tracker, input_size, messages)
+
+
+@dataclass(frozen=True)
 class Assembler:
-    """Parts of one closed loop of a scenario, for one seed."""
+    """Builder of one closed loop of a scenario, for one seed; with ``faults=()`` one without faults."""
 
     scenario: Any  # its class
     config: Any  # of the scenario's Config
@@ -66,26 +80,24 @@ class Assembler:
             tuple(group for group in groups if isinstance(group, Fault)),
         )  # fmt: skip
 
-    # ---- controller
+    # ---- what a vehicle flies with
 
-    def pilot(self, mission: Any) -> tuple[Planner, Any]:
-        """The planner, with its faults, and the tracker; PluginError if the controller does not fit the mission."""
-        planner, tracker = checked_controller(self.controller, mission)
-        return with_planner_faults(planner, self.faults, self.streams), tracker
+    def stack(self, mission: Any, *others: Sensor, certified_flight: FlightMission | None = None) -> VehicleStack:
+        """The autonomy stack of a vehicle, with its faults; ``others`` are sensors beside those of the estimator.
 
-    def certified_pilot(
-        self, mission: Any, flight: FlightMission, streams: RandomStreams | None = None
-    ) -> tuple[Planner, Any]:
-        """As ``pilot``, and every plan is certified before it is flown, unless the controller declares otherwise.
-
-        ``flight`` is the mission of the point mass that is certified. PluginError also for a tracker that states no
-        ``TrackingBound``.
+        With ``certified_flight``, the mission of a point mass, every plan is certified before it is flown, unless the
+        controller declares otherwise. PluginError for a plug-in that does not fit the mission, and for a tracker that
+        states no ``TrackingBound`` where plans are certified.
         """
-        raw, tracker = checked_controller(self.controller, mission, TrackingBound)
-        planner = with_planner_faults(raw, self.faults, streams or self.streams)
-        if getattr(self.controller.plugin, "certified", True):
-            planner = certified(planner, flight, tracker.bound)
-        return planner, tracker
+        bound = None if certified_flight is None else TrackingBound
+        raw, tracker = checked_controller(self.controller, mission, bound)
+        estimator = checked_estimator(self.estimator, mission)
+        carried = (*checked_sensors(self.estimator, mission), *others)
+        planner = with_planner_faults(raw, self.faults, self.streams)
+        sensors = with_sensor_faults(carried, self.faults, self.streams)
+        if certified_flight is not None and getattr(self.controller.plugin, "certified", True):
+            planner = certified(planner, certified_flight, tracker.bound)
+        return VehicleStack(sensors, estimator, planner, tracker)
 
     def first_plan(self, mission: Any, flight: FlightMission) -> Plan:
         """The certified planner's answer at the start; a controller without a certificate is held to it here too."""
@@ -93,14 +105,12 @@ class Assembler:
         request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
         return certified(planner, flight, tracker.bound).plan(request)
 
-    # ---- estimator and sensors
-
     def observer(self, mission: Any) -> Estimator:
-        """The estimator; PluginError if it does not fit the mission."""
+        """The estimator alone; PluginError if it does not fit the mission."""
         return checked_estimator(self.estimator, mission)
 
     def sensors(self, mission: Any, *others: Sensor, streams: RandomStreams | None = None) -> tuple[Sensor, ...]:
-        """The sensors that the estimator asks for, and ``others``, with their faults."""
+        """The sensors alone that the estimator asks for, and ``others``, with their faults."""
         carried = (*checked_sensors(self.estimator, mission), *others)
         return with_sensor_faults(carried, self.faults, streams or self.streams)
 

@@ -82,14 +82,16 @@ class AttitudeTrackingScenario:
         parts = Assembler.of(AttitudeTrackingScenario, config, seed, controller, estimator)
         mission = _mission(config)
         start = checked_speed(_drawn_start(config, parts.streams["draws"]), mission)
-        sensors = parts.sensors(mission)
-        plant = rigid_body_plant(VEHICLE, start, sensors, config.inertia, parts.streams["sensing"])
+        stack = parts.stack(mission)
+        plant = rigid_body_plant(VEHICLE, start, stack.sensors, config.inertia, parts.streams["sensing"])
         record = SpaceRecord(**recorded_as(mission, config), space="body")
         requirement = Requirement("attitude_rms_rad", most=config.attitude_tolerance)
         cost = _angle_to_reference(parts.controller, mission)
         return observed_loop(
             parts,
-            LagrangianCase(VEHICLE, plant, mission, mission, record, tracking_figures, (requirement,), cost=cost),
+            LagrangianCase(
+                VEHICLE, plant, stack, mission, mission, record, tracking_figures, (requirement,), cost=cost
+            ),
         )
 
     @staticmethod

@@ -15,7 +15,6 @@ import numpy as np
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
-from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant
 from mathnavi.sim.interfaces.checks import check, check_rate
@@ -25,7 +24,7 @@ from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import errors_of, lagrangian_summary
 from mathnavi.sim.records.missions import LagrangianRecord
-from mathnavi.sim.scenarios.assembler import Assembler
+from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Inputs, StageCost, Task, squared_error
@@ -77,6 +76,7 @@ class LagrangianCase:
 
     vehicle: str
     plant: Plant
+    stack: VehicleStack
     mission: LagrangianMission  # as it is believed
     truth: LagrangianMission  # as it is
     record: LagrangianRecord  # of the mission, in config.json
@@ -93,11 +93,10 @@ class LagrangianCase:
 
 def observed_loop(parts: Assembler, case: LagrangianCase) -> ClosedLoop:
     """The closed loop of one seed."""
-    planner, tracker = parts.pilot(case.mission)
     inputs = case.inputs or Inputs.within(tuple(case.mission.system.inputs))
     return parts.closed_loop(
-        parts.disturbed(case.plant, planner.period),
-        {case.vehicle: Agent(parts.observer(case.mission), planner, tracker, len(case.mission.system.inputs))},
+        parts.disturbed(case.plant, case.stack.planner.period),
+        {case.vehicle: case.stack.agent(len(case.mission.system.inputs))},
         parts.config.duration,
         partial(finished, case),
         partial(summarise, case, parts.config, parts.seed),

@@ -23,7 +23,6 @@ from mathnavi.models.missile.entity import build_model
 from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Place, Target
 from mathnavi.models.missile.sensors import StateNoise
 from mathnavi.models.missile.target import TargetMotion
-from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.interfaces.errors import MissionError
@@ -62,17 +61,15 @@ class MissileGuidance:
         mission = _mission(config, target)
         first = _first_plan(mission, parts.controller)
 
-        planner, tracker = parts.pilot(mission)
+        stack = parts.stack(mission)
         start = mission.coordinates.to_joints(mission.start_state)
         limits = np.array(mission.input_max)
-        setup = VehicleSetup(start, parts.sensors(mission), limits, config.actuator.delay)
+        setup = VehicleSetup(start, stack.sensors, limits, config.actuator.delay)
         model = _model(mission.coordinates, mission.input_max, config.mismatch)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
-        input_size = mission.coordinates.input_size
-        agent = Agent(parts.observer(mission), planner, tracker, input_size, _messages(config, target))
         return parts.closed_loop(
-            parts.disturbed(body, planner.period),
-            {VEHICLE: agent},
+            parts.disturbed(body, stack.planner.period),
+            {VEHICLE: stack.agent(mission.coordinates.input_size, _messages(config, target))},
             _duration(config, first),
             PassedTarget(mission, target).finished,
             partial(summarise, config, mission, target, first, seed),

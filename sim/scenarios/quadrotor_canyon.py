@@ -39,8 +39,7 @@ from mathnavi.models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VE
 from mathnavi.models.quadrotor.entity import REACH, RotorDrive, build_model
 from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import load_terrain, place_of
-from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.interfaces.errors import PluginError
@@ -48,9 +47,9 @@ from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Array, Plan, Status
 from mathnavi.sim.metrics.flight import Bound
 from mathnavi.sim.metrics.quadrotor import point, quadrotor_summary
-from mathnavi.sim.plugin.registry import PluginSpec, called, checked_quality, checked_sensors
+from mathnavi.sim.plugin.registry import PluginSpec, called, checked_quality
 from mathnavi.sim.records.missions import QuadrotorRecord
-from mathnavi.sim.scenarios.assembler import Assembler
+from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.flight_parts import Point, bare_mission, certified_ends, terrain_record
 from mathnavi.sim.scenarios.flight_verdict import due, longest_flight, verdict
@@ -94,28 +93,30 @@ class QuadrotorCanyon:
         mission, first = _mission(config, terrain, parts)
         deadline = config.deadline_factor * first.t_end
 
-        planner, tracker = parts.certified_pilot(mission, mission.flight)
+        stack = parts.stack(mission, certified_flight=mission.flight)
         vehicle = config.mismatch.vehicle
-        setup = VehicleSetup(mission.start_state, parts.sensors(mission), drive=RotorDrive(vehicle))
+        setup = VehicleSetup(mission.start_state, stack.sensors, drive=RotorDrive(vehicle))
         model = _model(terrain, config.mismatch)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
         # Sensors of its own: those of the flight may lose readings, and draw whether they do.
-        faultless = dataclasses.replace(setup, sensors=checked_sensors(parts.estimator, mission))
-        _check_estimates(parts, mission, MujocoPlant(model, {VEHICLE: faultless}, np.random.default_rng(0)), first)
+        faultless = dataclasses.replace(parts, faults=()).stack(mission)
+        trial = dataclasses.replace(setup, sensors=faultless.sensors)
+        _check_estimates(parts, faultless, MujocoPlant(model, {VEHICLE: trial}, np.random.default_rng(0)), first)
         # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
         duration = longest_flight(2.0 * deadline, config.deadline_factor, config.speed_max, _LONGEST)
 
         flight = TrueQuadrotorFlight(mission, deadline)
         start, target = mission.flight.start, mission.flight.target
+        place = terrain_record(terrain, config.terrain)
         return parts.closed_loop(
-            parts.disturbed(body, planner.period, vehicle.mass),
-            {VEHICLE: Agent(parts.observer(mission), planner, tracker, ROTOR_COUNT)},
+            parts.disturbed(body, stack.planner.period, vehicle.mass),
+            {VEHICLE: stack.agent(ROTOR_COUNT)},
             duration,
             partial(finished, flight, body),
-            partial(summarise, flight, planner, tracker.bound, seed),
-            mission=_record(mission, tracker.bound),
-            resolved=dataclasses.replace(config, terrain=place_of(config.terrain), start=start, target=target),
-            terrain=terrain_record(terrain, config.terrain),
+            partial(summarise, flight, stack.planner, stack.tracker.bound, seed),
+            mission=_record(mission, stack.tracker.bound),
+            resolved=dataclasses.replace(config, terrain=place["path"], start=start, target=target),
+            terrain=place,
             task=_task(mission, parts.controller),
         )
 
@@ -188,14 +189,13 @@ def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.G
     return x, y, float(_raised(terrain).height(x, y)) + above
 
 
-def _check_estimates(parts: Assembler, mission: QuadrotorMission, plant: MujocoPlant, plan: Plan) -> None:
+def _check_estimates(parts: Assembler, stack: VehicleStack, plant: MujocoPlant, plan: Plan) -> None:
     """Raise PluginError for an estimator from whose estimates the tracker cannot fly."""
-    _, tracker = parts.pilot(mission)
-    estimate = parts.observer(mission).update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT))
+    estimate = stack.estimator.update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT))
     if estimate.status is not Status.OK:
         return  # it has not seen enough yet to say
     try:
-        tracker.command(0.0, estimate, plan)
+        stack.tracker.command(0.0, estimate, plan)
     except ValueError as error:
         name = called("estimators", parts.estimator.name)
         raise PluginError(f"estimator = {name!r}: {error}, as those of quadrotor_state are") from None

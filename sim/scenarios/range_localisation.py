@@ -21,7 +21,6 @@ from mathnavi.models.sensor_faults import Outage
 from mathnavi.models.unicycle.drives import DifferentialDrive, IdealDrive
 from mathnavi.models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
 from mathnavi.models.unicycle.mission import KnownStart, RangingMission
-from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.interfaces.errors import MissionError
@@ -71,11 +70,11 @@ class RangeLocalisation:
             known = _known_start(config, pose, mission.curve, parts.streams["start_errors"])
             mission = dataclasses.replace(mission, start=known)
 
-        planner, tracker = parts.pilot(mission)
-        body = _body(config, mission, pose, _with_outages(parts.sensors(mission), config), parts.streams["sensing"])
+        stack = parts.stack(mission)
+        body = _body(config, mission, pose, _with_outages(stack.sensors, config), parts.streams["sensing"])
         return parts.closed_loop(
-            parts.disturbed(body, planner.period),
-            {VEHICLE: Agent(parts.observer(mission), planner, tracker, 2)},
+            parts.disturbed(body, stack.planner.period),
+            {VEHICLE: stack.agent(2)},
             round(config.duration / mission.period) * mission.period,
             partial(finished, body),
             partial(summarise, mission, seed),

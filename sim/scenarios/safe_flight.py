@@ -23,9 +23,8 @@ from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.sensors import AccelerationSensor
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import load_terrain, place_of
+from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import RadarTrack
-from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.interfaces.protocols import Planner
@@ -85,25 +84,23 @@ class SafeFlight:
             2.0 * flight.deadline + flight.track.ends, mission.deadline_factor, mission.speed_max, _LONGEST,
         )  # fmt: skip
 
-        planner, tracker = parts.certified_pilot(mission, mission)
-        sensors = parts.sensors(mission, AccelerationSensor())
-        setup = VehicleSetup(mission.start_state, sensors, mission.acceleration_max)
+        stack = parts.stack(mission, AccelerationSensor(), certified_flight=mission)
+        setup = VehicleSetup(mission.start_state, stack.sensors, mission.acceleration_max)
         model = _model(flight.mission.terrain, mission.acceleration_max)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
         messages = [*config.messages(mission.terrain, duration), *flight.track.messages(config.report_period)]
-        agent = Agent(parts.observer(mission), planner, tracker, messages=messages)
 
         ends = {"start": mission.start, "target": mission.target}
-        place = place_of(config.terrain)
+        terrain = terrain_record(flight.mission.terrain, config.terrain, hills=config.uncharted)
         return parts.closed_loop(
-            parts.disturbed(body, planner.period),
-            {VEHICLE: agent},
+            parts.disturbed(body, stack.planner.period),
+            {VEHICLE: stack.agent(messages=messages)},
             duration,
             partial(finished, flight, body),
-            partial(summarise, flight, planner, tracker.bound, seed),
-            mission=_record(config, flight, tracker.bound),
-            resolved=dataclasses.replace(config, terrain=place, start=mission.start, target=mission.target),
-            terrain=terrain_record(flight.mission.terrain, config.terrain, hills=config.uncharted),
+            partial(summarise, flight, stack.planner, stack.tracker.bound, seed),
+            mission=_record(config, flight, stack.tracker.bound),
+            resolved=dataclasses.replace(config, terrain=terrain["path"], start=mission.start, target=mission.target),
+            terrain=terrain,
             task=flight_task((VEHICLE,), mission.acceleration_max, parts.controller, ends),
         )
 

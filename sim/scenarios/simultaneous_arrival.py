@@ -22,7 +22,7 @@ from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.sensors import AccelerationSensor
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import load_terrain, place_of
+from mathnavi.models.terrain.library import load_terrain
 from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
@@ -93,6 +93,7 @@ class SimultaneousArrival:
         body = MujocoPlant(model, setups, parts.streams["sensing"])
 
         starts = tuple(vehicle.mission.start for vehicle in fleet.values())
+        terrain = terrain_record(flight.terrain, config.terrain, hills=config.uncharted)
         ends = {"start": starts, "target": next(iter(fleet.values())).centre}
         period = next(iter(fleet.values())).planner.period
         return parts.closed_loop(
@@ -102,8 +103,8 @@ class SimultaneousArrival:
             partial(finished, flight, body),
             partial(summarise, flight, config, seed),
             mission=_record(config, flight, dataclasses.asdict(bound)),
-            resolved=dataclasses.replace(config, terrain=place_of(config.terrain), start=starts),
-            terrain=terrain_record(flight.terrain, config.terrain, hills=config.uncharted),
+            resolved=dataclasses.replace(config, terrain=terrain["path"], start=starts),
+            terrain=terrain,
             network=network,
             task=flight_task(config.names, config.acceleration_max, parts.controller, ends),
         )

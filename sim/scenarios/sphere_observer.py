@@ -103,15 +103,15 @@ class SphereObserver:
         """The closed loop of one seed. Raises ValueError for a start off the space."""
         parts = Assembler.of(SphereObserver, config, seed, controller, estimator)
         mission = config_mission(config)
-        sensors, noise = parts.sensors(mission), parts.streams["sensing"]
+        stack, noise = parts.stack(mission), parts.streams["sensing"]
         start = checked_speed(_start(config, mission, parts.streams["draws"]), mission)
         plant: Plant
         if isinstance(mission.system, PointSystem):
-            plant = OdePlant({VEHICLE: OdeVehicle(mission.system, start, sensors)}, TICK, noise)
+            plant = OdePlant({VEHICLE: OdeVehicle(mission.system, start, stack.sensors)}, TICK, noise)
         else:
-            plant = rigid_body_plant(VEHICLE, start, sensors, config.inertia, noise)
+            plant = rigid_body_plant(VEHICLE, start, stack.sensors, config.inertia, noise)
         record = SpaceRecord(**recorded_as(mission, config), space=config.space)
-        return observed_loop(parts, LagrangianCase(VEHICLE, plant, mission, mission, record))
+        return observed_loop(parts, LagrangianCase(VEHICLE, plant, stack, mission, mission, record))
 
     @staticmethod
     def errors(config: SphereObserverConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -147,7 +147,7 @@ def rigid_body_plant(
     name: str, start: Array, sensors: tuple[Sensor, ...], inertia: float, rng: np.random.Generator
 ) -> MujocoPlant:
     """The rigid body in MuJoCo, with the inertia [kg m^2] about every axis."""
-    return MujocoPlant(_rigid_body(name, inertia), {name: VehicleSetup(start, sensors)}, rng)
+    return MujocoPlant(_rigid_body(name, inertia), {name: VehicleSetup(start, stack.sensors)}, rng)
 
 
 @lru_cache(maxsize=4)

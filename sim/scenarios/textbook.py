@@ -20,7 +20,6 @@ from mathnavi.models.textbook.camera_and_flags import camera_and_flags
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.mission import TICK, TextbookMission
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant, OdeVehicle
 from mathnavi.sim.interfaces.checks import check, check_rate
@@ -115,16 +114,14 @@ class TextbookObserver:
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for an observer that is not made for the system."""
         parts = Assembler.of(TextbookObserver, config, seed, controller, estimator)
-        mission = config.mission
-        planner, tracker = parts.pilot(mission)
-        observer = parts.observer(mission)
-        vehicle = OdeVehicle(config.observed, config.start_state, parts.sensors(mission))
+        stack = parts.stack(config.mission)
+        vehicle = OdeVehicle(config.observed, config.start_state, stack.sensors)
         plant = OdePlant({VEHICLE: vehicle}, TICK, parts.streams.root)
         # L = |x^ - x|^2, the error of Definition 2.2, whose root mean square a run is evaluated by.
         cost = squared_error(VEHICLE, config.observed.difference)
         return parts.closed_loop(
-            parts.disturbed(plant, planner.period),
-            {VEHICLE: Agent(observer, planner, tracker, len(config.observed.inputs))},
+            parts.disturbed(plant, stack.planner.period),
+            {VEHICLE: stack.agent(len(config.observed.inputs))},
             config.duration,
             partial(finished, plant),
             partial(summarise, config, seed),

@@ -147,7 +147,7 @@ def rigid_body_plant(
     name: str, start: Array, sensors: tuple[Sensor, ...], inertia: float, rng: np.random.Generator
 ) -> MujocoPlant:
     """The rigid body in MuJoCo, with the inertia [kg m^2] about every axis."""
-    return MujocoPlant(_rigid_body(name, inertia), {name: VehicleSetup(start, stack.sensors)}, rng)
+    return MujocoPlant(_rigid_body(name, inertia), {name: VehicleSetup(start, sensors)}, rng)
 
 
 @lru_cache(maxsize=4)

@@ -38,7 +38,7 @@ from mathnavi.sim.plugin.registry import PluginSpec
 def load(scenario: str, *, seed: int = 0, estimator: PluginSpec | str | None = None, **fields: Any) -> Environment:
     """The scenario with these fields as an environment, of the estimator given or of its own.
 
-    ``seed`` draws the mission, and the generator of it the seeds of the episodes. Nested fields are mappings,
+    ``seed`` draws the mission, and a generator of the same seed the seeds of the episodes. Nested fields are mappings,
     ``noise={"position": 5.0}``. ValueError for what is unknown or wrong, and for a scenario with nothing to command.
     """
     return Environment(EpisodeRunner(scenario, seed, estimator, fields), np.random.default_rng(seed))

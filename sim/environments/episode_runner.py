@@ -106,7 +106,7 @@ class EpisodeRunner:
 
     @property
     def inputs(self) -> Inputs:
-        """What is commanded of each vehicle."""
+        """Inputs of each vehicle, with their bounds."""
         return self._task.inputs[self.names[0]]
 
     @property
@@ -189,7 +189,7 @@ class EpisodeRunner:
         return Sample(self._loop.t, self._loop.truths, _estimates(self._scenario, self._loop))
 
     def _finds_covariance(self) -> bool:
-        """Whether the estimators have one, found by letting them observe, uncommanded, while they know nothing.
+        """True where the estimators have one, found by letting them observe, uncommanded, while they know nothing.
 
         One that knows nothing even then is expected to.
         """

@@ -1,6 +1,6 @@
 """``attitude-tracking``: a rigid body follows a reference attitude without a gyro (thesis, further research).
 
-The observer of Paper D tells the rates from attitudes alone, and intrinsic tracking closes the loop on S^3.
+The observer of Paper D finds the rates from attitudes alone, and intrinsic tracking closes the loop on S^3.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Coordinator
 from mathnavi.sim.interfaces.signals import Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
-from mathnavi.sim.scenarios.fleet_fields import TALK, SimultaneousArrivalConfig
+from mathnavi.sim.scenarios.fleet_fields import EXCHANGE_PERIOD, SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.fleet_start import StartedVehicle
 from mathnavi.sim.scenarios.random_streams import RandomStreams
 
@@ -50,8 +50,8 @@ def coordinators(
             float(ticking.uniform(-config.clocks.offset, config.clocks.offset)),
             float(ticking.uniform(-config.clocks.drift, config.clocks.drift)),
         )
-        memory = max(_SHORTEST_MEMORY, 4.0 * TALK + 2.0 * config.radio.delay[1])
-        clocks = ClockConsensus(ClockConfig(period=TALK, memory=memory), graph.node(name))
+        memory = max(_SHORTEST_MEMORY, 4.0 * EXCHANGE_PERIOD + 2.0 * config.radio.delay[1])
+        clocks = ClockConsensus(ClockConfig(period=EXCHANGE_PERIOD, memory=memory), graph.node(name))
         made[name] = ClockedCoordinator(
             name, clock, clocks, graph.neighbours(name), config.clocks.settling, config.clocks.error, talker
         )
@@ -92,5 +92,5 @@ def _talker(
     )
     return FleetCoordinator(
         separation, checked_consensus(consensus, node), graph.neighbours(name), vehicle.estimate,
-        vehicle.planner.period, TALK,
+        vehicle.planner.period, EXCHANGE_PERIOD,
     )  # fmt: skip

@@ -109,7 +109,7 @@ def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, StartedV
 
 
 def _slots(config: SimultaneousArrivalConfig, common: FlightMission, target: Point) -> list[Point]:
-    """On a ring about the target, at its height or as high as the ground asks for."""
+    """Slots (x, y, z) [m] on a ring about the target, at its height or as high as the ground asks for."""
     x, y, z = target
     check_above_ground("target", target, common)
     n = config.vehicles

@@ -15,7 +15,7 @@ from mathnavi.models.terrain.hill import hills_of, with_hills
 from mathnavi.models.terrain.visibility import Radar, RadarTrack
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.checks import check
-from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.signals import Array, Message
 from mathnavi.sim.records.missions import RadarRecord
 from mathnavi.sim.scenarios.flight_parts import Point
@@ -96,11 +96,11 @@ class ChangeFields:
         ]
 
     def ground(self, charted: HeightField) -> HeightField:
-        """The terrain as it is, with the hills that the map does not show."""
+        """The terrain as it is, with the hills that the map does not show; MissionError for one that is off the map."""
         try:
             return with_hills(charted, hills_of(self.uncharted))
         except ValueError as error:
-            raise ValueError(f"uncharted: {error}") from None
+            raise MissionError(f"uncharted: {error}") from None
 
     def messages(self, charted: HeightField, duration: float) -> list[Message]:
         """All messages to the planner after the start, on radars and on the ground, before ``duration`` [s]."""

@@ -49,7 +49,7 @@ class LagrangianFields:
     duration: float = 10.0
     """[s]"""
     speed_max: float = 30.0
-    """what |v|_g = sqrt(2 T) is at most, T being the kinetic energy, by which some estimators tell jumps [-]"""
+    """largest |v|_g = sqrt(2 T), T being the kinetic energy, by which some estimators detect jumps [-]"""
     settled: float = 2.0
     """from when on errors count [s]"""
     tolerance: float = 0.1

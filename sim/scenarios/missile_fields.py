@@ -167,7 +167,7 @@ class MissileGuidanceConfig:
     miss_allowed: float = 1.0
     """how near to the target counts as a hit [m]"""
     aspect_allowed: float = 2.0
-    """how far the nose may then be off the aspect angle [deg]"""
+    """largest angle between the nose and the aspect angle then [deg]"""
     control_rate: float = 250.0
     """of estimator, autopilot and log [Hz]; the physics runs at 1 kHz"""
     mismatch: MissileMismatch = field(default_factory=MissileMismatch)

@@ -90,9 +90,11 @@ class RangingNoise:
         check(self.odometry_bias, "noise.odometry_bias", 0.0, 0.5)
 
     def ranging(self) -> RangeQuality:
+        """Errors of the ranges, as a mission declares them."""
         return RangeQuality(self.range_relative, self.range_absolute, self.dropout, self.outliers)
 
     def odometry(self, slip: tuple[float, float]) -> OdometryQuality:
+        """Errors of the odometry, as a mission declares them, with a slip [m/s, rad/s]."""
         return OdometryQuality(self.odometry_noise, self.odometry_bias, slip)
 
 

@@ -52,7 +52,7 @@ class TextbookConfig:
     start: NumberList = ()
     """of each state; the system's own if not given"""
     start_error: NumberList = ()
-    """that the estimate of each state starts off by; the system's own if not given"""
+    """error of each state's estimate at the start; the system's own if not given"""
     noise: float = 0.0
     """standard deviation of the reading of each output"""
     rate: float = 100.0

@@ -66,8 +66,10 @@ class ArmVelocity:
     """The joint velocities of a mechanism from its encoders."""
 
     Config = ArmVelocityConfig
-    name, drawing = "arm-velocity", "mathnavi.renders.lagrangian.drawing"
-    controller, estimator = "joint_tracking", "riemannian_observer"
+    name = "arm-velocity"
+    drawing = "mathnavi.renders.lagrangian.drawing"
+    controller = "joint_tracking"
+    estimator = "riemannian_observer"
 
     @staticmethod
     def build(

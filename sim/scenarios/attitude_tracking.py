@@ -67,8 +67,10 @@ class AttitudeTrackingScenario:
     """A rigid body follows a reference attitude without a gyro."""
 
     Config = AttitudeTrackingFields
-    name, drawing = "attitude-tracking", "mathnavi.renders.lagrangian.drawing"
-    controller, estimator = "attitude_tracking", "riemannian_observer"
+    name = "attitude-tracking"
+    drawing = "mathnavi.renders.lagrangian.drawing"
+    controller = "attitude_tracking"
+    estimator = "riemannian_observer"
     streams = ("draws", "sensing")
 
     @staticmethod

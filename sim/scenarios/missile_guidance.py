@@ -44,8 +44,10 @@ class MissileGuidance:
     """A missile dives on a target that may move, and plans again while it flies."""
 
     Config = MissileGuidanceConfig
-    name, drawing = "missile-guidance", "mathnavi.renders.missile.drawing"
-    controller, estimator = "missile", "full_state"
+    name = "missile-guidance"
+    drawing = "mathnavi.renders.missile.drawing"
+    controller = "missile"
+    estimator = "full_state"
     streams = ("sensing", "gusts", "dropouts", "solver_failures", "late_plans")
 
     @staticmethod

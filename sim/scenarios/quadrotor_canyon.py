@@ -66,8 +66,10 @@ class QuadrotorCanyon:
     """A quadrotor flies through a winding canyon to its target, certified as a point mass is."""
 
     Config = QuadrotorCanyonConfig
-    name, drawing = "quadrotor-canyon", "mathnavi.renders.quadrotor.drawing"
-    controller, estimator = "quadrotor", "quadrotor_state"
+    name = "quadrotor-canyon"
+    drawing = "mathnavi.renders.quadrotor.drawing"
+    controller = "quadrotor"
+    estimator = "quadrotor_state"
     streams = ("draws", "sensing", "solver_failures", "corrupted_plans", "late_plans", "gusts", "dropouts")
 
     @staticmethod

@@ -49,8 +49,10 @@ class RangeLocalisation:
     """A robot with range sensors finds itself within a wall that it knows."""
 
     Config = RangeLocalisationConfig
-    name, drawing = "range-localisation", "mathnavi.renders.ranging.drawing"
-    controller, estimator = "active_sensing", "feasible_set_bank"
+    name = "range-localisation"
+    drawing = "mathnavi.renders.ranging.drawing"
+    controller = "active_sensing"
+    estimator = "feasible_set_bank"
     streams = ("draws", "start_errors", "sensing")
 
     @staticmethod

@@ -55,8 +55,10 @@ class SafeFlight:
     """One aerial vehicle crosses real mountains, plans on line, and arrives."""
 
     Config = SafeFlightConfig
-    name, drawing = "safe-flight", "mathnavi.renders.flight.drawing"
-    controller, estimator = "flight", "full_state"
+    name = "safe-flight"
+    drawing = "mathnavi.renders.flight.drawing"
+    controller = "flight"
+    estimator = "full_state"
     streams = (
         "draws", "sensing", "solver_failures", "corrupted_plans", "late_plans", "gusts", "position_jumps", "dropouts",
     )  # fmt: skip

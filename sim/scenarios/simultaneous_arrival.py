@@ -47,8 +47,10 @@ class SimultaneousArrival:
     """A fleet crosses real mountains, keeps apart, and arrives at one time."""
 
     Config = SimultaneousArrivalConfig
-    name, drawing = "simultaneous-arrival", "mathnavi.renders.fleet.drawing"
-    controller, estimator = "flight", "full_state"
+    name = "simultaneous-arrival"
+    drawing = "mathnavi.renders.fleet.drawing"
+    controller = "flight"
+    estimator = "full_state"
     streams = ("draws", "sensing", "planner_faults", "gusts", "network", "ranks", "dropouts")
 
     @staticmethod

@@ -89,8 +89,10 @@ class SphereObserver:
     """The velocity of what moves on a curved space, from its position alone."""
 
     Config = SphereObserverConfig
-    name, drawing = "sphere-observer", "mathnavi.renders.lagrangian.drawing"
-    controller, estimator = "input_signal", "riemannian_observer"
+    name = "sphere-observer"
+    drawing = "mathnavi.renders.lagrangian.drawing"
+    controller = "input_signal"
+    estimator = "riemannian_observer"
     streams = ("draws", "sensing")
 
     @staticmethod

@@ -105,8 +105,10 @@ class TextbookObserver:
     """A system of the textbook with an observer in the loop."""
 
     Config = TextbookConfig
-    name, drawing = "textbook-observer", "mathnavi.renders.textbook.drawing"
-    controller, estimator = "input_signal", "textbook_ekf"
+    name = "textbook-observer"
+    drawing = "mathnavi.renders.textbook.drawing"
+    controller = "input_signal"
+    estimator = "textbook_ekf"
 
     @staticmethod
     def build(

@@ -17,6 +17,7 @@ from mathnavi.renders.palette import Colour, vehicle_colour
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Event
 from mathnavi.sim.metrics.fleet import arrival_time
+from mathnavi.sim.records.missions import FleetRecord, read_mission
 from mathnavi.sim.records.run_folder import CONFIG, last_at, read_fleet
 
 AGREED = re.compile(r"arrival time from .*: (\S+)")  # the message in a vehicle's log of the time that it has agreed to
@@ -158,8 +159,8 @@ def load_run(directory: str | Path) -> FleetRun:
     log = read_fleet(directory)
     path = log.directory / CONFIG
     try:
-        mission = log.config["mission"]
-        names, separation = tuple(mission["vehicles"]), float(mission["separation"])
+        mission = read_mission(FleetRecord, log.config["mission"])
+        names, separation = tuple(mission.vehicles), mission.separation
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(f"{str(path)!r} does not describe the flight of a fleet: {error!r}") from None
     if set(names) != set(log.vehicles) or len(names) < 2:

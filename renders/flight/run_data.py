@@ -21,6 +21,7 @@ from mathnavi.models.terrain.visibility import Radar, RadarTrack
 from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Plan
+from mathnavi.sim.records.missions import ChangingFlightRecord, RadarRecord, read_mission
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, RunLog, read_log
 
 FINE_TRAIL = 6000.0  # [m] at the end of a trail
@@ -134,7 +135,7 @@ def flight_of(log: RunLog, mission_of: Callable[[Mapping[str, Any]], Mapping[str
         place = config["terrain"]
         hills = hills_of(place.get("hills", ()))
         terrain = with_hills(load_terrain(place.get("path") or place["name"]), hills)
-        mission = _mission(mission_of(config["mission"]), hills)
+        mission = _mission(read_mission(ChangingFlightRecord, mission_of(config["mission"])), hills)
     except (KeyError, TypeError, AttributeError) as error:
         raise RunFolderError(f"{str(folder / CONFIG)!r} does not describe a flight: {error!r}") from None
     if place.get("digest", terrain.digest) != terrain.digest:
@@ -150,23 +151,18 @@ def flight_of(log: RunLog, mission_of: Callable[[Mapping[str, Any]], Mapping[str
     return FlightRun(log, mission, terrain)
 
 
-def _mission(fields: Mapping[str, Any], hills: tuple[Hill, ...]) -> FlownMission:
-    start, target = (np.array(fields[name], dtype=float) for name in ("start", "target"))
+def _mission(record: ChangingFlightRecord, hills: tuple[Hill, ...]) -> FlownMission:
     return FlownMission(
-        start,
-        target,
-        **{name: float(fields[name]) for name in MISSION_NUMBERS},
-        radars=tuple(_track(radar) for radar in fields.get("radars", ())),
-        target_path=np.array(fields.get("target_path", ()), dtype=float).reshape(-1, 4),
+        np.array(record.start),
+        np.array(record.target),
+        **{name: getattr(record, name) for name in MISSION_NUMBERS},
+        radars=tuple(_track(radar) for radar in record.radars),
+        target_path=np.array(record.target_path).reshape(-1, 4),
         hills=hills,
-        charted_at=float(fields.get("charted_at") or 0.0),
+        charted_at=record.charted_at or 0.0,
     )
 
 
-def _track(radar: Mapping[str, Any]) -> RadarTrack:
-    site = Radar(*(float(radar[name]) for name in ("x", "y", "radius", "weight")))
-    until = radar.get("until")
-    east, north = radar.get("velocity", (0.0, 0.0))
-    return RadarTrack(
-        site, float(radar["time"]), np.inf if until is None else float(until), (float(east), float(north))
-    )
+def _track(radar: RadarRecord) -> RadarTrack:
+    site = Radar(radar.x, radar.y, radar.radius, radar.weight)
+    return RadarTrack(site, radar.time, np.inf if radar.until is None else radar.until, radar.velocity)

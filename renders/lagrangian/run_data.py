@@ -23,6 +23,7 @@ from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.lagrangian import VelocityErrors
+from mathnavi.sim.records.missions import MechanismRecord, SpaceRecord, read_mission
 from mathnavi.sim.records.run_folder import RunLog, last_at, read_log
 
 REACH = 0.5  # [rad, m] that an error of the position, the largest or a usual one, is drawn as, at most
@@ -177,18 +178,21 @@ def load_run(directory: str | Path) -> LagrangianRun:
 
 
 def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Array]) -> LagrangianRun:
-    space = mission.get("space")
-    if space is None:
-        mechanism: str | None = str(mission["mechanism"])
-        model = heavier(build_model(mission["mechanism"]), float(log.config["fields"]["load"]))
+    record: MechanismRecord | SpaceRecord
+    if mission.get("space") is None:
+        record, space = read_mission(MechanismRecord, mission), None
+        mechanism: str | None = record.mechanism
+        model = heavier(build_model(record.mechanism), float(log.config["fields"]["load"]))
         manifold: Manifold = MechanismManifold(model)
     else:
+        record = read_mission(SpaceRecord, mission)
+        space = record.space
         manifold, mechanism = SPACES[space], "rigid-body" if space == "body" else None
-    states, inputs = (tuple(map(str, mission[kind])) for kind in ("states", "inputs"))
+    states = record.states
     seen = arrays["estimate.t"] <= log.t[-1] + TIME_TOLERANCE
     t, x = arrays["estimate.t"][seen], arrays["estimate.x"][seen]
     size = manifold.size + manifold.vector_size
     if not (len(states) == log.x.shape[1] == size and x.shape == (len(t), size) and len(t)):
         raise RunFolderError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of the {size} states {states}")
     innovation = arrays["estimate.innovation"][seen, 0] if "estimate.innovation" in arrays else None
-    return LagrangianRun(log, manifold, space, mechanism, states, inputs, float(mission["tolerance"]), t, x, innovation)
+    return LagrangianRun(log, manifold, space, mechanism, states, record.inputs, record.tolerance, t, x, innovation)

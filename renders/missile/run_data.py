@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from mathnavi.models.missile.coordinates import COORDINATES, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL
-from mathnavi.models.missile.mission import Target
 from mathnavi.models.missile.target import TargetMotion
 from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.missile import Approach, attack_angles, closest_approach, references
+from mathnavi.sim.records.missions import MissileRecord, read_mission
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, RunLog, read_log
 
 TO_WORLD = np.array([1.0, -1.0, -1.0])  # from the Earth frame, whose z is down, and back
@@ -113,7 +111,7 @@ def load_run(directory: str | Path) -> MissileRun:
     """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory)
     try:
-        run = _described(log, log.config["mission"])
+        run = _described(log, read_mission(MissileRecord, log.config["mission"]))
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(f"{str(log.directory / CONFIG)!r} does not describe a missile: {error!r}") from None
     sizes = run.coordinates.state_size, run.coordinates.input_size
@@ -125,14 +123,13 @@ def load_run(directory: str | Path) -> MissileRun:
     return run
 
 
-def _described(log: RunLog, mission: Mapping[str, Any]) -> MissileRun:
-    legs = tuple(Target(tuple(leg["place"]), tuple(leg["velocity"]), float(leg["t"])) for leg in mission["target"])
+def _described(log: RunLog, mission: MissileRecord) -> MissileRun:
     return MissileRun(
         log,
-        COORDINATES[mission["dimension"]],
-        TargetMotion(legs),
-        float(mission["aspect_angle"]),
-        np.array(mission["input_max"], dtype=float),
-        float(mission["miss_allowed"]),
+        COORDINATES[mission.dimension],
+        TargetMotion(mission.target),
+        mission.aspect_angle,
+        np.array(mission.input_max),
+        mission.miss_allowed,
         NOMINAL.mass * NOMINAL.gravity,
     )

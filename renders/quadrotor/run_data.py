@@ -16,6 +16,7 @@ from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.flight import references
 from mathnavi.sim.metrics.quadrotor import point, tilts
+from mathnavi.sim.records.missions import QuadrotorRecord, read_mission
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, read_log
 
 
@@ -76,9 +77,8 @@ def load_run(directory: str | Path) -> QuadrotorRun:
     flown = np.gradient(centre[:, 3:], log.t, axis=0)
     flight = flight_of(dataclasses.replace(log, x=centre, u=flown), lambda mission: mission)
     try:
-        mission = log.config["mission"]
-        reach, most = float(mission["reach"]), float(mission["thrust_max"])
-        bound = {name: float(mission["tracking_bound"][name]) for name in ("horizontal", "vertical")}
+        mission = read_mission(QuadrotorRecord, log.config["mission"])
+        bound = {name: float(mission.tracking_bound[name]) for name in ("horizontal", "vertical")}
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(f"{str(log.directory / CONFIG)!r} does not describe a quadrotor: {error!r}") from None
-    return QuadrotorRun(flight, log.x, log.u, reach, most, bound)
+    return QuadrotorRun(flight, log.x, log.u, mission.reach, mission.thrust_max, bound)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +12,13 @@ from numpy.typing import NDArray
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.entity import DriveName
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.renders.ranging.beliefs import Beliefs, read_beliefs, shaped
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.ranging import HEADING, POSITION
+from mathnavi.sim.records.missions import RangingRecord, read_mission
 from mathnavi.sim.records.run_folder import ARRAYS, CONFIG, last_at, read_log
 
 Flags = NDArray[np.bool_]
@@ -170,8 +168,8 @@ def load_run(directory: str | Path) -> RangingRun:
     """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory)
     try:
-        mission = _mission(log.config["mission"])
-        drive, friction = _drive(log.config["mission"]["drive"]), float(log.config["mission"]["friction"])
+        record = read_mission(RangingRecord, log.config["mission"])
+        mission = _mission(record)
     except (KeyError, TypeError, ValueError) as error:
         name = str(log.directory / CONFIG)
         raise RunFolderError(f"{name!r} does not describe a robot with range sensors: {error!r}") from None
@@ -189,32 +187,22 @@ def load_run(directory: str | Path) -> RangingRun:
         raise RunFolderError(f"{str(log.directory / ARRAYS)!r}: {error}") from None
     missing = np.nan
     return RangingRun(
-        log, mission, drive, friction,
+        log, mission, record.drive, record.friction,
         np.full((n, sensors), missing) if ranges is None else ranges,
         np.full((n, 2), missing) if odometry is None else odometry,
         beliefs,
     )  # fmt: skip
 
 
-def _drive(value: object) -> DriveName:
-    for name in get_args(DriveName):
-        if value == name:
-            found: DriveName = name
-            return found
-    raise RunFolderError(f"drive = {value!r}; allowed: {', '.join(get_args(DriveName))}")
-
-
-def _mission(fields: Mapping[str, Any]) -> RangingMission:
-    start, odometry = fields["known_start"], fields["odometry"]
-    coefficients = tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in fields["coefficients"])
+def _mission(record: RangingRecord) -> RangingMission:
     return RangingMission(
-        curve=Curve(coefficients, str(fields["field"])),
-        angles=tuple(float(angle) for angle in fields["angles"]),
-        ranging=RangeQuality(**fields["ranging"]),
-        odometry=OdometryQuality(**{**odometry, "noise": tuple(odometry["noise"]), "slip": tuple(odometry["slip"])}),
-        start=None if start is None else KnownStart(tuple(start["pose"]), tuple(start["deviation"])),
-        speed_max=float(fields["speed_max"]),
-        turn_rate_max=float(fields["turn_rate_max"]),
-        margin=float(fields["margin"]),
-        period=float(fields["period"]),
+        curve=Curve(record.coefficients, record.field),
+        angles=record.angles,
+        ranging=record.ranging,
+        odometry=record.odometry,
+        start=record.known_start,
+        speed_max=record.speed_max,
+        turn_rate_max=record.turn_rate_max,
+        margin=record.margin,
+        period=record.period,
     )

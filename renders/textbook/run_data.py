@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from mathnavi.models.angles import wrapped
 from mathnavi.renders.logged_run import LoggedRun
 from mathnavi.sim.interfaces.errors import RunFolderError
 from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.missions import TextbookRecord, read_mission
 from mathnavi.sim.records.run_folder import RunLog, last_at, read_log
 
 
@@ -61,18 +61,16 @@ def load_run(directory: str | Path) -> TextbookRun:
     """Read a run's folder; FileNotFoundError where something is missing, RunFolderError where it is broken."""
     log = read_log(directory)
     try:
-        return _described(log, log.config["mission"], log.arrays)
+        return _described(log, read_mission(TextbookRecord, log.config["mission"]), log.arrays)
     except (KeyError, TypeError, ValueError) as error:
         raise RunFolderError(f"{str(log.directory)!r} does not hold the run of a textbook system: {error!r}") from None
 
 
-def _described(log: RunLog, mission: Mapping[str, Any], arrays: Mapping[str, Array]) -> TextbookRun:
-    names = (tuple(map(str, mission[kind])) for kind in ("states", "inputs", "outputs"))
-    states, inputs, outputs = names
+def _described(log: RunLog, mission: TextbookRecord, arrays: Mapping[str, Array]) -> TextbookRun:
+    states, outputs = mission.states, mission.outputs
     t, x = arrays["estimate.t"], arrays["estimate.x"]
     if x.shape != (len(t), len(states)) or log.x.shape[1] != len(states):
         raise RunFolderError(f"estimate.x {x.shape} and truth.x {log.x.shape} are not of {len(states)} states")
     nothing = np.full((len(log.t), len(outputs)), np.nan)
     y = arrays.get("measurement.output", nothing)
-    angles = tuple(int(k) for k in mission["angles"])
-    return TextbookRun(log, t, x, states, inputs, outputs, y, angles, str(mission["title"]))
+    return TextbookRun(log, t, x, states, mission.inputs, outputs, y, mission.angles, mission.title)

@@ -30,24 +30,24 @@ def load(scenario: str, *, seed: int = 0, threads: int = 0, **fields: Any) -> Ro
     """
     if isinstance(threads, bool) or not isinstance(threads, int) or threads < 0:
         raise ValueError(f"threads = {threads!r}; allowed: a whole number >= 0")
-    commanded = EpisodeRunner(scenario, seed, None, fields)
-    plant = commanded.plant.plant if isinstance(commanded.plant, Disturbed) else commanded.plant
+    episode = EpisodeRunner(scenario, seed, None, fields)
+    plant = episode.plant.plant if isinstance(episode.plant, Disturbed) else episode.plant
     if not isinstance(plant, MujocoPlant):
         raise ValueError(f"scenario = {scenario!r} with these fields is an ODE; allowed: one that MuJoCo moves")
-    layouts = [plant.layout(name) for name in commanded.names]
+    layouts = [plant.layout(name) for name in episode.names]
     if late := [layout.delay for layout in layouts if layout.delay]:
         raise ValueError(f"actuators of {scenario!r} are {late[0]} ticks late; allowed: 0")
-    return Rollouts(plant, commanded, layouts, threads)
+    return Rollouts(plant, episode, layouts, threads)
 
 
 class Rollouts:
     """A plant that N runs start from at once."""
 
-    def __init__(self, plant: MujocoPlant, commanded: EpisodeRunner, layouts: list[Layout], threads: int) -> None:
+    def __init__(self, plant: MujocoPlant, episode: EpisodeRunner, layouts: list[Layout], threads: int) -> None:
         self._plant, self._layouts, self._threads = plant, layouts, threads
-        self._ticks = whole_ticks(commanded.period, plant.dt, "the tracker's period")
-        self._names, self.period = commanded.names, commanded.period
-        self.start = commanded.start
+        self._ticks = whole_ticks(episode.period, plant.dt, "the tracker's period")
+        self._names, self.period = episode.names, episode.period
+        self.start = episode.start
         """(nx,) the state that the mission starts from; of a fleet (n, nx)"""
 
     def states(self, starts: Any, commands: Any) -> Array:

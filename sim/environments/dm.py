@@ -38,7 +38,7 @@ from mathnavi.sim.plugin.registry import PluginSpec
 def load(scenario: str, *, seed: int = 0, estimator: PluginSpec | str | None = None, **fields: Any) -> Environment:
     """The scenario with these fields as an environment, of the estimator given or of its own.
 
-    ``seed`` draws the mission, and the generator of it the seeds of the episodes. Nested fields are mappings,
+    ``seed`` draws the mission, and a generator of the same seed the seeds of the episodes. Nested fields are mappings,
     ``noise={"position": 5.0}``. ValueError for what is unknown or wrong, and for a scenario with nothing to command.
     """
     return Environment(EpisodeRunner(scenario, seed, estimator, fields), np.random.default_rng(seed))
@@ -47,28 +47,28 @@ def load(scenario: str, *, seed: int = 0, estimator: PluginSpec | str | None = N
 class Environment(dm_env.Environment):
     """A mission as a sequence of episodes, each with a seed drawn from ``seeds``."""
 
-    def __init__(self, commanded: EpisodeRunner, seeds: np.random.Generator) -> None:
-        self._commanded, self._seeds = commanded, seeds
+    def __init__(self, episode: EpisodeRunner, seeds: np.random.Generator) -> None:
+        self._episode, self._seeds = episode, seeds
         self._fresh = True
         self.episode_seed: int | None = None
         """of the present episode: a run of the scenario with it has the same noise and the same gusts"""
-        self._observation_spec = {name: _spec(name, value) for name, value in commanded.example.items()}
+        self._observation_spec = {name: _spec(name, value) for name, value in episode.example.items()}
 
     @property
     def mission(self) -> dict[str, Any]:
         """Start, target and bounds, as a run's config.json has them."""
-        return self._commanded.mission
+        return self._episode.mission
 
     @property
     def recording(self) -> Recording:
         """The log of the present episode, the truth included."""
-        return self._commanded.recording
+        return self._episode.recording
 
     def reset(self) -> dm_env.TimeStep:
         """Begin the next episode."""
         self._fresh = False
         self.episode_seed = drawn_seed(self._seeds)
-        return dm_env.restart(self._commanded.begin(self.episode_seed))
+        return dm_env.restart(self._episode.begin(self.episode_seed))
 
     def step(self, action: Any) -> dm_env.TimeStep:
         """Hold an action for a period; before the first episode and after the end of one, begin the next instead.
@@ -77,25 +77,25 @@ class Environment(dm_env.Environment):
         """
         if self._fresh:
             return self.reset()
-        made = self._commanded.step(action)
+        made = self._episode.step(action)
         self._fresh = made.last
-        if made.ended:
+        if made.terminated:
             return dm_env.termination(made.reward, made.observation)
-        if made.timed_out:
+        if made.truncated:
             return dm_env.truncation(made.reward, made.observation)
         return dm_env.transition(made.reward, made.observation)
 
     def action_spec(self) -> specs.Array:
-        """(nu,), of a fleet (n, nu); its name tells what is commanded, with units."""
-        inputs = self._commanded.inputs
-        low, high = (self._commanded.rows([bound] * len(self._commanded.names)) for bound in (inputs.low, inputs.high))
+        """(nu,), of a fleet (n, nu); its name says what is commanded, with units."""
+        inputs = self._episode.inputs
+        low, high = (self._episode.rows([bound] * len(self._episode.names)) for bound in (inputs.low, inputs.high))
         name = ", ".join(inputs.names)
         if np.isinf(low).any() or np.isinf(high).any():
             return specs.Array(low.shape, np.float64, name)
         return specs.BoundedArray(low.shape, np.float64, low, high, name)
 
     def observation_spec(self) -> dict[str, specs.Array]:
-        """Of ``t``, ``x``, ``status`` and what else the estimate tells."""
+        """Specs of ``t``, ``x``, ``status`` and what else is observed, by name."""
         return self._observation_spec
 
 

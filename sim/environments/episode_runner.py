@@ -5,15 +5,16 @@ is held for the tracker's period. Observed is the newest estimate, never the tru
 
     t            [s] that the estimate is valid at
     x            (nx,) the state, as the scenario's estimator has it
-    covariance   (nx, nx) where the estimator has one; zeros as long as it has none to tell
+    covariance   (nx, nx) where the estimator has one; zeros as long as there is none yet
     status       0 ok, 1 initialising, 2 lost
-    attitude, rate of a quadrotor: what else its estimate holds that it cannot be flown without
+    attitude, rate of a quadrotor: the parts of its estimate that it cannot be flown without
 
 Of a fleet, each of these and the command have a row for each vehicle.
 
 **Mission and seeds.** What a scenario draws of its mission, a flight's start and target, is drawn once, from the seed
-of the environment; what it draws beside that, noise, gusts and the start of what has to find itself, from the seed of
-the episode. So terrain, models and cost-to-go are built once, and an episode is a run of these fields and this seed.
+of the environment; what it draws beside that, noise, gusts and the start of a robot that has to find itself, from the
+seed of the episode. So terrain, models and cost-to-go are built once, and an episode is a run of these fields and this
+seed.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from mathnavi.sim.interfaces.fields import with_fields
 from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.task import Inputs, Look, Task
+from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
 STATUSES = (Status.OK, Status.INITIALISING, Status.LOST)
 """of an estimate, by the number that is observed"""
@@ -39,25 +40,26 @@ STATUSES = (Status.OK, Status.INITIALISING, Status.LOST)
 Observation = dict[str, Any]
 
 _SEEDS = 2**31
-_FIRST_LOOKS = 100  # within which an estimator that will have a covariance has one, or is still initialising
+_FIRST_SAMPLES = 100  # within which an estimator that will have a covariance has one, or is still initialising
 
 
 @dataclasses.dataclass(frozen=True)
-class Step:
-    """What a command led to."""
+class EpisodeStep:
+    """Observation and reward after a command."""
 
     observation: Observation
     reward: float  # minus the integral of the stage cost
-    ended: bool  # the vehicle has arrived, touched something, or left every bound: nothing comes after
-    timed_out: bool  # the episode is over, and might have gone on
+    terminated: bool  # the vehicle has arrived, touched something, or left every bound: nothing comes after
+    truncated: bool  # the time is up, and the episode might have gone on
 
     @property
     def last(self) -> bool:
-        return self.ended or self.timed_out
+        """No step comes after it."""
+        return self.terminated or self.truncated
 
 
 def drawn_seed(rng: np.random.Generator) -> int:
-    """Of the next episode."""
+    """A seed for the next episode."""
     return int(rng.integers(_SEEDS))
 
 
@@ -89,7 +91,7 @@ class EpisodeRunner:
         """the scenario's, as a run's config.json has it"""
         self.names = tuple(first.agents)
         """of the vehicles, in the order of the rows"""
-        self._looks = _looks_per_command(scenario, first)
+        self._steps = _steps_per_command(scenario, first)
         self.period = first.agents[self.names[0]].tracker.period
         """[s] for which a command is held"""
         self.plant = first.plant
@@ -97,14 +99,14 @@ class EpisodeRunner:
         self.start = self.rows([first.plant.state(name) for name in self.names])
         """(nx,) or (n, nx) the truth at the start of the mission as it was drawn"""
         self._loop = Loop(first.plant, first.agents, first.duration)
-        self._has_covariance = self._looked_for_covariance()
+        self._has_covariance = self._finds_covariance()
         self.example = self._observation()
         """an observation, for the shapes of all"""
-        self._experiment: ClosedLoop | None = None
+        self._closed_loop: ClosedLoop | None = None
 
     @property
     def inputs(self) -> Inputs:
-        """What is commanded of each vehicle."""
+        """Inputs of each vehicle, with their bounds."""
         return self._task.inputs[self.names[0]]
 
     @property
@@ -121,34 +123,34 @@ class EpisodeRunner:
         """A new episode, with fresh parts."""
         closed_loop = self._built(seed)
         self._loop = Loop(closed_loop.plant, closed_loop.agents, closed_loop.duration, closed_loop.network)
-        self._experiment, self._task = closed_loop, _task(self._scenario, closed_loop)
+        self._closed_loop, self._task = closed_loop, _task(self._scenario, closed_loop)
         self._loop.observe()
         self._finished = bool(closed_loop.finished(self._loop.t, self._loop.truths))
-        self._look = self._seen()
+        self._sample = self._sampled()
         return self._observation()
 
-    def step(self, command: Any) -> Step:
+    def step(self, command: Any) -> EpisodeStep:
         """Hold a command (nu,), of a fleet (n, nu), for a period.
 
         ValueError for one of another shape or not finite, and where no episode has begun or it is over. What is beyond
-        the bounds of the inputs is brought back by the plant, as in any run. A look of which no finite
-        cost can be told, because the physics has lost the state, costs nothing.
+        the bounds of the inputs is brought back by the plant, as in any run. A control step without
+        a finite cost, because the physics has lost the state, costs nothing.
         """
         closed_loop, loop, commands = self._begun(), self._loop, self._checked(command)
         if loop.over or self._finished:
             raise ValueError(f"step() at {loop.t:.6g} s: the episode is over; allowed: after reset()")
         cost = 0.0
-        for _ in range(self._looks):
+        for _ in range(self._steps):
             for name, u in commands.items():
                 loop.command(name, u)
             loop.advance()
             loop.observe()
-            before, self._look = self._look, self._seen()
+            before, self._sample = self._sample, self._sampled()
             cost += self._cost(before, commands)
             self._finished = bool(closed_loop.finished(loop.t, loop.truths))
             if self._finished or loop.over:
                 break
-        return Step(self._observation(), 0.0 - cost, self._finished, loop.over and not self._finished)
+        return EpisodeStep(self._observation(), 0.0 - cost, self._finished, loop.over and not self._finished)
 
     def _built(self, seed: int) -> ClosedLoop:
         """Fresh parts."""
@@ -157,18 +159,18 @@ class EpisodeRunner:
         closed_loop: ClosedLoop = self._plugin.build(self._config, int(seed), self._controller, self._estimator)
         return closed_loop
 
-    def _cost(self, before: Look, commands: Mapping[str, Array]) -> float:
-        """From the look before to the present one; 0 where it is not finite."""
-        if not all(np.isfinite(x).all() for x in self._look.truths.values()):
+    def _cost(self, before: Sample, commands: Mapping[str, Array]) -> float:
+        """Stage cost from the sample before to the present one; 0 where it is not finite."""
+        if not all(np.isfinite(x).all() for x in self._sample.truths.values()):
             return 0.0
         with np.errstate(over="ignore", invalid="ignore"):
-            cost = self._task.cost(before, self._look, commands)
+            cost = self._task.cost(before, self._sample, commands)
         return cost if math.isfinite(cost) else 0.0
 
     def _begun(self) -> ClosedLoop:
-        if self._experiment is None:
+        if self._closed_loop is None:
             raise ValueError("no episode has begun; allowed: after reset()")
-        return self._experiment
+        return self._closed_loop
 
     def _checked(self, command: Any) -> dict[str, Array]:
         """The command of each vehicle."""
@@ -183,18 +185,18 @@ class EpisodeRunner:
             raise ValueError(f"action = {u.tolist()}; allowed: finite numbers, whose squares are finite too")
         return dict(zip(self.names, u.reshape(len(self.names), size), strict=True))
 
-    def _seen(self) -> Look:
-        return Look(self._loop.t, self._loop.truths, _estimates(self._scenario, self._loop))
+    def _sampled(self) -> Sample:
+        return Sample(self._loop.t, self._loop.truths, _estimates(self._scenario, self._loop))
 
-    def _looked_for_covariance(self) -> bool:
-        """Whether the estimators tell one, seen by letting them look on, uncommanded, for as long as they know nothing.
+    def _finds_covariance(self) -> bool:
+        """True where the estimators have one, found by letting them observe, uncommanded, while they know nothing.
 
         One that knows nothing even then is expected to.
         """
-        for _ in range(_FIRST_LOOKS):
+        for _ in range(_FIRST_SAMPLES):
             self._loop.observe()
-            self._look = self._seen()
-            estimates = self._look.estimates.values()
+            self._sample = self._sampled()
+            estimates = self._sample.estimates.values()
             if any(estimate.covariance is not None for estimate in estimates):
                 return True
             if self._loop.over or all(estimate.status is not Status.INITIALISING for estimate in estimates):
@@ -204,20 +206,22 @@ class EpisodeRunner:
 
     def _observation(self) -> Observation:
         """Fresh arrays, which nothing that follows changes."""
-        estimates = [self._look.estimates[name] for name in self.names]
-        seen: Observation = {
+        estimates = [self._sample.estimates[name] for name in self.names]
+        observation: Observation = {
             "t": self.rows([estimate.t for estimate in estimates]),
             "x": self.rows([estimate.x for estimate in estimates]),
             "status": self.rows([_number(estimate.status) for estimate in estimates])[()],
         }
         if self._has_covariance:
-            seen["covariance"] = self.rows([_covariance(estimate) for estimate in estimates])
-        return seen | {name: self.rows([estimate.extra[name] for estimate in estimates]) for name in self._task.told}
+            observation["covariance"] = self.rows([_covariance(estimate) for estimate in estimates])
+        return observation | {
+            name: self.rows([estimate.extra[name] for estimate in estimates]) for name in self._task.observed
+        }
 
 
 def _task(scenario: str, closed_loop: ClosedLoop) -> Task:
     if closed_loop.task is None:
-        raise ValueError(f"scenario = {scenario!r} states no stage cost; allowed: one whose Experiment has a task")
+        raise ValueError(f"scenario = {scenario!r} states no stage cost; allowed: one whose ClosedLoop has a task")
     if idle := [name for name, inputs in closed_loop.task.inputs.items() if not inputs.names]:
         raise ValueError(
             f"scenario = {scenario!r}: {idle[0]!r} has no actuators, so there is nothing to command; allowed: one with "
@@ -226,7 +230,7 @@ def _task(scenario: str, closed_loop: ClosedLoop) -> Task:
     return closed_loop.task
 
 
-def _looks_per_command(scenario: str, closed_loop: ClosedLoop) -> int:
+def _steps_per_command(scenario: str, closed_loop: ClosedLoop) -> int:
     periods = {agent.tracker.period for agent in closed_loop.agents.values()}
     if len(periods) > 1:
         raise ValueError(f"scenario = {scenario!r}: the trackers' periods are {sorted(periods)}; allowed: one for all")
@@ -237,13 +241,13 @@ def _looks_per_command(scenario: str, closed_loop: ClosedLoop) -> int:
 def _estimates(scenario: str, loop: Loop) -> dict[str, Estimate]:
     found = {name: runner.estimate for name, runner in loop.runners.items()}
     if blind := [name for name, estimate in found.items() if estimate is None]:
-        told = [event.message for event in loop.recording.events if event.kind == "estimate-unusable"]
-        raise ValueError(f"scenario = {scenario!r}: {blind[0]!r} has no estimate at {loop.t:.6g} s: {told[-1]}")
+        complaints = [event.message for event in loop.recording.events if event.kind == "estimate-unusable"]
+        raise ValueError(f"scenario = {scenario!r}: {blind[0]!r} has no estimate at {loop.t:.6g} s: {complaints[-1]}")
     return {name: estimate for name, estimate in found.items() if estimate is not None}
 
 
 def _number(status: Status) -> int:
-    """What is neither ok nor about to be is lost."""
+    """The number of a status that is observed; one that is neither ok nor about to be is lost."""
     return STATUSES.index(status) if status in STATUSES else STATUSES.index(Status.LOST)
 
 

@@ -1,5 +1,5 @@
-"""Every scenario as a ``gymnasium.Env``: what ``mathnavi.sim.environments.dm`` tells of actions, observations and
-rewards holds.
+"""Every scenario as a ``gymnasium.Env``: actions, observations and rewards are those of
+``mathnavi.sim.environments.dm``.
 
     import gymnasium, mathnavi.sim.environments
     env = gymnasium.make("mathnavi/SafeFlight-v0", seed=3, terrain="jacksboro")
@@ -35,18 +35,18 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
 
         ValueError for what is unknown or wrong, and for a scenario with nothing to command.
         """
-        self._commanded = EpisodeRunner(scenario, seed, estimator, fields)
-        inputs, n = self._commanded.inputs, len(self._commanded.names)
-        low, high = (self._commanded.rows([bound] * n) for bound in (inputs.low, inputs.high))
+        self._episode = EpisodeRunner(scenario, seed, estimator, fields)
+        inputs, n = self._episode.inputs, len(self._episode.names)
+        low, high = (self._episode.rows([bound] * n) for bound in (inputs.low, inputs.high))
         self.action_space = spaces.Box(low, high, dtype=np.float64)
         self.observation_space = spaces.Dict(
-            {name: _space(name, value) for name, value in self._commanded.example.items()}
+            {name: _space(name, value) for name, value in self._episode.example.items()}
         )
 
     @property
     def mission(self) -> dict[str, Any]:
         """Start, target and bounds, as a run's config.json has them."""
-        return self._commanded.mission
+        return self._episode.mission
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -54,15 +54,15 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         """Begin an episode; ``info["seed"]`` is its own. There are no options."""
         super().reset(seed=seed)
         drawn = drawn_seed(self.np_random)
-        return self._commanded.begin(drawn), {"seed": drawn}
+        return self._episode.begin(drawn), {"seed": drawn}
 
     def step(self, action: Array) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Hold an action for a period.
 
         ValueError for one of another shape or not finite, and where no episode has begun or it is over.
         """
-        made = self._commanded.step(action)
-        return made.observation, made.reward, made.ended, made.timed_out, {}
+        made = self._episode.step(action)
+        return made.observation, made.reward, made.terminated, made.truncated, {}
 
 
 def _space(name: str, value: Any) -> spaces.Space[Any]:

@@ -11,7 +11,7 @@ VERSION = 0
 
 
 def identifier(scenario: str) -> str:
-    """What Gymnasium calls a scenario."""
+    """Identifier of a scenario in Gymnasium."""
     return f"mathnavi/{''.join(part.capitalize() for part in scenario.split('-'))}-v{VERSION}"
 
 

@@ -21,9 +21,20 @@ from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.plugin.registry import PluginSpec, checked_sensors, load
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.missions import MechanismRecord
+from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, checked_speed, given_start, velocity_errors
+from mathnavi.sim.scenarios.lagrangian import (
+    TICK,
+    LagrangianCase,
+    LagrangianFields,
+    checked_speed,
+    given_start,
+    observed_loop,
+    recorded_as,
+    velocity_errors,
+)
 from mathnavi.sim.scenarios.task import Inputs
 
 VEHICLE = "mechanism"
@@ -55,6 +66,8 @@ class ArmVelocity:
     """The joint velocities of a mechanism from its encoders."""
 
     Config = ArmVelocityConfig
+    name = "arm-velocity"
+    drawing = "mathnavi.renders.lagrangian.drawing"
     controller = "joint_tracking"
     estimator = "riemannian_observer"
 
@@ -63,23 +76,19 @@ class ArmVelocity:
         config: ArmVelocityConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for a model that is no mechanism of slides, hinges, balls."""
-        controller = controller or PluginSpec.of(load("controllers", ArmVelocity.controller))
-        estimator = estimator or PluginSpec.of(load("estimators", ArmVelocity.estimator))
+        parts = Assembler.of(ArmVelocity, config, seed, controller, estimator)
         model, real = _models(config)
         mission, truth = (
             LagrangianMission(MechanismSystem(each), config.reading, config.period, config.speed_max)
             for each in (model, real)
         )
-        sensors = checked_sensors(estimator, mission)
+        stack = parts.stack(mission)
         start = checked_speed(_start(config, mission), mission)
-        plant = MujocoPlant(real, {VEHICLE: VehicleSetup(start, sensors)}, np.random.default_rng(seed))
-        names, ranges = tuple(mission.system.inputs), real.actuator_ctrlrange
-        bounds = np.where(real.actuator_ctrllimited[:, None], ranges, (-np.inf, np.inf))
-        loop = Loop(
-            "arm-velocity", VEHICLE, plant, mission, truth, {"mechanism": config.mechanism},
-            inputs=Inputs(names, *bounds.T),
-        )  # fmt: skip
-        return loop.closed_loop(config, seed, controller, estimator)
+        plant = MujocoPlant(real, {VEHICLE: VehicleSetup(start, stack.sensors)}, parts.streams.root)
+        record = MechanismRecord(**recorded_as(truth, config), mechanism=config.mechanism)
+        bounds = np.where(real.actuator_ctrllimited[:, None], real.actuator_ctrlrange, (-np.inf, np.inf))
+        inputs = Inputs(tuple(mission.system.inputs), *bounds.T)
+        return observed_loop(parts, LagrangianCase(VEHICLE, plant, stack, mission, truth, record, inputs=inputs))
 
     @staticmethod
     def errors(config: ArmVelocityConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -88,12 +97,12 @@ class ArmVelocity:
 
 
 def believed(config: ArmVelocityConfig) -> LagrangianMission:
-    """What an observer is told."""
+    """The mission of an observer, which does not know the load."""
     return LagrangianMission(MechanismSystem(_models(config)[0]), config.reading, config.period, config.speed_max)
 
 
 def _models(config: ArmVelocityConfig) -> tuple[mujoco.MjModel, mujoco.MjModel]:
-    """As it is believed, and as it is."""
+    """The model as it is believed, and as it is."""
     own_file = Path(config.mechanism).is_file()  # which may be another one by now
     return (_built.__wrapped__ if own_file else _built)(config.mechanism, config.load)
 
@@ -106,6 +115,7 @@ def _built(mechanism: str, load: float) -> tuple[mujoco.MjModel, mujoco.MjModel]
 
 
 def _start(config: ArmVelocityConfig, mission: LagrangianMission) -> Array:
+    """(nx,) the state at the start."""
     manifold = mission.system.manifold
     if not config.start:
         return np.concatenate([manifold.origin, np.zeros(manifold.vector_size)])

@@ -1,6 +1,6 @@
 """``attitude-tracking``: a rigid body follows a reference attitude without a gyro (thesis, further research).
 
-The observer of Paper D tells the rates from attitudes alone, and intrinsic tracking closes the loop on S^3.
+The observer of Paper D finds the rates from attitudes alone, and intrinsic tracking closes the loop on S^3.
 """
 
 from __future__ import annotations
@@ -18,12 +18,21 @@ from mathnavi.models.manifold.systems import RigidBody
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import tracking_figures
-from mathnavi.sim.plugin.registry import PluginSpec, checked_sensors, load
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.missions import SpaceRecord
+from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.lagrangian import LagrangianFields, Loop, checked_speed, velocity_errors
+from mathnavi.sim.scenarios.lagrangian import (
+    LagrangianCase,
+    LagrangianFields,
+    checked_speed,
+    observed_loop,
+    recorded_as,
+    velocity_errors,
+)
 from mathnavi.sim.scenarios.requirements import Requirement
 from mathnavi.sim.scenarios.sphere_observer import rigid_body_plant
-from mathnavi.sim.scenarios.task import Look, StageCost
+from mathnavi.sim.scenarios.task import Sample, StageCost
 
 VEHICLE = "body"
 
@@ -58,8 +67,11 @@ class AttitudeTrackingScenario:
     """A rigid body follows a reference attitude without a gyro."""
 
     Config = AttitudeTrackingFields
+    name = "attitude-tracking"
+    drawing = "mathnavi.renders.lagrangian.drawing"
     controller = "attitude_tracking"
     estimator = "riemannian_observer"
+    streams = ("draws", "sensing")
 
     @staticmethod
     def build(
@@ -69,20 +81,20 @@ class AttitudeTrackingScenario:
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
         """The closed loop of one seed, from an attitude that is uniform among all."""
-        controller = controller or PluginSpec.of(load("controllers", AttitudeTrackingScenario.controller))
-        estimator = estimator or PluginSpec.of(load("estimators", AttitudeTrackingScenario.estimator))
+        parts = Assembler.of(AttitudeTrackingScenario, config, seed, controller, estimator)
         mission = _mission(config)
-        draws, noise = np.random.default_rng(seed).spawn(2)
-        axis = draws.standard_normal(3)
-        start = np.concatenate([sphere(3).draw(draws), config.speed * axis / np.linalg.norm(axis)])
-        start = checked_speed(start, mission)
-        plant = rigid_body_plant(VEHICLE, start, checked_sensors(estimator, mission), config.inertia, noise)
+        start = checked_speed(_drawn_start(config, parts.streams["draws"]), mission)
+        stack = parts.stack(mission)
+        plant = rigid_body_plant(VEHICLE, start, stack.sensors, config.inertia, parts.streams["sensing"])
+        record = SpaceRecord(**recorded_as(mission, config), space="body")
         requirement = Requirement("attitude_rms_rad", most=config.attitude_tolerance)
-        loop = Loop(
-            "attitude-tracking", VEHICLE, plant, mission, mission, {"space": "body"}, tracking_figures, (requirement,),
-            cost=_angle_to_reference(controller, mission),
-        )  # fmt: skip
-        return loop.closed_loop(config, seed, controller, estimator)
+        cost = _angle_to_reference(parts.controller, mission)
+        return observed_loop(
+            parts,
+            LagrangianCase(
+                VEHICLE, plant, stack, mission, mission, record, tracking_figures, (requirement,), cost=cost
+            ),
+        )
 
     @staticmethod
     def errors(config: AttitudeTrackingFields, x: Array, truth: Array) -> dict[str, Array]:
@@ -97,12 +109,18 @@ def _angle_to_reference(controller: PluginSpec, mission: LagrangianMission) -> S
         return None
     reference = AttitudeReference(tracking.rate, tracking.frequency, mission.period)
 
-    def cost(begin: Look, end: Look, commands: Mapping[str, Array]) -> float:
+    def cost(begin: Sample, end: Sample, commands: Mapping[str, Array]) -> float:
         wanted = reference.state(round(end.t / mission.period))
         angle = 2.0 * manifold.distance(end.truths[VEHICLE][: manifold.size], wanted[: manifold.size])
         return float(angle * angle) * (end.t - begin.t)
 
     return cost
+
+
+def _drawn_start(config: AttitudeTrackingFields, rng: np.random.Generator) -> Array:
+    """(7,) an attitude that is uniform among all, and a rate of the length given about an axis that is."""
+    axis = rng.standard_normal(3)
+    return np.concatenate([sphere(3).draw(rng), config.speed * axis / np.linalg.norm(axis)])
 
 
 def _mission(config: AttitudeTrackingFields) -> LagrangianMission:

@@ -1,9 +1,8 @@
-"""What a scenario builds: a closed loop that is ready to run, and what its outcome means."""
+"""A closed loop that is ready to run, which a scenario builds, and the result of its run."""
 
 from __future__ import annotations
 
 import base64
-import dataclasses
 import io
 import shutil
 import time
@@ -23,7 +22,6 @@ from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, value_text
 from mathnavi.sim.interfaces.signals import Array, Event
-from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.figure_names import SHORTFALL, SUMMARY_GROUPS, label
 from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.run_folder import write_run
@@ -155,35 +153,24 @@ class RunResult:
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """A closed loop, built for one seed; it runs once."""
+    """A closed loop, built for one seed; it runs once.
+
+    ``finished(t, truths)`` is the referee: it sees the true states, (nx,) by vehicle, at t [s]. ``summarise(recording,
+    wall_seconds)`` returns the summary, and whether the mission did what it should.
+    """
 
     plant: Plant
     agents: Mapping[str, Agent]
     duration: float  # [s] at most
     finished: Callable[[float, Mapping[str, Array]], bool]
-    summarise: Callable[[Recording, float], tuple[dict[str, Any], bool]]  # (recording, wall seconds)
-    config: dict[str, Any]
+    summarise: Callable[[Recording, float], tuple[dict[str, Any], bool]]
+    config: dict[str, Any]  # what config.json holds beside the versions
     network: Network | None = None  # of a fleet
     task: Task | None = None  # for whoever commands the actuators; None: nobody else than the controller can
 
     def run(self, progress: Callable[[float], None] | None = None) -> RunResult:
-        """Simulate and judge; ``progress`` is told the simulated time [s]."""
+        """Simulate and evaluate; ``progress`` is called with the simulated time [s]."""
         began = time.perf_counter()
         recording = simulate(self.plant, self.agents, self.duration, self.finished, progress, self.network)
         summary, success = self.summarise(recording, time.perf_counter() - began)
         return RunResult(recording, summary, self.config, success)
-
-
-def recorded(
-    scenario: str, drawing: str, seed: int, config: Any, controller: PluginSpec, estimator: PluginSpec, **beside: Any
-) -> dict[str, Any]:
-    """What config.json holds beside the versions: enough to build the same experiment, and to draw its run."""
-    return {
-        "scenario": scenario,
-        "drawing": drawing,
-        "seed": seed,
-        "fields": dataclasses.asdict(config),
-        "controller": {"name": controller.name, "fields": dataclasses.asdict(controller.config)},
-        "estimator": {"name": estimator.name, "fields": dataclasses.asdict(estimator.config)},
-        **beside,
-    }

@@ -1,4 +1,4 @@
-"""What the vehicles of a fleet say to each other: a coordinator for each, on a clock in common or on its own."""
+"""Communication in a fleet: a coordinator for each vehicle, on a clock in common or on its own."""
 
 from __future__ import annotations
 
@@ -15,27 +15,31 @@ from mathnavi.controllers.arrival.local_clock import ClockedCoordinator, LocalCl
 from mathnavi.controllers.arrival.separation import Separation
 from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.fleet.graph import Graph
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Coordinator
 from mathnavi.sim.interfaces.signals import Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
-from mathnavi.sim.scenarios.fleet_fields import TALK, SimultaneousArrivalConfig
-from mathnavi.sim.scenarios.fleet_start import Vehicle
+from mathnavi.sim.scenarios.fleet_fields import EXCHANGE_PERIOD, SimultaneousArrivalConfig
+from mathnavi.sim.scenarios.fleet_start import StartedVehicle
+from mathnavi.sim.scenarios.random_streams import RandomStreams
 
 _SHORTEST_MEMORY = 0.25  # [s]
 
 
 def coordinators(
     config: SimultaneousArrivalConfig,
-    fleet: Mapping[str, Vehicle],
+    fleet: Mapping[str, StartedVehicle],
     consensus: PluginSpec,
     zone: Zone,
     deadline: float,
-    talking: np.random.Generator,
-    ranking: np.random.Generator,
+    streams: RandomStreams,
 ) -> dict[str, Coordinator]:
-    """Of every vehicle; ValueError for a graph that cannot be."""
-    graph = config.network_graph(talking.spawn(1)[0])
-    *ranks, ticking = ranking.spawn(len(fleet) + 1)
+    """The coordinator of every vehicle, by name; FieldError for a graph that cannot be.
+
+    ``deadline`` [s] is that of the fleet.
+    """
+    graph = config.network_graph(streams["network"].spawn(1)[0])
+    *ranks, ticking = streams["ranks"].spawn(len(fleet) + 1)
     made: dict[str, Coordinator] = {}
     for (name, vehicle), rank in zip(fleet.items(), ranks, strict=True):
         talker = partial(_talker, name, list(fleet), vehicle, zone, graph, deadline, consensus, rank)
@@ -46,8 +50,8 @@ def coordinators(
             float(ticking.uniform(-config.clocks.offset, config.clocks.offset)),
             float(ticking.uniform(-config.clocks.drift, config.clocks.drift)),
         )
-        memory = max(_SHORTEST_MEMORY, 4.0 * TALK + 2.0 * config.radio.delay[1])
-        clocks = ClockConsensus(ClockConfig(period=TALK, memory=memory), graph.node(name))
+        memory = max(_SHORTEST_MEMORY, 4.0 * EXCHANGE_PERIOD + 2.0 * config.radio.delay[1])
+        clocks = ClockConsensus(ClockConfig(period=EXCHANGE_PERIOD, memory=memory), graph.node(name))
         made[name] = ClockedCoordinator(
             name, clock, clocks, graph.neighbours(name), config.clocks.settling, config.clocks.error, talker
         )
@@ -55,11 +59,14 @@ def coordinators(
 
 
 def consensus_of(config: SimultaneousArrivalConfig) -> PluginSpec:
-    """By what the fleet agrees on a time; ValueError for a plug-in that agrees on none, or a field that it refuses."""
+    """The consensus by which the fleet agrees on a time.
+
+    Raises PluginError for a plug-in that agrees on none, FieldError for a field that it refuses.
+    """
     plugin = load("consensus", config.consensus)
     if not plugin.within_starts:
         fitting = [name for name in names("consensus") if load("consensus", name).within_starts]
-        raise ValueError(
+        raise PluginError(
             f"consensus = {config.consensus!r}: what it agrees on need not lie between the vehicles' own times; "
             f"allowed: {', '.join(fitting)}, or another that says within_starts"
         )
@@ -69,7 +76,7 @@ def consensus_of(config: SimultaneousArrivalConfig) -> PluginSpec:
 def _talker(
     name: str,
     names: list[str],
-    vehicle: Vehicle,
+    vehicle: StartedVehicle,
     zone: Zone,
     graph: Graph,
     deadline: float,
@@ -78,12 +85,12 @@ def _talker(
     stored: Plan,
     ahead: float,
 ) -> FleetCoordinator:
-    """What talks of plans and arrivals in a time that is ``ahead`` [s] of the simulation's."""
+    """The coordinator of one vehicle, in a time that is ``ahead`` [s] of the simulation's."""
     separation = Separation(name, [other for other in names if other != name], zone, stored, rng)
     node: Any = dataclasses.replace(
         graph.node(name, vehicle.planner.period, deadline + ahead), clock_error=zone.clock_error
     )
     return FleetCoordinator(
         separation, checked_consensus(consensus, node), graph.neighbours(name), vehicle.estimate,
-        vehicle.planner.period, TALK,
+        vehicle.planner.period, EXCHANGE_PERIOD,
     )  # fmt: skip

@@ -16,13 +16,15 @@ from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
 from mathnavi.sim.interfaces.checks import check, check_names, check_rate
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.fields import with_fields
-from mathnavi.sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
+from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults
+from mathnavi.sim.scenarios.flight_parts import FlightNoise, Point
 from mathnavi.sim.scenarios.information import ChangeFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
 
-TALK = 1.0 / 12.0  # [s] between two rounds of talking, also of the consensus
+EXCHANGE_PERIOD = 1.0 / 12.0  # [s] between two exchanges of messages, also of the consensus
 _MOST = 64
 _FARTHEST, _FASTEST = 20.0, 0.01  # [s] of a clock, and of its drift
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
@@ -30,7 +32,7 @@ _NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 @dataclass(frozen=True)
 class Radio:
-    """What becomes of messages on their way."""
+    """Delays, losses and cuts of messages on their way."""
 
     delay: tuple[float, float] = (0.0, 0.0)
     """least and most time that a message takes [s]"""
@@ -50,7 +52,7 @@ class Radio:
         check(self.partition[1], "radio.partition", self.partition[0])
 
     def network(self, names: Sequence[str], rng: np.random.Generator) -> Network:
-        """Between these vehicles."""
+        """The network between these vehicles, which draws delays and losses from ``rng``."""
         delays, losses = rng.spawn(2)
         network: Network = LossyLinks(
             DelayedLinks(IdealNetwork(names), *self.delay, delays), self.loss, self.duplication, losses
@@ -64,13 +66,13 @@ class Clocks:
     """The vehicles' clocks; without an offset and a drift they have one in common."""
 
     offset: float = 0.0
-    """half-width of what each is off at first [s]"""
+    """half-width of each clock's error at first [s]"""
     drift: float = 0.0
-    """half-width of what each gains or loses in a second [s]"""
+    """half-width of the drift of each, per second [s]"""
     error: float = 0.0
-    """what a clock may be off once it is corrected; it enlarges what vehicles keep between them [s]"""
+    """largest error of a corrected clock; it enlarges the distance that vehicles keep [s]"""
     settling: float = 5.0
-    """for which the vehicles agree on a time and on nothing else [s]"""
+    """how long at first the vehicles agree on a time and on nothing else [s]"""
 
     def __post_init__(self) -> None:
         check(self.offset, "clocks.offset", 0.0, _FARTHEST)
@@ -85,7 +87,7 @@ class Clocks:
 
     @property
     def agree(self) -> bool:
-        """Whether there is a clock in common."""
+        """True where there is a clock in common."""
         return self.offset == 0.0 and self.drift == 0.0
 
 
@@ -106,7 +108,7 @@ class FleetFields:
     slot_spacing: float = 1500.0
     """between neighbouring slots on their ring [m]"""
     separation: float = 200.0
-    """d_s, what vehicles keep between them [m]"""
+    """d_s, least distance between vehicles [m]"""
     drawn_heights: tuple[float, float] = (50.0, 450.0)
     """heights above h_min between which starts and the target are drawn [m]"""
     drawn_distance: tuple[float, float] = (0.4, 0.9)
@@ -124,7 +126,7 @@ class FleetFields:
     spread: float = 5.0 / 3.0
     """of the arrivals, which counts as one time [s]"""
     graph: GraphName = "ring"
-    """who talks with whom about the time of arrival, a ring of two being a line; of plans all tell all"""
+    """who agrees with whom on the time of arrival, a ring of two being a line; plans are sent to all"""
     edge: tuple[tuple[str, str, float], ...] = ()
     """NAME NAME WEIGHT of a graph of your own, in the place of --graph; may be given several times"""
     consensus: str = "maximum"
@@ -173,46 +175,48 @@ class FleetFields:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the vehicles."""
+        """Names of the vehicles."""
         return self.name or tuple(f"vehicle_{k + 1}" for k in range(self.vehicles))
 
     def network_graph(self, rng: np.random.Generator) -> Graph:
-        """Who talks with whom; ValueError for edges that cannot be, or that leave somebody out."""
+        """Graph of communication; FieldError for edges that cannot be, or that leave a vehicle out."""
         if self.edge:
             edges: dict[tuple[str, str], float] = {}
             for one, other, weight in self.edge:
                 if (one, other) in edges or (other, one) in edges:
-                    raise ValueError(f"edge = {(one, other, weight)!r}; allowed: each pair of vehicles once")
+                    raise FieldError(f"edge = {(one, other, weight)!r}; allowed: each pair of vehicles once")
                 edges[one, other] = weight
             try:
                 return Graph.of(self.names, edges).checked_connected()
             except ValueError as error:
-                raise ValueError(f"edge: {error}") from None
+                raise FieldError(f"edge: {error}") from None
         if self.graph == "random":
             return Graph.random_connected(self.names, 0.3, rng)
         graph = "line" if self.vehicles == 2 else self.graph
         return {"line": Graph.line, "ring": Graph.ring, "complete": Graph.complete}[graph](self.names)
 
     def consensus_config(self, plugin: Any) -> Any:
-        """The configuration of the consensus; ValueError for a field that it does not have, or a value it refuses."""
+        """The configuration of the consensus; FieldError for a field that it does not have, or a value it refuses."""
         fields: dict[str, Any] = {}
         for each in self.consensus_with:
             name, equals, value = each.partition("=")
             if not (name and equals):
-                raise ValueError(f"consensus_with = {each!r}; allowed: FIELD=VALUE")
+                raise FieldError(f"consensus_with = {each!r}; allowed: FIELD=VALUE")
             if name == "period":
-                raise ValueError(f"consensus_with = {each!r}; allowed: any field but the period, which is {TALK:.4g} s")
+                raise FieldError(
+                    f"consensus_with = {each!r}; allowed: any field but the period, which is {EXCHANGE_PERIOD:.4g} s"
+                )
             try:
                 fields[name] = json.loads(value)
             except ValueError:
                 fields[name] = value
         config = plugin.Config()
         if hasattr(config, "period"):
-            config = dataclasses.replace(config, period=TALK)
+            config = dataclasses.replace(config, period=EXCHANGE_PERIOD)
         try:
             return with_fields(config, fields)
         except ValueError as error:
-            raise ValueError(f"consensus_with: {error}") from None
+            raise FieldError(f"consensus_with: {error}") from None
 
 
 @dataclass(frozen=True)
@@ -221,8 +225,8 @@ class SimultaneousArrivalConfig(ChangeFields, FleetFields):
 
     radio: Radio = field(default_factory=Radio)
     clocks: Clocks = field(default_factory=Clocks)
-    noise: Noise = field(default_factory=Noise)
-    faults: Faults = field(default_factory=Faults)
+    noise: FlightNoise = field(default_factory=FlightNoise)
+    faults: FlightFaults = field(default_factory=FlightFaults)
 
     def __post_init__(self) -> None:
         FleetFields.__post_init__(self)

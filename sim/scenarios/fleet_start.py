@@ -1,4 +1,4 @@
-"""Where a fleet may start: each vehicle with a slot, a level, and a stored plan that keeps apart from the others."""
+"""Starts of a fleet: each vehicle with a slot, a level, and a stored plan that keeps apart from the others."""
 
 from __future__ import annotations
 
@@ -16,16 +16,20 @@ from mathnavi.controllers.arrival.zone import Zone, checked_start
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.interfaces.errors import MissionError, PluginError
 from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
-from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
+from mathnavi.sim.plugin.registry import checked_controller
+from mathnavi.sim.scenarios.assembler import Assembler, certified
+from mathnavi.sim.scenarios.fault_fields import PLANNER_STREAMS, with_planner_faults
 from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
-from mathnavi.sim.scenarios.flight_parts import Point, certified, check_above_ground, drawn_point, faulty
+from mathnavi.sim.scenarios.flight_parts import Point, check_above_ground, drawn_point
+from mathnavi.sim.scenarios.random_streams import RandomStreams
 
 _DRAWS = 200
 
 
 @dataclass(frozen=True, eq=False)
-class Vehicle:
+class StartedVehicle:
     """One vehicle of the fleet, ready to fly."""
 
     mission: FlightMission
@@ -37,20 +41,21 @@ class Vehicle:
 
 
 def zone_of(config: SimultaneousArrivalConfig, bound: TrackingBound) -> Zone:
+    """The zone that each vehicle keeps free of the others' plans, for a tracking bound [m, m/s]."""
     return Zone(config.separation, math.hypot(bound.horizontal, bound.vertical), config.speed_max, config.clocks.error)
 
 
 def started_fleet(
-    config: SimultaneousArrivalConfig,
-    common: FlightMission,
-    controller: PluginSpec,
-    rng: np.random.Generator,
-    failing: np.random.Generator,
-) -> dict[str, Vehicle]:
-    """All vehicles, with stored plans that keep apart; what is not given is drawn again until they do."""
+    config: SimultaneousArrivalConfig, common: FlightMission, parts: Assembler
+) -> dict[str, StartedVehicle]:
+    """All vehicles, with stored plans that keep apart; what is not given is drawn again until they do.
+
+    Raises MissionError for starts or slots that cannot be, and where none that can are drawn.
+    """
+    rng, failing = parts.streams["draws"], parts.streams["planner_faults"]
     for (one, a), (other, b) in combinations(zip(config.names, config.start, strict=False), 2):
         if math.dist(a, b) < config.separation:
-            raise ValueError(
+            raise MissionError(
                 f"start of {one} and of {other} are {math.dist(a, b):.2f} m apart; allowed: >= {config.separation:g} m"
             )
     reasons: list[str] = []
@@ -65,17 +70,17 @@ def started_fleet(
                 for k, (name, start, slot) in enumerate(zip(config.names, starts, slots, strict=True))
             }
             fleet = {
-                name: _vehicle(config, name, mission, target, controller, rngs)
-                for (name, mission), rngs in zip(missions.items(), failing.spawn(len(missions)), strict=True)
+                name: _vehicle(name, mission, target, parts, RandomStreams(own, PLANNER_STREAMS))
+                for (name, mission), own in zip(missions.items(), failing.spawn(len(missions)), strict=True)
             }
             _check_apart(config, fleet)
         except _NoFleetError as error:
             if given:
-                raise ValueError(str(error)) from None
+                raise MissionError(str(error)) from None
             reasons.append(str(error))
         else:
             return fleet
-    raise ValueError(
+    raise MissionError(
         f"drawn_distance = {config.drawn_distance!r}: none of {_DRAWS} fleets drawn can start; the last: "
         f"{reasons[-1]}; allowed: other shares of the side, fewer vehicles, a smaller separation, or start and "
         "target"
@@ -86,10 +91,10 @@ class _NoFleetError(Exception):
     """These vehicles cannot start so, but others might."""
 
 
-def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, Vehicle]) -> None:
+def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, StartedVehicle]) -> None:
     zone = zone_of(config, next(iter(fleet.values())).tracker.bound)
     if config.slot_spacing < zone.required:
-        raise ValueError(
+        raise MissionError(
             f"slot_spacing = {config.slot_spacing!r}; allowed: >= {zone.required:.6g}, the separation and what two "
             "vehicles may deviate from their plans"
         )
@@ -104,7 +109,7 @@ def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, Vehicle]
 
 
 def _slots(config: SimultaneousArrivalConfig, common: FlightMission, target: Point) -> list[Point]:
-    """On a ring about the target, at its height or as high as the ground asks for."""
+    """Slots (x, y, z) [m] on a ring about the target, at its height or as high as the ground asks for."""
     x, y, z = target
     check_above_ground("target", target, common)
     n = config.vehicles
@@ -143,27 +148,21 @@ def _level(config: SimultaneousArrivalConfig, common: FlightMission, k: int) -> 
 
 
 def _vehicle(
-    config: SimultaneousArrivalConfig,
-    name: str,
-    mission: FlightMission,
-    centre: Point,
-    controller: PluginSpec,
-    rng: np.random.Generator,
-) -> Vehicle:
+    name: str, mission: FlightMission, centre: Point, parts: Assembler, streams: RandomStreams
+) -> StartedVehicle:
     check_above_ground(f"start of {name}", mission.start, mission)
-    raw, tracker = checked_controller(controller, mission, TrackingBound)
+    raw, tracker = checked_controller(parts.controller, mission, TrackingBound)
     if not hasattr(raw, "length_to_go"):
-        raise ValueError(
-            f"controller = {controller.name!r}: its planner tells no length to go; allowed: one that has "
+        raise PluginError(
+            f"controller = {parts.controller.name!r}: its planner has no length to go; allowed: one that has "
             "length_to_go(points), by which its vehicle knows when it can arrive"
         )
-    planner = certified(faulty(raw, config.faults, rng.spawn(3)), mission, tracker.bound)
-    start = np.array([*mission.start, 0.0, 0.0, 0.0])
-    stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, start), None))
+    planner = certified(with_planner_faults(raw, parts.faults, streams), mission, tracker.bound)
+    stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None))
     if not stored.ok:
         raise _NoFleetError(
             f"start of {name} = {mission.start!r}, slot = {mission.target!r}: no initial certificate: "
             f"{stored.status.value} ({stored.message}); allowed: a start from which a first plan can be certified"
         )
     estimate = ArrivalEstimate(raw.length_to_go, np.array(mission.target), mission.speed_max - tracker.bound.speed)
-    return Vehicle(mission, centre, planner, tracker, estimate, stored)
+    return StartedVehicle(mission, centre, planner, tracker, estimate, stored)

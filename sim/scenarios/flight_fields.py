@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.sim.interfaces.checks import check, check_rate
-from mathnavi.sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
+from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults
+from mathnavi.sim.scenarios.flight_parts import FlightNoise, Point
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
 
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
@@ -65,8 +66,8 @@ class SafeFlightConfig(ChangeFields, MissionFields):
     target_path: tuple[tuple[float, float, float, float], ...] = ()
     """T X Y Z [s, m, m, m] where the target is at a time, and on its way to evenly, as high above ground as at first or
     higher; may be given several times"""
-    noise: Noise = field(default_factory=Noise)
-    faults: Faults = field(default_factory=Faults)
+    noise: FlightNoise = field(default_factory=FlightNoise)
+    faults: FlightFaults = field(default_factory=FlightFaults)
 
     def __post_init__(self) -> None:
         MissionFields.__post_init__(self)

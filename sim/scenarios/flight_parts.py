@@ -1,42 +1,36 @@
-"""What scenarios of aerial vehicles share: noise and faults, sensors, certified planners, where a flight may begin."""
+"""Parts that scenarios of aerial vehicles share: their noise, their mission, its certified ends, and their task."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 
-from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
-from mathnavi.controllers.flight.certified import Certified
-from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.models.aerial.dynamics import TICK
-from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
-from mathnavi.models.aerial.sensors import AccelerationSensor
-from mathnavi.models.sensor_faults import Dropout
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.library import place_of
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.engine.faults import CorruptedPlan, Delayed, FailingSolver
 from mathnavi.sim.engine.input_bounds import input_bound
 from mathnavi.sim.interfaces.checks import check, check_rate
-from mathnavi.sim.interfaces.protocols import Planner, Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
-from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_quality, checked_sensors
-from mathnavi.sim.scenarios.task import Inputs, Look, Task
+from mathnavi.sim.interfaces.errors import MissionError
+from mathnavi.sim.interfaces.signals import Array, Plan
+from mathnavi.sim.plugin.registry import PluginSpec, checked_quality
+from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults
+from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
-LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, and numbers begin to overflow
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
 
 Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Noise:
-    """How the sensors err."""
+class FlightNoise:
+    """Errors of the sensors."""
 
     position: float = 0.0
     """standard deviation of a position reading on each axis [m]"""
@@ -46,78 +40,6 @@ class Noise:
     def __post_init__(self) -> None:
         check(self.position, "noise.position", 0.0, LARGEST)
         check_rate(self.position_rate, "noise.position_rate", TICK)
-
-
-@dataclass(frozen=True)
-class Faults:
-    """What goes wrong on purpose."""
-
-    solver_failure_rate: float = 0.0
-    """fraction of the requests on which the solver gives up"""
-    corrupted_plan_rate: float = 0.0
-    """fraction of the requests answered with NaN"""
-    late_plan_rate: float = 0.0
-    """fraction of the requests answered too late to be of use"""
-    late_plan_latency: float = 2.0
-    """simulated time that a late answer takes [s]"""
-    position_jump: float = 0.0
-    """half-width w of the jump p := p + w once a planning period [m] (Table A.3); carries no guarantee"""
-    gust_rms: float = 0.0
-    """force per mass on each axis [m/s^2]"""
-    gust_time_constant: float = 3.0
-    """of the gusts' first-order model [s]"""
-    gust_limit: float = 4.0
-    """longest gust [m/s^2]"""
-    dropout_rate: float = 0.0
-    """fraction of the sensors' readings that are lost"""
-
-    def __post_init__(self) -> None:
-        for name in ("solver_failure_rate", "corrupted_plan_rate", "late_plan_rate", "dropout_rate"):
-            check(getattr(self, name), f"faults.{name}", 0.0, 1.0)
-        for name in ("late_plan_latency", "position_jump", "gust_rms"):
-            check(getattr(self, name), f"faults.{name}", 0.0, LARGEST)
-        check(self.gust_time_constant, "faults.gust_time_constant", TICK, LARGEST)
-        check(self.gust_limit, "faults.gust_limit", 0.0, LARGEST, open_low=True)
-
-
-def wants_certificate(controller: PluginSpec) -> bool:
-    return bool(getattr(controller.plugin, "certified", True))
-
-
-def certified(planner: Planner, mission: FlightMission, bound: Any) -> Certified:
-    certificate = Certificate.of(mission, bound)
-    return Certified(planner, partial(StopAndHover, period=planner.period), certificate, bound, mission.deadline_factor)
-
-
-def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
-    terrain, (x, y, z) = mission.terrain, point
-    if not terrain.contains(x, y):
-        raise ValueError(
-            f"{name} = {point!r} is off the map; allowed: 0 to {terrain.width:g} m east, 0 to {terrain.depth:g} m north"
-        )
-    ground = float(terrain.height(x, y))
-    if z < ground + mission.clearance_min:
-        where = "under ground" if z < ground else "below the least clearance"
-        raise ValueError(
-            f"{name} = {point!r} is {where}; the ground there is {ground:.1f} m high; "
-            f"allowed: z >= {ground + mission.clearance_min:.1f} m"
-        )
-
-
-def drawn_point(mission: FlightMission, heights: tuple[float, float], rng: np.random.Generator) -> Point:
-    terrain = mission.terrain
-    margin = _BORDER * max(terrain.width, terrain.depth)
-    x = float(rng.uniform(margin, terrain.width - margin))
-    y = float(rng.uniform(margin, terrain.depth - margin))
-    return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*heights))
-
-
-def first_plan(mission: FlightMission, controller: PluginSpec) -> Plan:
-    """What the certified planner answers at the start; a planner without a certificate is held to it here too."""
-    planner, tracker = checked_controller(controller, mission, TrackingBound)
-    x = np.array([*mission.start, 0.0, 0.0, 0.0])
-    request = PlanRequest(0.0, 0.0, Estimate(0.0, x), None)
-    return certified(planner, mission, tracker.bound).plan(request)
 
 
 class FlightFields(Protocol):
@@ -136,9 +58,9 @@ class FlightFields(Protocol):
     @property
     def control_rate(self) -> float: ...
     @property
-    def noise(self) -> Noise: ...
+    def noise(self) -> FlightNoise: ...
     @property
-    def faults(self) -> Faults: ...
+    def faults(self) -> FlightFaults: ...
 
 
 def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar, ...] = ()) -> FlightMission:
@@ -155,7 +77,7 @@ def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar
         position_noise=config.noise.position,
         position_rate=config.noise.position_rate,
         control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
-        gust=GustModel(config.faults.gust_rms, config.faults.gust_time_constant, config.faults.gust_limit),
+        gust=config.faults.gust_model,
         radars=radars,
     )
 
@@ -168,32 +90,92 @@ def mission_but_ends(
     return dataclasses.replace(mission, quality=checked_quality(estimator, mission, EstimateQuality))
 
 
-def faulty(planner: Planner, faults: Faults, rngs: Sequence[np.random.Generator]) -> Planner:
-    """The planner with its solver's failures, corrupted and late plans; a generator for each of the three."""
-    failing, corrupting, delaying = rngs
-    if faults.solver_failure_rate > 0.0:
-        planner = FailingSolver(planner, faults.solver_failure_rate, failing)
-    if faults.corrupted_plan_rate > 0.0:
-        planner = CorruptedPlan(planner, faults.corrupted_plan_rate, corrupting)
-    if faults.late_plan_rate > 0.0:
-        planner = Delayed(planner, faults.late_plan_latency, faults.late_plan_rate, delaying)
-    return planner
+# ---- starts and targets
 
 
-def mounted(
-    estimator: PluginSpec, mission: FlightMission, faults: Faults, rng: np.random.Generator
-) -> tuple[Sensor, ...]:
-    """The sensors that an estimator asks for, and one of the acceleration, with their dropouts."""
-    return with_dropouts((*checked_sensors(estimator, mission), AccelerationSensor()), faults, rng)
+class Ends(Protocol):
+    """Fields of a scenario that say what its start and target are, or how they are drawn."""
+
+    @property
+    def start(self) -> Point | None: ...
+    @property
+    def target(self) -> Point | None: ...
+    @property
+    def drawn_separation(self) -> tuple[float, float]: ...
 
 
-def with_dropouts(sensors: Sequence[Sensor], faults: Faults, rng: np.random.Generator) -> tuple[Sensor, ...]:
-    """Sensors that lose a share of their readings, if any is to be lost."""
-    if faults.dropout_rate <= 0.0:
-        return tuple(sensors)
-    return tuple(
-        Dropout(sensor, faults.dropout_rate, one) for sensor, one in zip(sensors, rng.spawn(len(sensors)), strict=True)
+def certified_ends(
+    config: Ends,
+    mission: FlightMission,
+    draw: Callable[[], Point],
+    first_plan: Callable[[Point, Point], Plan],
+    draws: int,
+) -> tuple[Point, Point, Plan]:
+    """Start [m], target [m], and the plan from one to the other that proves that the mission can be flown.
+
+    Ends that are given must be above the ground; those that are not are drawn, ``draws`` times at most, until they are
+    as far apart as the fields say and the first plan is certified. Raises MissionError where the given ones are wrong
+    or none are found.
+    """
+    for name, given in (("start", config.start), ("target", config.target)):
+        if given is not None:
+            check_above_ground(name, given, mission)
+    if config.start is not None and config.target is not None:
+        if math.dist(config.start, config.target) <= mission.arrival_radius:
+            raise MissionError(
+                f"target = {config.target!r} is where the mission starts; "
+                f"allowed: more than arrival_radius = {mission.arrival_radius:g} m away from the start"
+            )
+        plan = first_plan(config.start, config.target)
+        if not plan.ok:
+            raise MissionError(
+                f"start = {config.start!r}, target = {config.target!r}: no initial certificate: {plan.status.value} "
+                f"({plan.message}); allowed: a start from which a first plan can be certified"
+            )
+        return config.start, config.target, plan
+    side = max(mission.terrain.width, mission.terrain.depth)
+    nearest, farthest = config.drawn_separation
+    for _ in range(draws):
+        start, target = config.start or draw(), config.target or draw()
+        separation = math.dist(start[:2], target[:2])
+        if not nearest * side <= separation <= farthest * side or math.dist(start, target) <= mission.arrival_radius:
+            continue
+        plan = first_plan(start, target)
+        if plan.ok:
+            return start, target, plan
+    raise MissionError(
+        f"drawn_separation = {config.drawn_separation!r}: none of {draws} missions drawn for start = {config.start!r} "
+        f"and target = {config.target!r} has its ends so far apart and an initial certificate; allowed: other shares "
+        "of the side, other heights, or both start and target"
     )
+
+
+def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
+    """Raise MissionError for a point (x, y, z) [m] off the mission's map, or lower than h_min above its ground."""
+    terrain, (x, y, z) = mission.terrain, point
+    if not terrain.contains(x, y):
+        raise MissionError(
+            f"{name} = {point!r} is off the map; allowed: 0 to {terrain.width:g} m east, 0 to {terrain.depth:g} m north"
+        )
+    ground = float(terrain.height(x, y))
+    if z < ground + mission.clearance_min:
+        where = "under ground" if z < ground else "below the least clearance"
+        raise MissionError(
+            f"{name} = {point!r} is {where}; the ground there is {ground:.1f} m high; "
+            f"allowed: z >= {ground + mission.clearance_min:.1f} m"
+        )
+
+
+def drawn_point(mission: FlightMission, heights: tuple[float, float], rng: np.random.Generator) -> Point:
+    """A point (x, y, z) [m] uniform over the map, but for its border, and over ``heights`` [m] above h_min."""
+    terrain = mission.terrain
+    margin = _BORDER * max(terrain.width, terrain.depth)
+    x = float(rng.uniform(margin, terrain.width - margin))
+    y = float(rng.uniform(margin, terrain.depth - margin))
+    return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*heights))
+
+
+# ---- task and record
 
 
 def flight_task(
@@ -201,7 +183,7 @@ def flight_task(
 ) -> Task | None:
     """Point masses that are commanded: L = sum |a|^2 + beta [m^2/s^4] of all vehicles, the running cost of (A.2).
 
-    beta is the controller's; None for one without.
+    beta is the controller's; None for one without. ``mission`` are the fields that keep what was drawn.
     """
     beta = getattr(controller.config, "beta", None)
     if beta is None:
@@ -209,8 +191,13 @@ def flight_task(
     inputs = Inputs.within(tuple(f"acceleration_{axis} [m/s^2]" for axis in "xyz"), acceleration_max)
     bounded = input_bound("", acceleration_max, 3)
 
-    def cost(begin: Look, end: Look, commands: Mapping[str, Array]) -> float:
+    def cost(begin: Sample, end: Sample, commands: Mapping[str, Array]) -> float:
         acting = np.array([bounded(commands[name])[0] for name in names])
         return (float(np.square(acting).sum()) + len(names) * float(beta)) * (end.t - begin.t)
 
     return Task(dict.fromkeys(names, inputs), cost, mission=mission)
+
+
+def terrain_record(terrain: HeightField, name_or_path: str, **others: Any) -> dict[str, Any]:
+    """Terrain as config.json names it: a file with its whole path, and the digest of what was flown over."""
+    return {"name": terrain.name, "path": place_of(name_or_path), "digest": terrain.digest, **others}

@@ -1,4 +1,4 @@
-"""What is asked of a certified flight: that it arrives by its deadline, and touches nothing."""
+"""Requirements on a certified flight: it arrives by its deadline, and touches nothing."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from typing import Any
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.scenarios.requirements import Requirement, judged
+from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 
 
 def longest_flight(duration: float, deadline_factor: float, speed_max: float, most: float) -> float:
-    """``duration`` [s] as whole ticks [s]; ValueError where it is more than is logged, ``most`` [s]."""
+    """``duration`` [s] as whole ticks [s]; MissionError where it is more than is logged, ``most`` [s]."""
     ticks = math.ceil(duration / TICK) * TICK
     if ticks > most:
-        raise ValueError(
+        raise MissionError(
             f"deadline_factor = {deadline_factor:g} at speed_max = {speed_max:g} m/s lets the flight take {ticks:.0f} "
             f"s; allowed: {most:.0f} s, so be sooner or faster"
         )
@@ -39,8 +40,11 @@ def due(recording: Recording, name: str, planner: Planner, deadline_factor: floa
 def verdict(
     summary: Mapping[str, Any], due: float, clearance_min: float, speed_max: float
 ) -> tuple[dict[str, Any], bool]:
-    """The summary of a flight, with what it falls short of, and whether it did what it should."""
+    """The summary of a flight, with what it falls short of, and whether all requirements are met.
+
+    ``due`` [s], ``clearance_min`` [m] and ``speed_max`` [m/s] are the limits.
+    """
     in_time = [Requirement("arrival_time_s", most=due)] if summary["arrived"] else []
     safe = Requirement("ground_contacts", most=0), Requirement("min_clearance_m", least=clearance_min)
     requirements = [Requirement("arrived", least=True), *in_time, *safe]
-    return judged(summary, requirements, told=[Requirement("speed_max_m_s", most=speed_max)])
+    return evaluate(summary, requirements, reported=[Requirement("speed_max_m_s", most=speed_max)])

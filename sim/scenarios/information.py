@@ -1,4 +1,4 @@
-"""What changes while a vehicle flies, and when it is told: radars, the target, ground that is not on the map."""
+"""Changes while a vehicle flies, and when its planner is informed: radars, the target, ground not on the map."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,9 @@ from mathnavi.models.terrain.hill import hills_of, with_hills
 from mathnavi.models.terrain.visibility import Radar, RadarTrack
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.signals import Array, Message
+from mathnavi.sim.records.missions import RadarRecord
 from mathnavi.sim.scenarios.flight_parts import Point
 
 _SOONEST = 0.1  # [s] between reports
@@ -36,13 +37,13 @@ class ChangeFields:
     radar_velocity: tuple[float, float] = (0.0, 0.0)
     """of the radars, from when they are switched on [m/s east, north]; where they reach the map's edge they stay"""
     radar_known: bool = True
-    """whether the planner is told of the radars at all"""
+    """whether the planner is informed of the radars at all"""
     report_period: float = 5.0
     """between two reports of where what moves is now [s]; each means a new cost-to-go"""
     uncharted: tuple[tuple[float, float, float, float], ...] = ()
     """X Y RADIUS HEIGHT [m] of a hill that the map does not show; may be given several times"""
     uncharted_time: float = 0.0
-    """when the planner is told of the ground as it is [s]"""
+    """when the planner is informed of the ground as it is [s]"""
 
     def __post_init__(self) -> None:
         check(self.radar_time, "radar_time", 0.0)
@@ -78,12 +79,12 @@ class ChangeFields:
         return tracks
 
     def radars_at(self, t: float, terrain: HeightField) -> tuple[Radar, ...]:
-        """What the planner is told that there is at ``t`` [s]."""
+        """The radars that the planner knows of at ``t`` [s]."""
         known = self.tracks(terrain) if self.radar_known else ()
         return tuple(radar for track in known if (radar := track.at(t, terrain)) is not None)
 
     def radar_messages(self, terrain: HeightField, duration: float) -> list[Message]:
-        """What the planner is told of radars after the start."""
+        """Messages to the planner on radars after the start, before ``duration`` [s]."""
         if not (self.radar and self.radar_known):
             return []
         end = min(duration, math.inf if self.radar_until is None else self.radar_until)
@@ -95,34 +96,36 @@ class ChangeFields:
         ]
 
     def ground(self, charted: HeightField) -> HeightField:
-        """The terrain as it is, with the hills that the map does not show."""
+        """The terrain as it is, with the hills that the map does not show; MissionError for one that is off the map."""
         try:
             return with_hills(charted, hills_of(self.uncharted))
         except ValueError as error:
-            raise ValueError(f"uncharted: {error}") from None
+            raise MissionError(f"uncharted: {error}") from None
 
     def messages(self, charted: HeightField, duration: float) -> list[Message]:
-        """All that the planner is told after the start, of radars and of the ground."""
+        """All messages to the planner after the start, on radars and on the ground, before ``duration`` [s]."""
         survey = [Message(self.uncharted_time, "survey", TERRAIN, self.ground(charted))] if self.uncharted else []
         return [*self.radar_messages(charted, duration), *survey]
 
-    def recorded(self, terrain: HeightField) -> dict[str, Any]:
-        """What a run's mission holds of them."""
-        return {
-            "radars": [
-                {
-                    **dataclasses.asdict(track.radar), "time": track.time, "velocity": track.velocity,
-                    "until": track.until if math.isfinite(track.until) else None,
-                }
-                for track in self.tracks(terrain)
-            ],
-            "charted_at": self.uncharted_time if self.uncharted else None,
-        }  # fmt: skip
+    def radar_records(self, terrain: HeightField) -> tuple[RadarRecord, ...]:
+        """The radars as config.json holds them; errors as of ``tracks``."""
+        return tuple(
+            RadarRecord(
+                **dataclasses.asdict(track.radar), time=track.time, velocity=track.velocity,
+                until=track.until if math.isfinite(track.until) else None,
+            )
+            for track in self.tracks(terrain)
+        )  # fmt: skip
+
+    @property
+    def charted_at(self) -> float | None:
+        """[s] when the planner learns of the hills that the map does not show; None without any."""
+        return self.uncharted_time if self.uncharted else None
 
 
 @dataclass(frozen=True)
 class TargetTrack:
-    """Where the target is: at ``target`` first, on the straight way between points, and at rest at the last.
+    """The target over time: at ``target`` first, on the straight way between points, and at rest at the last.
 
     It never comes nearer to the ground than it is at first: between points it follows the slopes.
     """
@@ -132,7 +135,7 @@ class TargetTrack:
     path: tuple[tuple[float, float, float, float], ...] = ()  # t [s], x, y, z [m]
 
     def at(self, t: float) -> Point:
-        """Its place [m] at ``t`` [s]; off the map as high as it is told."""
+        """Its place (x, y, z) [m] at ``t`` [s]; off the map as high as its path says."""
         if not self.path:
             return self.target
         times = [0.0, *(point[0] for point in self.path)]
@@ -145,37 +148,37 @@ class TargetTrack:
 
     @property
     def ends(self) -> float:
-        """[s] when it is at rest for good."""
+        """Time [s] from which it is at rest for good."""
         return self.path[-1][0] if self.path else 0.0
 
     def reported(self, period: float) -> list[tuple[float, Point]]:
-        """When [s] and where it is reported: every ``period`` [s], and wherever it turns."""
+        """(time [s], place [m]) of its reports: every ``period`` [s], and wherever it turns."""
         times = sorted({*_reports(0.0, self.ends, period), *(point[0] for point in self.path)} - {0.0})
         return [(t, self.at(t)) for t in times]
 
     def messages(self, period: float) -> list[Message]:
-        """What the planner is told: where it is, if that is elsewhere than before."""
-        told, before = [], self.target
+        """Messages to the planner, wherever the target is elsewhere than at the report before."""
+        messages, before = [], self.target
         for t, place in self.reported(period):
             if place != before:
-                told.append(Message(t, "target watch", TARGET, place))
+                messages.append(Message(t, "target watch", TARGET, place))
             before = place
-        return told
+        return messages
 
 
 def check_target_path(path: Sequence[tuple[float, float, float, float]]) -> None:
-    """ValueError for points that are not finite or whose times do not increase."""
+    """Raise FieldError for points that are not finite or whose times do not increase."""
     before = 0.0
     for point in path:
         if not (all(map(math.isfinite, point)) and before < point[0] <= _LATEST):
-            raise ValueError(
+            raise FieldError(
                 f"target_path = {point!r}; allowed: four finite numbers, times > 0, increasing and <= {_LATEST:g}"
             )
         before = point[0]
 
 
 def check_track(track: TargetTrack, period: float, check_place: Callable[[str, Point], None]) -> None:
-    """``check_place`` of the target where it is told to be, and wherever it is reported on its way."""
+    """Call ``check_place`` with each point of the target's path, and with each place that is reported on its way."""
     for t, x, y, z in track.path:
         check_place(f"target_path: place at {t:g} s", (x, y, z))
     for message in track.messages(period):
@@ -183,6 +186,6 @@ def check_track(track: TargetTrack, period: float, check_place: Callable[[str, P
 
 
 def _reports(begin: float, end: float, period: float) -> Array:
-    """(n,) [s] every ``period`` from ``begin``, before ``end``."""
+    """(n,) [s] times every ``period`` from ``begin``, before ``end``."""
     count = max(0, math.ceil((end - begin) / period - TIME_TOLERANCE))
     return begin + period * np.arange(count, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""What the scenarios of Paper D share: a Lagrangian system in the loop with an observer of its velocity.
+"""Parts that the scenarios of Paper D share: a Lagrangian system in the loop with an observer of its velocity.
 
 position -> estimator -> controller -> forces
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,23 +15,27 @@ import numpy as np
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
-from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant
 from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.protocols import Plant
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import errors_of, lagrangian_summary
-from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
-from mathnavi.sim.scenarios.requirements import Requirement, judged
+from mathnavi.sim.records.missions import LagrangianRecord
+from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Inputs, StageCost, Task, squared_error
 
 TICK = 1e-3
 """[s] of the plants"""
 _LONGEST = 600.0  # [s]
-_FASTEST = 1e4  # [rad/s, m/s, 1/s] that a start may be told with
+_FASTEST = 1e4  # [rad/s, m/s, 1/s] that a start may be given with
+
+Figures = Callable[[Recording, str, Manifold, float], dict[str, Any]]
+"""(recording, vehicle, manifold, time from which errors count [s]) -> further figures of the summary"""
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,7 @@ class LagrangianFields:
     duration: float = 10.0
     """[s]"""
     speed_max: float = 30.0
-    """what |v|_g = sqrt(2 T) is at most, T being the kinetic energy, by which some estimators tell jumps [-]"""
+    """largest |v|_g = sqrt(2 T), T being the kinetic energy, by which some estimators detect jumps [-]"""
     settled: float = 2.0
     """from when on errors count [s]"""
     tolerance: float = 0.1
@@ -66,90 +71,103 @@ class LagrangianFields:
 
 
 @dataclass(frozen=True)
-class Loop:
-    """What a scenario makes of its fields: the plant, what an observer knows, and what a figure is told with."""
+class LagrangianCase:
+    """A system with its observer: the plant, what the observer knows, and what the run has to show."""
 
-    name: str  # of the scenario
     vehicle: str
     plant: Plant
+    stack: VehicleStack
     mission: LagrangianMission  # as it is believed
     truth: LagrangianMission  # as it is
-    told: Mapping[str, Any]  # beside the fields, for the drawings
-    figures: Callable[[Recording, str, Manifold, float], dict[str, Any]] | None = None  # further ones of the summary
-    requirements: tuple[Requirement, ...] = ()  # of them, beside that of the velocity error
+    record: LagrangianRecord  # of the mission, in config.json
+    figures: Figures | None = None  # further ones of the summary
+    requirements: tuple[Requirement, ...] = ()  # on them, beside that on the velocity error
     inputs: Inputs | None = None  # with their bounds, where there are any
     cost: StageCost | None = None  # for whoever commands the inputs; that of the velocity error if not given
 
-    def closed_loop(
-        self, fields: LagrangianFields, seed: int, controller: PluginSpec, estimator: PluginSpec
-    ) -> ClosedLoop:
-        """The closed loop of one seed."""
-        planner, tracker = checked_controller(controller, self.mission)
-        observer = checked_estimator(estimator, self.mission)
-        manifold = self.truth.system.manifold
+    @property
+    def manifold(self) -> Manifold:
+        """The manifold of the true positions."""
+        return self.truth.system.manifold
 
-        def finished(t: float, truths: Mapping[str, Array]) -> bool:
-            escaped = isinstance(self.plant, OdePlant) and self.plant.escaped(self.vehicle) is not None
-            return escaped or not np.isfinite(truths[self.vehicle]).all()
 
-        def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
-            figures = lagrangian_summary(recording, self.vehicle, manifold, fields.settled, seed, wall_seconds)
-            if self.figures is not None:
-                figures |= self.figures(recording, self.vehicle, manifold, fields.settled)
-            figures["escaped"] = bool(recording.t[-1] < fields.duration - 0.5 * TICK)
-            whole, found = Requirement("escaped", most=False), Requirement("velocity_rms", most=fields.tolerance)
-            return judged(figures, [whole, found, *self.requirements])
+def observed_loop(parts: Assembler, case: LagrangianCase) -> ClosedLoop:
+    """The closed loop of one seed."""
+    inputs = case.inputs or Inputs.within(tuple(case.mission.system.inputs))
+    return parts.closed_loop(
+        parts.disturbed(case.plant, case.stack.planner.period),
+        {case.vehicle: case.stack.agent(len(case.mission.system.inputs))},
+        parts.config.duration,
+        partial(finished, case),
+        partial(summarise, case, parts.config, parts.seed),
+        mission=case.record,
+        task=Task({case.vehicle: inputs}, case.cost or _velocity_cost(case)),
+    )
 
-        agent = Agent(observer, planner, tracker, len(self.mission.system.inputs))
-        record = recorded(
-            self.name, "mathnavi.renders.lagrangian.drawing", seed, fields, controller, estimator,
-            mission={
-                "manifold": manifold.name,
-                "states": self.truth.system.states,
-                "inputs": self.truth.system.inputs,
-                "tolerance": fields.tolerance,
-                **self.told,
-            },
-        )  # fmt: skip
-        inputs = self.inputs or Inputs.within(tuple(self.mission.system.inputs))
-        task = Task({self.vehicle: inputs}, self.cost or self._velocity_error())
-        return ClosedLoop(self.plant, {self.vehicle: agent}, fields.duration, finished, summarise, record, task=task)
 
-    def _velocity_error(self) -> StageCost:
-        """L = |Delta v|^2, Delta v as in Theorem D.2, in the components that the summary's ``velocity_rms`` is of."""
-        manifold = self.truth.system.manifold
-        return squared_error(self.vehicle, lambda x, truth: errors_of(manifold, truth, x)[1])
+def finished(case: LagrangianCase, t: float, truths: Mapping[str, Array]) -> bool:
+    """The solution has escaped, or the state is no longer finite; ``truths`` (nx,) by vehicle."""
+    escaped = isinstance(case.plant, OdePlant) and case.plant.escaped(case.vehicle) is not None
+    return escaped or not np.isfinite(truths[case.vehicle]).all()
+
+
+def summarise(
+    case: LagrangianCase, fields: LagrangianFields, seed: int, recording: Recording, wall_seconds: float
+) -> tuple[dict[str, Any], bool]:
+    """The summary, and whether the velocity was found and the run did not end early."""
+    figures = lagrangian_summary(recording, case.vehicle, case.manifold, fields.settled, seed, wall_seconds)
+    if case.figures is not None:
+        figures |= case.figures(recording, case.vehicle, case.manifold, fields.settled)
+    figures["escaped"] = bool(recording.t[-1] < fields.duration - 0.5 * TICK)
+    whole, found = Requirement("escaped", most=False), Requirement("velocity_rms", most=fields.tolerance)
+    return evaluate(figures, [whole, found, *case.requirements])
+
+
+def _velocity_cost(case: LagrangianCase) -> StageCost:
+    """L = |Delta v|^2, Delta v as in Theorem D.2, in the components that the summary's ``velocity_rms`` is of."""
+    return squared_error(case.vehicle, lambda x, truth: errors_of(case.manifold, truth, x)[1])
+
+
+def recorded_as(mission: LagrangianMission, fields: LagrangianFields) -> dict[str, Any]:
+    """The fields of a ``LagrangianRecord``."""
+    system = mission.system
+    return {
+        "manifold": system.manifold.name,
+        "states": tuple(system.states),
+        "inputs": tuple(system.inputs),
+        "tolerance": fields.tolerance,
+    }
 
 
 def given_start(start: NumberList, mission: LagrangianMission) -> Array:
     """The state (x, v) of these numbers, x put exactly on its space.
 
-    Raises ValueError for one of another size, off the space, not finite or too fast.
+    Raises MissionError for one of another size, FieldError for one too fast, ValueError for one off the space.
     """
     system, size = mission.system, mission.system.manifold.size
     if len(start) != len(system.states):
-        raise ValueError(f"start = {start!r}; allowed: {len(system.states)} numbers, of {', '.join(system.states)}")
+        raise MissionError(f"start = {start!r}; allowed: {len(system.states)} numbers, of {', '.join(system.states)}")
     for value in start[size:]:
         check(value, "start", -_FASTEST, _FASTEST)
     return np.concatenate([system.manifold.check(np.array(start[:size])), start[size:]])
 
 
 def checked_speed(start: Array, mission: LagrangianMission) -> Array:
-    """The start (x, v); ValueError for one faster than the mission says that the system ever is."""
+    """The start (x, v); FieldError for one faster than the mission says that the system ever is."""
     manifold = mission.system.manifold
     speed = manifold.norm(start[: manifold.size], start[manifold.size :])
     if not speed <= mission.speed_max * (1.0 + 1e-9):  # a body's is half its rate, but for rounding
-        raise ValueError(f"speed_max = {mission.speed_max!r}; allowed: at least |v|_g = {speed:.6g} of the start")
+        raise FieldError(f"speed_max = {mission.speed_max!r}; allowed: at least |v|_g = {speed:.6g} of the start")
     return start
 
 
 def velocity_errors(mission: LagrangianMission, x: Array, truth: Array) -> dict[str, Array]:
-    """Of estimates (m, nx): the distance, and each component of Delta v, by name with unit."""
+    """Errors of estimates (m, nx) to truths (m, nx): distance, and each component of Delta v, by name with unit."""
     manifold = mission.system.manifold
     rows = [errors_of(manifold, row, estimate) for row, estimate in zip(truth, x, strict=True)]
-    off = np.array([row[1] for row in rows])
+    velocity = np.array([row[1] for row in rows])
     names = mission.system.states[-manifold.dimension :]
     return {
         "distance [-]": np.array([row[0] for row in rows]),
-        **{name: off[:, k] for k, name in enumerate(names)},
+        **{name: velocity[:, k] for k, name in enumerate(names)},
     }

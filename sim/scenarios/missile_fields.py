@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import ClassVar, Literal
+
+import numpy as np
 
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import TICK
+from mathnavi.sim.engine.faults import ConstantWrench, Disturbance, Gusts
 from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.interfaces.errors import FieldError, MissionError
+from mathnavi.sim.scenarios.fault_fields import EveryFlightFaults, Fault, LostReadings
 
 Point = tuple[float, float, float]
 
@@ -16,7 +22,7 @@ _LARGEST = 1e6  # of any field in SI units
 
 
 @dataclass(frozen=True)
-class Mismatch:
+class MissileMismatch:
     """The true missile over the declared one."""
 
     mass: float = 1.0
@@ -34,8 +40,10 @@ class Mismatch:
 
 
 @dataclass(frozen=True)
-class Gust:
-    """What acts on the missile beside its thrusters, in the frame of the world."""
+class MissileGust(Fault):
+    """Forces and torques on the missile beside its thrusters, in the frame of the world."""
+
+    stream: ClassVar[str] = "gusts"
 
     force: Point = (0.0, 0.0, 0.0)
     """constant force [N]"""
@@ -52,7 +60,7 @@ class Gust:
     torque_limit: float = 200.0
     """largest random torque [N m]"""
 
-    def __post_init__(self) -> None:
+    def check_fields(self) -> None:
         for name in ("force", "torque"):
             _check_point(getattr(self, name), f"gust.{name}")
         for name in ("force_rms", "torque_rms"):
@@ -61,9 +69,19 @@ class Gust:
         for name in ("force_limit", "torque_limit"):
             check(getattr(self, name), f"gust.{name}", 0.0, _LARGEST, open_low=True)
 
+    def disturbances(self, mass: float, period: float, rng: np.random.Generator) -> Sequence[Disturbance]:
+        """The constant ones and the random ones, where there are any, whatever the mass."""
+        acting: list[Disturbance] = []
+        if any(self.force) or any(self.torque):
+            acting.append(ConstantWrench(self.force, self.torque))
+        if self.force_rms > 0.0 or self.torque_rms > 0.0:
+            strength = (self.force_rms, self.time_constant, self.force_limit)
+            acting.append(Gusts(*strength, rng, moment_rms=self.torque_rms, moment_limit=self.torque_limit))
+        return acting
+
 
 @dataclass(frozen=True)
-class Actuator:
+class Thrusters:
     """Limits of the thrusters, known to the controller, and how late they are, which is not."""
 
     axial: float = 20_000.0
@@ -89,8 +107,8 @@ class Actuator:
 
 
 @dataclass(frozen=True)
-class Noise:
-    """How the readings of the state err: standard deviations on each axis."""
+class StateErrors:
+    """Standard deviations on each axis of the readings of the state."""
 
     position: float = 0.0
     """[m]"""
@@ -100,30 +118,28 @@ class Noise:
     """[deg]"""
     rate: float = 0.0
     """of the angular velocity [deg/s]"""
-    dropout_rate: float = 0.0
-    """fraction of the readings that are lost"""
-
-    def __post_init__(self) -> None:
-        for name in ("position", "velocity", "angle", "rate"):
-            check(getattr(self, name), f"noise.{name}", 0.0, _LARGEST)
-        check(self.dropout_rate, "noise.dropout_rate", 0.0, 1.0)
 
 
 @dataclass(frozen=True)
-class Faults:
-    """What goes wrong with the planner on purpose."""
+class MissileNoise(LostReadings, StateErrors):
+    """Errors of the readings of the state: standard deviations on each axis, and losses."""
 
-    solver_failure_rate: float = 0.0
-    """fraction of the requests on which the solver gives up"""
-    late_plan_rate: float = 0.0
-    """fraction of the requests answered too late to be of use"""
-    late_plan_latency: float = 1.0
-    """simulated time that a late answer takes [s]"""
+    group: ClassVar[str] = "noise"
 
     def __post_init__(self) -> None:
-        for name in ("solver_failure_rate", "late_plan_rate"):
-            check(getattr(self, name), f"faults.{name}", 0.0, 1.0)
-        check(self.late_plan_latency, "faults.late_plan_latency", 0.0, _LARGEST)
+        super().__post_init__()
+        for name in ("position", "velocity", "angle", "rate"):
+            check(getattr(self, name), f"noise.{name}", 0.0, _LARGEST)
+
+
+@dataclass(frozen=True)
+class MissileFaults(EveryFlightFaults):
+    """Faults of a missile."""
+
+    largest: ClassVar[float] = _LARGEST
+
+    late_plan_latency: float = 1.0
+    """simulated time that a late answer takes [s]"""
 
 
 @dataclass(frozen=True)
@@ -145,20 +161,20 @@ class MissileGuidanceConfig:
     target_change: tuple[tuple[float, float, float, float], ...] = ()
     """TIME VX VY VZ [s, m/s]: a velocity that the target takes up later; may be given several times"""
     target_told: float = 0.0
-    """how long after the target has taken up a velocity the planner is told of it [s]"""
+    """how long after the target has taken up a velocity the planner is informed of it [s]"""
     aspect_angle: float = -90.0
     """of the nose and the velocity at the target over the horizontal [deg]"""
     miss_allowed: float = 1.0
     """how near to the target counts as a hit [m]"""
     aspect_allowed: float = 2.0
-    """how far the nose may then be off the aspect angle [deg]"""
+    """largest angle between the nose and the aspect angle then [deg]"""
     control_rate: float = 250.0
     """of estimator, autopilot and log [Hz]; the physics runs at 1 kHz"""
-    mismatch: Mismatch = field(default_factory=Mismatch)
-    gust: Gust = field(default_factory=Gust)
-    actuator: Actuator = field(default_factory=Actuator)
-    noise: Noise = field(default_factory=Noise)
-    faults: Faults = field(default_factory=Faults)
+    mismatch: MissileMismatch = field(default_factory=MissileMismatch)
+    gust: MissileGust = field(default_factory=MissileGust)
+    actuator: Thrusters = field(default_factory=Thrusters)
+    noise: MissileNoise = field(default_factory=MissileNoise)
+    faults: MissileFaults = field(default_factory=MissileFaults)
 
     def __post_init__(self) -> None:
         for name in ("start", "target", "target_velocity"):
@@ -169,7 +185,7 @@ class MissileGuidanceConfig:
         for name in ("start", "target"):
             check(getattr(self, name)[2], f"{name}: its height z", 0.0, _LARGEST)
         if math.dist(self.start, self.target) <= self.miss_allowed:
-            raise ValueError(f"target = {self.target!r} is where the missile starts; allowed: another place")
+            raise MissionError(f"target = {self.target!r} is where the missile starts; allowed: another place")
         check(self.start_heading, "start_heading", -80.0, 80.0)
         check(self.aspect_angle, "aspect_angle", -90.0, 90.0)
         check(self.target_told, "target_told", 0.0, _LARGEST)
@@ -180,7 +196,7 @@ class MissileGuidanceConfig:
             self._check_plane()
 
     def _check_plane(self) -> None:
-        """What leads out of the plane would be lost without a word."""
+        """Raise MissionError for what leads out of the plane, which would be lost without a word."""
         across = {
             "start: its y": self.start[1],
             "target: its y": self.target[1],
@@ -192,9 +208,11 @@ class MissileGuidanceConfig:
         }
         for name, value in across.items():
             if value != 0.0:
-                raise ValueError(f"{name} = {value!r} leads out of the pitch plane; allowed: 0, or dimension = spatial")
+                raise MissionError(
+                    f"{name} = {value!r} leads out of the pitch plane; allowed: 0, or dimension = spatial"
+                )
 
 
 def _check_point(point: tuple[float, ...], name: str) -> None:
     if not all(math.isfinite(c) and abs(c) <= _LARGEST for c in point):
-        raise ValueError(f"{name} = {point!r}; allowed: three finite numbers, at most {_LARGEST:g}")
+        raise FieldError(f"{name} = {point!r}; allowed: three finite numbers, at most {_LARGEST:g}")

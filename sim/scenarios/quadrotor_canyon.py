@@ -25,7 +25,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import Any
 
 import mujoco
@@ -38,37 +39,22 @@ from mathnavi.models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VE
 from mathnavi.models.quadrotor.entity import REACH, RotorDrive, build_model
 from mathnavi.models.quadrotor.mission import QuadrotorMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import load_terrain, place_of
-from mathnavi.sim.engine.agent_runner import Agent
-from mathnavi.sim.engine.faults import Disturbed, Gusts
+from mathnavi.models.terrain.library import load_terrain
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.sim.interfaces.protocols import Planner
+from mathnavi.sim.interfaces.signals import Array, Plan, Status
+from mathnavi.sim.metrics.flight import Bound
 from mathnavi.sim.metrics.quadrotor import point, quadrotor_summary
-from mathnavi.sim.plugin.registry import (
-    PluginSpec,
-    called,
-    checked_controller,
-    checked_estimator,
-    checked_quality,
-    checked_sensors,
-    load,
-)
-from mathnavi.sim.scenarios.certified_ends import certified_ends
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
-from mathnavi.sim.scenarios.flight_parts import (
-    Point,
-    bare_mission,
-    certified,
-    check_above_ground,
-    faulty,
-    wants_certificate,
-    with_dropouts,
-)
+from mathnavi.sim.plugin.registry import PluginSpec, called, checked_quality
+from mathnavi.sim.records.missions import QuadrotorRecord
+from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.flight_parts import Point, bare_mission, certified_ends, terrain_record
 from mathnavi.sim.scenarios.flight_verdict import due, longest_flight, verdict
-from mathnavi.sim.scenarios.quadrotor_fields import Mismatch, QuadrotorCanyonConfig
-from mathnavi.sim.scenarios.task import Inputs, Look, Task
+from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig, QuadrotorMismatch
+from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
 VEHICLE = "vehicle"
 _LONGEST = 3600.0  # [s] of simulated time that is logged
@@ -80,8 +66,11 @@ class QuadrotorCanyon:
     """A quadrotor flies through a winding canyon to its target, certified as a point mass is."""
 
     Config = QuadrotorCanyonConfig
+    name = "quadrotor-canyon"
+    drawing = "mathnavi.renders.quadrotor.drawing"
     controller = "quadrotor"
     estimator = "quadrotor_state"
+    streams = ("draws", "sensing", "solver_failures", "corrupted_plans", "late_plans", "gusts", "dropouts")
 
     @staticmethod
     def inputs(config: QuadrotorCanyonConfig) -> dict[str, str]:
@@ -97,115 +86,102 @@ class QuadrotorCanyon:
     ) -> ClosedLoop:
         """The closed loop of one seed.
 
-        Raises ValueError for a start or target below h_min, off the map or without an initial certificate, for bounds
-        that gusts and noise leave nothing of, and for an unknown terrain; FileNotFoundError for a terrain file that is
-        not there.
+        Raises MissionError for a start or target below h_min, off the map or without an initial certificate;
+        ValueError for bounds that gusts and noise leave nothing of; PluginError for an estimator that the tracker
+        cannot fly from; TerrainError for an unknown terrain; FileNotFoundError for a terrain file that is not there.
         """
-        controller = controller or PluginSpec.of(load("controllers", QuadrotorCanyon.controller))
-        estimator = estimator or PluginSpec.of(load("estimators", QuadrotorCanyon.estimator))
-        draws, sensing, failing, corrupting, delaying, gusting, losing = np.random.default_rng(seed).spawn(7)
+        parts = Assembler.of(QuadrotorCanyon, config, seed, controller, estimator)
         terrain = load_terrain(config.terrain)
-        bare = _bare_mission(config, terrain, estimator)
-        start, target, first = certified_ends(
-            config,
-            terrain,
-            lambda name, place: check_above_ground(name, place, bare.flight),
-            lambda: _drawn(config, terrain, draws),
-            lambda start, target: _first_plan(_between(bare, start, target), controller),
-            _DRAWS,
-        )
-        mission = _between(bare, start, target)
-        flight, faults = mission.flight, config.faults
-
-        raw, tracker = checked_controller(controller, mission, TrackingBound)
-        flawed = faulty(raw, faults, (failing, corrupting, delaying))
-        planner = certified(flawed, flight, tracker.bound) if wants_certificate(controller) else flawed
-        true = config.mismatch.vehicle
-        carried = with_dropouts(checked_sensors(estimator, mission), faults, losing)
-        equipment = VehicleSetup(mission.start_state, carried, drive=RotorDrive(true))
-        body = MujocoPlant(_model(terrain, config.mismatch), {VEHICLE: equipment}, sensing)
-        plant: Plant = body
-        if faults.gust_rms > 0.0:
-            strength = true.mass * faults.gust_rms, faults.gust_time_constant, true.mass * faults.gust_limit
-            plant = Disturbed(body, [Gusts(*strength, gusting)])
-        # Sensors of its own: those of the flight may lose readings, and draw whether they do.
-        sound = VehicleSetup(mission.start_state, checked_sensors(estimator, mission), drive=RotorDrive(true))
-        trial = MujocoPlant(_model(terrain, config.mismatch), {VEHICLE: sound}, np.random.default_rng(0))
-        _check_estimates(controller, estimator, mission, trial, first)
-        agent = Agent(checked_estimator(estimator, mission), planner, tracker, ROTOR_COUNT)
+        mission, first = _mission(config, terrain, parts)
         deadline = config.deadline_factor * first.t_end
 
-        def finished(t: float, truths: Mapping[str, Array]) -> bool:
-            away = math.dist(truths[VEHICLE][POSITION].tolist(), flight.target)
-            return away <= flight.arrival_radius or body.contacts(VEHICLE) > 0
-
-        def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
-            by = due(recording, VEHICLE, planner, config.deadline_factor, deadline)
-            summary = quadrotor_summary(recording, VEHICLE, mission, tracker.bound, by, seed, wall_seconds)
-            return verdict(summary, by, config.clearance_min, config.speed_max)
-
+        stack = parts.stack(mission, certified_flight=mission.flight)
+        vehicle = config.mismatch.vehicle
+        setup = VehicleSetup(mission.start_state, stack.sensors, drive=RotorDrive(vehicle))
+        model = _model(terrain, config.mismatch)
+        body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
+        # Sensors of its own: those of the flight may lose readings, and draw whether they do.
+        faultless = dataclasses.replace(parts, faults=()).stack(mission)
+        trial = dataclasses.replace(setup, sensors=faultless.sensors)
+        _check_estimates(parts, faultless, MujocoPlant(model, {VEHICLE: trial}, np.random.default_rng(0)), first)
         # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
         duration = longest_flight(2.0 * deadline, config.deadline_factor, config.speed_max, _LONGEST)
-        record = _record(config, seed, controller, estimator, mission, terrain, tracker.bound)
-        task = _task(mission, controller)
-        return ClosedLoop(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=task)
+
+        flight = TrueQuadrotorFlight(mission, deadline)
+        start, target = mission.flight.start, mission.flight.target
+        place = terrain_record(terrain, config.terrain)
+        return parts.closed_loop(
+            parts.disturbed(body, stack.planner.period, vehicle.mass),
+            {VEHICLE: stack.agent(ROTOR_COUNT)},
+            duration,
+            partial(finished, flight, body),
+            partial(summarise, flight, stack.planner, stack.tracker.bound, seed),
+            mission=_record(mission, stack.tracker.bound),
+            resolved=dataclasses.replace(config, terrain=place["path"], start=start, target=target),
+            terrain=place,
+            task=_task(mission, parts.controller),
+        )
 
     @staticmethod
     def errors(config: QuadrotorCanyonConfig, x: Array, truth: Array) -> dict[str, Array]:
         """The error of each state of the point mass, named with its unit, of estimates (n, 6) to truths (n, 13)."""
-        off = x - point(truth)
+        error = x - point(truth)
         names = ("x [m]", "y [m]", "z [m]", "v_x [m/s]", "v_y [m/s]", "v_z [m/s]")
-        return {name: off[:, k] for k, name in enumerate(names)}
+        return {name: error[:, k] for k, name in enumerate(names)}
 
 
-def _check_estimates(
-    controller: PluginSpec, estimator: PluginSpec, mission: QuadrotorMission, plant: MujocoPlant, plan: Plan
-) -> None:
-    """ValueError for an estimator from whose estimates the tracker cannot fly."""
-    _, tracker = checked_controller(controller, mission, TrackingBound)
-    estimate = checked_estimator(estimator, mission).update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT))
-    if estimate.status is not Status.OK:
-        return  # it has not seen enough yet to say
-    try:
-        tracker.command(0.0, estimate, plan)
-    except ValueError as error:
-        name = called("estimators", estimator.name)
-        raise ValueError(f"estimator = {name!r}: {error}, as those of quadrotor_state are") from None
+@dataclass(frozen=True, eq=False)
+class TrueQuadrotorFlight:
+    """A flight as its referee and its metrics see it."""
+
+    mission: QuadrotorMission
+    deadline: float  # [s] by the plan from the true start
 
 
-@lru_cache(maxsize=4)
-def _model(terrain: HeightField, mismatch: Mismatch) -> mujoco.MjModel:
-    model = build_model(terrain, (VEHICLE,), mismatch.vehicle)
-    model.actuator(f"{VEHICLE}/{ROTORS[0]}").gear[:] *= mismatch.rotor
-    return model
+def finished(flight: TrueQuadrotorFlight, body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
+    """The vehicle has arrived, or it has touched something; ``t`` [s], ``truths`` (13,) by vehicle."""
+    mission = flight.mission.flight
+    distance = math.dist(truths[VEHICLE][POSITION].tolist(), mission.target)
+    return distance <= mission.arrival_radius or body.contacts(VEHICLE) > 0
 
 
-@lru_cache(maxsize=4)
-def _raised(terrain: HeightField) -> HeightField:
-    """The ground for the vehicle's centre."""
-    return terrain.inflated(REACH, REACH)
+def summarise(
+    flight: TrueQuadrotorFlight,
+    planner: Planner,
+    bound: Bound,
+    seed: int,
+    recording: Recording,
+    wall_seconds: float,
+) -> tuple[dict[str, Any], bool]:
+    """The summary, and whether the vehicle arrived by its deadline and touched nothing."""
+    mission = flight.mission.flight
+    deadline = due(recording, VEHICLE, planner, mission.deadline_factor, flight.deadline)
+    summary = quadrotor_summary(recording, VEHICLE, flight.mission, bound, deadline, seed, wall_seconds)
+    return verdict(summary, deadline, mission.clearance_min, mission.speed_max)
 
 
-def _bare_mission(config: QuadrotorCanyonConfig, terrain: HeightField, estimator: PluginSpec) -> QuadrotorMission:
-    """The mission but for its start and target."""
-    mission = QuadrotorMission(bare_mission(config, _raised(terrain)))
-    quality = checked_quality(estimator, mission, EstimateQuality)
-    return dataclasses.replace(mission, flight=dataclasses.replace(mission.flight, quality=quality))
+def _mission(config: QuadrotorCanyonConfig, terrain: HeightField, parts: Assembler) -> tuple[QuadrotorMission, Plan]:
+    """The mission, over ground that is raised for the vehicle's centre, and its first plan."""
+    unrated = QuadrotorMission(bare_mission(config, _raised(terrain)))
+    quality = checked_quality(parts.estimator, unrated, EstimateQuality)
+    bare = dataclasses.replace(unrated, flight=dataclasses.replace(unrated.flight, quality=quality))
 
+    def between(start: Point, target: Point) -> QuadrotorMission:
+        return dataclasses.replace(bare, flight=dataclasses.replace(bare.flight, start=start, target=target))
 
-def _between(mission: QuadrotorMission, start: Point, target: Point) -> QuadrotorMission:
-    return dataclasses.replace(mission, flight=dataclasses.replace(mission.flight, start=start, target=target))
+    def first_plan(start: Point, target: Point) -> Plan:
+        mission = between(start, target)
+        return parts.first_plan(mission, mission.flight)
 
+    def draw() -> Point:
+        return _drawn(config, terrain, parts.streams["draws"])
 
-def _first_plan(mission: QuadrotorMission, controller: PluginSpec) -> Plan:
-    """What the certified planner answers at the start; a planner without a certificate is held to it here too."""
-    planner, tracker = checked_controller(controller, mission, TrackingBound)
-    request = PlanRequest(0.0, 0.0, Estimate(0.0, mission.flight.start_state), None)
-    return certified(planner, mission.flight, tracker.bound).plan(request)
+    start, target, first = certified_ends(config, bare.flight, draw, first_plan, _DRAWS)
+    return between(start, target), first
 
 
 def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.Generator) -> Point:
-    """Above a node of the map's lowest ground."""
+    """A point (x, y, z) [m] above a node of the map's lowest ground."""
     border = math.ceil(_BORDER * max(terrain.z.shape))
     within = terrain.z[border:-border, border:-border]
     low = np.argwhere(within <= within.min() + config.drawn_lowest * np.ptp(within)) + border
@@ -213,6 +189,18 @@ def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.G
     x, y = float(column) * terrain.spacing, float(row) * terrain.spacing
     above = config.clearance_min + float(rng.uniform(*config.drawn_heights))
     return x, y, float(_raised(terrain).height(x, y)) + above
+
+
+def _check_estimates(parts: Assembler, stack: VehicleStack, plant: MujocoPlant, plan: Plan) -> None:
+    """Raise PluginError for an estimator from whose estimates the tracker cannot fly."""
+    estimate = stack.estimator.update(0.0, plant.sense(VEHICLE), np.zeros(ROTOR_COUNT))
+    if estimate.status is not Status.OK:
+        return  # it has not seen enough yet to say
+    try:
+        stack.tracker.command(0.0, estimate, plan)
+    except ValueError as error:
+        name = called("estimators", parts.estimator.name)
+        raise PluginError(f"estimator = {name!r}: {error}, as those of quadrotor_state are") from None
 
 
 def _task(mission: QuadrotorMission, controller: PluginSpec) -> Task | None:
@@ -227,7 +215,7 @@ def _task(mission: QuadrotorMission, controller: PluginSpec) -> Task | None:
     rotors = tuple(f"thrust_{rotor} [N]" for rotor in ROTORS)
     inputs = Inputs(rotors, np.zeros(ROTOR_COUNT), np.full(ROTOR_COUNT, mission.vehicle.thrust_max))
 
-    def cost(begin: Look, end: Look, commands: Mapping[str, Array]) -> float:
+    def cost(begin: Sample, end: Sample, commands: Mapping[str, Array]) -> float:
         h = end.t - begin.t
         a = (end.truths[VEHICLE][VELOCITY] - begin.truths[VEHICLE][VELOCITY]) / h
         return (float(a @ a) + own) * h
@@ -236,31 +224,31 @@ def _task(mission: QuadrotorMission, controller: PluginSpec) -> Task | None:
     return Task({VEHICLE: inputs}, cost, ("attitude", "rate"), ends)
 
 
-def _record(
-    config: QuadrotorCanyonConfig,
-    seed: int,
-    controller: PluginSpec,
-    estimator: PluginSpec,
-    mission: QuadrotorMission,
-    terrain: HeightField,
-    bound: TrackingBound,
-) -> dict[str, Any]:
-    """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
-    flight, place = mission.flight, place_of(config.terrain)
-    resolved = dataclasses.replace(config, terrain=place, start=flight.start, target=flight.target)
-    return recorded(
-        "quadrotor-canyon", "mathnavi.renders.quadrotor.drawing", seed, resolved, controller, estimator,
-        terrain={"name": terrain.name, "path": place, "digest": terrain.digest},
-        mission={
-            "start": flight.start,
-            "target": flight.target,
-            "clearance_min": flight.clearance_min,
-            "speed_max": flight.speed_max,
-            "acceleration_max": flight.acceleration_max,
-            "deadline_factor": flight.deadline_factor,
-            "arrival_radius": flight.arrival_radius,
-            "reach": REACH,
-            "thrust_max": mission.vehicle.thrust_max,
-            "tracking_bound": dataclasses.asdict(bound),
-        },
-    )  # fmt: skip
+def _record(mission: QuadrotorMission, bound: TrackingBound) -> QuadrotorRecord:
+    """The mission as config.json holds it."""
+    flight = mission.flight
+    return QuadrotorRecord(
+        start=flight.start,
+        target=flight.target,
+        clearance_min=flight.clearance_min,
+        speed_max=flight.speed_max,
+        acceleration_max=flight.acceleration_max,
+        deadline_factor=flight.deadline_factor,
+        arrival_radius=flight.arrival_radius,
+        tracking_bound=dataclasses.asdict(bound),
+        reach=REACH,
+        thrust_max=mission.vehicle.thrust_max,
+    )
+
+
+@lru_cache(maxsize=4)
+def _model(terrain: HeightField, mismatch: QuadrotorMismatch) -> mujoco.MjModel:
+    model = build_model(terrain, (VEHICLE,), mismatch.vehicle)
+    model.actuator(f"{VEHICLE}/{ROTORS[0]}").gear[:] *= mismatch.rotor
+    return model
+
+
+@lru_cache(maxsize=4)
+def _raised(terrain: HeightField) -> HeightField:
+    """The ground for the vehicle's centre."""
+    return terrain.inflated(REACH, REACH)

@@ -9,13 +9,14 @@ from dataclasses import dataclass, field
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor
 from mathnavi.sim.interfaces.checks import check, check_rate
-from mathnavi.sim.scenarios.flight_parts import LARGEST, Faults, Noise, Point
+from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults
+from mathnavi.sim.scenarios.flight_parts import FlightNoise, Point
 
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 
 
 @dataclass(frozen=True)
-class Mismatch:
+class QuadrotorMismatch:
     """The true quadrotor over the declared one; the tracking bound allows for a tenth of mass and a quarter of drag."""
 
     mass: float = 1.0
@@ -75,9 +76,9 @@ class QuadrotorCanyonConfig:
     """r_f, how near to the target counts as arrived [m]"""
     control_rate: float = 150.0
     """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
-    noise: Noise = field(default_factory=Noise)
-    faults: Faults = field(default_factory=Faults)
-    mismatch: Mismatch = field(default_factory=Mismatch)
+    noise: FlightNoise = field(default_factory=FlightNoise)
+    faults: FlightFaults = field(default_factory=FlightFaults)
+    mismatch: QuadrotorMismatch = field(default_factory=QuadrotorMismatch)
 
     def __post_init__(self) -> None:
         for name in ("start", "target"):

@@ -24,7 +24,7 @@ _MOST_SENSORS = 64
 
 
 @dataclass(frozen=True)
-class Field:
+class WallFields:
     """The wall."""
 
     shape: Literal["ellipse", "egg", "bean", "fourier"] = "ellipse"
@@ -51,12 +51,12 @@ class Field:
             raise ValueError(f"field.coefficients: a wall {reach:.3g} m off its centre; allowed: up to {_LONGEST:g} m")
 
     def curve(self) -> Curve:
-        """ValueError for coefficients that make no wall."""
+        """The wall; ValueError for coefficients that make none."""
         return _curve(self)
 
 
 @lru_cache(maxsize=32)
-def _curve(field: Field) -> Curve:
+def _curve(field: WallFields) -> Curve:
     if field.shape == "ellipse":
         return ellipse(*field.half_axes)
     if field.shape == "fourier":
@@ -65,8 +65,8 @@ def _curve(field: Field) -> Curve:
 
 
 @dataclass(frozen=True)
-class Noise:
-    """How the sensors err."""
+class RangingNoise:
+    """Errors of the sensors."""
 
     range_relative: float = 0.05
     """standard deviation of a range over its length"""
@@ -91,9 +91,11 @@ class Noise:
         check(self.odometry_bias, "noise.odometry_bias", 0.0, 0.5)
 
     def ranging(self) -> RangeQuality:
+        """Errors of the ranges, as a mission declares them."""
         return RangeQuality(self.range_relative, self.range_absolute, self.dropout, self.outliers)
 
     def odometry(self, slip: tuple[float, float]) -> OdometryQuality:
+        """Errors of the odometry, as a mission declares them, with a slip [m/s, rad/s]."""
         return OdometryQuality(self.odometry_noise, self.odometry_bias, slip)
 
 
@@ -101,15 +103,15 @@ class Noise:
 class RangeLocalisationConfig:
     """Fields of the scenario."""
 
-    field: Field = dataclasses.field(default_factory=Field)
+    field: WallFields = dataclasses.field(default_factory=WallFields)
     sensors: NumberList = (-60.0, 60.0)
     """directions of the range sensors off the heading [deg]"""
     start: tuple[float, float, float] | None = None
     """X Y HEADING [m, m, deg]; drawn from the seed if not given"""
     start_known: bool = False
-    """whether the estimator is told of the start"""
+    """whether the estimator knows the start"""
     start_error: tuple[float, float, float] = _START_ERROR
-    """standard deviations of what it is told, X Y HEADING [m, m, deg]; with a start that is known"""
+    """standard deviations of the known start, X Y HEADING [m, m, deg]; with a start that is known"""
     drive: DriveName = "ideal"
     """ideal: the exact motion of a unicycle; differential: wheels and casters on a floor, in MuJoCo"""
     friction: float = 1.0
@@ -124,7 +126,7 @@ class RangeLocalisationConfig:
     """distance of the robot's centre to the wall that plans and drawn starts keep; wheels that slip may not [m]"""
     outage: tuple[tuple[float, float], ...] = ()
     """T0 T1: no ranges from T0 to T1 [s]; may be given several times"""
-    noise: Noise = dataclasses.field(default_factory=Noise)
+    noise: RangingNoise = dataclasses.field(default_factory=RangingNoise)
 
     def __post_init__(self) -> None:
         _check_sensors(self.sensors)

@@ -1,4 +1,4 @@
-"""What a scenario asks of the figures of a run's summary, and in one line what of it a run did not do."""
+"""Requirements of a scenario on the figures of a run's summary, and in one line which of them a run did not meet."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Requirement:
     most: float = math.inf
 
     def missed(self, summary: Mapping[str, Any]) -> str:
-        """What is wrong with the summary's figure, "" if nothing is. What is no number meets nothing."""
+        """What is wrong with the summary's figure, "" if nothing is. A figure that is no number meets nothing."""
         value, (name, unit) = summary[self.key], label(self.key)
         if value is None or math.isnan(value):
             return f"{name} is not known"
@@ -29,18 +29,18 @@ class Requirement:
             return name if value else f"not {name}"
         limit, sign = (self.least, "<") if value < self.least else (self.most, ">")
         digits = next((n for n in (4, 7) if f"{value:.{n}g}" != f"{limit:.{n}g}"), 17)
-        told = [f"{number:.{digits}g} {unit}".strip() for number in (value, limit)]
-        return f"{name} {told[0]} {sign} {told[1]} allowed"
+        figure, bound = (f"{number:.{digits}g} {unit}".strip() for number in (value, limit))
+        return f"{name} {figure} {sign} {bound} allowed"
 
 
-def judged(
-    summary: Mapping[str, Any], requirements: Sequence[Requirement], told: Sequence[Requirement] = ()
+def evaluate(
+    summary: Mapping[str, Any], requirements: Sequence[Requirement], reported: Sequence[Requirement] = ()
 ) -> tuple[dict[str, Any], bool]:
-    """The summary, with what it falls short of if it does, and whether every demand is met.
+    """The summary, with what it falls short of if it does, and whether every requirement is met.
 
-    What ``told`` demands beside that does not decide; it is told of a run that fell short.
+    The ``reported`` ones do not decide; they are mentioned of a run that fell short.
     """
     if not any(requirement.missed(summary) for requirement in requirements):
         return dict(summary), True
-    missed = [words for requirement in (*requirements, *told) if (words := requirement.missed(summary))]
+    missed = [words for requirement in (*requirements, *reported) if (words := requirement.missed(summary))]
     return {**summary, SHORTFALL: "; ".join(missed)}, False

@@ -3,7 +3,7 @@
     sensors -> estimator -> Certified(faults(planner)) -> tracker -> MuJoCo
 
 Every plan is certified before it is flown, whoever made it, unless its plug-in declares ``certified = False`` (the
-planner of the print does, for comparison).
+planner of the thesis as printed does, for comparison).
 """
 
 from __future__ import annotations
@@ -11,39 +11,37 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.aerial.sensors import AccelerationSensor
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import load_terrain, place_of
-from mathnavi.sim.engine.agent_runner import Agent
-from mathnavi.sim.engine.faults import Disturbance, Disturbed, Gusts, PositionJumps
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.protocols import Plant
-from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.metrics.flight import flight_summary
-from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, load
-from mathnavi.sim.scenarios.certified_ends import certified_ends
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
+from mathnavi.sim.interfaces.protocols import Planner
+from mathnavi.sim.interfaces.signals import Array, Plan
+from mathnavi.sim.metrics.flight import Bound, flight_summary
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.missions import ChangingFlightRecord
+from mathnavi.sim.scenarios.assembler import Assembler
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from mathnavi.sim.scenarios.flight_parts import (
-    certified,
+    certified_ends,
     check_above_ground,
     drawn_point,
-    faulty,
-    first_plan,
     flight_task,
     mission_but_ends,
-    mounted,
-    wants_certificate,
+    terrain_record,
 )
 from mathnavi.sim.scenarios.flight_verdict import due, longest_flight, verdict
 from mathnavi.sim.scenarios.information import TargetTrack, check_track
@@ -57,8 +55,13 @@ class SafeFlight:
     """One aerial vehicle crosses real mountains, plans on line, and arrives."""
 
     Config = SafeFlightConfig
+    name = "safe-flight"
+    drawing = "mathnavi.renders.flight.drawing"
     controller = "flight"
     estimator = "full_state"
+    streams = (
+        "draws", "sensing", "solver_failures", "corrupted_plans", "late_plans", "gusts", "position_jumps", "dropouts",
+    )  # fmt: skip
 
     @staticmethod
     def inputs(config: SafeFlightConfig) -> dict[str, str]:
@@ -71,105 +74,114 @@ class SafeFlight:
     ) -> ClosedLoop:
         """The closed loop of one seed.
 
-        Raises ValueError for a start or target below h_min, off the map or without an initial certificate, for an
-        unknown terrain, and for a radar, a hill or a target's path off the map; FileNotFoundError for a terrain file
-        that is not there.
+        Raises MissionError for a start or target below h_min, off the map or without an initial certificate;
+        TerrainError for an unknown terrain; ValueError for a radar, a hill or a target's path off the map;
+        FileNotFoundError for a terrain file that is not there.
         """
-        controller = controller or PluginSpec.of(load("controllers", SafeFlight.controller))
-        estimator = estimator or PluginSpec.of(load("estimators", SafeFlight.estimator))
-        draws, sensing, failing, corrupting, delaying, gusting, jumping, losing = np.random.default_rng(seed).spawn(8)
-        charted = load_terrain(config.terrain)
-        terrain = config.ground(charted)
-        radars = config.tracks(charted)
-        mission = mission_but_ends(config, charted, estimator, config.radars_at(0.0, charted))
-        start, target, first = certified_ends(
-            config,
-            charted,
-            lambda name, point: check_above_ground(name, point, mission),
-            lambda: drawn_point(mission, config.drawn_heights, draws),
-            lambda start, target: first_plan(dataclasses.replace(mission, start=start, target=target), controller),
-            _DRAWS,
-        )
-        mission = dataclasses.replace(mission, start=start, target=target)
-        track = TargetTrack(mission.target, terrain, config.target_path)
-        true = dataclasses.replace(mission, terrain=terrain)
-        check_above_ground("start", mission.start, true)
-        check_above_ground("target", mission.target, true)
-        check_track(track, config.report_period, lambda name, point: check_above_ground(name, point, true))
-        deadline = config.deadline_factor * first.t_end
-        # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
-        duration = longest_flight(2.0 * deadline + track.ends, config.deadline_factor, config.speed_max, _LONGEST)
+        parts = Assembler.of(SafeFlight, config, seed, controller, estimator)
+        mission, first = _mission(config, parts)
+        flight = _flight(config, mission, first)
+        duration = longest_flight(
+            # Past the deadline a missed pass may still be made good; twice the time is enough for any of them.
+            2.0 * flight.deadline + flight.track.ends, mission.deadline_factor, mission.speed_max, _LONGEST,
+        )  # fmt: skip
 
-        raw, tracker = checked_controller(controller, mission, TrackingBound)
-        faults = config.faults
-        flawed = faulty(raw, faults, (failing, corrupting, delaying))
-        planner = certified(flawed, mission, tracker.bound) if wants_certificate(controller) else flawed
-        sensors = mounted(estimator, mission, faults, losing)
-        at_rest = np.array([*mission.start, 0.0, 0.0, 0.0])
-        body = MujocoPlant(
-            _model(terrain, config.acceleration_max),
-            {VEHICLE: VehicleSetup(at_rest, sensors, config.acceleration_max)},
-            sensing,
-        )
-        disturbances: list[Disturbance] = []
-        if faults.gust_rms > 0.0:
-            disturbances.append(Gusts(faults.gust_rms, faults.gust_time_constant, faults.gust_limit, gusting))
-        if faults.position_jump > 0.0:
-            disturbances.append(PositionJumps(faults.position_jump, planner.period, jumping))
-        plant: Plant = Disturbed(body, disturbances) if disturbances else body
+        stack = parts.stack(mission, AccelerationSensor(), certified_flight=mission)
+        setup = VehicleSetup(mission.start_state, stack.sensors, mission.acceleration_max)
+        model = _model(flight.mission.terrain, mission.acceleration_max)
+        body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
+        messages = [*config.messages(mission.terrain, duration), *flight.track.messages(config.report_period)]
 
-        news = [*config.messages(charted, duration), *track.messages(config.report_period)]
-        agent = Agent(checked_estimator(estimator, mission), planner, tracker, messages=news)
-
-        def finished(t: float, truths: Mapping[str, Array]) -> bool:
-            away = math.dist(truths[VEHICLE][:3].tolist(), track.at(t))
-            return away <= mission.arrival_radius or body.contacts(VEHICLE) > 0
-
-        def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
-            if config.target_path and isinstance(planner, Certified):
-                by = planner.promised  # a target that moves may have moved it
-            else:
-                by = due(recording, VEHICLE, planner, config.deadline_factor, deadline)
-            flown_to = dataclasses.replace(true, target=track.at(float(recording.t[-1])))
-            summary = flight_summary(recording, VEHICLE, flown_to, radars, tracker.bound, by, seed, wall_seconds)
-            return verdict(summary, by, mission.clearance_min, mission.speed_max)
-
-        record = _record(config, seed, controller, estimator, true, tracker.bound)
-        record["mission"]["target_path"] = [(t, *place) for t, place in track.reported(config.report_period)]
         ends = {"start": mission.start, "target": mission.target}
-        task = flight_task((VEHICLE,), config.acceleration_max, controller, ends)
-        return ClosedLoop(plant, {VEHICLE: agent}, duration, finished, summarise, record, task=task)
+        terrain = terrain_record(flight.mission.terrain, config.terrain, hills=config.uncharted)
+        return parts.closed_loop(
+            parts.disturbed(body, stack.planner.period),
+            {VEHICLE: stack.agent(messages=messages)},
+            duration,
+            partial(finished, flight, body),
+            partial(summarise, flight, stack.planner, stack.tracker.bound, seed),
+            mission=_record(config, flight, stack.tracker.bound),
+            resolved=dataclasses.replace(config, terrain=terrain["path"], start=mission.start, target=mission.target),
+            terrain=terrain,
+            task=flight_task((VEHICLE,), mission.acceleration_max, parts.controller, ends),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class TrueFlight:
+    """A flight as its referee and its metrics see it: over the ground as it is, to where the target is."""
+
+    mission: FlightMission  # with the true ground
+    track: TargetTrack
+    radars: tuple[RadarTrack, ...]
+    deadline: float  # [s] by the plan from the true start
+    target_moves: bool
+
+
+def finished(flight: TrueFlight, body: MujocoPlant, t: float, truths: Mapping[str, Array]) -> bool:
+    """The vehicle has arrived, or it has touched something; ``t`` [s], ``truths`` (6,) by vehicle."""
+    distance = math.dist(truths[VEHICLE][:3].tolist(), flight.track.at(t))
+    return distance <= flight.mission.arrival_radius or body.contacts(VEHICLE) > 0
+
+
+def summarise(
+    flight: TrueFlight, planner: Planner, bound: Bound, seed: int, recording: Recording, wall_seconds: float
+) -> tuple[dict[str, Any], bool]:
+    """The summary, and whether the vehicle arrived by its deadline and touched nothing."""
+    if flight.target_moves and isinstance(planner, Certified):
+        deadline = planner.promised  # which a target that moved may have moved
+    else:
+        deadline = due(recording, VEHICLE, planner, flight.mission.deadline_factor, flight.deadline)
+    flown_to = dataclasses.replace(flight.mission, target=flight.track.at(float(recording.t[-1])))
+    summary = flight_summary(recording, VEHICLE, flown_to, flight.radars, bound, deadline, seed, wall_seconds)
+    return verdict(summary, deadline, flight.mission.clearance_min, flight.mission.speed_max)
+
+
+def _mission(config: SafeFlightConfig, parts: Assembler) -> tuple[FlightMission, Plan]:
+    """The mission as it is known at the start, and its first plan."""
+    charted = load_terrain(config.terrain)
+    bare = mission_but_ends(config, charted, parts.estimator, config.radars_at(0.0, charted))
+
+    def first_plan(start: tuple[float, float, float], target: tuple[float, float, float]) -> Plan:
+        mission = dataclasses.replace(bare, start=start, target=target)
+        return parts.first_plan(mission, mission)
+
+    def draw() -> tuple[float, float, float]:
+        return drawn_point(bare, config.drawn_heights, parts.streams["draws"])
+
+    start, target, first = certified_ends(config, bare, draw, first_plan, _DRAWS)
+    return dataclasses.replace(bare, start=start, target=target), first
+
+
+def _flight(config: SafeFlightConfig, mission: FlightMission, first: Plan) -> TrueFlight:
+    """The flight over the true ground; MissionError where an end, or the target on its way, is too near to that."""
+    true = dataclasses.replace(mission, terrain=config.ground(mission.terrain))
+    track = TargetTrack(mission.target, true.terrain, config.target_path)
+    check_above_ground("start", mission.start, true)
+    check_above_ground("target", mission.target, true)
+    check_track(track, config.report_period, lambda name, point: check_above_ground(name, point, true))
+    deadline = mission.deadline_factor * first.t_end
+    return TrueFlight(true, track, config.tracks(mission.terrain), deadline, bool(config.target_path))
+
+
+def _record(config: SafeFlightConfig, flight: TrueFlight, bound: TrackingBound) -> ChangingFlightRecord:
+    """The mission as config.json holds it."""
+    mission = flight.mission
+    return ChangingFlightRecord(
+        start=mission.start,
+        target=mission.target,
+        clearance_min=mission.clearance_min,
+        speed_max=mission.speed_max,
+        acceleration_max=mission.acceleration_max,
+        deadline_factor=mission.deadline_factor,
+        arrival_radius=mission.arrival_radius,
+        tracking_bound=dataclasses.asdict(bound),
+        radars=config.radar_records(mission.terrain),
+        charted_at=config.charted_at,
+        target_path=tuple((t, *place) for t, place in flight.track.reported(config.report_period)),
+    )
 
 
 @lru_cache(maxsize=2)
 def _model(terrain: HeightField, acceleration_max: float) -> mujoco.MjModel:
     return build_model(terrain, (VEHICLE,), acceleration_max)
-
-
-def _record(
-    config: SafeFlightConfig,
-    seed: int,
-    controller: PluginSpec,
-    estimator: PluginSpec,
-    mission: FlightMission,
-    bound: Any,
-) -> dict[str, Any]:
-    """What config.json holds beside the versions. A terrain file is recorded with its whole path."""
-    terrain = mission.terrain
-    place = place_of(config.terrain)
-    resolved = dataclasses.replace(config, terrain=place, start=mission.start, target=mission.target)
-    return recorded(
-        "safe-flight", "mathnavi.renders.flight.drawing", seed, resolved, controller, estimator,
-        terrain={"name": terrain.name, "path": place, "digest": terrain.digest, "hills": config.uncharted},
-        mission={
-            "start": mission.start,
-            "target": mission.target,
-            "clearance_min": mission.clearance_min,
-            "speed_max": mission.speed_max,
-            "acceleration_max": mission.acceleration_max,
-            "deadline_factor": mission.deadline_factor,
-            "arrival_radius": mission.arrival_radius,
-            "tracking_bound": dataclasses.asdict(bound),
-            **config.recorded(terrain),
-        },
-    )  # fmt: skip

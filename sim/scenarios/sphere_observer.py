@@ -26,9 +26,20 @@ from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.protocols import Plant, Sensor
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.plugin.registry import PluginSpec, checked_sensors, load
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.missions import SpaceRecord
+from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.lagrangian import TICK, LagrangianFields, Loop, checked_speed, given_start, velocity_errors
+from mathnavi.sim.scenarios.lagrangian import (
+    TICK,
+    LagrangianCase,
+    LagrangianFields,
+    checked_speed,
+    given_start,
+    observed_loop,
+    recorded_as,
+    velocity_errors,
+)
 
 VEHICLE = "body"
 SpaceName = Literal["body", "sphere", "hyperbolic-plane"]
@@ -78,8 +89,11 @@ class SphereObserver:
     """The velocity of what moves on a curved space, from its position alone."""
 
     Config = SphereObserverConfig
+    name = "sphere-observer"
+    drawing = "mathnavi.renders.lagrangian.drawing"
     controller = "input_signal"
     estimator = "riemannian_observer"
+    streams = ("draws", "sensing")
 
     @staticmethod
     def build(
@@ -89,20 +103,17 @@ class SphereObserver:
         estimator: PluginSpec | None = None,
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for a start off the space."""
-        controller = controller or PluginSpec.of(load("controllers", SphereObserver.controller))
-        estimator = estimator or PluginSpec.of(load("estimators", SphereObserver.estimator))
+        parts = Assembler.of(SphereObserver, config, seed, controller, estimator)
         mission = config_mission(config)
-        draws, noise = np.random.default_rng(seed).spawn(2)
-        sensors = checked_sensors(estimator, mission)
-        start = checked_speed(_start(config, mission, draws), mission)
+        stack, noise = parts.stack(mission), parts.streams["sensing"]
+        start = checked_speed(_start(config, mission, parts.streams["draws"]), mission)
         plant: Plant
         if isinstance(mission.system, PointSystem):
-            plant = OdePlant({VEHICLE: OdeVehicle(mission.system, start, sensors)}, TICK, noise)
+            plant = OdePlant({VEHICLE: OdeVehicle(mission.system, start, stack.sensors)}, TICK, noise)
         else:
-            plant = rigid_body_plant(VEHICLE, start, sensors, config.inertia, noise)
-        told = {"space": config.space}
-        loop = Loop("sphere-observer", VEHICLE, plant, mission, mission, told)
-        return loop.closed_loop(config, seed, controller, estimator)
+            plant = rigid_body_plant(VEHICLE, start, stack.sensors, config.inertia, noise)
+        record = SpaceRecord(**recorded_as(mission, config), space=config.space)
+        return observed_loop(parts, LagrangianCase(VEHICLE, plant, stack, mission, mission, record))
 
     @staticmethod
     def errors(config: SphereObserverConfig, x: Array, truth: Array) -> dict[str, Array]:
@@ -111,7 +122,7 @@ class SphereObserver:
 
 
 def config_mission(config: SphereObserverConfig) -> LagrangianMission:
-    """What an observer is told."""
+    """The mission of an observer."""
     if config.space == "body":
         system: PointSystem | RigidBody = RigidBody(config.inertia)
     else:
@@ -123,7 +134,7 @@ def config_mission(config: SphereObserverConfig) -> LagrangianMission:
 
 
 def _start(config: SphereObserverConfig, mission: LagrangianMission, rng: np.random.Generator) -> Array:
-    """The state at the start."""
+    """(nx,) the state at the start, position and direction of the velocity drawn if it is not given."""
     system = mission.system
     if config.start:
         return given_start(config.start, mission)

@@ -1,7 +1,7 @@
 """A scenario as a task for whoever commands its actuators in the place of planner and tracker.
 
-Of a step of the loop from one look to the next, with the commands u held, a task tells the *stage cost* int L dt: what
-its mission is judged by, or optimised for, of which the scenario's module tells the equation.
+Over a control step, from one sample of the loop to the next with the commands u held, a task states the *stage cost*
+int L dt: what its mission is evaluated by, or optimised for. The scenario's module has the equation.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What is commanded of one vehicle."""
+    """Inputs of one vehicle, with their bounds."""
 
     names: tuple[str, ...]  # (nu,) name and unit of each, "thrust [N]" for one
     low: Array  # (nu,) -inf where there is no bound
@@ -31,25 +31,25 @@ class Inputs:
 
 
 @dataclass(frozen=True)
-class Look:
-    """What is the case when the loop looks; by vehicle."""
+class Sample:
+    """The loop at one instant; states by vehicle."""
 
     t: float  # [s]
     truths: Mapping[str, Array]  # (nx,)
     estimates: Mapping[str, Estimate]
 
 
-StageCost = Callable[[Look, Look, Mapping[str, Array]], float]
-"""(a look, the next, the commands (nu,) in between by vehicle) -> the integral of the stage cost"""
+StageCost = Callable[[Sample, Sample, Mapping[str, Array]], float]
+"""(a sample, the next, the commands (nu,) in between by vehicle) -> the integral of the stage cost"""
 
 
 @dataclass(frozen=True)
 class Task:
-    """What whoever commands the actuators is told and judged by."""
+    """Inputs, observations and cost for whoever commands the actuators."""
 
     inputs: Mapping[str, Inputs]  # by vehicle
     cost: StageCost
-    told: tuple[str, ...] = ()  # of an estimate's ``extra``, what the vehicle cannot be commanded without
+    observed: tuple[str, ...] = ()  # of an estimate's ``extra``, what the vehicle cannot be commanded without
     mission: Mapping[str, Any] = field(default_factory=dict)  # fields that keep what was drawn of the mission
 
 
@@ -59,8 +59,8 @@ def squared_error(vehicle: str, error: Callable[[Array, Array], Array]) -> Stage
     So the root mean square of e over an episode of T [s] is the root of its whole cost over T.
     """
 
-    def cost(begin: Look, end: Look, commands: Mapping[str, Array]) -> float:
-        off = error(end.estimates[vehicle].x, end.truths[vehicle])
-        return float(off @ off) * (end.t - begin.t)
+    def cost(begin: Sample, end: Sample, commands: Mapping[str, Array]) -> float:
+        e = error(end.estimates[vehicle].x, end.truths[vehicle])
+        return float(e @ e) * (end.t - begin.t)
 
     return cost

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -19,23 +20,24 @@ from mathnavi.models.textbook.camera_and_flags import camera_and_flags
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.mission import TICK, TextbookMission
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant, OdeVehicle
 from mathnavi.sim.interfaces.checks import check, check_rate
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.convergence import decay_rate
-from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
-from mathnavi.sim.scenarios.closed_loop import ClosedLoop, recorded
-from mathnavi.sim.scenarios.requirements import Requirement, judged
+from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.records.missions import TextbookRecord
+from mathnavi.sim.scenarios.assembler import Assembler
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Inputs, Task, squared_error
 
 VEHICLE = "system"
 SystemName = Literal["example-2-1", "example-2-2", "camera-and-flags", "krener-isidori", "kazantzis-kravaris"]
 
 _LONGEST = 600.0  # [s]
-_LEAST_DEVIATION = 0.01  # of the start of each state, as an estimator is told
+_LEAST_DEVIATION = 0.01  # of the start of each state, as an estimator knows it
 _LATE = 0.75  # of a run, from which on the error counts
 
 
@@ -50,7 +52,7 @@ class TextbookConfig:
     start: NumberList = ()
     """of each state; the system's own if not given"""
     start_error: NumberList = ()
-    """that the estimate of each state starts off by; the system's own if not given"""
+    """error of each state's estimate at the start; the system's own if not given"""
     noise: float = 0.0
     """standard deviation of the reading of each output"""
     rate: float = 100.0
@@ -92,10 +94,10 @@ class TextbookConfig:
 
     @property
     def mission(self) -> TextbookMission:
-        """What an observer is told."""
-        off = self._of_each_state("start_error")
-        deviation = tuple(max(abs(each), _LEAST_DEVIATION) for each in off.tolist())
-        believed = tuple((self.start_state + off).tolist())
+        """The mission of an observer, with its belief of the start."""
+        error = self._of_each_state("start_error")
+        deviation = tuple(max(abs(each), _LEAST_DEVIATION) for each in error.tolist())
+        believed = tuple((self.start_state + error).tolist())
         return TextbookMission(self.observed, believed, deviation, self.noise, round(1.0 / (self.rate * TICK)) * TICK)
 
 
@@ -103,6 +105,8 @@ class TextbookObserver:
     """A system of the textbook with an observer in the loop."""
 
     Config = TextbookConfig
+    name = "textbook-observer"
+    drawing = "mathnavi.renders.textbook.drawing"
     controller = "input_signal"
     estimator = "textbook_ekf"
 
@@ -111,36 +115,36 @@ class TextbookObserver:
         config: TextbookConfig, seed: int, controller: PluginSpec | None = None, estimator: PluginSpec | None = None
     ) -> ClosedLoop:
         """The closed loop of one seed. Raises ValueError for an observer that is not made for the system."""
-        controller = controller or PluginSpec.of(load("controllers", TextbookObserver.controller))
-        estimator = estimator or PluginSpec.of(load("estimators", TextbookObserver.estimator))
-        mission = config.mission
-        planner, tracker = checked_controller(controller, mission)
-        observer = checked_estimator(estimator, mission)
-        vehicle = OdeVehicle(config.observed, config.start_state, checked_sensors(estimator, mission))
-        plant = OdePlant({VEHICLE: vehicle}, TICK, np.random.default_rng(seed))
-
-        def finished(t: float, truths: Mapping[str, Array]) -> bool:
-            return plant.escaped(VEHICLE) is not None
-
-        def summarise(recording: Recording, wall_seconds: float) -> tuple[dict[str, Any], bool]:
-            return summary(recording, config, seed, wall_seconds)
-
-        agent = Agent(observer, planner, tracker, len(config.observed.inputs))
-        record = _record(config, seed, controller, estimator)
-        # L = |x^ - x|^2, the error of Definition 2.2, of which the root mean square is what a run is judged by.
-        inputs = Inputs.within(config.observed.inputs)
-        task = Task({VEHICLE: inputs}, squared_error(VEHICLE, config.observed.difference))
-        return ClosedLoop(plant, {VEHICLE: agent}, config.duration, finished, summarise, record, task=task)
+        parts = Assembler.of(TextbookObserver, config, seed, controller, estimator)
+        stack = parts.stack(config.mission)
+        vehicle = OdeVehicle(config.observed, config.start_state, stack.sensors)
+        plant = OdePlant({VEHICLE: vehicle}, TICK, parts.streams.root)
+        # L = |x^ - x|^2, the error of Definition 2.2, whose root mean square a run is evaluated by.
+        cost = squared_error(VEHICLE, config.observed.difference)
+        return parts.closed_loop(
+            parts.disturbed(plant, stack.planner.period),
+            {VEHICLE: stack.agent(len(config.observed.inputs))},
+            config.duration,
+            partial(finished, plant),
+            partial(summarise, config, seed),
+            mission=_record(config),
+            task=Task({VEHICLE: Inputs.within(config.observed.inputs)}, cost),
+        )
 
     @staticmethod
     def errors(config: TextbookConfig, x: Array, truth: Array) -> dict[str, Array]:
         """The error of each state, named with its unit, of estimates (n, nx) to truths (n, nx)."""
-        off = config.observed.difference(x, truth)
-        return {name: off[:, k] for k, name in enumerate(config.observed.states)}
+        error = config.observed.difference(x, truth)
+        return {name: error[:, k] for k, name in enumerate(config.observed.states)}
 
 
-def summary(
-    recording: Recording, config: TextbookConfig, seed: int, wall_seconds: float
+def finished(plant: OdePlant, t: float, truths: Mapping[str, Array]) -> bool:
+    """The solution has escaped."""
+    return plant.escaped(VEHICLE) is not None
+
+
+def summarise(
+    config: TextbookConfig, seed: int, recording: Recording, wall_seconds: float
 ) -> tuple[dict[str, Any], bool]:
     """The flat summary of a run, and whether its estimate converged and its solution did not escape.
 
@@ -149,11 +153,11 @@ def summary(
     agent = recording.agents[VEHICLE]
     t = np.array([estimate.t for estimate in agent.estimates])
     x = np.array([estimate.x for estimate in agent.estimates])
-    looked = np.searchsorted(recording.t, t - 0.5 * TICK)
+    samples = np.searchsorted(recording.t, t - 0.5 * TICK)
     escapes = [event.t for event in recording.events if event.kind == "escaped"]
     lived = t <= min(escapes, default=math.inf)
-    off = config.observed.difference(x, recording.truths[VEHICLE][looked])[lived]
-    error = np.linalg.norm(off, axis=1)
+    errors = config.observed.difference(x, recording.truths[VEHICLE][samples])[lived]
+    error = np.linalg.norm(errors, axis=1)
     late = t[lived] >= _LATE * t[lived][-1]
     rms = float(np.sqrt(np.mean(np.square(error[late]))))
     lost = np.array([estimate.status is Status.LOST for estimate in agent.estimates])
@@ -165,7 +169,7 @@ def summary(
         "error_max": float(error.max()),
         "decay_rate_per_s": decay_rate(t[lived], error),
         **{
-            f"error_rms_{name.partition(' ')[0]}": float(np.sqrt(np.mean(np.square(off[late, k]))))
+            f"error_rms_{name.partition(' ')[0]}": float(np.sqrt(np.mean(np.square(errors[late, k]))))
             for k, name in enumerate(config.observed.states)
         },
         "escaped": bool(escapes),
@@ -175,20 +179,17 @@ def summary(
         "real_time_factor": float(recording.t[-1]) / wall_seconds,
         "seed": seed,
     }
-    return judged(figures, [Requirement("error_rms", most=config.tolerance), Requirement("escaped", most=False)])
+    return evaluate(figures, [Requirement("error_rms", most=config.tolerance), Requirement("escaped", most=False)])
 
 
-def _record(config: TextbookConfig, seed: int, controller: PluginSpec, estimator: PluginSpec) -> dict[str, Any]:
-    """What config.json holds beside the versions."""
+def _record(config: TextbookConfig) -> TextbookRecord:
+    """The mission as config.json holds it."""
     system = config.observed
-    return recorded(
-        "textbook-observer", "mathnavi.renders.textbook.drawing", seed, config, controller, estimator,
-        mission={
-            "title": system.title,
-            "states": system.states,
-            "inputs": system.inputs,
-            "outputs": system.outputs,
-            "angles": system.angles,
-            "tolerance": config.tolerance,
-        },
-    )  # fmt: skip
+    return TextbookRecord(
+        title=system.title,
+        states=system.states,
+        inputs=system.inputs,
+        outputs=system.outputs,
+        angles=system.angles,
+        tolerance=config.tolerance,
+    )

@@ -29,7 +29,8 @@ from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, vector_text
 from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
-from mathnavi.sim.scenarios.flight_parts import certified, check_above_ground
+from mathnavi.sim.scenarios.assembler import certified
+from mathnavi.sim.scenarios.flight_parts import check_above_ground
 from mathnavi.sim.scripting.requests import plugin, raising
 
 Terrain = HeightField | str | Path

@@ -17,7 +17,7 @@ from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.scenarios.ranging_fields import Noise
+from mathnavi.sim.scenarios.ranging_fields import RangingNoise
 from tests.localisation import Reckoning, run
 
 SILENT = 0.1  # [s] at first
@@ -83,6 +83,6 @@ class Believer:
 
 def believed(kind: str = "bank", duration: float = 4.0, **fields: object) -> RunResult:
     """A run with faultless wheels from a start that is told exactly."""
-    noise = Noise(odometry_noise=(0.0, 0.0), odometry_bias=0.0, dropout=0.1)
+    noise = RangingNoise(odometry_noise=(0.0, 0.0), odometry_bias=0.0, dropout=0.1)
     told = {"start": START, "start_known": True, "start_error": (0.0, 0.0, 0.0)}
     return run(estimator=PluginSpec.of(Believer, kind=kind), duration=duration, **{"noise": noise, **told, **fields})

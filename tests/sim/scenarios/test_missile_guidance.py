@@ -11,13 +11,20 @@ import pytest
 from mathnavi.estimators.missile_kalman import MissileKalman
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.scenarios.missile_fields import Actuator, Faults, Gust, Mismatch, MissileGuidanceConfig, Noise
+from mathnavi.sim.scenarios.missile_fields import (
+    MissileFaults,
+    MissileGuidanceConfig,
+    MissileGust,
+    MissileMismatch,
+    MissileNoise,
+    Thrusters,
+)
 from mathnavi.sim.scenarios.missile_guidance import MissileGuidance
 from tests.missile import fly, glide
 
 NEAR = (300.0, 0.0, 0.0)
 ACROSS: dict[str, Any] = {"start": (0.0, 40.0, 10.0), "start_heading": -10.0, "target_velocity": (10.0, -15.0, 0.0)}
-WIND = Gust(force=(400.0, 0.0, 0.0), torque=(0.0, -20.0, 0.0))
+WIND = MissileGust(force=(400.0, 0.0, 0.0), torque=(0.0, -20.0, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -49,11 +56,11 @@ def test_the_flight_ends_with_the_look_that_finds_the_target_passed(calm: RunRes
 @pytest.mark.parametrize(
     "fields",
     [
-        {"mismatch": Mismatch(1.1, 1.1, 0.95), "gust": WIND},
+        {"mismatch": MissileMismatch(1.1, 1.1, 0.95), "gust": WIND},
         {"dimension": "spatial", **ACROSS},
-        {"actuator": Actuator(delay=0.008)},
-        {"gust": Gust(force_rms=300.0, torque_rms=15.0)},
-        {"faults": Faults(solver_failure_rate=0.5, late_plan_rate=0.5)},
+        {"actuator": Thrusters(delay=0.008)},
+        {"gust": MissileGust(force_rms=300.0, torque_rms=15.0)},
+        {"faults": MissileFaults(solver_failure_rate=0.5, late_plan_rate=0.5)},
         {"target": (700.0, 0.0, 60.0), "aspect_angle": -45.0},
     ],
     ids=["mismatch and gust", "space", "delay", "random gusts", "planner faults", "raised target"],
@@ -65,7 +72,7 @@ def test_feedback_brings_it_home(fields: dict[str, Any]) -> None:
 
 
 def test_what_is_not_as_declared_matters(calm: RunResult) -> None:
-    other = fly(controller=glide(omega=2.0), mismatch=Mismatch(mass=1.1), gust=WIND)
+    other = fly(controller=glide(omega=2.0), mismatch=MissileMismatch(mass=1.1), gust=WIND)
     assert other.summary["miss_m"] > 20.0 * calm.summary["miss_m"]
     assert other.config["mission"] == calm.config["mission"]  # nobody is told
 
@@ -93,14 +100,14 @@ def test_a_target_that_turns_is_told_of_and_hit() -> None:
 
 
 def test_thrusters_at_their_limit_are_told_and_counted() -> None:
-    outcome = fly(actuator=Actuator(normal=4000.0))
+    outcome = fly(actuator=Thrusters(normal=4000.0))
     assert not outcome.success
     assert kinds(outcome).count("input-clipped") == outcome.summary["inputs_clipped"] >= 1
     assert outcome.summary["saturated_s"] > 1.0
 
 
 def test_a_filter_makes_noisy_readings_usable() -> None:
-    noise = Noise(position=1.0, velocity=0.5, angle=0.5, rate=0.5, dropout_rate=0.2)
+    noise = MissileNoise(position=1.0, velocity=0.5, angle=0.5, rate=0.5, dropout_rate=0.2)
     raw, filtered = fly(noise=noise), fly(noise=noise, estimator=PluginSpec.of(MissileKalman))
     assert filtered.success
     assert filtered.summary["inputs_clipped"] == 0 < raw.summary["inputs_clipped"]
@@ -116,9 +123,9 @@ def outcome_lost(outcome: RunResult) -> float:
 def test_the_same_seed_gives_the_same_log_and_another_one_another() -> None:
     fields: dict[str, Any] = {
         "target": NEAR,
-        "noise": Noise(0.5, 0.2, 0.2, 0.2, 0.1),
-        "gust": Gust(force_rms=200.0, torque_rms=10.0),
-        "faults": Faults(solver_failure_rate=0.3, late_plan_rate=0.3),
+        "noise": MissileNoise(0.5, 0.2, 0.2, 0.2, 0.1),
+        "gust": MissileGust(force_rms=200.0, torque_rms=10.0),
+        "faults": MissileFaults(solver_failure_rate=0.3, late_plan_rate=0.3),
     }
     one, again, other = (fly(seed, estimator=PluginSpec.of(MissileKalman), **fields) for seed in (3, 3, 4))
     for name, values in one.arrays.items():
@@ -146,8 +153,8 @@ def test_a_mission_without_a_first_plan_is_refused() -> None:
         ("start_heading", {"start_heading": 5.0}),
         ("target_velocity: its y", {"target_velocity": (0.0, 5.0, 0.0)}),
         ("target_change: its y", {"target_change": ((1.0, 0.0, 5.0, 0.0),)}),
-        ("gust.force: its y", {"gust": Gust(force=(0.0, 5.0, 0.0))}),
-        ("gust.torque: its x or z", {"gust": Gust(torque=(5.0, 0.0, 0.0))}),
+        ("gust.force: its y", {"gust": MissileGust(force=(0.0, 5.0, 0.0))}),
+        ("gust.torque: its x or z", {"gust": MissileGust(torque=(5.0, 0.0, 0.0))}),
     ],
 )
 def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(told: str, fields: dict[str, Any]) -> None:
@@ -168,17 +175,17 @@ def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(told: str
         ("target_told", lambda: MissileGuidanceConfig(target_told=-1.0)),
         ("control_rate", lambda: MissileGuidanceConfig(control_rate=300.0)),
         ("miss_allowed", lambda: MissileGuidanceConfig(miss_allowed=0.0)),
-        ("mismatch.mass", lambda: Mismatch(mass=0.0)),
-        ("mismatch.force", lambda: Mismatch(force=math.inf)),
-        ("gust.force ", lambda: Gust(force=(math.inf, 0.0, 0.0))),
-        ("gust.torque_rms", lambda: Gust(torque_rms=-1.0)),
-        ("gust.time_constant", lambda: Gust(time_constant=0.0)),
-        ("gust.force_limit", lambda: Gust(force_limit=0.0)),
-        ("actuator.normal", lambda: Actuator(normal=0.0)),
-        ("actuator.delay", lambda: Actuator(delay=0.0015)),
-        ("noise.angle", lambda: Noise(angle=-1.0)),
-        ("noise.dropout_rate", lambda: Noise(dropout_rate=1.5)),
-        ("faults.late_plan_rate", lambda: Faults(late_plan_rate=-0.1)),
+        ("mismatch.mass", lambda: MissileMismatch(mass=0.0)),
+        ("mismatch.force", lambda: MissileMismatch(force=math.inf)),
+        ("gust.force ", lambda: MissileGust(force=(math.inf, 0.0, 0.0))),
+        ("gust.torque_rms", lambda: MissileGust(torque_rms=-1.0)),
+        ("gust.time_constant", lambda: MissileGust(time_constant=0.0)),
+        ("gust.force_limit", lambda: MissileGust(force_limit=0.0)),
+        ("actuator.normal", lambda: Thrusters(normal=0.0)),
+        ("actuator.delay", lambda: Thrusters(delay=0.0015)),
+        ("noise.angle", lambda: MissileNoise(angle=-1.0)),
+        ("noise.dropout_rate", lambda: MissileNoise(dropout_rate=1.5)),
+        ("faults.late_plan_rate", lambda: MissileFaults(late_plan_rate=-0.1)),
     ],
 )
 def test_fields_out_of_range_are_refused_by_their_names(told: str, make: Any) -> None:

@@ -14,12 +14,13 @@ from mathnavi.sim.metrics.quadrotor import point, tilts
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.scenarios.flight_parts import Faults, Noise
+from mathnavi.sim.scenarios.fault_fields import FlightFaults
+from mathnavi.sim.scenarios.flight_parts import FlightNoise
 from mathnavi.sim.scenarios.quadrotor_canyon import QuadrotorCanyon
-from mathnavi.sim.scenarios.quadrotor_fields import Mismatch, QuadrotorCanyonConfig
+from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig, QuadrotorMismatch
 
-GUSTS = Faults(gust_rms=0.6, gust_limit=1.5, solver_failure_rate=0.2)
-HEAVY = Mismatch(mass=1.1, motor_lag=1.15)
+GUSTS = FlightFaults(gust_rms=0.6, gust_limit=1.5, solver_failure_rate=0.2)
+HEAVY = QuadrotorMismatch(mass=1.1, motor_lag=1.15)
 SHORT = {"start": (300.0, 275.0, 1232.0), "target": (204.0, 303.0, 1232.0)}  # in canyon 0, a spur between them
 
 
@@ -99,7 +100,7 @@ def test_ends_are_drawn_on_the_floor_of_the_canyon_by_the_seed() -> None:
 
 def test_a_rotor_too_weak_for_the_bound_is_told() -> None:
     """What a rotor of half its thrust does to the moments is in no bound."""
-    summary = flown(mismatch=Mismatch(rotor=0.5)).summary
+    summary = flown(mismatch=QuadrotorMismatch(rotor=0.5)).summary
     assert summary["tracking_breaches"] > 0
     assert summary["rebased_plans"] + summary["guarantee_lost"] > 0
 
@@ -132,7 +133,7 @@ def test_an_estimator_of_something_else_is_refused() -> None:
         ({"drawn_heights": (5.0, 1.0)}, r"drawn_heights = \(5\.0, 1\.0\)"),
         ({"drawn_lowest": 0.0}, r"drawn_lowest = 0\.0"),
         ({"start": None, "drawn_separation": (1.4, 1.5)}, r"drawn_separation = .*; allowed: other shares"),
-        ({"faults": Faults(gust_rms=30.0, gust_limit=90.0)}, r"gust rms = 30\.0"),
+        ({"faults": FlightFaults(gust_rms=30.0, gust_limit=90.0)}, r"gust rms = 30\.0"),
     ],
 )
 def test_bad_input_names_the_culprit(fields: dict[str, Any], told: str) -> None:
@@ -143,12 +144,15 @@ def test_bad_input_names_the_culprit(fields: dict[str, Any], told: str) -> None:
 @pytest.mark.parametrize(
     ("build", "told"),
     [
-        (lambda: Mismatch(mass=0.0), r"mismatch\.mass = 0\.0"),
-        (lambda: Mismatch(mass=4.0), r"mismatch\.mass = 4\.0; allowed: < 3\.058"),
-        (lambda: Mismatch(rotor=1.2), r"mismatch\.rotor = 1\.2"),
-        (lambda: Mismatch(drag=math.nan), r"mismatch\.drag = nan"),
-        (lambda: Noise(position=-1.0), r"noise\.position = -1\.0"),
-        (lambda: QuadrotorCanyonConfig(faults=Faults(position_jump=1.0)), r"position_jump = 1\.0; allowed for a quad"),
+        (lambda: QuadrotorMismatch(mass=0.0), r"mismatch\.mass = 0\.0"),
+        (lambda: QuadrotorMismatch(mass=4.0), r"mismatch\.mass = 4\.0; allowed: < 3\.058"),
+        (lambda: QuadrotorMismatch(rotor=1.2), r"mismatch\.rotor = 1\.2"),
+        (lambda: QuadrotorMismatch(drag=math.nan), r"mismatch\.drag = nan"),
+        (lambda: FlightNoise(position=-1.0), r"noise\.position = -1\.0"),
+        (
+            lambda: QuadrotorCanyonConfig(faults=FlightFaults(position_jump=1.0)),
+            r"position_jump = 1\.0; allowed for a quad",
+        ),
     ],
 )
 def test_a_mismatch_or_fault_that_cannot_be_is_refused(build: Any, told: str) -> None:

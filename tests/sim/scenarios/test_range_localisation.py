@@ -19,15 +19,15 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import RangeLocalisation
-from mathnavi.sim.scenarios.ranging_fields import Field, Noise, RangeLocalisationConfig
+from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig, RangingNoise, WallFields
 from tests.localisation import DeadReckoner, Pattern, PatternConfig, PatternPlanner, PatternTracker, run
 from tests.unicycle import STANDARD
 
-SILENT = Noise(range_relative=0.0, odometry_noise=(0.0, 0.0), odometry_bias=0.0)
+SILENT = RangingNoise(range_relative=0.0, odometry_noise=(0.0, 0.0), odometry_bias=0.0)
 TOLD: dict[str, Any] = {"start": (0.3, -0.2, 70.0), "start_known": True, "start_error": (0.0, 0.0, 0.0)}
 NOISY: dict[str, Any] = {
     "duration": 3.0,
-    "noise": Noise(dropout=0.2, outliers=0.1),
+    "noise": RangingNoise(dropout=0.2, outliers=0.1),
     "start_known": True,
     "outage": ((1.0, 1.5),),
 }
@@ -173,7 +173,9 @@ def test_wheels_that_slip_mislead_who_reckons() -> None:
 
 
 def test_other_walls_are_seen_by_mujoco_as_they_are() -> None:
-    outcome = run(field=Field("bean"), noise=SILENT, duration=2.0, sensors=(0.0, 90.0, -90.0), start=(0.5, 0.3, 10.0))
+    outcome = run(
+        field=WallFields("bean"), noise=SILENT, duration=2.0, sensors=(0.0, 90.0, -90.0), start=(0.5, 0.3, 10.0)
+    )
     poses = outcome.arrays["truth.x"][:, :3]
     rho = np.array([BEAN.ranges(pose, np.radians([0.0, 90.0, -90.0]))[0] for pose in poses])
     np.testing.assert_allclose(outcome.arrays["measurement.ranges"], rho, rtol=0.0, atol=1e-5)
@@ -182,13 +184,13 @@ def test_other_walls_are_seen_by_mujoco_as_they_are() -> None:
 @pytest.mark.parametrize(
     ("field", "told"),
     [
-        (Field(), "the pose, up to 2 rotations"),
-        (Field("egg"), "the pose"),
-        (Field(half_axes=(2.0, 2.0)), "distance from the centre, heading relative to its direction"),
+        (WallFields(), "the pose, up to 2 rotations"),
+        (WallFields("egg"), "the pose"),
+        (WallFields(half_axes=(2.0, 2.0)), "distance from the centre, heading relative to its direction"),
     ],
     ids=["ellipse", "egg", "circle"],
 )
-def test_the_summary_says_what_can_be_observed(field: Field, told: str) -> None:
+def test_the_summary_says_what_can_be_observed(field: WallFields, told: str) -> None:
     outcome = run(field=field, duration=0.5, start=(0.2, 0.1, 30.0), start_known=True, start_error=(0.0, 0.0, 0.0))
     assert outcome.summary["observable"] == told
     assert outcome.summary["converged"] is True
@@ -207,32 +209,32 @@ def test_a_margin_that_no_place_keeps_is_refused() -> None:
 
 def test_a_field_of_fourier_coefficients_is_a_field() -> None:
     rows = ((0.0, 0.0, 0.0, 0.0), (2.5, 0.0, 0.0, 1.5), (0.3, 0.0, 0.0, 0.2))
-    outcome = run(field=Field("fourier", coefficients=rows), duration=0.5, start=(0.2, 0.1, 30.0))
+    outcome = run(field=WallFields("fourier", coefficients=rows), duration=0.5, start=(0.2, 0.1, 30.0))
     assert outcome.config["mission"]["coefficients"] == rows
 
 
 @pytest.mark.parametrize(
     ("told", "make"),
     [
-        ("field.half_axes", lambda: Field(half_axes=(0.0, 1.0))),
-        ("field.half_axes", lambda: Field(half_axes=(math.nan, 1.0))),
-        ("field.half_axes", lambda: Field("egg", half_axes=(2.0, 1.0))),
-        ("field.coefficients", lambda: Field("fourier")),
-        ("field.coefficients", lambda: Field("egg", coefficients=((0.0,) * 4,))),
+        ("field.half_axes", lambda: WallFields(half_axes=(0.0, 1.0))),
+        ("field.half_axes", lambda: WallFields(half_axes=(math.nan, 1.0))),
+        ("field.half_axes", lambda: WallFields("egg", half_axes=(2.0, 1.0))),
+        ("field.coefficients", lambda: WallFields("fourier")),
+        ("field.coefficients", lambda: WallFields("egg", coefficients=((0.0,) * 4,))),
         (
             "field.coefficients: the curve crosses itself",
-            lambda: Field("fourier", coefficients=((0.0,) * 4, (2.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))),
+            lambda: WallFields("fourier", coefficients=((0.0,) * 4, (2.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))),
         ),
         (
             "field.coefficients: a wall 50 m off",
-            lambda: Field("fourier", coefficients=((0.0,) * 4, (50.0, 0.0, 0.0, 50.0))),
+            lambda: WallFields("fourier", coefficients=((0.0,) * 4, (50.0, 0.0, 0.0, 50.0))),
         ),
-        ("noise.range_relative", lambda: Noise(range_relative=-0.1)),
-        ("noise.range_absolute", lambda: Noise(range_absolute=math.inf)),
-        ("noise.dropout", lambda: Noise(dropout=1.1)),
-        ("noise.outliers", lambda: Noise(outliers=-0.1)),
-        ("noise.odometry_noise", lambda: Noise(odometry_noise=(0.0, -1.0))),
-        ("noise.odometry_bias", lambda: Noise(odometry_bias=math.nan)),
+        ("noise.range_relative", lambda: RangingNoise(range_relative=-0.1)),
+        ("noise.range_absolute", lambda: RangingNoise(range_absolute=math.inf)),
+        ("noise.dropout", lambda: RangingNoise(dropout=1.1)),
+        ("noise.outliers", lambda: RangingNoise(outliers=-0.1)),
+        ("noise.odometry_noise", lambda: RangingNoise(odometry_noise=(0.0, -1.0))),
+        ("noise.odometry_bias", lambda: RangingNoise(odometry_bias=math.nan)),
         ("sensors", lambda: RangeLocalisationConfig(sensors=())),
         ("sensors", lambda: RangeLocalisationConfig(sensors=(0.0, 360.0))),
         ("sensors", lambda: RangeLocalisationConfig(sensors=(math.nan,))),

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.sim.records.figure_names import SHORTFALL
-from mathnavi.sim.scenarios.requirements import Requirement, judged
+from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 
 SUMMARY = {"arrived": False, "min_clearance_m": 45.13, "speed_max_m_s": 397.61, "touched_wall": True, "nothing": None}
 
@@ -44,7 +44,7 @@ def test_a_requirement_is_missed_exactly_beyond_its_limits(value: float, least: 
 
 def test_what_does_not_decide_is_told_only_of_a_run_that_fell_short() -> None:
     near, fast = Requirement("min_clearance_m", least=50.0), Requirement("speed_max_m_s", most=300.0)
-    summary, success = judged(SUMMARY, [near], told=[fast])
+    summary, success = evaluate(SUMMARY, [near], reported=[fast])
     assert not success
     assert summary[SHORTFALL] == f"{near.missed(SUMMARY)}; {fast.missed(SUMMARY)}"
-    assert judged(SUMMARY, [Requirement("min_clearance_m", least=40.0)], told=[fast]) == (SUMMARY, True)
+    assert evaluate(SUMMARY, [Requirement("min_clearance_m", least=40.0)], reported=[fast]) == (SUMMARY, True)

@@ -24,10 +24,10 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import Errors, rms
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import VEHICLE
-from mathnavi.sim.scenarios.ranging_fields import Field, RangeLocalisationConfig
+from mathnavi.sim.scenarios.ranging_fields import RangeLocalisationConfig, WallFields
 from mathnavi.sim.sweep.trial import Trial, trial
 
-WALL = Field().curve()
+WALL = WallFields().curve()
 LIMIT = 0.15  # [m] of the position error
 SLOW, FAST = 0.15, 1.0  # [rad/s] bounds of the turn rate
 OFTEN = 0.2  # [s] between what is kept of a run

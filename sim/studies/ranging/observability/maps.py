@@ -30,10 +30,10 @@ from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import HEADING, LAST, POSITION
 from mathnavi.sim.plugin.registry import load
-from mathnavi.sim.scenarios.ranging_fields import Field
+from mathnavi.sim.scenarios.ranging_fields import WallFields
 
-HALF_AXES = Field().half_axes  # [m]
-STANDARD = Field().curve()
+HALF_AXES = WallFields().half_axes  # [m]
+STANDARD = WallFields().curve()
 SENSORS: dict[str, tuple[float, ...]] = {
     "1": (0.0,),
     "2s": (-60.0, 60.0),

@@ -23,7 +23,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.ranging import HEADING, LAST, POSITION
 from mathnavi.sim.plugin.registry import load
-from mathnavi.sim.scenarios.ranging_fields import Noise
+from mathnavi.sim.scenarios.ranging_fields import RangingNoise
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, drawn_start, driving, spread
 
 BANK, EKF, UKF, PARTICLES, FLOOR = "bank", "EKF", "UKF", "particle filter", "EKF from nearby"
@@ -66,7 +66,7 @@ class EstimatorResult:
 
 def told_mission(curve: Curve, sensors: str) -> RangingMission:
     """Mission with the standard noise, and an unknown start."""
-    noise, angles = Noise(), tuple(math.radians(angle) for angle in SENSORS[sensors])
+    noise, angles = RangingNoise(), tuple(math.radians(angle) for angle in SENSORS[sensors])
     return RangingMission(curve, angles, noise.ranging(), noise.odometry(_SLIP))
 
 

@@ -1,0 +1,164 @@
+"""Missions as config.json holds them, written by ``mathnavi.sim.interfaces.fields.plain`` and read by ``read_mission``.
+
+A field with a default may be missing from a folder that was written before the field was there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, field
+from typing import Any, TypeVar
+
+from mathnavi.models.missile.mission import Case, Target
+from mathnavi.models.unicycle.entity import DriveName
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
+from mathnavi.sim.interfaces.fields import instance
+
+Point = tuple[float, float, float]
+MissionRecord = TypeVar("MissionRecord")
+
+
+def read_mission(kind: type[MissionRecord], fields: Mapping[str, Any]) -> MissionRecord:
+    """The mission in a run's config.json as a dataclass of this module; fields that it does not have are ignored.
+
+    Raises KeyError for a field that is missing, FieldError for a value of another type.
+    """
+    known = dataclasses.fields(kind)  # type: ignore[arg-type]
+    for each in known:
+        if each.name not in fields and each.default is MISSING and each.default_factory is MISSING:
+            raise KeyError(each.name)
+    given = {each.name: fields[each.name] for each in known if each.name in fields}
+    read: MissionRecord = instance(kind, given, "mission")
+    return read
+
+
+@dataclass(frozen=True)
+class RadarRecord:
+    """A radar, and how it moves while it is on."""
+
+    x: float  # [m] east, map frame
+    y: float  # [m] north, map frame
+    radius: float  # [m]
+    weight: float  # [-]
+    mast: float = 10.0  # [m]
+    time: float = 0.0  # [s] when it is switched on
+    velocity: tuple[float, float] = (0.0, 0.0)  # [m/s] east, north
+    until: float | None = None  # [s] when it is switched off; None: never
+
+
+@dataclass(frozen=True)
+class FlightRecord:
+    """The flight of a point mass."""
+
+    start: Point  # [m] map frame
+    target: Point  # [m] map frame
+    clearance_min: float  # [m] h_min
+    speed_max: float  # [m/s] v_max
+    acceleration_max: float  # [m/s^2] a_max
+    arrival_radius: float  # [m] r_f
+    tracking_bound: dict[str, float] = field(default_factory=dict)  # horizontal, vertical [m], speed [m/s], ...
+    deadline_factor: float | None = None  # gamma; None in a fleet, which has a deadline in common
+
+
+@dataclass(frozen=True)
+class ChangingFlightRecord(FlightRecord):
+    """A flight with what changes on the way."""
+
+    radars: tuple[RadarRecord, ...] = ()
+    charted_at: float | None = None  # [s] when the planner learns of hills that the map does not show
+    target_path: tuple[tuple[float, float, float, float], ...] = ()  # t [s], x, y, z [m] of a target that moves
+
+
+@dataclass(frozen=True)
+class QuadrotorRecord(FlightRecord):
+    """The flight of a quadrotor's centre, and its body."""
+
+    reach: float = dataclasses.field(kw_only=True)  # [m] from the centre to the farthest part
+    thrust_max: float = dataclasses.field(kw_only=True)  # [N] of a rotor
+
+
+@dataclass(frozen=True)
+class FleetRecord:
+    """The flights of a fleet; ``vehicles`` holds what each has of its own, ``start`` and ``target`` [m], by name."""
+
+    vehicles: dict[str, Any]
+    clearance_min: float  # [m]
+    separation: float  # [m] d_s
+    speed_max: float  # [m/s]
+    acceleration_max: float  # [m/s^2]
+    arrival_radius: float  # [m]
+    deadline: float  # [s] D
+    radars: tuple[RadarRecord, ...] = ()
+    charted_at: float | None = None  # [s]
+    tracking_bound: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class MissileRecord:
+    """The dive of a missile, in the thesis' Earth frame (z down)."""
+
+    dimension: str  # of ``mathnavi.models.missile.coordinates.COORDINATES``
+    start: tuple[float, ...]  # (nx,)
+    target: tuple[Target, ...]  # the legs of its motion
+    aspect_angle: float  # [rad]
+    input_max: tuple[float, ...]  # (nu,)
+    miss_allowed: float  # [m]
+    aspect_allowed: float | None = None  # [deg]
+    case: Case | None = None
+
+
+@dataclass(frozen=True)
+class RangingRecord:
+    """A robot with range sensors within a wall; angles are in radians."""
+
+    field: str  # name of the wall
+    coefficients: tuple[tuple[float, float, float, float], ...]  # [m] a_x, b_x, a_y, b_y of each harmonic
+    angles: tuple[float, ...]  # (l,) [rad] of the sensors off the heading
+    ranging: RangeQuality
+    odometry: OdometryQuality
+    known_start: KnownStart | None
+    speed_max: float  # [m/s]
+    turn_rate_max: float  # [rad/s]
+    margin: float  # [m]
+    period: float  # [s]
+    drive: DriveName
+    friction: float  # [-]
+    start: Point = (0.0, 0.0, 0.0)  # [m, m, rad] the true one
+    outage: tuple[tuple[float, float], ...] = ()  # [s] from when to when there are no ranges
+
+
+@dataclass(frozen=True)
+class LagrangianRecord:
+    """A Lagrangian system whose velocity is observed."""
+
+    manifold: str
+    states: tuple[str, ...]  # (nx,) with units
+    inputs: tuple[str, ...]  # (nu,) with units
+    tolerance: float  # of the velocity [rad/s, m/s, 1/s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpaceRecord(LagrangianRecord):
+    """A rigid body, or a point on a space of constant curvature."""
+
+    space: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class MechanismRecord(LagrangianRecord):
+    """A mechanism in MuJoCo."""
+
+    mechanism: str  # as ``mathnavi.models.mechanism.entity.build_spec`` takes it
+
+
+@dataclass(frozen=True)
+class TextbookRecord:
+    """A system of the textbook."""
+
+    title: str
+    states: tuple[str, ...]  # (n,) with units
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    angles: tuple[int, ...]  # which states are angles
+    tolerance: float | None = None

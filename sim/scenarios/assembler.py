@@ -1,0 +1,172 @@
+"""Assembles the closed loop of a scenario from what all scenarios share.
+
+    plug-ins        the scenario's own where none are given, checked against the mission
+    random streams  one for each source of chance, in the order that the scenario lists
+    faults          of every group of faults in the configuration, around planner, sensors and plant
+    certificate     around the planner of a flight, unless its plug-in declares ``certified = False``
+    record          config.json: enough to build the same loop again, and to draw its run
+
+A scenario says the rest: its mission, its vehicle, its referee, its metrics and its task.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.planner import StopAndHover
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.log import Recording
+from mathnavi.sim.engine.network import Network
+from mathnavi.sim.interfaces.fields import plain
+from mathnavi.sim.interfaces.protocols import Estimator, Planner, Plant, Sensor
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
+from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
+from mathnavi.sim.scenarios.closed_loop import ClosedLoop
+from mathnavi.sim.scenarios.fault_fields import Fault, with_disturbances, with_planner_faults, with_sensor_faults
+from mathnavi.sim.scenarios.random_streams import RandomStreams
+from mathnavi.sim.scenarios.task import Task
+
+
+@dataclass(frozen=True)
+class VehicleStack:
+    """Sensors, estimator, planner and tracker of one vehicle, in the order in which data flows."""
+
+    sensors: tuple[Sensor, ...]
+    estimator: Estimator
+    planner: Planner
+    tracker: Any
+
+    def agent(self, input_size: int = 3, messages: Sequence[Message] = ()) -> Agent:
+        """The agent that flies with it; ``messages`` reach the planner at their own times."""
+        return Agent(self.estimator, self.planner, self.tracker, input_size, messages)
+
+
+@dataclass(frozen=True)
+class Assembler:
+    """Builder of one closed loop of a scenario, for one seed; with ``faults=()`` one without faults."""
+
+    scenario: Any  # its class
+    config: Any  # of the scenario's Config
+    seed: int
+    controller: PluginSpec
+    estimator: PluginSpec
+    streams: RandomStreams
+    faults: tuple[Fault, ...]  # the groups of faults in the configuration
+
+    @staticmethod
+    def of(
+        scenario: Any, config: Any, seed: int, controller: PluginSpec | None, estimator: PluginSpec | None
+    ) -> Assembler:
+        """The assembler of a scenario's class, with the scenario's own plug-ins where none are given.
+
+        ``scenario.streams`` lists the names of the random streams, in the order in which they are spawned; without it
+        none is listed.
+        """
+        groups = (getattr(config, field.name) for field in dataclasses.fields(config))
+        return Assembler(
+            scenario, config, seed,
+            controller or PluginSpec.of(load("controllers", scenario.controller)),
+            estimator or PluginSpec.of(load("estimators", scenario.estimator)),
+            RandomStreams(np.random.default_rng(seed), getattr(scenario, "streams", ())),
+            tuple(group for group in groups if isinstance(group, Fault)),
+        )  # fmt: skip
+
+    # ---- what a vehicle flies with
+
+    def stack(self, mission: Any, *others: Sensor, certified_flight: FlightMission | None = None) -> VehicleStack:
+        """The autonomy stack of a vehicle, with its faults; ``others`` are sensors beside those of the estimator.
+
+        With ``certified_flight``, the mission of a point mass, every plan is certified before it is flown, unless the
+        controller declares otherwise. PluginError for a plug-in that does not fit the mission, and for a tracker that
+        states no ``TrackingBound`` where plans are certified.
+        """
+        bound = None if certified_flight is None else TrackingBound
+        raw, tracker = checked_controller(self.controller, mission, bound)
+        estimator = checked_estimator(self.estimator, mission)
+        carried = (*checked_sensors(self.estimator, mission), *others)
+        planner = with_planner_faults(raw, self.faults, self.streams)
+        sensors = with_sensor_faults(carried, self.faults, self.streams)
+        if certified_flight is not None and getattr(self.controller.plugin, "certified", True):
+            planner = certified(planner, certified_flight, tracker.bound)
+        return VehicleStack(sensors, estimator, planner, tracker)
+
+    def first_plan(self, mission: Any, flight: FlightMission) -> Plan:
+        """The certified planner's answer at the start; a controller without a certificate is held to it here too."""
+        planner, tracker = checked_controller(self.controller, mission, TrackingBound)
+        request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
+        return certified(planner, flight, tracker.bound).plan(request)
+
+    def observer(self, mission: Any) -> Estimator:
+        """The estimator alone; PluginError if it does not fit the mission."""
+        return checked_estimator(self.estimator, mission)
+
+    def sensors(self, mission: Any, *others: Sensor, streams: RandomStreams | None = None) -> tuple[Sensor, ...]:
+        """The sensors alone that the estimator asks for, and ``others``, with their faults."""
+        carried = (*checked_sensors(self.estimator, mission), *others)
+        return with_sensor_faults(carried, self.faults, streams or self.streams)
+
+    # ---- plant
+
+    def disturbed(self, plant: Plant, period: float, mass: float = 1.0) -> Plant:
+        """The plant with its disturbances, for vehicles of a mass [kg] and planners of a period [s]."""
+        return with_disturbances(plant, self.faults, self.streams, mass=mass, period=period)
+
+    # ---- closed loop
+
+    def closed_loop(
+        self,
+        plant: Plant,
+        agents: Mapping[str, Agent],
+        duration: float,
+        finished: Callable[[float, Mapping[str, Array]], bool],
+        summarise: Callable[[Recording, float], tuple[dict[str, Any], bool]],
+        *,
+        mission: Any,
+        resolved: Any = None,
+        terrain: Mapping[str, Any] | None = None,
+        network: Network | None = None,
+        task: Task | None = None,
+    ) -> ClosedLoop:
+        """The closed loop, and what config.json holds of it.
+
+        ``mission`` is the mission as it is recorded, a dataclass of ``mathnavi.sim.records.missions`` for one;
+        ``resolved`` the configuration with all that was drawn, that given if nothing was; ``terrain`` its name, its
+        path and its digest.
+        """
+        return ClosedLoop(
+            plant, agents, duration, finished, summarise, self._record(mission, resolved, terrain), network, task
+        )
+
+    def _record(self, mission: Any, resolved: Any, terrain: Mapping[str, Any] | None) -> dict[str, Any]:
+        """What config.json holds beside the versions."""
+        drawing = getattr(self.scenario, "drawing", None)
+        place = f"{self.scenario.__module__}:{self.scenario.__qualname__}"
+        return {
+            "scenario": getattr(self.scenario, "name", place),
+            **({} if drawing is None else {"drawing": drawing}),
+            "seed": self.seed,
+            "fields": dataclasses.asdict(self.config if resolved is None else resolved),
+            "controller": _plugin_record(self.controller),
+            "estimator": _plugin_record(self.estimator),
+            **({} if terrain is None else {"terrain": terrain}),
+            "mission": plain(mission),
+        }
+
+
+def certified(planner: Planner, flight: FlightMission, bound: TrackingBound) -> Certified:
+    """The planner behind a certificate, and what flies in its place where there is no certified plan."""
+    certificate = Certificate.of(flight, bound)
+    return Certified(planner, partial(StopAndHover, period=planner.period), certificate, bound, flight.deadline_factor)
+
+
+def _plugin_record(part: PluginSpec) -> dict[str, Any]:
+    return {"name": part.name, "fields": dataclasses.asdict(part.config)}

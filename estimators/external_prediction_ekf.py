@@ -15,6 +15,8 @@ def external_prediction_ekf(states: int, readings: int) -> Any:
     from filterpy.kalman import ExtendedKalmanFilter  # takes .7 s to import
 
     class ExternalPredictionEkf(ExtendedKalmanFilter):
+        """The filter whose prediction is given."""
+
         def predict_x(self, u: Any) -> None:
             self.x = u
 

@@ -21,7 +21,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 @runtime_checkable
 class FullStateMission(Protocol):
-    """What a mission states of its vehicle, of nx states and nu inputs."""
+    """Mission of a vehicle with nx states and nu inputs, as this estimator needs it."""
 
     @property
     def control_period(self) -> float:

@@ -1,4 +1,4 @@
-"""Where an ordinary differential equation leads: x' = f(x, u) with the input held, to a stated error by ``Flow``.
+"""Integration of an ordinary differential equation: x' = f(x, u) with the input held, to a stated error by ``Flow``.
 
 Its steps of Dormand and Prince (J. Comp. Appl. Math. 6, 1980), of order 5 with an error estimate of order 4, are as
 long as the tolerance allows: each is kept only if, in every component, its error is estimated at most

@@ -1,4 +1,4 @@
-"""When two times are the same."""
+"""Tolerance within which two times are the same."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def trace_curve(
 
 
 def on_curve(equations: Equations, x: Array) -> tuple[Array, Array] | None:
-    """The point of the curve next to x (n,), where F is nought to 1e-5, and the tangent at x; None for none."""
+    """The point of the curve next to x (n,), where F is zero to 1e-5, and the tangent at x; None for none."""
     F, J = equations(x)
     if not (np.isfinite(J).all() and np.abs(F).max() <= _NEAR):
         return None
@@ -144,7 +144,7 @@ def _next(equations: Equations, x: Array, tangent: Array, ds: float) -> tuple[Ar
 
 
 def _passes(before: Array, after: Array, start: Array, difference: Difference) -> bool:
-    """Whether the start lies on the way from one point to the next."""
+    """True if the start lies on the way from one point to the next."""
     way, to_start = difference(after, before), difference(start, before)
     share = float(way @ to_start) / float(way @ way)
     return 0.0 < share <= 1.0 and float(np.linalg.norm(to_start - share * way)) < 0.1 * float(np.linalg.norm(way))

@@ -40,10 +40,10 @@ class Indistinguishable:
 
 @dataclass(frozen=True)
 class SmallTime:
-    """What is left of Definition C.8 at one state and for one T."""
+    """Small-time observability at one state and for one T (Definition C.8)."""
 
     others: Array  # (k, 3) states that none of the inputs tells apart from x_1 by T
-    nearest: float  # to the nearest of them; infinite without one, nought where they reach x_1
+    nearest: float  # to the nearest of them; infinite without one, zero where they reach x_1
 
     @property
     def observable(self) -> bool:
@@ -86,8 +86,8 @@ def small_time(
 ) -> SmallTime:
     """Definition C.8 at x (3,), its input chosen among ``inputs``: which states none of them tells apart by T [s].
 
-    Two states that read the same under each of them have a largest difference of nought, so it is they that are looked
-    for. That x is not isolated among them is read off the outputs' derivative: its least singular value is nought.
+    Two states that read the same under each of them have a largest difference of zero, so it is they that are looked
+    for. That x is not isolated among them is read off the outputs' derivative: its least singular value is zero.
     """
     motions = [motion_under(u, T) for u in inputs]
     isolation = np.linalg.svd(outputs.along(x, np.vstack(motions))[1], compute_uv=False)[-1]

@@ -1,4 +1,4 @@
-"""What range sensors read along a motion, compiled, and the pose that fits what they read.
+"""Outputs of range sensors along a motion, compiled, and the pose that fits readings.
 
 A motion is what a given input makes of the unicycle in the frame that it starts in: d_k = (forward, left) [m] and the
 turn c_k [rad] at the instants k = 0, ..., K - 1. From the pose x = (p, phi) the robot is then at (p + R_phi d_k,

@@ -56,7 +56,7 @@ class Intersection:
     """FS_y and OF together, seen from x_0."""
 
     others: Array  # (k, 3) its states but x_0, where they are isolated
-    nearest: float  # from x_0 to another of its states; infinite without one, nought where x_0 is not isolated
+    nearest: float  # from x_0 to another of its states; infinite without one, zero where x_0 is not isolated
     isolation: float  # least singular value of d(outputs along the motion) / dx at x_0 [m per metre or radian]
 
     @property

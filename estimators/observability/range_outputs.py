@@ -26,7 +26,7 @@ STILL = np.zeros((1, 3))
 """the motion that is none: one reading on the spot"""
 
 DEFICIENT = 1e-6
-"""a singular value of a derivative of outputs [m] by the pose, below which it is nought"""
+"""a singular value of a derivative of outputs [m] by the pose, below which it is zero"""
 
 _FIT_STEPS = 60
 _FITTED = 1e-9  # [m] of the largest residual

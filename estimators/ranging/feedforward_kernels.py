@@ -1,6 +1,6 @@
 """Feed-forwards Psi_* F that carry the observer's state z from one instant to the next, compiled; none as (C.5) has it.
 
-(C.5) as printed only descends: on the truth, where V_rho = 0 and Q = 0, its right side is nought while Psi(x) moves on.
+(C.5) as printed only descends: on the truth, where V_rho = 0 and Q = 0, its right side is zero while Psi(x) moves on.
 So it is no observer in the sense of Definition C.7, and lags by an error of order |Psi(x)'| / k. Each feed-forward
 below gives Psi(x)' on the truth; off the truth they differ. All have the same arguments: the wall, alpha (l,) [rad], z
 (l + 1,), the readings (2, l) of rho and rho_dot ``here`` and ``there``, the input u (2,) that is held for dt [s]

@@ -13,7 +13,7 @@ at the prediction, is the update with all of them at once, whatever their order:
     x <- x + P H_i' nu_i / s_i,   P <- P - P H_i' H_i P / s_i,   NIS = sum nu_i^2 / s_i,   ln |S| = sum ln s_i.
 
 The last term of r_i is the variance of what the linearisation leaves out, for a Gaussian error of covariance P-. It is
-nought next to the others once the filter has locked, and until then keeps it from believing what it cannot know. A ray
+zero next to the others once the filter has locked, and until then keeps it from believing what it cannot know. A ray
 that was lost is passed over; one with nu_i^2 / s_i above the gate changes nothing and counts as one at the gate, the
 rays before it being believed.
 """

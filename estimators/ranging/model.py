@@ -31,7 +31,7 @@ Flags = NDArray[np.bool_]
 
 
 class RangeModel:
-    """How a robot moves and what its rays read, with the errors that the mission declares."""
+    """Model of a robot's motion and of its rays, with the errors that the mission declares."""
 
     def __init__(self, mission: RangingMission) -> None:
         ranging, odometry = mission.ranging, mission.odometry

@@ -6,7 +6,7 @@ later. The observer therefore runs at the window's centre, and its estimate is p
 
 What is fitted are the ranges themselves, or the innovation: by how much they differ from those that a robot expects
 that moves through the window as the inputs say. Ranges bend within a second as no cubic does; the innovation on the
-truth is nought, so a straight line through it does, and whatever the window is, the truth stays the truth.
+truth is zero, so a straight line through it does, and whatever the window is, the truth stays the truth.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ def _polynomial(a: Array, tau: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _is_enough(samples: Array, terms: int) -> bool:
-    """Whether a quarter of either half is there, and enough for so many terms."""
+    """True if a quarter of either half is there, and enough for so many terms."""
     m = len(samples) // 2
     before = after = 0
     for j in range(m):

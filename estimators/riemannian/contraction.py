@@ -1,4 +1,4 @@
-"""Where the observer (D.6) is a strict contraction: the matrix of (D.20) on spaces of constant curvature.
+"""Contraction analysis of the observer (D.6): the matrix of (D.20) on spaces of constant curvature.
 
 Two neighbouring trajectories of the observer differ by (a, b), the horizontal and the vertical part of a tangent vector
 to TX, and in an orthonormal frame that is transported along

@@ -156,6 +156,6 @@ class _Intrinsic:
         return True
 
     def _is_reached(self, y: Array) -> bool:
-        """Whether the system can have come to y since it was last read."""
+        """True if the system can have come to y since it was last read."""
         moved = innovation(self._manifold, self._y, y)
         return moved is not None and self._gate.passes(self._y, moved, self._since)

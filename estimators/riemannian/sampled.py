@@ -36,7 +36,7 @@ _LARGEST = 0.5  # of |L| that the curvature term moves xi by within h
 
 @dataclass(frozen=True)
 class Innovation:
-    """What a reading said."""
+    """Innovation of a reading."""
 
     distance: float  # theta between it and the prediction
     accepted: bool  # whether it was within the share of the injectivity radius

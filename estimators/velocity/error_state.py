@@ -3,7 +3,7 @@
     x' = v,    D_t v = F(x, v, u) + w,        y = x + noise,
 
 w white with the density q^2 on every component. The state is a point of the tangent bundle, the error e = (a, b) in
-2 n numbers about it, see ``tangent_bundle``. The state is carried on by ``LagrangianSystem.flow``, the error by a
+2 n numbers about it, see ``tangent_bundle``. The state is predicted by ``LagrangianSystem.flow``, the error by a
 ``Propagation``, of which the kinds of filters differ. A reading is L = a + noise, the coordinates of y about x, and so
 linear in e: all kinds condition alike,
 
@@ -44,7 +44,7 @@ class Propagation(Protocol):
     """Propagation of a covariance by a map of errors."""
 
     def __call__(self, errors: Callable[[Array], Array], P: Array) -> tuple[Array, Array]:
-        """Mean (2 n,) and covariance (2 n, 2 n) of errors(e), e of mean nought and covariance P; errors(0) = 0."""
+        """Mean (2 n,) and covariance (2 n, 2 n) of errors(e), e of mean zero and covariance P; errors(0) = 0."""
         ...
 
 

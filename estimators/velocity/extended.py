@@ -1,6 +1,6 @@
 """The plug-in ``lagrangian_ekf``: the extended Kalman filter of ``error_state``.
 
-The covariance is carried on by P = A P A', A the Jacobian of where an error leads, by one-sided differences.
+The covariance is propagated by P = A P A', A the Jacobian of where an error leads, by one-sided differences.
 """
 
 from __future__ import annotations

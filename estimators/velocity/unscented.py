@@ -1,6 +1,6 @@
 """The plug-in ``lagrangian_ukf``: the unscented Kalman filter of ``error_state``.
 
-Mean and covariance are carried on by sigma points of the error, van der Merwe's scaled set (filterpy's), so that they
+Mean and covariance are propagated by sigma points of the error, van der Merwe's scaled set (filterpy's), so that they
 are averaged in the coordinates about where the state leads and never as points of the manifold. With alpha >= .52 no
 weight of the covariance is negative, and it stays positive definite by itself.
 """
@@ -23,7 +23,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 _BETA = 2.0  # of a Gaussian
 _KAPPA = 0.0  # secondary scaling
-_LEAST_ALPHA = 0.52  # above sqrt(2 - sqrt(3)), where the weight 4 - 1 / alpha^2 - alpha^2 of the centre is nought
+_LEAST_ALPHA = 0.52  # above sqrt(2 - sqrt(3)), where the weight 4 - 1 / alpha^2 - alpha^2 of the centre is zero
 
 
 @dataclass(frozen=True)

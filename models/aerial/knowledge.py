@@ -1,4 +1,4 @@
-"""What may turn out otherwise while a vehicle flies: the threats, the target, the map (thesis A.1, A.5).
+"""Knowledge that may turn out otherwise while a vehicle flies: the threats, the target, the map (thesis A.1, A.5).
 
 Each message replaces all that was known of its topic, so that a message that is lost, late or doubled does no harm that
 the next one does not mend:
@@ -28,7 +28,7 @@ _FARTHEST = 1e7  # [m]
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What a vehicle knows of the threats, the target and the map."""
+    """Knowledge of a vehicle: the threats, the target and the map."""
 
     terrain: HeightField
     target: tuple[float, float, float]  # [m] map frame, p_f

@@ -30,7 +30,7 @@ class GustModel:
 
 @dataclass(frozen=True, eq=False)
 class EstimateQuality:
-    """How good a state estimate is in the stationary case, for one axis with the state (position, velocity, gust).
+    """Quality of a state estimate in the stationary case, for one axis with the state (position, velocity, gust).
 
     With the estimate x^ = x - e the estimator declares P = cov(e) and W, the covariance per second that its corrections
     feed into x^ (for a Kalman filter L R L', the truth's own driving noise for an exact sensor). The closed loop's

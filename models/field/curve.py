@@ -155,7 +155,7 @@ class Curve:
         return max(m for m in range(1, _MOST_TURNS + 1) if self._turns(m, orders[0], spread))
 
     def _turns(self, m: int, order: int, spread: int) -> bool:
-        """Whether k sigma = 2 pi / m modulo 2 pi for k = order + multiples of spread has a solution sigma."""
+        """True if k sigma = 2 pi / m modulo 2 pi for k = order + multiples of spread has a solution sigma."""
         # spread sigma = 2 pi j and order sigma = 2 pi / m modulo 2 pi: order j / spread = 1 / m modulo 1.
         return any((order * j * m - spread) % (spread * m) == 0 for j in range(spread))
 

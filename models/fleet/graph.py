@@ -26,7 +26,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 @dataclass(frozen=True)
 class Node:
-    """What one vehicle may know of the fleet that it communicates with."""
+    """Vehicle of a fleet, with what it may know of those that it communicates with."""
 
     name: str
     weights: Mapping[str, float]  # a_lm > 0 of each neighbour l

@@ -48,7 +48,7 @@ class Manifold(Protocol):
 
     @property
     def origin(self) -> Array:
-        """Some point (size,) of it."""
+        """Some point (size,) of the manifold."""
         ...
 
     def check(self, p: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What an observer of a Lagrangian system may know: the system, how its position is read, how fast it may be."""
+"""Mission of an observer of a Lagrangian system: the system, how its position is read, how fast it may be."""
 
 from __future__ import annotations
 

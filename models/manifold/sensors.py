@@ -17,7 +17,7 @@ POSITION = "position"  # the name of their readings
 
 @dataclass(frozen=True)
 class PositionQuality:
-    """How a position errs, in the coordinates of the manifold about the truth: joint by joint, for a mechanism."""
+    """Errors of a position reading, in coordinates of the manifold about the truth: of each joint, for a mechanism."""
 
     noise: float = 0.0  # [rad, m] standard deviation of each coordinate
     resolution: int = 0  # bits of an encoder over a turn, or over a metre; 0: it does not round

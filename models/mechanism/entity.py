@@ -27,7 +27,7 @@ from mathnavi.sim.interfaces.errors import FieldError
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"
-_BELOW = 0.1  # of a mechanism's extent that the floor is beneath it, if it reaches below nought
+_BELOW = 0.1  # of a mechanism's extent that the floor is beneath it, if it reaches below zero
 
 
 def file_of(mechanism: MechanismName | str | Path) -> Path:

@@ -1,4 +1,4 @@
-"""What acts on a mechanism, compiled: M^-1 (actuators + springs, dampers and the like - gravity), by MuJoCo."""
+"""Forces on a mechanism, compiled: M^-1 (actuators + springs, dampers and the like - gravity), by MuJoCo."""
 
 from __future__ import annotations
 

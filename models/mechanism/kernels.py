@@ -4,7 +4,7 @@ With c(v) the velocity-dependent part of MuJoCo's inverse dynamics (``mj_rne`` w
 
     Gamma(v, v) = M^-1 c(v),      Gamma(u, w) = M^-1 [c(u + w) - c(u - w)] / 4 + [u, w] / 2,
 
-where [u, w] = u x w in every ball joint, whose velocities are those of a frame that turns, and nought elsewhere. u is
+where [u, w] = u x w in every ball joint, whose velocities are those of a frame that turns, and zero elsewhere. u is
 the direction: nabla_u w = d_u w + Gamma(u, w).
 """
 

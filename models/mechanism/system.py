@@ -30,7 +30,7 @@ class MechanismSystem:
     constraint is not modelled: contacts, limits of joints and tendons, and friction loss.
 
     Raises ValueError for what ``geometry.checked`` refuses, for actuators with a state, a delay or a plug-in, for
-    flexible parts, and for a ``constant`` or ``amplitude`` that is not one finite number for each input; nought if not
+    flexible parts, and for a ``constant`` or ``amplitude`` that is not one finite number for each input; zero if not
     given.
     """
 
@@ -99,7 +99,7 @@ def _input_name(model: mujoco.MjModel, i: int) -> str:
 
 
 def _depends_on_velocity(model: mujoco.MjModel) -> bool:
-    """Whether anything that acts may depend on the velocity."""
+    """True if anything that acts may depend on the velocity."""
     gain, bias = model.actuator_gaintype == _AFFINE[0], model.actuator_biastype == _AFFINE[1]
     known = (gain | (model.actuator_gaintype == _FIXED)) & (bias | (model.actuator_biastype == _UNBIASED))
     coefficients = (

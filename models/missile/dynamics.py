@@ -59,7 +59,7 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Body:
-    """What the equations of motion need to know of a missile.
+    """Parameters of a missile in its equations of motion.
 
     The thesis prints mass, transversal inertia and gravity. A homogeneous cylinder 3.807 m long and 0.2286 m thick has
     both, and its inertia about the long axis is the default here; in the pitch plane it does not matter.

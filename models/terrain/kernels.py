@@ -147,7 +147,7 @@ def _crossing_bound(c: float, b: float, a: float, duration: float) -> int:
 
 @njit(cache=True, error_model="numpy")
 def _stays_within(c: float, b: float, a: float, duration: float, limit: float) -> bool:
-    """Whether 0 <= c + b t + a t^2 <= limit over all of [0, duration]."""
+    """True if 0 <= c + b t + a t^2 <= limit over all of [0, duration]."""
     vertex = _vertex_time(b, a, duration)
     f_vertex = c + vertex * (b + a * vertex)
     f_end = c + duration * (b + a * duration)

@@ -13,7 +13,7 @@ is not observable, for x_3 neither is measured nor acts on the others, and still
 
 whose error e = x^ - x obeys e_1' = -alpha e_2, e_2' = e_1 - beta e_2, e_3' = -e_3 whatever the input: s^2 + beta s +
 alpha has its roots in the left half plane for alpha > 0 and beta > 0, and only then. Most solutions escape: under u =
-sin t from x = (0.1, -0.5, 0) x_2 does so at 2.649 s. With x_1 below nought, as from the start below, they do not.
+sin t from x = (0.1, -0.5, 0) x_2 does so at 2.649 s. With x_1 below zero, as from the start below, they do not.
 """
 
 from __future__ import annotations

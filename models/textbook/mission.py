@@ -1,4 +1,4 @@
-"""What an observer of a textbook system may know: the system, the noise of its readings, a belief of its start."""
+"""Mission of an observer of a textbook system: the system, the noise of its readings, a belief of its start."""
 
 from __future__ import annotations
 

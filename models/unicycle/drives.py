@@ -1,4 +1,4 @@
-"""What turns the inputs of a unicycle, u = (u_1 [m/s], u_2 [rad/s]), into the motion of its two driven wheels.
+"""Drives: from the inputs of a unicycle, u = (u_1 [m/s], u_2 [rad/s]), to the motion of its two driven wheels.
 
 With the wheels' radius r and their distance b apart, a wheel that does not slip turns at
 

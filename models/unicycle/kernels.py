@@ -1,4 +1,4 @@
-"""The unicycle, compiled: its exact motion under inputs that are held, and the derivatives of it.
+"""The unicycle, compiled: its exact motion under inputs that are held, and its derivatives.
 
     x_1' = u_1 cos phi,   x_2' = u_1 sin phi,   phi' = u_2                                              (Example C.1)
 

@@ -7,7 +7,7 @@ import math
 from scipy.special import jn_zeros
 
 _CLOSED = float(jn_zeros(0, 1)[0])
-"""The heading's amplitude [rad] for which the mean of e^{i A sin}, which is J_0(A), is nought: the path closes."""
+"""The heading's amplitude [rad] for which the mean of e^{i A sin}, which is J_0(A), is zero: the path closes."""
 
 
 def circle(t: float, speed: float, turn_rate: float) -> tuple[float, float]:

@@ -16,7 +16,7 @@ from mathnavi.sim.interfaces.signals import Array
 class RangeSensor:
     """Ranges (l,) [m] of the rangefinders ``range_0``, ..., NaN where a ray was lost or met nothing.
 
-    Each errs by a Gaussian of variance (relative rho)^2 + absolute^2; a fraction ``outliers`` is uniform between nought
+    Each errs by a Gaussian of variance (relative rho)^2 + absolute^2; a fraction ``outliers`` is uniform between zero
     and ``longest`` instead, and a fraction ``dropout`` is lost. What is drawn does not depend on how large the errors
     are, so runs that differ in them only see the same noise.
     """

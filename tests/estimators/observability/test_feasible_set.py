@@ -30,7 +30,7 @@ STEP = 0.01
 
 
 def value(outputs: RangeOutputs, x: Array, y: Array) -> float:
-    """V_y(x) = |h(x) - y|^2 [m^2], nought on FS_y and only there; infinite outside the wall."""
+    """V_y(x) = |h(x) - y|^2 [m^2], zero on FS_y and only there; infinite outside the wall."""
     r = outputs.at(x)[0] - y
     v = float(r @ r)
     return v if math.isfinite(v) else math.inf

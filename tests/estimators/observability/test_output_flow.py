@@ -21,7 +21,7 @@ TURNING = (0.5, 0.5)
 
 
 def rate_mismatch(x_1: Array, x_0: Array) -> float:
-    """[m/s] the largest difference of the output rates of two states: nought where Q is."""
+    """[m/s] the largest difference of the output rates of two states: zero where Q is."""
     differences, _ = equal_rates(THESIS, x_0, TURNING)(x_1)
     return float(np.abs(differences).max())
 

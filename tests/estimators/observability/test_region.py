@@ -28,7 +28,7 @@ class NoConfig:
 
 
 class DeadReckoning:
-    """Follows the odometry from where it is told to start: it converges if that is near enough, and never corrects."""
+    """Follows the odometry from the start that it is given: it converges if that is near enough, and never corrects."""
 
     Config = NoConfig
 
@@ -72,16 +72,16 @@ def test_to_follow_an_indistinguishable_state_is_to_converge() -> None:
 
 
 def test_an_estimator_is_told_where_it_starts_and_how_sure_that_is() -> None:
-    told = []
+    starts = []
 
     class Listens(DeadReckoning):
         @staticmethod
         def build(config: Any, mission: RangingMission) -> DeadReckoning:
-            told.append(mission.start)
+            starts.append(mission.start)
             return DeadReckoning(mission)
 
     region_of_convergence(Listens, NoConfig(), exact_run(MISSION, START, eight, 0.1), START[None], TOLD, WITHIN)
-    (start,) = told
+    (start,) = starts
     assert start is not None
     assert (start.pose, start.deviation) == (tuple(START), TOLD)
 

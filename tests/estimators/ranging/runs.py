@@ -51,7 +51,7 @@ def steps_of(task: RangingMission, duration: float, rng: np.random.Generator) ->
     return list(driven(biased, START, duration, eight, rng))
 
 
-def told(estimator: Estimator, steps: Iterable[Step]) -> Run:
+def estimates_of(estimator: Estimator, steps: Iterable[Step]) -> Run:
     return [(step, estimator.update(step.t, step.measurements, step.command)) for step in steps]
 
 

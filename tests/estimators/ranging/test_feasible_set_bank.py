@@ -42,7 +42,9 @@ def drawn(curve: Curve, rng: np.random.Generator) -> Array:
 STARTS = [drawn(FIELD, np.random.default_rng(seed)) for seed in (1, 2, 3)]
 
 
-def told(task: RangingMission, steps: Sequence[Step] | Iterator[Step], **fields: object) -> list[tuple[Step, Estimate]]:
+def estimates_of(
+    task: RangingMission, steps: Sequence[Step] | Iterator[Step], **fields: object
+) -> list[tuple[Step, Estimate]]:
     bank = FeasibleSetBank(FeasibleSetBankConfig(**fields), task)  # type: ignore[arg-type]
     return [(step, bank.update(step.t, step.measurements, step.command)) for step in steps]
 
@@ -62,7 +64,7 @@ def test_it_finds_the_robot_from_anywhere(sensors: str, curve: Curve) -> None:
     task = mission(sensors, curve)
     for seed in range(3):
         rng = np.random.default_rng(seed)
-        estimates = told(task, driven(task, drawn(curve, rng), 5.0, rng=rng))
+        estimates = estimates_of(task, driven(task, drawn(curve, rng), 5.0, rng=rng))
         position, heading = last_errors(task, estimates)
         assert position < 0.15
         assert heading < 0.15
@@ -76,7 +78,8 @@ def test_a_sensor_may_be_named_a_turn_apart_and_four_across_find_the_robot() -> 
     for seed in range(6):
         start = drawn(FIELD, np.random.default_rng(seed))
         one, other = (
-            told(each, driven(each, start, 2.0, rng=np.random.default_rng(seed + 100))) for each in (task, named)
+            estimates_of(each, driven(each, start, 2.0, rng=np.random.default_rng(seed + 100)))
+            for each in (task, named)
         )
         assert max(last_errors(task, one)) < 0.15
         np.testing.assert_allclose(one[-1][1].x, other[-1][1].x, atol=1e-6)
@@ -86,13 +89,13 @@ def test_a_sensor_may_be_named_a_turn_apart_and_four_across_find_the_robot() -> 
 def test_without_noise_the_error_vanishes(sensors: str) -> None:
     task = mission(sensors, noise=False)
     for start in STARTS:
-        estimates = told(task, driven(task, start, 6.0))
+        estimates = estimates_of(task, driven(task, start, 6.0))
         assert last_errors(task, estimates) < (1e-3, 1e-3)
 
 
 def test_before_there_are_readings_enough_it_is_initialising_and_then_it_is_not() -> None:
     task = mission()
-    estimates = [each for _, each in told(task, driven(task, STARTS[0], 0.3, rng=np.random.default_rng(0)))]
+    estimates = [each for _, each in estimates_of(task, driven(task, STARTS[0], 0.3, rng=np.random.default_rng(0)))]
     statuses = [estimate.status for estimate in estimates]
     assert statuses[:10] == [Status.INITIALISING] * 10  # the tenth has hypotheses, which nothing has been asked of yet
     assert statuses[10:] == [Status.OK] * (len(statuses) - 10)
@@ -104,7 +107,7 @@ def test_a_robot_that_is_carried_away_is_found_again_and_the_status_tells() -> N
     task, rng = mission(), np.random.default_rng(3)
     before = list(driven(task, STARTS[0], 3.0, rng=rng))
     after = [dataclasses.replace(step, t=step.t + 3.0) for step in driven(task, STARTS[1], 4.0, rng=rng)][1:]
-    estimates = told(task, [*before, *after])
+    estimates = estimates_of(task, [*before, *after])
     again = [step.t for step, estimate in estimates if estimate.status is Status.INITIALISING and step.t > 3.0]
     assert again
     assert again[0] < 3.5
@@ -118,7 +121,7 @@ def test_outliers_are_survived() -> None:
         return np.where(rng.random(len(ranges)) < 0.2, rng.uniform(0.1, 7.0, len(ranges)), ranges)
 
     steps = [with_ranges(s, corrupted) for s in driven(task, STARTS[1], 5.0, rng=np.random.default_rng(2))]
-    estimates = told(task, steps)
+    estimates = estimates_of(task, steps)
     assert max(last_errors(task, estimates)) < 0.15
     assert all(estimate.status is Status.OK for _, estimate in estimates[10:])
 
@@ -129,7 +132,7 @@ def test_lost_rays_are_done_without() -> None:
         with_ranges(s, lambda ranges: np.where(rng.random(len(ranges)) < 0.6, np.nan, ranges))
         for s in driven(task, STARTS[1], 5.0, rng=np.random.default_rng(2))
     ]
-    assert max(last_errors(task, told(task, steps))) < 0.15
+    assert max(last_errors(task, estimates_of(task, steps))) < 0.15
 
 
 @pytest.mark.parametrize("nonsense", [np.nan, np.inf, -np.inf, -1.0, 0.0, 1e300])
@@ -138,7 +141,7 @@ def test_nonsense_is_no_range(nonsense: float) -> None:
     task = mission("4", noise=False)
     steps = list(driven(task, STARTS[0], 3.0))
     good, bad = steps[:150], [with_ranges(step, lambda r: np.full_like(r, nonsense)) for step in steps[150:]]
-    estimates = told(task, [*good, *bad])
+    estimates = estimates_of(task, [*good, *bad])
     assert all(np.isfinite(estimate.x).all() for _, estimate in estimates)
     assert estimates[195][1].status is Status.OK
     assert estimates[-1][1].status is Status.LOST
@@ -148,7 +151,7 @@ def test_nonsense_is_no_range(nonsense: float) -> None:
 def test_where_the_start_is_known_it_is_one_filter_that_stays_on_the_truth() -> None:
     start = STARTS[0]
     task = dataclasses.replace(mission(noise=False), start=KnownStart(tuple(start), (0.3, 0.3, 0.3)))
-    estimates = told(task, driven(task, start, 2.0))
+    estimates = estimates_of(task, driven(task, start, 2.0))
     assert all(np.isfinite(estimate.extra["scores"]).sum() == 1 for _, estimate in estimates)
     assert max(last_errors(task, estimates, 2.0)) < 1e-9
 
@@ -158,7 +161,7 @@ def test_the_bias_of_odometry_is_found() -> None:
     task = mission("4")
     steps = list(driven(task, STARTS[0], 14.0, rng=np.random.default_rng(0)))
     blind = [with_ranges(step, lambda ranges: np.full_like(ranges, np.nan)) for step in steps[1000:]]
-    estimates = told(task, [*steps[:1000], *blind])
+    estimates = estimates_of(task, [*steps[:1000], *blind])
     unbiased = estimates[999][0].truth
     naive = [unbiased]
     for step in steps[1000:]:
@@ -173,7 +176,7 @@ def test_it_knows_how_good_it_is() -> None:
     for seed in range(40):
         rng = np.random.default_rng(seed)
         bias = dataclasses.replace(task.odometry, bias=float(rng.choice((-0.02, 0.02))))
-        *_, (step, estimate) = told(
+        *_, (step, estimate) = estimates_of(
             task, driven(dataclasses.replace(task, odometry=bias), drawn(FIELD, rng), 2.0, rng=rng)
         )
         off = task.difference(estimate.x, step.truth)
@@ -185,7 +188,7 @@ def test_it_knows_how_good_it_is() -> None:
 def test_the_same_seed_is_the_same_estimate_and_another_is_not() -> None:
     task = mission()
     steps = list(driven(task, STARTS[0], 0.5, rng=np.random.default_rng(0)))
-    first, second, other = (told(task, steps, seed=seed) for seed in (1, 1, 2))
+    first, second, other = (estimates_of(task, steps, seed=seed) for seed in (1, 1, 2))
     for (_, one), (_, same) in zip(first, second, strict=True):
         np.testing.assert_array_equal(one.extra["hypotheses"], same.extra["hypotheses"])
     assert not np.array_equal(first[-1][1].extra["hypotheses"], other[-1][1].extra["hypotheses"], equal_nan=True)
@@ -193,7 +196,7 @@ def test_the_same_seed_is_the_same_estimate_and_another_is_not() -> None:
 
 def test_hypotheses_fade_until_one_is_left() -> None:
     task = mission("2t")
-    estimates = told(task, driven(task, STARTS[0], 8.0, rng=np.random.default_rng(0)))
+    estimates = estimates_of(task, driven(task, STARTS[0], 8.0, rng=np.random.default_rng(0)))
     alive = [int(np.isfinite(estimate.extra["scores"]).sum()) for _, estimate in estimates[9:]]
     assert alive[0] > 8
     assert alive[-1] == 1
@@ -247,6 +250,6 @@ def test_a_field_out_of_its_range_is_refused(field: str, value: object) -> None:
 @pytest.mark.parametrize("hypotheses", [1, 3])
 def test_few_readings_and_hypotheses_do_too(readings: int, hypotheses: int) -> None:
     task = mission("4", noise=False)
-    estimates = told(task, driven(task, STARTS[0], 3.0), readings=readings, hypotheses=hypotheses)
+    estimates = estimates_of(task, driven(task, STARTS[0], 3.0), readings=readings, hypotheses=hypotheses)
     assert all(estimate.extra["hypotheses"].shape == (hypotheses, 3) for _, estimate in estimates)
     assert all(np.isfinite(estimate.x).all() for _, estimate in estimates)

@@ -1,4 +1,4 @@
-"""What carries z along is Psi_* F on the truth, but for the print, which has nothing."""
+"""The feed-forward of z is Psi_* F on the truth; as printed there is none."""
 
 from __future__ import annotations
 

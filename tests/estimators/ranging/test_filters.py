@@ -21,10 +21,10 @@ from tests.estimators.ranging.runs import (
     START,
     Run,
     errors,
+    estimates_of,
     misplaced,
     mission,
     steps_of,
-    told,
     with_odometry,
     with_ranges,
 )
@@ -56,7 +56,7 @@ def test_from_a_start_that_is_roughly_known_it_converges(kind: Any) -> None:
     for seed in range(3):
         rng = np.random.default_rng(seed)
         task = misplaced(mission(), rng)
-        position, heading = errors(task, told(made(kind, task), steps_of(task, 3.0, rng)))[-50:].max(axis=0)
+        position, heading = errors(task, estimates_of(made(kind, task), steps_of(task, 3.0, rng)))[-50:].max(axis=0)
         assert position < 0.06
         assert heading < 0.05
 
@@ -66,8 +66,10 @@ def test_a_lost_ray_is_as_if_there_were_no_sensor(kind: Any) -> None:
     task, one = mission("3", 0.05), [0, 2]
     fewer = dataclasses.replace(task, angles=tuple(task.alpha[one]))
     steps = steps_of(task, 0.5, np.random.default_rng(1))
-    without = told(made(kind, fewer), [with_ranges(step, lambda rho: rho[one]) for step in steps])
-    lost = told(made(kind, task), [with_ranges(step, lambda rho: np.where([0, 1, 0], np.nan, rho)) for step in steps])
+    without = estimates_of(made(kind, fewer), [with_ranges(step, lambda rho: rho[one]) for step in steps])
+    lost = estimates_of(
+        made(kind, task), [with_ranges(step, lambda rho: np.where([0, 1, 0], np.nan, rho)) for step in steps]
+    )
     assert_same(lost, without, 1e-12)
 
 
@@ -76,7 +78,7 @@ def test_odometry_is_believed_and_not_the_command(kind: Any) -> None:
     """With readings too coarse to mend it, a robot that is commanded back but drives on is found driving on."""
     task = dataclasses.replace(mission("4", 1e-3), ranging=RangeQuality(0.5))
     steps = [dataclasses.replace(step, command=-step.command) for step in steps_of(task, 2.0, np.random.default_rng(0))]
-    run = told(made(kind, task), steps)
+    run = estimates_of(made(kind, task), steps)
     assert np.linalg.norm(steps[-1].truth[:2] - START[:2]) > 0.5
     assert errors(task, run).max() < 0.1
 
@@ -89,7 +91,7 @@ def test_without_odometry_the_command_is_believed(kind: Any) -> None:
     right = [with_odometry(step, u) for step, u in zip(steps, commands, strict=True)]
     left_out = [with_odometry(step, None) for step in steps]
     nonsense = [with_odometry(step, np.array([math.nan, 0.0])) for step in steps]
-    runs = [told(made(kind, task), seen) for seen in (right, left_out, nonsense)]
+    runs = [estimates_of(made(kind, task), seen) for seen in (right, left_out, nonsense)]
     assert_same(runs[0], runs[1])
     assert_same(runs[0], runs[2])
 
@@ -102,7 +104,7 @@ def test_outliers_are_survived(kind: Any) -> None:
         return np.where(rng.random(len(ranges)) < 0.2, rng.uniform(0.1, 7.0, len(ranges)), ranges)
 
     steps = [with_ranges(step, corrupted) for step in steps_of(task, 2.0, np.random.default_rng(2))]
-    position, heading = errors(task, told(made(kind, task), steps))[-100:].max(axis=0)
+    position, heading = errors(task, estimates_of(made(kind, task), steps))[-100:].max(axis=0)
     assert position < 0.05
     assert heading < 0.02
 
@@ -113,7 +115,7 @@ def test_a_ray_beyond_the_gate_is_as_if_it_were_lost(kind: Any) -> None:
     steps = steps_of(task, 0.5, np.random.default_rng(1))
     wrong = [with_ranges(s, lambda rho: rho * [1.0, 3.0, 1.0]) if s.t == steps[20].t else s for s in steps]
     lost = [with_ranges(s, lambda rho: np.where([0, 1, 0], np.nan, rho)) if s.t == steps[20].t else s for s in steps]
-    gated, without = told(made(kind, task), wrong), told(made(kind, task), lost)
+    gated, without = estimates_of(made(kind, task), wrong), estimates_of(made(kind, task), lost)
     assert_same(gated, without)
     assert [estimate.extra["nis"][1] for _, estimate in gated[19:22]] == [3.0, 2.0, 3.0]
 
@@ -123,7 +125,7 @@ def test_what_lasts_beyond_the_gate_is_the_filters_own_error(kind: Any) -> None:
     """Sure of a wrong start it refuses ten readings, believes the eleventh, and is right again."""
     wrong = KnownStart((1.0, -0.2, 0.8), (0.02, 0.02, 0.02))
     task = dataclasses.replace(mission("3"), ranging=RangeQuality(0.005), start=wrong)
-    run = told(made(kind, task), steps_of(task, 2.0, np.random.default_rng(1)))
+    run = estimates_of(made(kind, task), steps_of(task, 2.0, np.random.default_rng(1)))
     nis = np.array([estimate.extra["nis"] for _, estimate in run])
     assert np.isnan(nis[:10]).all()
     assert nis[10, 0] > 100.0
@@ -143,7 +145,7 @@ def test_a_wall_that_half_a_turn_maps_onto_itself_gives_the_same_estimates_half_
     estimates = []
     for pose in (start, turned):
         task = dataclasses.replace(mission("4"), start=KnownStart(tuple(pose)))
-        run = told(made(kind, task), driven(task, pose, 1.0, rng=np.random.default_rng(5)))
+        run = estimates_of(made(kind, task), driven(task, pose, 1.0, rng=np.random.default_rng(5)))
         estimates.append(np.array([estimate.x for _, estimate in run]))
     assert (np.abs(estimates[1][:, 2]) <= math.pi).all()
     assert (estimates[1][0, 2] < 0.0) == (before < 0.1)
@@ -174,7 +176,7 @@ def test_its_status_tells_whether_there_were_ranges_of_late(kind: Any) -> None:
     steps = steps_of(task, 1.0, np.random.default_rng(0))
     blind = [with_ranges(step, lambda rho: np.full_like(rho, np.nan)) for step in steps]
     seen = [*blind[:5], *steps[5:10], *blind[10:]]
-    statuses = [estimate.status for _, estimate in told(made(kind, task, timeout=0.3), seen)]
+    statuses = [estimate.status for _, estimate in estimates_of(made(kind, task, timeout=0.3), seen)]
     assert statuses[:5] == [Status.INITIALISING] * 5
     assert statuses[5:40] == [Status.OK] * 35
     assert statuses[40:] == [Status.LOST] * (len(statuses) - 40)

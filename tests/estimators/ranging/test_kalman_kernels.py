@@ -103,8 +103,8 @@ def test_rays_one_after_the_other_are_the_update_with_all_of_them(
 
     after, covariance = x.copy(), P.copy()
     wall = curve.wall
-    nis, log_det, told, used = condition(after, covariance, h + nu, wall, (np.array(alpha), RELATIVE, ABSOLUTE, OPEN))
-    assert (told, used) == (len(h), len(h))
+    nis, log_det, read, used = condition(after, covariance, h + nu, wall, (np.array(alpha), RELATIVE, ABSOLUTE, OPEN))
+    assert (read, used) == (len(h), len(h))
     assert nis == pytest.approx(nu @ np.linalg.solve(S, nu), rel=1e-6)
     assert log_det == pytest.approx(np.linalg.slogdet(S)[1], rel=1e-6, abs=1e-6)
     step = step_within(wall, *x[:2], *(K @ nu)[:2])
@@ -128,8 +128,8 @@ def test_a_ray_beyond_the_gate_changes_nothing_and_counts_as_one_at_the_gate() -
     pose, alpha, gate = np.array([0.5, 0.2, 0.3]), np.array([0.7]), 9.0
     z = FIELD.ranges(pose, alpha)[0]
     x, P = np.array([*pose, 0.0]), 1e-4 * np.eye(4)
-    nis, _, told, used = condition(x, P, 2.0 * z, FIELD.wall, (alpha, RELATIVE, ABSOLUTE, gate))
-    assert (nis, told, used) == (gate, 1, 0)
+    nis, _, read, used = condition(x, P, 2.0 * z, FIELD.wall, (alpha, RELATIVE, ABSOLUTE, gate))
+    assert (nis, read, used) == (gate, 1, 0)
     np.testing.assert_allclose(x, [*pose, 0.0], rtol=1e-14)
     np.testing.assert_array_equal(P, 1e-4 * np.eye(4))
 

@@ -1,4 +1,4 @@
-"""V_rho and Q: nought on the truth, and the compiled ones those that CasADi derives."""
+"""V_rho and Q: zero on the truth, and the compiled ones those that CasADi derives."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def test_a_step_stays_finite_whatever_it_is_given() -> None:
 
 
 def test_the_step_is_stable_where_an_explicit_one_is_not() -> None:
-    """From next to a truth, at rest, with the print's gains and with far larger ones."""
+    """From next to a truth, at rest, with the printed gains and with far larger ones."""
     alpha = np.radians([-60.0, 60.0, 180.0])
     pose = np.array([1.0, -0.5, 1.5])
     rho, s = FIELD.ranges(pose, alpha)

@@ -11,12 +11,12 @@ from mathnavi.estimators.ranging.particle import RangeParticle, RangeParticleCon
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import OdometryQuality
 from mathnavi.sim.interfaces.signals import Array
-from tests.estimators.ranging.runs import START, Run, mission, steps_of, told
+from tests.estimators.ranging.runs import START, Run, estimates_of, mission, steps_of
 
 
 def run_of(task: RangingMission, duration: float, seed: int = 0, *, particles: int = 1000) -> Run:
     config = RangeParticleConfig(particles=particles, seed=seed)
-    return told(RangeParticle(config, task), steps_of(task, duration, np.random.default_rng(11)))
+    return estimates_of(RangeParticle(config, task), steps_of(task, duration, np.random.default_rng(11)))
 
 
 def effective(run: Run) -> Array:

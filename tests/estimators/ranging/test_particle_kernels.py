@@ -126,7 +126,7 @@ def test_particles_are_drawn_as_often_as_they_weigh() -> None:
 
 
 def test_roughening_has_the_deviation_that_it_says() -> None:
-    """kappa E N^(-1/4) in each of the four coordinates, of mean nought."""
+    """kappa E N^(-1/4) in each of the four coordinates, of mean zero."""
     N, kappa, rng = 10_000, 0.1, np.random.default_rng(0)
     x = np.column_stack([rng.uniform(-width, width, N) for width in (0.5, 0.3, 0.4, 0.02)])
     before, extent = x.copy(), np.ptp(x, axis=0)

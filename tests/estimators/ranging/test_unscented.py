@@ -9,13 +9,13 @@ import pytest
 
 from mathnavi.estimators.ranging.unscented import RangeUkf, RangeUkfConfig
 from mathnavi.sim.metrics.consistency import consistency
-from tests.estimators.ranging.runs import START, misplaced, mission, nees, reference, steps_of, told
+from tests.estimators.ranging.runs import START, estimates_of, misplaced, mission, nees, reference, steps_of
 
 
 def test_where_a_range_is_linear_every_step_is_that_of_the_extended_filter() -> None:
     task = mission("4", 0.004)
     x, P = np.array([*START, 0.0]), np.diag(np.square([0.004, 0.004, 0.004, 0.02]))
-    for step, estimate in told(RangeUkf(RangeUkfConfig(), task), steps_of(task, 0.5, np.random.default_rng(3))):
+    for step, estimate in estimates_of(RangeUkf(RangeUkfConfig(), task), steps_of(task, 0.5, np.random.default_rng(3))):
         x, P, nis = reference(task, step, x, P)
         deviation = np.sqrt(np.diag(P)[:3])
         assert estimate.covariance is not None
@@ -32,7 +32,7 @@ def test_it_knows_how_good_it_is() -> None:
     for seed in range(10):
         rng = np.random.default_rng(seed)
         task = misplaced(mission("2s", 0.1), rng)
-        run = told(RangeUkf(RangeUkfConfig(), task), steps_of(task, 2.0, rng))
+        run = estimates_of(RangeUkf(RangeUkfConfig(), task), steps_of(task, 2.0, rng))
         squares.append(nees(task, run))
         nis += [estimate.extra["nis"] for _, estimate in run[50:]]
     result, (total, rays) = consistency(squares, 3, 0.99), np.sum(nis, axis=0)

@@ -48,9 +48,9 @@ def test_its_covariance_is_that_of_its_errors() -> None:
     """Normalised errors over many draws of start and noise, chi-squared with two degrees of freedom."""
     rng, given, nees = np.random.default_rng(0), list(steps(KRENER_ISIDORI, 0.6)), []
     for _ in range(30):
-        told = mission(KRENER_ISIDORI, 0.1 * rng.standard_normal(2), noise=0.05)
-        told = type(told)(told.system, told.start, (0.1, 0.1), told.noise, told.period)
-        observer = TextbookEkf.build(TextbookEkfConfig(process=0.0), told)
+        task = mission(KRENER_ISIDORI, 0.1 * rng.standard_normal(2), noise=0.05)
+        task = type(task)(task.system, task.start, (0.1, 0.1), task.noise, task.period)
+        observer = TextbookEkf.build(TextbookEkfConfig(process=0.0), task)
         for step in given:
             read = step.measurements[0].value + 0.05 * rng.standard_normal(1)
             estimate = observer.update(step.t, [Measurement("output", step.t, read)], step.command)

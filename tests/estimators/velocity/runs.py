@@ -70,7 +70,7 @@ def recorded(
     seed: int = 1,
     input_at: Callable[[float], Array] | None = None,
 ) -> list[RecordedCall]:
-    """A run of the mission's system; nought is the input where none is given."""
+    """A run of the mission's system; zero is the input where none is given."""
     rng, sensor, system = np.random.default_rng(seed), mission.sensor, mission.system
     x, u, calls = start, np.zeros(len(system.inputs)), []
     for k in range(round(duration / mission.period) + 1):

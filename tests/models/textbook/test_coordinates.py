@@ -120,7 +120,7 @@ SERIES = of_numbers(solved(KAZANTZIS_KRAVARIS, POLES, 7), 2), inverse(solved(KAZ
 def test_where_there_is_no_inverse_it_says_so() -> None:
     square = inverse(lambda x: x**2 + 1.0, 1)
     assert square(np.array([0.0]), np.array([0.7])) is None  # its least value is 1
-    assert square(np.array([5.0]), np.array([0.0])) is None  # its slope is nought there
+    assert square(np.array([5.0]), np.array([0.0])) is None  # its slope is zero there
     found = square(np.array([5.0]), np.array([0.5]))
     assert found is not None
     assert found[0] == pytest.approx(2.0)

@@ -68,7 +68,7 @@ def test_a_wrapped_angle_is_the_same_direction_within_half_a_turn(angle: float) 
 
 
 def driven(pattern: str, speed: float, period: float) -> Array:
-    """(n, 3) poses along a pattern of 10 ms inputs from nought, once through."""
+    """(n, 3) poses along a pattern of 10 ms inputs from zero, once through."""
     x, dt = np.zeros(3), 0.01
     path = [x]
     for k in range(round(period / dt)):

@@ -133,7 +133,7 @@ class Result:
 
 def cost_of(problem: Problem, solution: Solution) -> float:
     """The objective at a solution's unknowns."""
-    return float(kernels.objective(solution.unknowns, *problem.data))
+    return float(kernels.objective(solution.unknowns, problem.data))
 
 
 def measure(contestants: Contestants, problems: Recorded, repetitions: int, console: Console) -> dict[str, Result]:

@@ -110,7 +110,7 @@ def some_problems(landscape: PlanningEnvironment) -> list[Problem]:
 
 
 def kernel_cost(problem: Problem, unknowns: Array) -> float:
-    return float(kernels.objective(unknowns, *problem.data))
+    return float(kernels.objective(unknowns, problem.data))
 
 
 def casadi_cost(problem: Problem) -> tuple[ca.Function, Array]:
@@ -158,7 +158,8 @@ def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: Pla
             unknowns = random_unknowns(problem, rng)
             hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
             upper, lower = np.zeros(size + count), np.zeros(size + count)
-            kernels.linearise(unknowns, *problem.data, hold, still, hessian, gradient, rows, upper, lower)
+            programme = kernels.QuadraticProgramme(hessian, gradient, rows, upper, lower)
+            kernels.linearise(unknowns, problem.data, hold, still, programme)
             soft = slice(size, size + looked + 1)
             gradient -= rows[: looked + 1].T @ np.maximum(lower[soft], 0.0)
             gradient += rows[: looked + 1].T @ np.maximum(-upper[soft], 0.0)
@@ -182,7 +183,8 @@ def test_the_balls_have_the_slope_and_the_curvature_of_norms(
     hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
     upper, lower = np.zeros(size + count), np.zeros(size + count)
     assert problem.hold is not None
-    kernels.linearise(unknowns, *problem.data, problem.hold, multipliers, hessian, gradient, rows, upper, lower)
+    programme = kernels.QuadraticProgramme(hessian, gradient, rows, upper, lower)
+    kernels.linearise(unknowns, problem.data, problem.hold, multipliers, programme)
     U = ca.SX.sym("U", size)
     a, v, norms = [U[3 * i : 3 * i + 3] for i in range(n)], ca.SX(problem.start[3:]), []
     for h, push in zip(lengths, a, strict=True):

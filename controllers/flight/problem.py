@@ -222,7 +222,7 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class PlanSolution:
     """What a solver found, and how."""
 
     accelerations: Array  # (n, 3) [m/s^2]

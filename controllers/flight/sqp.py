@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.controllers.flight import kernels
-from mathnavi.controllers.flight.problem import Problem, Solution
+from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.sim.interfaces.signals import Array
 
 _SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
@@ -47,7 +47,7 @@ class CondensedSqp:
         self._tolerance, self._iteration_limit = tolerance, iteration_limit
         self._workspaces: dict[tuple[int, int, bool], _Workspace] = {}
 
-    def solve(self, problem: Problem, guess: Array) -> Solution | str:
+    def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
         """A solution from ``guess`` (3n + 1,), or the reason why there is none."""
         data, s = tuple(problem.data), problem.stencil
         key = (*s.weights.shape, problem.hold is not None)
@@ -76,7 +76,7 @@ class CondensedSqp:
             return f"the last node stays {violation:.3g} m from where it must be after {iteration} iterations"
         message = "" if converged else f"stopped after {iteration} iterations"
         accelerations = unknowns[:-1].reshape(-1, 3)
-        return Solution(accelerations, float(unknowns[-1]), float(value), converged, iteration, message)
+        return PlanSolution(accelerations, float(unknowns[-1]), float(value), converged, iteration, message)
 
 
 class _Workspace:

@@ -15,8 +15,8 @@ from mathnavi.controllers.flight.problem import (
     LengthToGo,
     Parameters,
     PlanningEnvironment,
+    PlanSolution,
     Problem,
-    Solution,
     proportional,
 )
 from mathnavi.controllers.flight.reference import InteriorPoint
@@ -137,8 +137,8 @@ def random_unknowns(problem: Problem, rng: np.random.Generator) -> Array:
     return np.append(rng.normal(0.0, 8.0, 3 * problem.arcs), rng.uniform(0.0, 60.0))
 
 
-def solved(outcome: Solution | str) -> Solution:
-    assert isinstance(outcome, Solution), outcome
+def solved(outcome: PlanSolution | str) -> PlanSolution:
+    assert isinstance(outcome, PlanSolution), outcome
     return outcome
 
 
@@ -260,7 +260,7 @@ def test_unknown_backends_and_tolerances_are_refused() -> None:
 def test_a_programme_takes_any_number_of_soft_rows_whatever_it_was_set_up_with() -> None:
     # min |x - 1|^2 / 2 + sum_k max(0, x_k)^2 / 2 over the rows given: x_k = 1/2 where there is one, else 1.
     size, capacity = 12, 16
-    programme = sqp._Programme(size, capacity)
+    programme = sqp._DenseProgramme(size, capacity)
     box = np.full(size, 10.0)
     for count in (1, 12, 3, 12, 0, 12):
         found = programme.solve(

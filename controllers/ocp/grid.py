@@ -71,8 +71,8 @@ def equidistributed(n: int, monitor: Callable[[Array], Array], breaks: Array | N
     """N nodes between which the integral of a monitor function w(τ) > 0 is the same (equidistribution, B.3).
 
     ``monitor`` maps fractions (k,) to values (k,). It is sampled densely, and more densely between ``breaks`` (the
-    nodes of the grid that it was computed on), so that a narrow peak is seen. Raises ProblemError if w is not finite and
-    positive.
+    nodes of the grid that it was computed on), so that a narrow peak is found. Raises ProblemError if w is not finite
+    and positive.
     """
     count = check_nodes(n)
     if count == 2:

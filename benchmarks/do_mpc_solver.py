@@ -19,8 +19,8 @@ from mathnavi.controllers.flight.problem import (
     POINTS_ON_MANOEUVRE,
     POINTS_PER_ARC,
     PlanningEnvironment,
+    PlanSolution,
     Problem,
-    Solution,
 )
 from mathnavi.sim.interfaces.signals import Array
 
@@ -45,14 +45,14 @@ class DoMpc:
             x = np.concatenate([x[:3] + h * x[3:] + 0.5 * h * h * a, x[3:] + h * a])
         mpc.opt_x_num["_x", problem.arcs, 0, -1] = np.append(x, guess[-1])
 
-    def solve(self, problem: Problem, guess: Array) -> Solution | str:
+    def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
         mpc = self._mpc
         mpc.make_step(np.append(problem.start, 0.0)[:, None])
         statistics = mpc.solver_stats
         if not statistics["success"]:
             return str(statistics["return_status"])
         inputs = np.array([mpc.opt_x_num["_u", i, 0] for i in range(problem.arcs)]).reshape(problem.arcs, 4)
-        return Solution(inputs[:, :3], float(inputs[-1, 3]), math.nan, True, int(statistics["iter_count"]))
+        return PlanSolution(inputs[:, :3], float(inputs[-1, 3]), math.nan, True, int(statistics["iter_count"]))
 
 
 def _do_mpc(problem: Problem, tolerance: float) -> Any:

@@ -44,7 +44,7 @@ from benchmarks.do_mpc_solver import DoMpc
 from benchmarks.progress import Tell, progress
 from mathnavi.controllers.flight import kernels, plugin
 from mathnavi.controllers.flight.planner import Solver
-from mathnavi.controllers.flight.problem import Problem, Solution
+from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.reference import InteriorPoint
 from mathnavi.controllers.flight.sqp import CondensedSqp
 from mathnavi.sim.interfaces.signals import Array
@@ -86,7 +86,7 @@ class Recorder:
     def __init__(self, solver: Solver, into: Recorded) -> None:
         self._solver, self._into = solver, into
 
-    def solve(self, problem: Problem, guess: Array) -> Solution | str:
+    def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
         if problem.hold is None:
             self._into.append((problem, guess.copy()))
         return self._solver.solve(problem, guess)
@@ -131,9 +131,9 @@ class Result:
         return percentile
 
 
-def cost_of(problem: Problem, solution: Solution) -> float:
+def cost_of(problem: Problem, solution: PlanSolution) -> float:
     """The objective at a solution's unknowns."""
-    return float(kernels.objective(solution.unknowns, *problem.data))
+    return float(kernels.objective(solution.unknowns, problem.data))
 
 
 def measure(contestants: Contestants, problems: Recorded, repetitions: int, console: Console) -> dict[str, Result]:
@@ -157,7 +157,7 @@ def measure(contestants: Contestants, problems: Recorded, repetitions: int, cons
                     began = time.thread_time()
                     outcome = solver.solve(problem, guess)
                     ms[name][repetition, i] = 1e3 * (time.thread_time() - began)
-                    solved = isinstance(outcome, Solution)
+                    solved = isinstance(outcome, PlanSolution)
                     costs[name][i] = cost_of(problem, outcome) if solved else np.nan
                     iterations[name] += [outcome.iterations] if solved else []
                     done += 1

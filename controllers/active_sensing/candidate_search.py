@@ -22,7 +22,7 @@ import math
 import numpy as np
 
 from mathnavi.controllers.active_sensing.belief import Belief
-from mathnavi.controllers.active_sensing.criteria import Criterion
+from mathnavi.controllers.active_sensing.criteria import InputCriterion
 from mathnavi.controllers.active_sensing.kernels import WallTable, clearance, nodes_within, sigma_poses
 from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.models.unicycle.kernels import wrapped
@@ -40,7 +40,9 @@ _STEP = 0.01  # [m] between points whose clearances are compared
 class CandidateSearch:
     """Holds the preferred input for up to ``nodes`` nodes of ``node`` [s] each."""
 
-    def __init__(self, criterion: Criterion, containment: Containment, mission: RangingMission, node: float) -> None:
+    def __init__(
+        self, criterion: InputCriterion, containment: Containment, mission: RangingMission, node: float
+    ) -> None:
         self._criterion, self._containment, self._node = criterion, containment, node
         self._inputs = candidates(mission)
 

@@ -33,7 +33,7 @@ from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 
-class Criterion(Protocol):
+class InputCriterion(Protocol):
     """Ranks candidate inputs."""
 
     def best(self, belief: Belief, inputs: Array, held: Integers) -> tuple[int, float]:

@@ -11,8 +11,8 @@ import numpy as np
 from mathnavi.controllers.active_sensing.belief import BeliefFromEstimates
 from mathnavi.controllers.active_sensing.candidate_search import CandidateSearch, Containment
 from mathnavi.controllers.active_sensing.criteria import (
-    Criterion,
     ExpectedCovariance,
+    InputCriterion,
     RandomChoice,
     SmallestSingularValue,
 )
@@ -106,7 +106,7 @@ PATTERNS: Mapping[str, Callable[[ActiveSensingConfig], Pattern]] = {
 }
 """Modes that fly a pattern, whatever is observed."""
 
-CRITERIA: Mapping[str, Callable[[ActiveSensingConfig, RangingMission], Criterion]] = {
+CRITERIA: Mapping[str, Callable[[ActiveSensingConfig, RangingMission], InputCriterion]] = {
     "active": lambda config, mission: ExpectedCovariance(mission, config.horizon, config.nodes),
     "singular-value": lambda config, mission: SmallestSingularValue(mission),
     "random": lambda config, mission: RandomChoice(np.random.default_rng(config.seed)),

@@ -6,14 +6,15 @@ final climb rate w [m/s]. Every position the problem looks at is affine in U:
 
     p_q = p_1 + S_q v_1 + sum_j C_qj a_j + W_q w e_z .
 
-The array arguments are ``lengths`` (n,) [s], the arcs' h_1 ... h_n, and those of ``problem.PredictionMatrices``
-(geometry in time), ``problem.PlanningEnvironment`` (splines) and ``problem.Problem.packed`` (numbers, by the indices
-below).
+``ProblemData`` is what they read of a problem, ``QuadraticProgramme`` what they fill. The three that the solver calls,
+``begin``, ``linearise`` and ``search``, also take them as plain tuples, which cross into compiled code in a quarter of
+the time.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -34,6 +35,31 @@ _INFINITY = 1e30  # of a bound that is none
 _SLOW = 1e-3  # below this length [m/s, m/s^2] a ball constraint is far from active and has no direction
 
 
+class ProblemData(NamedTuple):
+    """A problem as the kernels read it: state, geometry in time, splines and numbers."""
+
+    start: Array  # (6,) p_1 [m], v_1 [m/s]
+    lengths: Array  # (n,) [s] of the arcs, h_1 ... h_n
+    base: Array  # (Q,) [s] S, of ``problem.PredictionMatrices`` as are the next two
+    weights: Array  # (Q, n) [s^2] C
+    climbs: Array  # (Q,) [s] W
+    terrain: Array  # spline coefficients of the heights [m]
+    ground: Array  # spline coefficients of the cost-to-go's ground [m]
+    ratio: Array  # spline coefficients of tau
+    scales: Array  # (8,) of the cost-to-go's grid, see ``cost_to_go.FactoredCost``
+    packed: Array  # (PACKED_SIZE,) numbers, by the indices above
+
+
+class QuadraticProgramme(NamedTuple):
+    """minimise d'Hd/2 + g'd subject to lower <= (d, rows d) <= upper, in buffers that the kernels fill."""
+
+    hessian: Array  # (3n + 1, 3n + 1) H
+    gradient: Array  # (3n + 1,) g
+    rows: Array  # (m, 3n + 1)
+    upper: Array  # (3n + 1 + m,)
+    lower: Array  # (3n + 1 + m,)
+
+
 @njit(cache=True, nogil=True)
 def _position(out: Array, start: Array, unknowns: Array, s: float, c: Array, climb: float) -> None:
     """Fills p = p_1 + s v_1 + sum_j c_j a_j + climb w e_z."""
@@ -47,33 +73,22 @@ def _position(out: Array, start: Array, unknowns: Array, s: float, c: Array, cli
 
 
 @njit(cache=True, nogil=True)
-def objective(
-    unknowns: Array,
-    start: Array,
-    lengths: Array,
-    base: Array,
-    weights: Array,
-    climbs: Array,
-    terrain: Array,
-    ground: Array,
-    ratio: Array,
-    scales: Array,
-    packed: Array,
-) -> float:
+def objective(unknowns: Array, data: ProblemData) -> float:
     """The problem's cost with its soft penalties.
 
-    ``base`` (Q,), ``weights`` (Q, n), ``climbs`` (Q,) place the Q looked-at points: the clearance points first, then
+    ``base`` (Q,), ``weights`` (Q, n), ``climbs`` (Q,) place the Q points: the clearance points first, then
     the last node, then one last arc's length beyond it.
     """
+    start, lengths, base, weights, climbs, terrain, ground, ratio, scales, packed = data
     n = weights.shape[1]
-    looked = weights.shape[0] - 2
+    count = weights.shape[0] - 2
     p = np.empty(3)
     cost = 0.0
     for j in range(3 * n):
         cost += lengths[j // 3] * unknowns[j] * unknowns[j]
     climb = unknowns[3 * n]
     cost += 0.5 * packed[CLIMB_WEIGHT] * climb * climb
-    for q in range(looked):
+    for q in range(count):
         _position(p, start, unknowns, base[q], weights[q], climbs[q])
         height, _, _ = surface(terrain, p[1] / packed[SPACING], p[0] / packed[SPACING])
         low = height + packed[FLOOR] - p[2]
@@ -81,14 +96,14 @@ def objective(
             cost += 0.5 * packed[TERRAIN_WEIGHT] * low * low
     if packed[WANTED_WEIGHT] > 0.0:
         gradient, hessian = np.empty(3), np.empty((3, 3))
-        _position(p, start, unknowns, base[looked], weights[looked], 0.0)
-        off = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian) - packed[WANTED]
-        cost += 0.5 * packed[WANTED_WEIGHT] * off * off
+        _position(p, start, unknowns, base[count], weights[count], 0.0)
+        error = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian) - packed[WANTED]
+        cost += 0.5 * packed[WANTED_WEIGHT] * error * error
     if packed[PSI] > 0.0:
         gradient, hessian = np.empty(3), np.empty((3, 3))
-        _position(p, start, unknowns, base[looked], weights[looked], 0.0)
+        _position(p, start, unknowns, base[count], weights[count], 0.0)
         here = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian)
-        _position(p, start, unknowns, base[looked + 1], weights[looked + 1], 0.0)
+        _position(p, start, unknowns, base[count + 1], weights[count + 1], 0.0)
         there = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian)
         cost += packed[PSI] * here
         far = (there - here) * packed[PSI] / (lengths[n - 1] * packed[BETA]) + 1.0 + packed[EPSILON]
@@ -98,40 +113,45 @@ def objective(
 
 
 @njit(cache=True, nogil=True)
-def end_violation(
-    unknowns: Array, start: Array, base: Array, weights: Array, climbs: Array, packed: Array, hold: Array
-) -> float:
-    """How far the ends are from where they must be [m]: the last node and the manoeuvre's end on the map, and the last
-    node at ``hold`` (3,) [m] unless that is empty."""
-    looked, p = weights.shape[0] - 2, np.empty(3)
-    away = 0.0
-    for q in (looked - 1, looked):
+def end_violation(unknowns: Array, data: ProblemData, hold: Array) -> float:
+    """Largest violation [m] of the conditions at the ends.
+
+    The last node and the manoeuvre's end are to be on the map, and the last node at ``hold`` (3,) [m] unless that is
+    empty.
+    """
+    start, base, weights, climbs, packed = data.start, data.base, data.weights, data.climbs, data.packed
+    count, p = weights.shape[0] - 2, np.empty(3)
+    violation = 0.0
+    for q in (count - 1, count):
         _position(p, start, unknowns, base[q], weights[q], climbs[q])
-        away = max(away, BORDER - p[0], p[0] + BORDER - packed[WIDTH], BORDER - p[1], p[1] + BORDER - packed[DEPTH])
+        west, east = BORDER - p[0], p[0] + BORDER - packed[WIDTH]
+        south, north = BORDER - p[1], p[1] + BORDER - packed[DEPTH]
+        violation = max(violation, west, east, south, north)
     if hold.size > 0:
         for axis in range(3):
-            away = max(away, abs(p[axis] - hold[axis]))
-    return away
+            violation = max(violation, abs(p[axis] - hold[axis]))
+    return violation
 
 
 @njit(cache=True, nogil=True)
-def project(unknowns: Array, start: Array, lengths: Array, packed: Array, out: Array) -> None:
+def project(unknowns: Array, data: ProblemData, out: Array) -> None:
     """Fills ``out`` with unknowns near the given ones that keep every bound on speed, acceleration and manoeuvre.
 
     Velocities are pulled into the ball |v_i| <= v_max, then approached with |a_i| <= a_max, node by node; a node within
     the ball is reached from within the ball, so both bounds hold. w = 0 is always within reach of the manoeuvre.
     """
+    start, lengths, packed = data.start, data.lengths, data.packed
     n = (unknowns.shape[0] - 1) // 3
     v_max, a_max = packed[SPEED], packed[ACCELERATION]
-    wanted, v, a = start[3:6].copy(), start[3:6].copy(), np.empty(3)
+    desired, v, a = start[3:6].copy(), start[3:6].copy(), np.empty(3)
     for i in range(n):
         h = lengths[i]
         for axis in range(3):
-            wanted[axis] += h * unknowns[3 * i + axis]
-        length = math.sqrt(wanted[0] * wanted[0] + wanted[1] * wanted[1] + wanted[2] * wanted[2])
+            desired[axis] += h * unknowns[3 * i + axis]
+        length = math.sqrt(desired[0] * desired[0] + desired[1] * desired[1] + desired[2] * desired[2])
         pull = v_max / length if length > v_max else 1.0
         for axis in range(3):
-            a[axis] = (pull * wanted[axis] - v[axis]) / h
+            a[axis] = (pull * desired[axis] - v[axis]) / h
         length = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
         pull = a_max / length if length > a_max else 1.0
         for axis in range(3):
@@ -143,54 +163,16 @@ def project(unknowns: Array, start: Array, lengths: Array, packed: Array, out: A
 
 
 @njit(cache=True, nogil=True)
-def search(
-    unknowns: Array,
-    step: Array,
-    merit: float,
-    decrease: float,
-    penalty: float,
-    start: Array,
-    lengths: Array,
-    base: Array,
-    weights: Array,
-    climbs: Array,
-    terrain: Array,
-    ground: Array,
-    ratio: Array,
-    scales: Array,
-    packed: Array,
-    hold: Array,
-    out: Array,
-) -> tuple[float, float, bool]:
-    """Backtracking from the full step along the projected line until merit = cost + penalty * away falls enough.
-
-    ``decrease`` is what the quadratic model promises of the full step. Fills ``out``; returns its cost, its away [m]
-    and whether the merit fell.
-    """
-    length = 1.0
-    while True:
-        project(unknowns + length * step, start, lengths, packed, out)
-        cost = objective(out, start, lengths, base, weights, climbs, terrain, ground, ratio, scales, packed)
-        away = end_violation(out, start, base, weights, climbs, packed, hold)
-        if cost + penalty * away <= merit - _SUFFICIENT * length * max(decrease, 0.0):
-            return cost, away, True
-        length *= 0.5
-        if length < _SHORTEST:
-            return cost, away, False
-
-
-@njit(cache=True, nogil=True)
-def model_decrease(
-    step: Array, hessian: Array, gradient: Array, rows: Array, upper: Array, lower: Array, soft: int
-) -> float:
-    """How far the quadratic programme's objective falls from d = 0 to ``step``; its first ``soft`` rows are soft."""
+def _model_decrease(step: Array, programme: QuadraticProgramme, soft: int) -> float:
+    """Decrease of the quadratic programme's objective from d = 0 to ``step``; its first ``soft`` rows are soft."""
+    hessian, gradient, rows, upper, lower = programme
     size = step.shape[0]
     decrease = 0.0
     for j in range(size):
-        bend = 0.0
+        product = 0.0
         for k in range(size):
-            bend += hessian[j, k] * step[k]
-        decrease -= step[j] * (gradient[j] + 0.5 * bend)
+            product += hessian[j, k] * step[k]
+        decrease -= step[j] * (gradient[j] + 0.5 * product)
     for r in range(soft):
         along = 0.0
         for k in range(size):
@@ -202,25 +184,50 @@ def model_decrease(
 
 
 @njit(cache=True, nogil=True)
-def linearise(
+def begin(guess: Array, known: tuple[Array, ...], hold: Array, out: Array) -> tuple[float, float]:
+    """Fill ``out`` with the projected guess; its cost and its violation [m]."""
+    data = ProblemData(*known)
+    project(guess, data, out)
+    return objective(out, data), end_violation(out, data, hold)
+
+
+@njit(cache=True, nogil=True)
+def search(
     unknowns: Array,
-    start: Array,
-    lengths: Array,
-    base: Array,
-    weights: Array,
-    climbs: Array,
-    terrain: Array,
-    ground: Array,
-    ratio: Array,
-    scales: Array,
-    packed: Array,
+    cost: float,
+    violation: float,
+    step: Array,
+    penalty: float,
+    soft: int,
+    quadratic: tuple[Array, ...],
+    known: tuple[Array, ...],
     hold: Array,
-    multipliers: Array,
-    hessian: Array,
-    gradient: Array,
-    rows: Array,
-    upper: Array,
-    lower: Array,
+    out: Array,
+) -> tuple[float, float, float, bool]:
+    """Backtracking from the full step along the projected line until merit = cost + penalty * violation falls enough.
+
+    ``cost`` and ``violation`` [m] are those of the unknowns; the first ``soft`` rows of the programme are soft. Fills
+    ``out``; returns the decrease that the quadratic model promises of the full step, the cost and violation of ``out``
+    and whether the merit fell.
+    """
+    data, programme = ProblemData(*known), QuadraticProgramme(*quadratic)
+    decrease = penalty * violation + _model_decrease(step, programme, soft)
+    merit = cost + penalty * violation
+    length = 1.0
+    while True:
+        project(unknowns + length * step, data, out)
+        cost = objective(out, data)
+        violation = end_violation(out, data, hold)
+        if cost + penalty * violation <= merit - _SUFFICIENT * length * max(decrease, 0.0):
+            return decrease, cost, violation, True
+        length *= 0.5
+        if length < _SHORTEST:
+            return decrease, cost, violation, False
+
+
+@njit(cache=True, nogil=True)
+def linearise(
+    unknowns: Array, known: tuple[Array, ...], hold: Array, multipliers: Array, quadratic: tuple[Array, ...]
 ) -> bool:
     """Fill the quadratic programme of one step d:
 
@@ -230,43 +237,43 @@ def linearise(
     manoeuvre, map borders, hold. ``hold`` is empty, or the point (3,) [m] that the last node must meet.
 
     H is the Hessian of the Lagrangian, but for the terrain's curvature: ``multipliers`` (2n + 1,) are those of the
-    speed, acceleration and manoeuvre rows in the step before, which bend the balls behind their tangent planes. Where
+    speed, acceleration and manoeuvre rows in the step before, which curve the balls behind their tangent planes. Where
     the terminal cost is not convex, as much of its curvature stays as H remains positive definite with. Returns
     whether all of it stayed.
     """
+    data, programme = ProblemData(*known), QuadraticProgramme(*quadratic)
+    lengths, weights = data.lengths, data.weights
+    hessian = programme.hessian
     n = weights.shape[1]
-    lost = np.zeros((3 * n + 1, 3 * n + 1))
-    turns = np.zeros((n, 3, 3))  # the Lagrangian's curvature in v_2 ... v_N
+    clipped = np.zeros((3 * n + 1, 3 * n + 1))
+    curvatures = np.zeros((n, 3, 3))  # the Lagrangian's curvature in v_2 ... v_N
     hessian[:] = 0.0
-    rows[:] = 0.0
-    _own_terms(unknowns, lengths, packed, hessian, gradient, upper, lower)
-    _clearance_rows(unknowns, start, base, weights, climbs, terrain, packed, rows, upper, lower)
-    clipped = _terminal_terms(
-        unknowns, start, lengths, base, weights, ground, ratio, scales, packed, hessian, lost, gradient, rows, upper,
-        lower,
-    )  # fmt: skip
+    programme.rows[:] = 0.0
+    _own_terms(unknowns, data, programme)
+    _clearance_rows(unknowns, data, programme)
+    is_clipped = _terminal_terms(unknowns, data, programme, clipped)
     row = weights.shape[0] - 1
-    row = _ball_rows(unknowns, start, lengths, packed, multipliers, row, hessian, turns, rows, upper, lower)
+    row = _ball_rows(unknowns, data, multipliers, row, programme, curvatures)
     # v_i = v_1 + h_1 a_1 + ... + h_(i-1) a_(i-1): a_j and a_m meet in every velocity after both.
     for i in range(n - 2, -1, -1):
         for a in range(3):
             for b in range(3):
-                turns[i, a, b] += turns[i + 1, a, b]
+                curvatures[i, a, b] += curvatures[i + 1, a, b]
     for j in range(n):
         for m in range(n):
             for a in range(3):
                 for b in range(3):
-                    hessian[3 * j + a, 3 * m + b] += lengths[j] * lengths[m] * turns[max(j, m), a, b]
-    whole = not clipped or _restore(hessian, lost)
-    _end_rows(unknowns, start, base, weights, climbs, packed, hold, row, rows, upper, lower)
-    return whole
+                    hessian[3 * j + a, 3 * m + b] += lengths[j] * lengths[m] * curvatures[max(j, m), a, b]
+    is_exact = not is_clipped or _convexify(hessian, clipped)
+    _end_rows(unknowns, data, hold, row, programme)
+    return is_exact
 
 
 @njit(cache=True, nogil=True)
-def _own_terms(
-    unknowns: Array, lengths: Array, packed: Array, hessian: Array, gradient: Array, upper: Array, lower: Array
-) -> None:
-    """Of every unknown by itself: its quadratic cost, and its bounds."""
+def _own_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme) -> None:
+    """Fill the quadratic cost of each unknown by itself, and its bounds."""
+    lengths, packed = data.lengths, data.packed
+    hessian, gradient, upper, lower = programme.hessian, programme.gradient, programme.upper, programme.lower
     n = lengths.shape[0]
     v_max, a_max = packed[SPEED], packed[ACCELERATION]
     for j in range(3 * n):
@@ -280,23 +287,14 @@ def _own_terms(
 
 
 @njit(cache=True, nogil=True)
-def _clearance_rows(
-    unknowns: Array,
-    start: Array,
-    base: Array,
-    weights: Array,
-    climbs: Array,
-    terrain: Array,
-    packed: Array,
-    rows: Array,
-    upper: Array,
-    lower: Array,
-) -> None:
-    """Clearance, soft: z - H(x, y) >= floor at the points that are looked at, the first rows."""
-    n, looked = weights.shape[1], weights.shape[0] - 2
+def _clearance_rows(unknowns: Array, data: ProblemData, programme: QuadraticProgramme) -> None:
+    """Clearance, soft: z - H(x, y) >= floor at the clearance points, the first rows."""
+    start, _, base, weights, climbs, terrain, _, _, _, packed = data
+    rows, upper, lower = programme.rows, programme.upper, programme.lower
+    n, count = weights.shape[1], weights.shape[0] - 2
     size, p = 3 * n + 1, np.empty(3)
     scale = math.sqrt(packed[TERRAIN_WEIGHT])
-    for q in range(looked):
+    for q in range(count):
         _position(p, start, unknowns, base[q], weights[q], climbs[q])
         height, height_v, height_u = surface(terrain, p[1] / packed[SPACING], p[0] / packed[SPACING])
         hx, hy = height_u / packed[SPACING], height_v / packed[SPACING]
@@ -309,83 +307,67 @@ def _clearance_rows(
 
 
 @njit(cache=True, nogil=True)
-def _terminal_terms(
-    unknowns: Array,
-    start: Array,
-    lengths: Array,
-    base: Array,
-    weights: Array,
-    ground: Array,
-    ratio: Array,
-    scales: Array,
-    packed: Array,
-    hessian: Array,
-    lost: Array,
-    gradient: Array,
-    rows: Array,
-    upper: Array,
-    lower: Array,
-) -> bool:
-    """The length to go that is wanted; terminal cost and the target approaching controls of Definition A.1, soft.
+def _terminal_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme, clipped: Array) -> bool:
+    """The length to go that is desired; terminal cost and the target approaching controls of Definition A.1, soft.
 
-    Returns whether curvature that is not convex went to ``lost``.
+    Returns whether curvature that is not convex went to ``clipped``.
     """
-    n, looked = weights.shape[1], weights.shape[0] - 2
-    size, row = 3 * n + 1, looked
-    p, slope, bend = np.empty(3), np.empty(3), np.empty((3, 3))
-    clipped = False
+    start, lengths, base, weights, _, _, ground, ratio, scales, packed = data
+    hessian, gradient, rows, upper, lower = programme
+    n, count = weights.shape[1], weights.shape[0] - 2
+    size, row = 3 * n + 1, count
+    p, slope, curvature = np.empty(3), np.empty(3), np.empty((3, 3))
+    is_clipped = False
     upper[size + row], lower[size + row] = _INFINITY, -_INFINITY
     if packed[WANTED_WEIGHT] > 0.0:
-        weight, end = packed[WANTED_WEIGHT], weights[looked]
-        _position(p, start, unknowns, base[looked], weights[looked], 0.0)
-        off = length_to_go(ground, ratio, scales, p[0], p[1], p[2], slope, bend) - packed[WANTED]
+        weight, end = packed[WANTED_WEIGHT], weights[count]
+        _position(p, start, unknowns, base[count], weights[count], 0.0)
+        error = length_to_go(ground, ratio, scales, p[0], p[1], p[2], slope, curvature) - packed[WANTED]
         for j in range(n):
             for a in range(3):
-                gradient[3 * j + a] += weight * off * end[j] * slope[a]
+                gradient[3 * j + a] += weight * error * end[j] * slope[a]
                 for m in range(n):
                     for b in range(3):
                         hessian[3 * j + a, 3 * m + b] += weight * end[j] * slope[a] * end[m] * slope[b]
-        clipped = _add_curvature(hessian, lost, end, weight * off, bend)
+        is_clipped = _add_curvature(hessian, clipped, end, weight * error, curvature)
     if packed[PSI] > 0.0:
-        psi, end = packed[PSI], weights[looked]
-        beyond, bend_beyond = np.empty(3), np.empty((3, 3))
-        _position(p, start, unknowns, base[looked], weights[looked], 0.0)
-        here = length_to_go(ground, ratio, scales, p[0], p[1], p[2], slope, bend)
-        _position(p, start, unknowns, base[looked + 1], weights[looked + 1], 0.0)
-        there = length_to_go(ground, ratio, scales, p[0], p[1], p[2], beyond, bend_beyond)
+        psi, end = packed[PSI], weights[count]
+        beyond, curvature_beyond = np.empty(3), np.empty((3, 3))
+        _position(p, start, unknowns, base[count], weights[count], 0.0)
+        here = length_to_go(ground, ratio, scales, p[0], p[1], p[2], slope, curvature)
+        _position(p, start, unknowns, base[count + 1], weights[count + 1], 0.0)
+        there = length_to_go(ground, ratio, scales, p[0], p[1], p[2], beyond, curvature_beyond)
         unit = psi / (lengths[n - 1] * packed[BETA])
         scale = math.sqrt(packed[APPROACH_WEIGHT])
         far = (there - here) * unit + 1.0 + packed[EPSILON]
         for j in range(n):
             for a in range(3):
                 gradient[3 * j + a] += psi * end[j] * slope[a]
-                rows[row, 3 * j + a] = scale * unit * (weights[looked + 1, j] * beyond[a] - end[j] * slope[a])
+                rows[row, 3 * j + a] = scale * unit * (weights[count + 1, j] * beyond[a] - end[j] * slope[a])
         upper[size + row] = -scale * far
         pressed = packed[APPROACH_WEIGHT] * max(far, 0.0) * unit
-        clipped = _add_curvature(hessian, lost, end, psi - pressed, bend) or clipped
+        is_clipped = _add_curvature(hessian, clipped, end, psi - pressed, curvature) or is_clipped
         if pressed > 0.0:
-            clipped = _add_curvature(hessian, lost, weights[looked + 1], pressed, bend_beyond) or clipped
-    return clipped
+            is_clipped = _add_curvature(hessian, clipped, weights[count + 1], pressed, curvature_beyond) or is_clipped
+    return is_clipped
 
 
 @njit(cache=True, nogil=True)
 def _ball_rows(
     unknowns: Array,
-    start: Array,
-    lengths: Array,
-    packed: Array,
+    data: ProblemData,
     multipliers: Array,
     row: int,
-    hessian: Array,
-    turns: Array,
-    rows: Array,
-    upper: Array,
-    lower: Array,
+    programme: QuadraticProgramme,
+    curvatures: Array,
 ) -> int:
     """Balls |v_i| <= v_max, |a_i| <= a_max and the manoeuvre's by their tangent planes at the iterate, from ``row``.
 
-    Their curvature goes to ``turns`` (n, 3, 3) of the velocities v_2 ... v_N, and to the Hessian. Returns the next row.
+    Their curvature goes to ``curvatures`` (n, 3, 3) of the velocities v_2 ... v_N, and to the Hessian.
+    Returns the next row.
     """
+    start, lengths, packed = data.start, data.lengths, data.packed
+    hessian, rows, upper, lower = programme.hessian, programme.rows, programme.upper, programme.lower
     n = lengths.shape[0]
     size = 3 * n + 1
     v_max, a_max = packed[SPEED], packed[ACCELERATION]
@@ -400,7 +382,7 @@ def _ball_rows(
             for j in range(i + 1):
                 for axis in range(3):
                     rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
-            _add_norm_hessian(turns[i], v, length, multipliers[i])
+            _add_norm_hessian(curvatures[i], v, length, multipliers[i])
         row += 1
     for i in range(n):
         a0, a1, a2 = unknowns[3 * i], unknowns[3 * i + 1], unknowns[3 * i + 2]
@@ -422,37 +404,27 @@ def _ball_rows(
             for axis in range(3):
                 rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
         rows[row, 3 * n] = -v[2] / length
-        turn = np.zeros((3, 3))
-        _add_norm_hessian(turn, v, length, multipliers[2 * n])
+        end_curvature = np.zeros((3, 3))
+        _add_norm_hessian(end_curvature, v, length, multipliers[2 * n])
         for a in range(3):
             for b in range(3):
-                turns[n - 1, a, b] += turn[a, b]
+                curvatures[n - 1, a, b] += end_curvature[a, b]
         for j in range(n):
             for axis in range(3):
-                hessian[3 * j + axis, 3 * n] -= lengths[j] * turn[axis, 2]
-                hessian[3 * n, 3 * j + axis] -= lengths[j] * turn[axis, 2]
-        hessian[3 * n, 3 * n] += turn[2, 2]
+                hessian[3 * j + axis, 3 * n] -= lengths[j] * end_curvature[axis, 2]
+                hessian[3 * n, 3 * j + axis] -= lengths[j] * end_curvature[axis, 2]
+        hessian[3 * n, 3 * n] += end_curvature[2, 2]
     return row + 1
 
 
 @njit(cache=True, nogil=True)
-def _end_rows(
-    unknowns: Array,
-    start: Array,
-    base: Array,
-    weights: Array,
-    climbs: Array,
-    packed: Array,
-    hold: Array,
-    row: int,
-    rows: Array,
-    upper: Array,
-    lower: Array,
-) -> None:
+def _end_rows(unknowns: Array, data: ProblemData, hold: Array, row: int, programme: QuadraticProgramme) -> None:
     """On the map: the last node and the end of the manoeuvre, from ``row`` on; at ``hold`` the last node."""
-    n, looked = weights.shape[1], weights.shape[0] - 2
+    start, base, weights, climbs, packed = data.start, data.base, data.weights, data.climbs, data.packed
+    rows, upper, lower = programme.rows, programme.upper, programme.lower
+    n, count = weights.shape[1], weights.shape[0] - 2
     size, p = 3 * n + 1, np.empty(3)
-    for q in (looked, looked - 1):
+    for q in (count, count - 1):
         _position(p, start, unknowns, base[q], weights[q], climbs[q])
         for axis in range(2):
             for j in range(n):
@@ -461,10 +433,10 @@ def _end_rows(
             upper[size + row], lower[size + row] = side - BORDER - p[axis], BORDER - p[axis]
             row += 1
     if hold.size > 0:
-        _position(p, start, unknowns, base[looked], weights[looked], 0.0)
+        _position(p, start, unknowns, base[count], weights[count], 0.0)
         for axis in range(3):
             for j in range(n):
-                rows[row, 3 * j + axis] = weights[looked, j]
+                rows[row, 3 * j + axis] = weights[count, j]
             upper[size + row] = lower[size + row] = hold[axis] - p[axis]
             row += 1
 
@@ -480,21 +452,21 @@ def _add_norm_hessian(block: Array, v: Array, length: float, multiplier: float) 
 
 
 @njit(cache=True, nogil=True)
-def _add_curvature(hessian: Array, lost: Array, weights: Array, strength: float, bend: Array) -> bool:
-    """Add the curvature strength * bend (3, 3) in the point sum_j weights_j a_j: its convex part to the Hessian.
+def _add_curvature(hessian: Array, clipped: Array, weights: Array, strength: float, curvature: Array) -> bool:
+    """Add strength * ``curvature`` (3, 3) in the point sum_j weights_j a_j: its convex part to the Hessian.
 
-    The rest goes to ``lost``; returns whether there was any. (Loops, because whole arrays compile for seconds.)
+    The rest goes to ``clipped``; returns whether there was any. (Loops, because whole arrays compile for seconds.)
     """
     convex, rest = np.empty((3, 3)), np.empty((3, 3))
     for a in range(3):
         for b in range(3):
-            rest[a, b] = convex[a, b] = strength * bend[a, b]
+            rest[a, b] = convex[a, b] = strength * curvature[a, b]
     _positive_part(convex)
-    clipped = False
+    is_clipped = False
     for a in range(3):
         for b in range(3):
             rest[a, b] -= convex[a, b]
-            clipped = clipped or rest[a, b] != 0.0
+            is_clipped = is_clipped or rest[a, b] != 0.0
     n = weights.shape[0]
     for j in range(n):
         for m in range(n):
@@ -502,13 +474,13 @@ def _add_curvature(hessian: Array, lost: Array, weights: Array, strength: float,
             for a in range(3):
                 for b in range(3):
                     hessian[3 * j + a, 3 * m + b] += both * convex[a, b]
-                    lost[3 * j + a, 3 * m + b] += both * rest[a, b]
-    return clipped
+                    clipped[3 * j + a, 3 * m + b] += both * rest[a, b]
+    return is_clipped
 
 
 @njit(cache=True, nogil=True)
-def _restore(hessian: Array, lost: Array) -> bool:
-    """Add as much of ``lost`` (all, half, a quarter or nothing) as the Hessian stays positive definite with.
+def _convexify(hessian: Array, clipped: Array) -> bool:
+    """Add as much of ``clipped`` (all, half, a quarter or nothing) as the Hessian stays positive definite with.
 
     Returns whether it was all.
     """
@@ -517,7 +489,7 @@ def _restore(hessian: Array, lost: Array) -> bool:
     for share in (1.0, 0.5, 0.25):
         for i in range(size):
             for j in range(size):
-                trial[i, j] = hessian[i, j] + share * lost[i, j]
+                trial[i, j] = hessian[i, j] + share * clipped[i, j]
         if _is_positive_definite(trial):
             for i in range(size):
                 for j in range(size):

@@ -22,8 +22,8 @@ from mathnavi.controllers.flight.problem import (
     LengthToGo,
     Parameters,
     PlanningEnvironment,
+    PlanSolution,
     Problem,
-    Solution,
     proportional,
 )
 from mathnavi.models.aerial.dynamics import state_at
@@ -42,7 +42,7 @@ Incorporation = Literal["schedule", "constraint", "penalty"]
 class Solver(Protocol):
     """What solves a Problem."""
 
-    def solve(self, problem: Problem, guess: Array) -> Solution | str:
+    def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
         """A solution, or the reason why there is none."""
         ...
 
@@ -124,7 +124,7 @@ class RecedingHorizon:
 
     def _solved(
         self, problem: Problem, current: Plan | None, t_start: float, spent: float
-    ) -> tuple[Solution | str, float]:
+    ) -> tuple[PlanSolution | str, float]:
         """The solver's answer, and the thread CPU time [ms] of it and of what was ``spent`` before."""
         began = time.thread_time()
         solution = self._solver.solve(problem, self._guess(current, t_start, problem))
@@ -157,7 +157,7 @@ class RecedingHorizon:
             return LengthToGo(by_speed)
         return LengthToGo(by_speed, 2.0 * self._arrival_weight / v_max**2, instead=False)
 
-    def _off(self, problem: Problem, solution: Solution) -> float:
+    def _off(self, problem: Problem, solution: PlanSolution) -> float:
         """[s] by which a plan misses what (A.13) asks for; 0 where nothing is."""
         if problem.wanted is None:
             return 0.0
@@ -222,7 +222,7 @@ class RecedingHorizon:
             guess[: 3 * count] = current.u[arc[:count]].ravel()
         return guess
 
-    def _assembled(self, problem: Problem, solution: Solution, t_start: float, solve_ms: float) -> Plan:
+    def _assembled(self, problem: Problem, solution: PlanSolution, t_start: float, solve_ms: float) -> Plan:
         """Optimised arcs, manoeuvre and completion as one plan."""
         parameters = problem.parameters
         arcs = ArcList.begin(t_start, problem.start)
@@ -245,7 +245,7 @@ class RecedingHorizon:
         return dataclasses.replace(plan, notes=("iteration-limit",), message=solution.message)
 
 
-def _exact(problem: Problem, solution: Solution) -> Array:
+def _exact(problem: Problem, solution: PlanSolution) -> Array:
     """The accelerations (n, 3), changed as little as can be so that an exact arrival is exact to rounding."""
     a = solution.accelerations
     if problem.hold is None:

@@ -204,15 +204,25 @@ class Problem:
         return out
 
     @property
-    def data(self) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array, Array, Array]:
-        """What the kernels take beside the unknowns: start, grid, stencil, splines and numbers."""
+    def data(self) -> kernels.ProblemData:
+        """The problem as the kernels read it."""
         s, cost = self.stencil, self.landscape.cost
-        splines = (self.landscape.heights, cost.ground, cost.ratio, cost.scales)
-        return (self.start, s.lengths, s.base, s.weights, s.climbs, *splines, self.packed)
+        return kernels.ProblemData(
+            start=self.start,
+            lengths=s.lengths,
+            base=s.base,
+            weights=s.weights,
+            climbs=s.climbs,
+            terrain=self.landscape.heights,
+            ground=cost.ground,
+            ratio=cost.ratio,
+            scales=cost.scales,
+            packed=self.packed,
+        )
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class PlanSolution:
     """What a solver found, and how."""
 
     accelerations: Array  # (n, 3) [m/s^2]

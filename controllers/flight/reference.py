@@ -22,7 +22,7 @@ import numpy as np
 
 from mathnavi.controllers.flight import kernels
 from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
-from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, Problem, Solution
+from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, PlanSolution, Problem
 from mathnavi.controllers.nlp_solver import (
     IPOPT_WARM_START,
     NlpPlugin,
@@ -293,7 +293,7 @@ class InteriorPoint:
         self._backend, self._tolerance, self._compiled = backend, tolerance, compiled
         self._solvers: dict[_Shape, _Solver] = {}
 
-    def solve(self, problem: Problem, guess: Array) -> Solution | str:
+    def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
         """A solution from ``guess`` (3n + 1,), or the solver's reason why there is none."""
         shape, values = _values(problem)
         if shape not in self._solvers:
@@ -333,7 +333,7 @@ class _Solver:
         self._climb = -shape.last_input
         self._in["lbx"][self._climb] = 0.0  # 0 <= w <= v_max
 
-    def solve(self, problem: Problem, values: list[Array], guess: Array) -> Solution | str:
+    def solve(self, problem: Problem, values: list[Array], guess: Array) -> PlanSolution | str:
         self._in["ubx"][self._climb] = problem.parameters.speed_max
         np.concatenate([value.ravel() for value in values], out=self._in["p"])
         self._in["x0"][:] = _lifted(problem, guess)
@@ -350,7 +350,7 @@ class _Solver:
         cost = float(self._out["f"][0])
         if self._scaled:
             cost *= 1.0 + problem.parameters.beta
-        return Solution(x[self._accelerations], float(x[self._climb]), cost, True, report.iterations)
+        return PlanSolution(x[self._accelerations], float(x[self._climb]), cost, True, report.iterations)
 
     def _forget(self) -> None:
         """Drop the multipliers of a solve that failed."""

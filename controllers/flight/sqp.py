@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.controllers.flight import kernels
-from mathnavi.controllers.flight.problem import Problem, Solution
+from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.sim.interfaces.signals import Array
 
 _SOFT, _EQUALITY = 8, 5  # daqp's constraint senses
@@ -47,43 +47,36 @@ class CondensedSqp:
         self._tolerance, self._iteration_limit = tolerance, iteration_limit
         self._workspaces: dict[tuple[int, int, bool], _Workspace] = {}
 
-    def solve(self, problem: Problem, guess: Array) -> Solution | str:
+    def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
         """A solution from ``guess`` (3n + 1,), or the reason why there is none."""
-        data, s = problem.data, problem.stencil
+        data, s = tuple(problem.data), problem.stencil
         key = (*s.weights.shape, problem.hold is not None)
         if key not in self._workspaces:
             self._workspaces[key] = _Workspace(problem)
-        work, packed = self._workspaces[key], data[-1]
+        work = self._workspaces[key]
+        quadratic = tuple(work.quadratic)
         hold = _NOWHERE if problem.hold is None else problem.hold
         unknowns, trial = np.empty_like(guess), np.empty_like(guess)
-        kernels.project(guess, problem.start, s.lengths, packed, unknowns)
-        value = kernels.objective(unknowns, *data)
-        away = kernels.end_violation(unknowns, problem.start, s.base, s.weights, s.climbs, packed, hold)
+        value, violation = kernels.begin(guess, data, hold, unknowns)
         converged, improved, iteration = False, True, 0
         while improved and not converged and iteration < self._iteration_limit:
             iteration += 1
-            whole = kernels.linearise(
-                unknowns, *data, hold, work.multipliers, work.hessian, work.gradient, work.rows, work.upper, work.lower
-            )
+            is_exact = kernels.linearise(unknowns, data, hold, work.multipliers, quadratic)
             step = work.step()
             if step is None:
                 return _INFEASIBLE
-            penalty = work.penalty
-            decrease = penalty * away + kernels.model_decrease(
-                step, work.hessian, work.gradient, work.rows, work.upper, work.lower, work.soft
+            decrease, trial_value, trial_violation, improved = kernels.search(
+                unknowns, value, violation, step, work.penalty, work.soft, quadratic, data, hold, trial
             )
-            promise = _PROMISE if whole else _PROMISE_NEAR_SADDLE
+            promise = _PROMISE if is_exact else _PROMISE_NEAR_SADDLE
             converged = abs(decrease) <= promise * self._tolerance * (1.0 + abs(value))
-            trial_value, trial_away, improved = kernels.search(
-                unknowns, step, value + penalty * away, decrease, penalty, *data, hold, trial
-            )
             if improved:
-                unknowns, trial, value, away = trial, unknowns, trial_value, trial_away
-        if away > _NEAR:
-            return f"the last node stays {away:.3g} m from where it must be after {iteration} iterations"
+                unknowns, trial, value, violation = trial, unknowns, trial_value, trial_violation
+        if violation > _NEAR:
+            return f"the last node stays {violation:.3g} m from where it must be after {iteration} iterations"
         message = "" if converged else f"stopped after {iteration} iterations"
         accelerations = unknowns[:-1].reshape(-1, 3)
-        return Solution(accelerations, float(unknowns[-1]), float(value), converged, iteration, message)
+        return PlanSolution(accelerations, float(unknowns[-1]), float(value), converged, iteration, message)
 
 
 class _Workspace:
@@ -98,9 +91,13 @@ class _Workspace:
         n, clearance = problem.arcs, len(problem.stencil.base) - 2
         held = 3 if problem.hold is not None else 0
         self._size, count = 3 * n + 1, clearance + 1 + 2 * n + 1 + 4 + held
-        self.hessian, self.gradient = np.zeros((self._size, self._size)), np.zeros(self._size)
-        self.rows = np.zeros((count, self._size))
-        self.upper, self.lower = np.zeros(self._size + count), np.zeros(self._size + count)
+        self.quadratic = kernels.QuadraticProgramme(
+            hessian=np.zeros((self._size, self._size)),
+            gradient=np.zeros(self._size),
+            rows=np.zeros((count, self._size)),
+            upper=np.zeros(self._size + count),
+            lower=np.zeros(self._size + count),
+        )
         self.multipliers = np.zeros(2 * n + 1)  # of the balls |v| <= v_max, |a| <= a_max and the manoeuvre's
         self.penalty = 1.0  # above the sum of the multipliers of the ends, which a projected step may miss
         self.soft = clearance + 1
@@ -121,21 +118,22 @@ class _Workspace:
                 np.full(held, np.inf),
             ]
         )
-        self._programmes: dict[int, _Programme] = {}
+        self._programmes: dict[int, _DenseProgramme] = {}
 
     def step(self) -> Array | None:
         """The solution of the filled quadratic programme, or None."""
         size = self._size
-        near = np.flatnonzero((self.upper[size:] < self._reach) | (self.lower[size:] > -self._reach))
+        hessian, gradient, rows, upper, lower = self.quadratic
+        near = np.flatnonzero((upper[size:] < self._reach) | (lower[size:] > -self._reach))
         capacity = _GRAIN * (1 + len(near) // _GRAIN)
         if capacity not in self._programmes:
-            self._programmes[capacity] = _Programme(size, capacity)
+            self._programmes[capacity] = _DenseProgramme(size, capacity)
         found = self._programmes[capacity].solve(
-            self.hessian,
-            self.gradient,
-            self.rows[near],
-            np.concatenate([self.upper[:size], self.upper[size:][near]]),
-            np.concatenate([self.lower[:size], self.lower[size:][near]]),
+            hessian,
+            gradient,
+            rows[near],
+            np.concatenate([upper[:size], upper[size:][near]]),
+            np.concatenate([lower[:size], lower[size:][near]]),
             self._sense[near],
         )
         if found is None:
@@ -148,7 +146,7 @@ class _Workspace:
         return x
 
 
-class _Programme:
+class _DenseProgramme:
     """A dense quadratic programme of a fixed size, padded with rows that ask for nothing."""
 
     def __init__(self, size: int, capacity: int) -> None:

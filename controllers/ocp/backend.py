@@ -49,7 +49,7 @@ class Options:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class SolverAnswer:
     """Answer of a solver."""
 
     status: Outcome
@@ -75,7 +75,7 @@ class NumericalSolver:
         for name, limits in (("lbx", nlp.x_lower), ("ubx", nlp.x_upper), ("lbg", nlp.lower), ("ubg", nlp.upper)):
             self._in[name][:] = limits
 
-    def solve(self, x_0: Array, known: Array, multipliers: tuple[Array, Array] | None = None) -> Answer:
+    def solve(self, x_0: Array, known: Array, multipliers: tuple[Array, Array] | None = None) -> SolverAnswer:
         """The answer from a guess of the unknowns and, if given, of the multipliers, at the programme's parameters."""
         began = time.perf_counter()
         if not (np.isfinite(x_0).all() and np.isfinite(known).all()):
@@ -89,7 +89,7 @@ class NumericalSolver:
         out = {name: array.copy() for name, array in self._out.items()}
         if not all(np.isfinite(out[name]).all() for name in ("x", "f", "g")):  # FATROP calls even that a success
             return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)
-        return Answer(
+        return SolverAnswer(
             report.outcome,
             report.message,
             out["x"],
@@ -99,9 +99,9 @@ class NumericalSolver:
             1e3 * (time.perf_counter() - began),
         )
 
-    def _failed(self, status: Outcome, message: str, x_0: Array, began: float) -> Answer:
+    def _failed(self, status: Outcome, message: str, x_0: Array, began: float) -> SolverAnswer:
         nothing = np.zeros_like(self._out["lam_x"]), np.zeros_like(self._out["lam_g"])
-        return Answer(status, message, x_0, nothing, np.nan, 0, 1e3 * (time.perf_counter() - began))
+        return SolverAnswer(status, message, x_0, nothing, np.nan, 0, 1e3 * (time.perf_counter() - began))
 
 
 def _last_words(message: str) -> str:

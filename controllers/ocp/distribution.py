@@ -17,6 +17,7 @@ import numpy as np
 from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, Monitor
 from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -198,7 +199,7 @@ class FrontLoaded:
 
     def node_bounds(self, nodes: int) -> tuple[Array, Array]:
         if nodes < 3:
-            raise ValueError(f"nodes = {nodes!r} cannot be front-loaded; allowed: 3 or more")
+            raise ProblemError(f"nodes = {nodes!r} cannot be front-loaded; allowed: 3 or more")
         lower, upper = _anywhere(nodes)
         upper[self._first(nodes - 1)] = self.share_of_time
         return lower, upper
@@ -209,21 +210,24 @@ class FrontLoaded:
 
 
 def constants_guess(
-    distribution: NodeDistribution, relative_widths: Array, duration: float, chords: Array, turns: Array
+    distribution: NodeDistribution, relative_widths: Array, duration: float, chords: Array, second_derivatives: Array
 ) -> Array:
     """(constants,) values of s that meet the constraints best on a guess.
 
-    ``relative_widths`` (N - 1,), ``chords`` and ``turns`` (N - 1, nx): the meshes of the guess. The constraints are
-    linear in s, so this is a linear least-squares problem.
+    ``relative_widths`` (N - 1,), ``chords`` and ``second_derivatives`` (N - 1, nx): the meshes of the guess.
+    The constraints are linear in s, so this is a linear least-squares problem.
     """
     count, nx = chords.shape
     if not distribution.constants:
         return np.empty(0)
-    D, index, chord, turn = ca.SX.sym("D"), ca.SX.sym("i"), ca.SX.sym("chord", nx), ca.SX.sym("turn", nx)
+    D, index, chord, second = ca.SX.sym("D"), ca.SX.sym("i"), ca.SX.sym("chord", nx), ca.SX.sym("second", nx)
     s = ca.SX.sym("s", distribution.constants)
-    residual = distribution.constraints(Mesh(count, index, D, ca.SX(duration), chord, turn), s)
+    residual = distribution.constraints(Mesh(count, index, D, ca.SX(duration), chord, second), s)
     at_zero = ca.substitute(residual, s, ca.SX.zeros(distribution.constants))
-    function = ca.Function("c", [D, index, chord, turn], [at_zero, ca.jacobian(residual, s)])
-    pairs = [function(D_i, i, c, k) for i, (D_i, c, k) in enumerate(zip(relative_widths, chords, turns, strict=True))]
+    function = ca.Function("c", [D, index, chord, second], [at_zero, ca.jacobian(residual, s)])
+    pairs = [
+        function(D_i, i, c, k)
+        for i, (D_i, c, k) in enumerate(zip(relative_widths, chords, second_derivatives, strict=True))
+    ]
     c_0, slopes = np.vstack([c.full() for c, _ in pairs])[:, 0], np.vstack([slope.full() for _, slope in pairs])
     return np.array(np.linalg.lstsq(slopes, -c_0, rcond=None)[0])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 _DENSE = 2001  # samples of a monitor function in an equidistributed grid
@@ -44,7 +45,7 @@ def uniform(n: int) -> Grid:
 def stretched(n: int, ratio: float) -> Grid:
     """N nodes, each interval ``ratio`` times the one before: dense now, sparse later (Example B.2's intent)."""
     if not (math.isfinite(ratio) and ratio > 0.0):
-        raise ValueError(f"grid: ratio = {ratio!r}; allowed: a finite value > 0")
+        raise ProblemError(f"grid: ratio = {ratio!r}; allowed: a finite value > 0")
     widths = ratio ** np.arange(check_nodes(n) - 1, dtype=float)
     return from_widths(widths)
 
@@ -53,7 +54,7 @@ def given(nodes: Sequence[float] | Array) -> Grid:
     """Any nodes in [0, T'], T' > 0, scaled to fractions."""
     values = np.asarray(nodes, float)
     if values.ndim != 1 or len(values) < 2 or not values[-1] > values[0]:
-        raise ValueError(f"grid: nodes = {values.tolist()}; allowed: at least two numbers that increase")
+        raise ProblemError(f"grid: nodes = {values.tolist()}; allowed: at least two numbers that increase")
     fractions = (values - values[0]) / (values[-1] - values[0])
     return Grid(fractions)
 
@@ -70,8 +71,8 @@ def equidistributed(n: int, monitor: Callable[[Array], Array], breaks: Array | N
     """N nodes between which the integral of a monitor function w(τ) > 0 is the same (equidistribution, B.3).
 
     ``monitor`` maps fractions (k,) to values (k,). It is sampled densely, and more densely between ``breaks`` (the
-    nodes of the grid that it was computed on), so that a narrow peak is seen. Raises ValueError if w is not finite and
-    positive.
+    nodes of the grid that it was computed on), so that a narrow peak is found. Raises ProblemError if w is not finite
+    and positive.
     """
     count = check_nodes(n)
     if count == 2:
@@ -83,7 +84,7 @@ def equidistributed(n: int, monitor: Callable[[Array], Array], breaks: Array | N
     middles = 0.5 * (samples[:-1] + samples[1:])
     w = np.asarray(monitor(middles), float)
     if w.shape != middles.shape or not np.isfinite(w).all() or (w <= 0.0).any():
-        raise ValueError(f"monitor: values between {np.min(w)!r} and {np.max(w)!r}; allowed: finite numbers > 0")
+        raise ProblemError(f"monitor: values between {np.min(w)!r} and {np.max(w)!r}; allowed: finite numbers > 0")
     mass = np.concatenate([[0.0], np.cumsum(w * np.diff(samples))])
     nodes = np.interp(np.linspace(0.0, mass[-1], count), mass, samples)
     nodes[0], nodes[-1] = 0.0, 1.0
@@ -99,5 +100,5 @@ def split(grid: Grid, parts: Sequence[int]) -> Grid:
 def check_nodes(n: int) -> int:
     """N, if it is at least 2."""
     if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 2:
-        raise ValueError(f"nodes = {n!r}; allowed: a whole number N >= 2")
+        raise ProblemError(f"nodes = {n!r}; allowed: a whole number N >= 2")
     return int(n)

@@ -16,4 +16,4 @@ class Mesh:
     relative_width: ca.SX  # D_i
     duration: ca.SX  # T [s]
     chord: ca.SX  # (nx,) S^-1 (x_{i+1} - x_i)
-    turn: ca.SX  # (nx,) S^-1 T^2 (f_{i+1} - f_i) / d_i, the second derivative with respect to τ = t / T
+    second_derivative: ca.SX  # (nx,) S^-1 T^2 (f_{i+1} - f_i) / d_i with respect to τ = t / T

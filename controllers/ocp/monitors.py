@@ -14,6 +14,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -37,9 +38,9 @@ class Monitor:
         return self.measure(mesh, epsilon)
 
     def check_measure(self) -> None:
-        """ValueError for a monitor that cannot be part of a programme."""
+        """ProblemError for a monitor that cannot be part of a programme."""
         if self.measure is None:
-            raise ValueError(f"monitor = {self.name!r} has no measure; allowed: one that has, or a redistribution")
+            raise ProblemError(f"monitor = {self.name!r} has no measure; allowed: one that has, or a redistribution")
 
 
 def _arclength_density(solution: Solution, tau: Array, epsilon: float) -> Array:
@@ -61,7 +62,7 @@ def _curvature_density(solution: Solution, tau: Array, epsilon: float) -> Array:
 
 def _curvature_measure(mesh: Mesh, epsilon: float) -> ca.SX:
     """D (ε + |Δx~' / Δτ|^2)^(1/4)."""
-    return mesh.relative_width * (epsilon + ca.sumsqr(mesh.turn)) ** 0.25
+    return mesh.relative_width * (epsilon + ca.sumsqr(mesh.second_derivative)) ** 0.25
 
 
 def _local_error_density(solution: Solution, tau: Array, epsilon: float) -> Array:

@@ -30,7 +30,7 @@ RELATIVE_WIDTHS = (0.02, 20.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class ProgrammeLayout:
     """Where in the vector of unknowns what lies."""
 
     problem: OptimalControlProblem
@@ -112,7 +112,7 @@ class Layout:
 class Programme:
     """min f(x, p) subject to lower <= g(x, p) <= upper and bounds on x."""
 
-    layout: Layout
+    layout: ProgrammeLayout
     x: ca.MX  # (layout.size,)
     p: ca.MX  # (np + N - 1,) parameters of the problem, then D on a fixed grid
     assembly: Assembly  # f, g and their derivatives
@@ -131,7 +131,7 @@ class Programme:
 
 def programme(problem: OptimalControlProblem, scheme: Scheme, distribution: NodeDistribution, nodes: int) -> Programme:
     """The programme."""
-    layout = Layout(problem, scheme, nodes, distribution.moving, distribution.constants)
+    layout = ProgrammeLayout(problem, scheme, nodes, distribution.moving, distribution.constants)
     count, nz, stride = nodes - 1, layout.state_size, layout.state_size + layout.input_size
     x = ca.MX.sym("x", layout.size)
     parameters = ca.MX.sym("p", len(problem.parameters))
@@ -201,7 +201,7 @@ class _Part:
         return Block(self.v, self.data, self.rows, self.cost, columns, places, known)
 
 
-def _interval(layout: Layout, distribution: NodeDistribution) -> _Part:
+def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Part:
     """Rows of an interval, scaled: its gap, the scheme's inner equations, what holds along it."""
     problem, scheme, count = layout.problem, layout.scheme, layout.nodes - 1
     nx, nu = problem.nx, problem.nu
@@ -234,7 +234,10 @@ def _interval(layout: Layout, distribution: NodeDistribution) -> _Part:
         relative_width=relative,
         duration=duration,
         chord=(reached - x_0) / problem.state_scale,
-        turn=duration**2 / d * (rates(reached, U[-1], t + d)[0] - rates(x_0, U[0], t)[0]) / problem.state_scale,
+        second_derivative=duration**2
+        / d
+        * (rates(reached, U[-1], t + d)[0] - rates(x_0, U[0], t)[0])
+        / problem.state_scale,
     )
     owned = list(zip(interval.states, U, scheme.points, strict=True))[: layout.own_points]
     along = [problem.path(x, u, t + c * d, p) for x, u, c in owned]
@@ -264,7 +267,7 @@ def bounded_states(problem: OptimalControlProblem) -> list[int]:
     return np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist()
 
 
-def _along_bounds(layout: Layout, distribution: NodeDistribution) -> tuple[Array, Array]:
+def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[Array, Array]:
     """Limits of the path constraints of an interval, in the order of the stage function.
 
     States at nodes and interior states are unknowns and bounded as such; a midpoint that is an expression is not.
@@ -286,7 +289,7 @@ def _sample_mesh(problem: OptimalControlProblem) -> Mesh:
     return Mesh(1, ca.SX(0), one, one, column, column)
 
 
-def _start(layout: Layout) -> _Part:
+def _start(layout: ProgrammeLayout) -> _Part:
     """i(x(0); p)."""
     problem = layout.problem
     z, p = ca.SX.sym("z", layout.state_size), ca.SX.sym("p", len(problem.parameters))
@@ -294,7 +297,7 @@ def _start(layout: Layout) -> _Part:
     return _Part(z, p, rows, ca.SX(0), *problem.initial_bounds)
 
 
-def _end(layout: Layout) -> _Part:
+def _end(layout: ProgrammeLayout) -> _Part:
     """What holds at the last node, and the terminal cost."""
     problem = layout.problem
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.last_input_size)
@@ -316,7 +319,7 @@ def _end(layout: Layout) -> _Part:
     return _Part(ca.vertcat(z, w), p, rows, problem.terminal_cost(x, duration, p), lower, upper)
 
 
-def _variable_bounds(layout: Layout, distribution: NodeDistribution) -> tuple[Array, Array]:
+def _variable_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tuple[Array, Array]:
     """Bounds on the scaled unknowns."""
     problem, n = layout.problem, layout.nodes
     duration = np.array(problem.duration_bounds)[:, None] if layout.free_duration else np.empty((2, 0))

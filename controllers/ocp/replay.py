@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from mathnavi.controllers.ocp.solution import Replay, Solution
+from mathnavi.controllers.ocp.solution import ReplayResult, Solution
 from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import weights
 from mathnavi.models.buffered_function import BufferedFunction
@@ -43,7 +43,7 @@ def replayed(solution: Solution) -> Solution:
     return solution.with_replay(found, 1e3 * (time.perf_counter() - began))
 
 
-def _replay(solution: Solution, *, by_intervals: bool) -> Replay:
+def _replay(solution: Solution, *, by_intervals: bool) -> ReplayResult:
     problem, scale = solution.problem, solution.problem.state_scale
     starts, y, cost, violation, defects = solution.x / scale, solution.x[0] / scale, 0.0, 0.0, 0.0
     for i in range(solution.nodes - 1):
@@ -51,7 +51,7 @@ def _replay(solution: Solution, *, by_intervals: bool) -> Replay:
             y = starts[i]
         path = _integrated(solution, i, y)
         if path is None:
-            return Replay(math.inf, math.inf, math.inf, math.nan, np.full(problem.nx, np.nan), by_intervals)
+            return ReplayResult(math.inf, math.inf, math.inf, math.nan, np.full(problem.nx, np.nan), by_intervals)
         states, gained = path
         violation = max(violation, _violation(solution, i, states * scale))
         cost += gained
@@ -60,7 +60,7 @@ def _replay(solution: Solution, *, by_intervals: bool) -> Replay:
     miss = defects if by_intervals else float(np.abs(y - starts[-1]).max())
     end = y * scale
     cost += float(problem.terminal_cost(end, solution.duration, solution.parameters))
-    return Replay(max(miss, violation), miss, violation, cost, end, by_intervals)
+    return ReplayResult(max(miss, violation), miss, violation, cost, end, by_intervals)
 
 
 def _integrated(solution: Solution, i: int, y: Array) -> tuple[Array, float] | None:

@@ -35,7 +35,7 @@ class Timing:
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayResult:
     """The control flown through the true dynamics, from the solution's own start (see ``replay``)."""
 
     value: float  # what the gate looks at: the largest of the two below
@@ -68,7 +68,7 @@ class Solution:
     iterations: int
     timing: Timing
     method: str = "direct"
-    replay: Replay | None = None
+    replay: ReplayResult | None = None
 
     @property
     def ok(self) -> bool:
@@ -162,7 +162,7 @@ class Solution:
             rates = np.diff(self.x, axis=0) / (widths[:, None] * self.duration)
         return CubicSpline(tau, rates * self.duration / self.problem.state_scale, axis=0)
 
-    def with_replay(self, replay: Replay, replay_ms: float) -> Solution:
+    def with_replay(self, replay: ReplayResult, replay_ms: float) -> Solution:
         """The same with its replay."""
         return dataclasses.replace(self, replay=replay, timing=self.timing + Timing(replay_ms=replay_ms))
 

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from mathnavi.controllers.ocp.backend import Answer, NumericalSolver
+from mathnavi.controllers.ocp.backend import NumericalSolver, SolverAnswer
 from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.grid import Grid, from_widths
@@ -19,6 +19,7 @@ from mathnavi.controllers.ocp.nlp import programme
 from mathnavi.controllers.ocp.solution import Solution, Timing, along
 from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 FIXED = Fixed()
@@ -38,7 +39,7 @@ class Transcription:
     ) -> None:
         began = time.perf_counter()
         if options.backend.startswith("fatrop") and not scheme.explicit:
-            raise ValueError(
+            raise ProblemError(
                 f"backend = {options.backend!r} cannot solve {scheme.name}: x_(i+1) is not given explicitly; "
                 "allowed: forward Euler, multiple shooting, or backend = 'ipopt'"
             )
@@ -62,13 +63,13 @@ class Transcription:
         p = self.problem.nominal if parameters is None else parameters
         where = grid or (guess.grid if guess is not None else Grid(np.linspace(0.0, 1.0, self.nodes)))
         if len(where) != self.nodes:
-            raise ValueError(f"grid: {len(where)} nodes; allowed: the {self.nodes} of this transcription")
+            raise ProblemError(f"grid: {len(where)} nodes; allowed: the {self.nodes} of this transcription")
         if p.shape != self.problem.nominal.shape:
-            raise ValueError(
+            raise ProblemError(
                 f"parameters: shape {p.shape}; allowed: {self.problem.nominal.shape}, one for each parameter"
             )
         if guess is not None and (guess.problem.nx, guess.problem.nu) != (self.problem.nx, self.problem.nu):
-            raise ValueError(
+            raise ProblemError(
                 f"guess: a solution of {guess.problem.name} with {guess.problem.nx} states and {guess.problem.nu} "
                 f"controls; allowed: {self.problem.nx} and {self.problem.nu}"
             )
@@ -76,7 +77,7 @@ class Transcription:
         x_0 = self._unknowns(guess, where, p)
         return self._read(self.solver.solve(x_0, known), where, p)
 
-    def _read(self, answer: Answer, grid: Grid, p: Array) -> Solution:
+    def _read(self, answer: SolverAnswer, grid: Grid, p: Array) -> Solution:
         """The solution in an answer."""
         layout, problem, scheme = self.layout, self.problem, self.scheme
         nx, nu, count = problem.nx, problem.nu, self.nodes - 1
@@ -127,9 +128,9 @@ class Transcription:
             z.append(np.full((n, 1), T))
         if layout.constants:
             rates = along(problem, x, np.vstack([u.reshape(n - 1, -1)[:, : problem.nu], last]), grid.nodes * T, p)
-            turns = np.diff(rates, axis=0) * T / grid.widths[:, None] / problem.state_scale
+            second_derivatives = np.diff(rates, axis=0) * T / grid.widths[:, None] / problem.state_scale
             chords = np.diff(x, axis=0) / problem.state_scale
-            z.append(np.tile(constants_guess(self.distribution, D, T, chords, turns), (n, 1)))
+            z.append(np.tile(constants_guess(self.distribution, D, T, chords, second_derivatives), (n, 1)))
         w = [u.reshape(n - 1, -1), hidden.reshape(n - 1, -1)]
         if layout.moving:
             z.append(grid.nodes[:, None])

@@ -30,6 +30,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 _MOST_DURATION = 1e9  # [s] beyond which a final time is no number to search among
@@ -95,9 +96,9 @@ class OptimalControlProblem:
         for name, value in parameters.items():
             if name not in self.parameters:
                 known = ", ".join(self.parameters) or "none"
-                raise ValueError(f"{self.name}: parameter {name!r} is not known; allowed: {known}")
+                raise ProblemError(f"{self.name}: parameter {name!r} is not known; allowed: {known}")
             if not math.isfinite(value):
-                raise ValueError(f"{self.name}: parameter {name} = {value!r}; allowed: a finite number")
+                raise ProblemError(f"{self.name}: parameter {name} = {value!r}; allowed: a finite number")
             values[self.parameters.index(name)] = value
         return values
 

@@ -60,13 +60,13 @@ def refine(
         grid = split(grid, _parts(errors, tolerance, len(scheme.points) + 1, most_nodes - len(grid)))
     reached = "at most" if errors.max() <= tolerance else "still"
     message = f"local error {reached} {errors.max():.2g} on {current.nodes} nodes"
-    told = replayed(dataclasses.replace(current, method="refinement", message=message, timing=timing))
-    if told.replay is not None and told.replay.value <= LEAST:
-        return told
-    even = solve(problem, told.nodes, scheme=scheme, guess=told, parameters=parameters, options=options)
+    refined = replayed(dataclasses.replace(current, method="refinement", message=message, timing=timing))
+    if refined.replay is not None and refined.replay.value <= LEAST:
+        return refined
+    even = solve(problem, refined.nodes, scheme=scheme, guess=refined, parameters=parameters, options=options)
     spent = even.timing.build_ms + even.timing.solve_ms + even.timing.replay_ms
-    told = dataclasses.replace(told, timing=told.timing + Timing(gate_ms=spent))
-    return gated(told, even, "refinement") if even.ok else told
+    refined = dataclasses.replace(refined, timing=refined.timing + Timing(gate_ms=spent))
+    return gated(refined, even, "refinement") if even.ok else refined
 
 
 def _parts(errors: Array, tolerance: float, power: int, spare: int) -> list[int]:

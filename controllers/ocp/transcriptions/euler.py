@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.transcriptions.scheme import Interval, Rates
+from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,6 @@ class Euler:
 
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
-    ) -> Interval:
+    ) -> IntervalEquations:
         f, cost = rates(x_0, U[0], t)
-        return Interval(x_0 + d * f, ca.SX(0, 1), d * cost, (x_0,))
+        return IntervalEquations(x_0 + d * f, ca.SX(0, 1), d * cost, (x_0,))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.transcriptions.scheme import Interval, Rates
+from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class HermiteSimpson:
 
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
-    ) -> Interval:
+    ) -> IntervalEquations:
         (f_0, cost_0), (f_1, cost_1) = rates(x_0, U[0], t), rates(x_1, U[2], t + d)
         x_c = (x_0 + x_1) / 2 + d * (f_0 - f_1) / 8
         f_c, cost_c = rates(x_c, U[1], t + d / 2)
-        return Interval(
+        return IntervalEquations(
             flow=x_0 + d * (f_0 + 4 * f_c + f_1) / 6,
             inner=ca.SX(0, 1),
             cost=d * (cost_0 + 4 * cost_c + cost_1) / 6,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.transcriptions.scheme import Interval, Rates
+from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates
 from mathnavi.models.runge_kutta import classical_sum, halfway
 
 
@@ -33,7 +33,7 @@ class MultipleShooting:
 
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
-    ) -> Interval:
+    ) -> IntervalEquations:
         h, x, cost = d / self.steps, x_0, ca.SX(0)
         for k in range(self.steps):
             now = t + k * h
@@ -42,4 +42,4 @@ class MultipleShooting:
             f_3, l_3 = rates(halfway(x, h, f_2), U[0], now + h / 2)
             f_4, l_4 = rates(x + h * f_3, U[0], now + h)
             x, cost = classical_sum(x, h, f_1, f_2, f_3, f_4), classical_sum(cost, h, l_1, l_2, l_3, l_4)
-        return Interval(x, ca.SX(0, 1), cost, (x_0,))
+        return IntervalEquations(x, ca.SX(0, 1), cost, (x_0,))

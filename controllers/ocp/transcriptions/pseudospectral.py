@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import Legendre
 
-from mathnavi.controllers.ocp.transcriptions.scheme import Interval, Rates, integral_weights
+from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates, integral_weights
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class LegendreGaussLobatto:
 
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
-    ) -> Interval:
+    ) -> IntervalEquations:
         states = (x_0, *X, x_1)
         pairs = [rates(x, u, t + c * d) for x, u, c in zip(states, U, self.points, strict=True)]
 
@@ -65,7 +65,7 @@ class LegendreGaussLobatto:
             return x_0 + d * sum((a * f for a, (f, _) in zip(row, pairs, strict=True)), ca.SX(0))
 
         inner = [reached(row) - x for row, x in zip(A[1:-1], X, strict=True)]
-        return Interval(
+        return IntervalEquations(
             flow=reached(A[-1]),
             inner=ca.vertcat(*inner) if inner else ca.SX(0, 1),
             cost=d * sum((a * cost for a, (_, cost) in zip(A[-1], pairs, strict=True)), ca.SX(0)),

@@ -25,7 +25,7 @@ Rates = Callable[[ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
 
 
 @dataclass(frozen=True, eq=False)
-class Interval:
+class IntervalEquations:
     """The equations of one interval."""
 
     flow: ca.SX  # (nx,) what x_1 must be; of an explicit scheme it does not depend on x_1
@@ -74,7 +74,7 @@ class Scheme(Hashable, Protocol):
 
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
-    ) -> Interval:
+    ) -> IntervalEquations:
         """The equations over [t, t + d]."""
         ...
 
@@ -97,9 +97,9 @@ def _basis(points: tuple[float, ...], at: Array) -> Array:
     c = np.array(points)
     # Products of many differences in [0, 1] underflow; only their ratios matter, so each counts four times.
     barycentric = 1.0 / np.prod(4.0 * (c[:, None] - c[None, :]) + np.eye(len(c)), axis=1)
-    away = at[:, None] - c
-    hit = np.abs(away) < 1e-15
+    difference = at[:, None] - c
+    hit = np.abs(difference) < 1e-15
     exact = hit.any(axis=1)[:, None]
-    terms = barycentric / np.where(exact, 1.0, away)
+    terms = barycentric / np.where(exact, 1.0, difference)
     values: Array = np.where(exact, hit, terms / np.where(exact, 1.0, terms.sum(axis=1, keepdims=True)))
     return values

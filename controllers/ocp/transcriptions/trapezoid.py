@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.transcriptions.scheme import Interval, Rates
+from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,6 @@ class Trapezoid:
 
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
-    ) -> Interval:
+    ) -> IntervalEquations:
         (f_0, cost_0), (f_1, cost_1) = rates(x_0, U[0], t), rates(x_1, U[1], t + d)
-        return Interval(x_0 + d * (f_0 + f_1) / 2, ca.SX(0, 1), d * (cost_0 + cost_1) / 2, (x_0, x_1))
+        return IntervalEquations(x_0 + d * (f_0 + f_1) / 2, ca.SX(0, 1), d * (cost_0 + cost_1) / 2, (x_0, x_1))

@@ -10,7 +10,7 @@ from mathnavi.controllers.flight.certificate import Certificate, pass_time
 from mathnavi.controllers.flight.cost_to_go import REFERENCE_SPEED
 from mathnavi.controllers.flight.planner import RecedingHorizon, Solver
 from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
-from mathnavi.controllers.flight.problem import Problem, Solution
+from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.models.aerial.dynamics import input_at, state_at
 from mathnavi.sim.interfaces.protocols import Planner
@@ -35,7 +35,7 @@ class Recorder:
     def __init__(self, solver: Solver, asked: Asked) -> None:
         self._solver, self._asked = solver, asked
 
-    def solve(self, problem: Problem, guess: Array) -> Solution | str:
+    def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
         self._asked.append((problem, guess.copy()))
         return self._solver.solve(problem, guess)
 

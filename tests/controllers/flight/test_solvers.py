@@ -15,8 +15,8 @@ from mathnavi.controllers.flight.problem import (
     LengthToGo,
     Parameters,
     PlanningEnvironment,
+    PlanSolution,
     Problem,
-    Solution,
     proportional,
 )
 from mathnavi.controllers.flight.reference import InteriorPoint
@@ -110,7 +110,7 @@ def some_problems(landscape: PlanningEnvironment) -> list[Problem]:
 
 
 def kernel_cost(problem: Problem, unknowns: Array) -> float:
-    return float(kernels.objective(unknowns, *problem.data))
+    return float(kernels.objective(unknowns, problem.data))
 
 
 def casadi_cost(problem: Problem) -> tuple[ca.Function, Array]:
@@ -137,8 +137,8 @@ def random_unknowns(problem: Problem, rng: np.random.Generator) -> Array:
     return np.append(rng.normal(0.0, 8.0, 3 * problem.arcs), rng.uniform(0.0, 60.0))
 
 
-def solved(outcome: Solution | str) -> Solution:
-    assert isinstance(outcome, Solution), outcome
+def solved(outcome: PlanSolution | str) -> PlanSolution:
+    assert isinstance(outcome, PlanSolution), outcome
     return outcome
 
 
@@ -158,7 +158,8 @@ def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: Pla
             unknowns = random_unknowns(problem, rng)
             hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
             upper, lower = np.zeros(size + count), np.zeros(size + count)
-            kernels.linearise(unknowns, *problem.data, hold, still, hessian, gradient, rows, upper, lower)
+            programme = kernels.QuadraticProgramme(hessian, gradient, rows, upper, lower)
+            kernels.linearise(unknowns, problem.data, hold, still, programme)
             soft = slice(size, size + looked + 1)
             gradient -= rows[: looked + 1].T @ np.maximum(lower[soft], 0.0)
             gradient += rows[: looked + 1].T @ np.maximum(-upper[soft], 0.0)
@@ -182,7 +183,8 @@ def test_the_balls_have_the_slope_and_the_curvature_of_norms(
     hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
     upper, lower = np.zeros(size + count), np.zeros(size + count)
     assert problem.hold is not None
-    kernels.linearise(unknowns, *problem.data, problem.hold, multipliers, hessian, gradient, rows, upper, lower)
+    programme = kernels.QuadraticProgramme(hessian, gradient, rows, upper, lower)
+    kernels.linearise(unknowns, problem.data, problem.hold, multipliers, programme)
     U = ca.SX.sym("U", size)
     a, v, norms = [U[3 * i : 3 * i + 3] for i in range(n)], ca.SX(problem.start[3:]), []
     for h, push in zip(lengths, a, strict=True):
@@ -258,7 +260,7 @@ def test_unknown_backends_and_tolerances_are_refused() -> None:
 def test_a_programme_takes_any_number_of_soft_rows_whatever_it_was_set_up_with() -> None:
     # min |x - 1|^2 / 2 + sum_k max(0, x_k)^2 / 2 over the rows given: x_k = 1/2 where there is one, else 1.
     size, capacity = 12, 16
-    programme = sqp._Programme(size, capacity)
+    programme = sqp._DenseProgramme(size, capacity)
     box = np.full(size, 10.0)
     for count in (1, 12, 3, 12, 0, 12):
         found = programme.solve(

@@ -15,7 +15,7 @@ from rich.text import Text
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.statistics import Band, Rate
 from mathnavi.sim.records.store import Record
-from mathnavi.sim.records.sweep_data import PATH_RATIO, TrialGroup, Sweep, format_numbers, format_value
+from mathnavi.sim.records.sweep_data import PATH_RATIO, Sweep, TrialGroup, format_numbers, format_value
 
 # What is shown first: of a flight these, of another scenario what comes first.
 FLIGHT_EVENTS = ("success", "any ground contacts", "below h_min", "late or not arrived", "recorded failure")

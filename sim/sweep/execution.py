@@ -63,8 +63,8 @@ def run_trials(
     goes on from there. A trial that is asked for twice runs once. What is returned names files as ``trials`` do, though
     the store may have their content under other names.
 
-    Raises ValueError for bad arguments and a cluster that does not answer, StoreWriteError if the store can no longer be
-    written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the cluster
+    Raises ValueError for bad arguments and a cluster that does not answer, StoreWriteError if the store can no longer
+    be written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the cluster
     is gone.
     """
     if workers < 1:

@@ -64,8 +64,8 @@ def run_trials(
     the store may have their content under other names.
 
     Raises ValueError for bad arguments and a cluster that does not answer, StoreWriteError if the store can no longer
-    be written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the cluster
-    is gone.
+    be written, RefusedError if the sources or a file have changed since the keys were made, and LostError if the
+    cluster is gone.
     """
     if workers < 1:
         raise ValueError(f"workers = {workers!r}; allowed: a whole number >= 1")

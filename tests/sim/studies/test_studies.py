@@ -23,7 +23,7 @@ from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_
 from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, some
 from mathnavi.sim.sweep import execution, serve
 from mathnavi.sim.sweep.child import StoppedError
-from mathnavi.sim.sweep.task import Ended, Task
+from mathnavi.sim.sweep.task import Ended, SweepTask
 from mathnavi.sim.sweep.trial import Trial
 
 SMALLEST: dict[str, dict[str, int]] = {
@@ -141,7 +141,7 @@ class Here:
     def __init__(self) -> None:
         self._stopped = False
 
-    def run(self, task: Task, key: str, timeout: float | None) -> Ended:
+    def run(self, task: SweepTask, key: str, timeout: float | None) -> Ended:
         if self._stopped:
             raise StoppedError
         assert timeout is None

@@ -22,7 +22,7 @@ from multiprocessing import Pipe
 from threading import Lock
 
 from mathnavi.sim.sweep.serve import comparable
-from mathnavi.sim.sweep.task import Ended, Task
+from mathnavi.sim.sweep.task import Ended, SweepTask
 
 START = "import sys; sys.path[:] = sys.argv[2:]; from mathnavi.sim.sweep.serve import main; main(int(sys.argv[1]))"
 # One thread each, so that children do not compete and no sum depends on the number of cores; and no order of a set
@@ -66,7 +66,7 @@ class Worker:
         self._lock = Lock()
 
     def run(
-        self, task: Task, key: str, timeout: float | None = None, stopped: Callable[[], bool] = lambda: False
+        self, task: SweepTask, key: str, timeout: float | None = None, stopped: Callable[[], bool] = lambda: False
     ) -> Ended:
         """The record of a task that may take ``timeout`` [s], not counting what numba compiles.
 
@@ -113,7 +113,7 @@ class Worker:
             self._child = None
 
     @staticmethod
-    def _failed(task: Task, key: str, status: str, error: Exception) -> Ended:
+    def _failed(task: SweepTask, key: str, status: str, error: Exception) -> Ended:
         record: Ended = task.record(key, status, error=str(error))
         return record
 

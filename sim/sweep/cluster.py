@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
-from mathnavi.sim.sweep.task import Ended, Message, Task
+from mathnavi.sim.sweep.task import Ended, Message, SweepTask
 
 PATIENCE = 5.0  # [s] for the scheduler to answer
 HOW_TO_INSTALL = "a cluster needs the extra `cluster`: pip install -e '.[cluster]'"
@@ -67,7 +67,7 @@ class DaskCluster:
         self._futures: list[Any] = []
         self._stopped = False
 
-    def start(self, tasks: Mapping[str, Task], timeout: float | None, report: Callable[[Message], None]) -> None:
+    def start(self, tasks: Mapping[str, SweepTask], timeout: float | None, report: Callable[[Message], None]) -> None:
         run = partial(execute, timeout=timeout, folder=os.getcwd(), path=own_path())
         self._futures = self._client.map(run, list(tasks.values()), list(tasks), pure=False)
         for (key, task), future in zip(tasks.items(), self._futures, strict=True):
@@ -87,7 +87,7 @@ class DaskCluster:
             self._client.cancel(self._futures)
             self._client.run(close_idle_workers, on_error="ignore")
 
-    def _ended(self, task: Task, key: str, report: Callable[[Message], None], future: Any) -> None:
+    def _ended(self, task: SweepTask, key: str, report: Callable[[Message], None], future: Any) -> None:
         if self._stopped:
             return
         try:
@@ -114,7 +114,7 @@ _idle: list[tuple[Place, Worker]] = []  # of this Dask worker: what runs no task
 _guard = threading.Lock()
 
 
-def execute(task: Task, key: str, *, timeout: float | None, folder: str, path: list[str]) -> Ended:
+def execute(task: SweepTask, key: str, *, timeout: float | None, folder: str, path: list[str]) -> Ended:
     """Run a task in a child process of this Dask worker, from the client's folder if it is there too."""
     known = module_path()
     place = (folder if os.path.isdir(folder) else None, (*known, *(entry for entry in path if entry not in known)))

@@ -40,7 +40,7 @@ def _stranger(name: str) -> str:
         folders = [Path(folder) for folder in module.__path__]
         return _digest((name, folder, file) for folder in folders for file in _files(folder) if file.suffix == ".py")
     if module.__file__ is None:
-        raise ValueError(f"the plug-ins of module {name!r} come from no file, so no result can be told from another's")
+        raise ValueError(f"the plug-ins of module {name!r} come from no file; allowed: modules with sources")
     file = Path(module.__file__)
     return _digest([(name, file.parent, file)])
 

@@ -1,4 +1,4 @@
-"""When numba compiles, which it does only where its cache holds nothing."""
+"""Reports of compilation by numba, which happens only where its cache holds nothing."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from mathnavi.sim.records.store import TRANSIENT, Ending, Record, Store, StoreWr
 from mathnavi.sim.sweep.child import StoppedError, Worker, module_path
 from mathnavi.sim.sweep.cluster import DaskCluster
 from mathnavi.sim.sweep.job import Job, job_keys
-from mathnavi.sim.sweep.task import Backend, Ended, Message, Task
+from mathnavi.sim.sweep.task import Backend, Ended, Message, SweepTask
 from mathnavi.sim.sweep.trial import Trial, keys
 
 
@@ -61,7 +61,7 @@ def run_trials(
     cluster is gone.
     """
     asked = keys(trials)
-    by_key: dict[str, Task] = dict(zip(asked, trials, strict=True))
+    by_key: dict[str, SweepTask] = dict(zip(asked, trials, strict=True))
     _run_missing(by_key, store.endings(), store, workers, cluster, timeout, retry, progress)
     return [trial.renamed(record) for trial, record in zip(trials, store.records(asked), strict=True)]
 
@@ -81,13 +81,13 @@ def run_jobs(
     Arguments, interruption and exceptions as for ``run_trials``.
     """
     asked = job_keys(jobs)
-    by_key: dict[str, Task] = dict(zip(asked, jobs, strict=True))
+    by_key: dict[str, SweepTask] = dict(zip(asked, jobs, strict=True))
     _run_missing(by_key, store.job_endings(), store, workers, cluster, timeout, retry, progress)
     return store.jobs(asked)
 
 
 def _run_missing(
-    tasks: Mapping[str, Task],
+    tasks: Mapping[str, SweepTask],
     stored: Mapping[str, Ending],
     store: Store,
     workers: int,
@@ -117,7 +117,7 @@ class _Sweep:
 
     def __init__(
         self,
-        tasks: Mapping[str, Task],
+        tasks: Mapping[str, SweepTask],
         found: Mapping[str, Ending],
         store: Store,
         retry: bool,
@@ -187,8 +187,8 @@ class LocalWorkers:
         self._workers: list[Worker] = []
         self._threads: list[threading.Thread] = []
 
-    def start(self, tasks: Mapping[str, Task], timeout: float | None, report: Callable[[Message], None]) -> None:
-        waiting: SimpleQueue[tuple[str, Task]] = SimpleQueue()
+    def start(self, tasks: Mapping[str, SweepTask], timeout: float | None, report: Callable[[Message], None]) -> None:
+        waiting: SimpleQueue[tuple[str, SweepTask]] = SimpleQueue()
         for item in tasks.items():
             waiting.put(item)
 

@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.sim.sweep.compilation import compilation_reported
-from mathnavi.sim.sweep.task import Ended, Task
+from mathnavi.sim.sweep.task import Ended, SweepTask
 
 Send = Callable[[str, Any], None]
 
@@ -75,7 +75,7 @@ def _hear(connection: Connection[Any, Any], requests: SimpleQueue[bytes]) -> Non
 
 def _answer(request: bytes, send: Send) -> None:
     try:
-        task: Task
+        task: SweepTask
         task, key = pickle.loads(request)
         same = task.key == key
     except Exception as error:
@@ -97,7 +97,7 @@ def _answer(request: bytes, send: Send) -> None:
     send("ended", record)
 
 
-def _run(task: Task, key: str) -> Ended:
+def _run(task: SweepTask, key: str) -> Ended:
     began = time.perf_counter()
     timings: dict[str, float | None] = {}
     try:

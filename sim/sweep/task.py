@@ -12,7 +12,7 @@ Ended = Record | JobRecord
 Message = Ended | BaseException | None  # None: a worker waits until numba has compiled its kernels
 
 
-class Task(Protocol):
+class SweepTask(Protocol):
     """A computation that any process can repeat from what the task itself says."""
 
     WALL_TIME: ClassVar[str]  # the timing under which the duration of the whole task is recorded
@@ -43,7 +43,7 @@ class Task(Protocol):
 class Backend(Protocol):
     """Runs tasks somewhere, and reports each as it ends, from threads of its own."""
 
-    def start(self, tasks: Mapping[str, Task], timeout: float | None, report: Callable[[Message], None]) -> None:
+    def start(self, tasks: Mapping[str, SweepTask], timeout: float | None, report: Callable[[Message], None]) -> None:
         """Begin; ``tasks`` by their keys, each with at most ``timeout`` [s]."""
         ...
 

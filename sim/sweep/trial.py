@@ -1,4 +1,4 @@
-"""One trial: a scenario with its plug-ins, every field resolved, and a seed. What it is called by is what is in it.
+"""One trial: a scenario with its plug-ins, every field resolved, and a seed. Its key is the hash of its content.
 
 A scenario may have a static ``inputs(config) -> dict[str, str]``: for each field, by its dotted name, that names a
 file, the digest of what is in the file. A digest depends on that field only. In the key it stands for the field.

@@ -1,7 +1,7 @@
 """Fleets under faults hit neither the ground nor each other, and what separation costs.
 
 Solvers fail, messages are lost, late and doubled, and for a while half of the fleet does not hear the other. What is
-judged is the truth of MuJoCo, between the looks of the log too.
+judged is the truth of MuJoCo, between the samples of the log too.
 """
 
 from __future__ import annotations

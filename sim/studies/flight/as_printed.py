@@ -1,8 +1,8 @@
 """The planner as printed, low over the ground: what "safe" means when it is asked at the nodes only.
 
-The print imposes the clearance at sampling instants, N of them a plan, and proves that a feasible sequence of plans
+The thesis imposes the clearance at sampling instants, N of them a plan, and proves that a feasible sequence of plans
 never collides (Propositions A.1 to A.3). Between two instants the vehicle is somewhere, too: over every arc of every
-plan that was flown, this study takes the exact least clearance and asks whether both ends of the arc would have told.
+plan that was flown, this study takes the exact least clearance and asks whether both its ends would have shown it.
 """
 
 from __future__ import annotations

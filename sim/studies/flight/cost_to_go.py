@@ -1,7 +1,7 @@
 """A.5: the terminal cost: how fast it is built and changed, how far its metric is off, and whether its gradient
 arrives.
 
-The print's figures, on its grid of 33 x 33 x 5 nodes in MATLAB: 15.8 s to build graph and cost, 1.5 s to change them. A
+The thesis' figures, on its grid of 33 x 33 x 5 nodes in MATLAB: 15.8 s to build graph and cost, 1.5 s to change them. A
 start of the gradient flow is stuck if the flow does not come within 200 m of the target. Targets are drawn; a radar
 stands either in the way, further from the target than it sees, or over the target itself. The error of the metric is
 that of the graph's 26 neighbours on flat, empty ground: the length of its paths over the straight line.

@@ -1,6 +1,6 @@
 """Tables A.1 and A.2, Figure A.5: what a longer prediction horizon buys, and what it costs.
 
-The same missions are flown with T_p = 5, 10, 15 and 20 s, N = T_p / h + 1 nodes at h = 5/3 s. The print's column
+The same missions are flown with T_p = 5, 10, 15 and 20 s, N = T_p / h + 1 nodes at h = 5/3 s. The thesis' column
 ||a||_2 is taken to be sqrt(sum_k |a_k|^2) over the flown accelerations of the nodes; its unit is unknown, ours is
 m/s^2.
 """

@@ -1,15 +1,15 @@
 """Figure A.4: run-time against the number of nodes, and the strip of useful prediction horizons.
 
 (a) Mean and largest time of one replan against N, over a range of horizons, each the median over the missions.
-(b) Each pair (N, T_p), h = T_p / (N - 1), falls into one of the print's four areas:
+(b) Each pair (N, T_p), h = T_p / (N - 1), falls into one of the thesis' four areas:
 
     A  infeasible: two sampling instants lie further apart than d_max, d = max |p_k - p_(k-1)| > d_max (A.8);
     B  feasible, not optimal: a smaller T_p in C at the same N has a lower cost;
     C  the strip to choose from;
     D  infeasible: h is less than the mean run-time.
 
-The print leaves d_max open; here it is 750 m, three quarters of what a vehicle at v_max covers in 10/3 s. The cost of a
-mission is what the planner minimises, sum h |a|^2 + beta times the time of flight.
+The thesis leaves d_max open; here it is 750 m, three quarters of what a vehicle at v_max covers in 10/3 s. The cost of
+a mission is what the planner minimises, sum h |a|^2 + beta times the time of flight.
 """
 
 from __future__ import annotations

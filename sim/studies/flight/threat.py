@@ -1,7 +1,7 @@
 """Figure A.6: a radar of 10 km stands in the middle of the way; does the planner keep out of its sight?
 
 Each mission is flown unaware of the radar, and aware of it with two weights of the threat in the terminal cost. The
-exposure is the time in the radar's line of sight over the true terrain. What the print says of the height is measured
+exposure is the time in the radar's line of sight over the true terrain. The thesis' statement on the height is measured
 where it says it: within one and a half radii of the radar.
 """
 

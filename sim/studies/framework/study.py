@@ -150,10 +150,12 @@ def logged_run(mission: Trial, key: str) -> RunResult:
     if mission.key != key:
         raise ValueError(f"trial {key} is now {mission.key}; allowed: sources and files as they were")
     outcome = mission.flown()
-    for agent in outcome.recording.agents.values():
-        agent.solve_ms.clear()
-        agent.plans[:] = [(t, replace(plan, solve_ms=np.nan)) for t, plan in agent.plans]
-    return replace(outcome, summary={name: v for name, v in outcome.summary.items() if not is_wall_clock(name)})
+    agents = {
+        name: replace(agent, solve_ms=[], plans=[(t, replace(plan, solve_ms=np.nan)) for t, plan in agent.plans])
+        for name, agent in outcome.recording.agents.items()
+    }
+    summary = {name: value for name, value in outcome.summary.items() if not is_wall_clock(name)}
+    return replace(outcome, recording=replace(outcome.recording, agents=agents), summary=summary)
 
 
 def _last_line(error: str | None) -> str:

@@ -2,8 +2,8 @@
 
 N nodes, Hermite-Simpson, one and three redistributions of the uniform solution, without the replay gate. Two figures as
 ratios to the uniform solution at the same N: the control error, the relative L2 distance of the controls over their
-scales to a solution on many nodes, and the miss of the replay in the true dynamics. The print claims that the arclength
-is the most efficient of the monitor functions.
+scales to a solution on many nodes, and the miss of the replay in the true dynamics. The thesis claims that the
+arclength is the most efficient of the monitor functions.
 """
 
 from __future__ import annotations
@@ -171,13 +171,13 @@ def _claim(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Claim:
     every = np.array([_of(rows, m.name, max(ROUNDS), "control_error_ratio") for m in others])
     ranked = np.nan_to_num(every, nan=np.inf)
     first = int(((ranked.argmin(axis=0) == 0) & np.isfinite(ranked[0])).sum())
-    told = ", ".join(f"{name} {mean:.2f}" for name, mean in means.items())
+    by_monitor = ", ".join(f"{name} {mean:.2f}" for name, mean in means.items())
     return Claim(
         "B.arclength-best-problems", "printed",
         "The arclength monitor function is the most efficient among all choices.", "B.3",
         f"the least control error of {len(others)} monitor functions on each of {len(names)} problems",
         f"the least on {first} of {len(names)}; geometric mean of the ratio to uniform after {max(ROUNDS)} "
-        f"redistributions: {told}",
+        f"redistributions: {by_monitor}",
         first == len(names),
     )  # fmt: skip
 

@@ -177,12 +177,12 @@ def _excess(row: Mapping[str, Any]) -> float:
 def _claim(best: Mapping[str, Mapping[str, Any]], reached: Sequence[str], config: OcpProblemsConfig) -> Claim:
     most = max(row["nodes"] for row in best.values())
     missed = [f"{name} {_excess(row):.2g} times" for name, row in best.items() if name not in reached]
-    told = f"{len(reached)} of {len(best)}, with at most {most} nodes"
+    counted = f"{len(reached)} of {len(best)}, with at most {most} nodes"
     return Claim(
         "ocp.all", "target", "Every problem of the literature is solved by some adaptive method.", "1.1, B.3",
         f"each of {len(PROBLEMS)} within {config.nodes} nodes, J and replayed J to 1e-4 of the optimum (1e-3 for "
         "tumour and alp rider, Goddard relative to h - 1)",
-        told + (f"; the tolerance is missed by {', '.join(missed)}" if missed else ""),
+        counted + (f"; the tolerance is missed by {', '.join(missed)}" if missed else ""),
         None if len(best) < len(PROBLEMS) and not missed else not missed,
     )  # fmt: skip
 

@@ -175,13 +175,13 @@ def _claims(products: Array, at_zero: float, table: Mapping[str, tuple[float, fl
 
 def _sign_claim(at_zero: Mapping[CurvatureName, list[float]], fastest: float) -> Claim:
     """Evaluate the claim on S = 0 itself, with the sign of C as (D.6) has it."""
-    told = "; ".join(
+    found = "; ".join(
         f"{NAMES[term]}: " + ", ".join(f"{value:.4g}" for value in at_zero[term]) for term in ("plus-one", "minus-one")
     )
     return Claim(
         "D.contraction-sign", "printed", "With C = 1 the observer is contractive around S = 0.", "D.4.3",
         "U = 0: the largest eigenvalue of W^-1 L on S = 0 is negative for every eta, C = 1 as (D.6) has it",
-        f"for |eta| = {', '.join(f'{speed:g}' for speed in SPEEDS)}: {told}; C = 1 contracts to |eta| = {fastest:.2f} "
+        f"for |eta| = {', '.join(f'{speed:g}' for speed in SPEEDS)}: {found}; C = 1 contracts to |eta| = {fastest:.2f} "
         "only. It is C = -1 that the statement is true of: (D.20) has the sign of its C terms reversed",
         max(at_zero["plus-one"]) < 0.0,
     )  # fmt: skip

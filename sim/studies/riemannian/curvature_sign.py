@@ -1,7 +1,7 @@
-"""What sign the curvature term of (D.6) needs: C = -1, that of Theorem D.2, none, and C = 1.
+"""The sign that the curvature term of (D.6) needs: C = -1, that of Theorem D.2, none, and C = 1.
 
 A point is forced over S^3 and over H^2, and the observer starts where it is, at rest. How many runs have converged
-depends on when one looks and on the force; the claim is judged by the end of the runs, and earlier times are told.
+depends on when one looks and on the force; the claim is judged by the end of the runs, and earlier times are reported.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def _followed(
 
 
 class CurvatureSign:
-    """What sign the curvature term of the observer needs (D.6, D.20)."""
+    """The sign that the curvature term of the observer needs (D.6, D.20)."""
 
     Config = CurvatureSignConfig
     quick = CurvatureSignConfig(seeds=6, others=2)
@@ -165,7 +165,7 @@ Force = tuple[str, float, CurvatureName]  # space, factor of the strength, and C
 
 
 def _claim(shares: Mapping[Case, Sequence[Rate]], by_force: Mapping[Force, Rate]) -> Claim:
-    told = []
+    parts = []
     for space, speed in JUDGED.items():
         minus, plus = shares[space, speed, "minus-one"], shares[space, speed, "plus-one"]
         early = ", ".join(
@@ -173,7 +173,7 @@ def _claim(shares: Mapping[Case, Sequence[Rate]], by_force: Mapping[Force, Rate]
         )
         forced = [r.value for (s, _, c), r in by_force.items() if s == space and c == "plus-one"]
         least = min(r.value for (s, _, c), r in by_force.items() if s == space and c == "minus-one")
-        told.append(
+        parts.append(
             f"{space} at {speed:g} omega, C = -1 and +1 of {minus[-1].trials} by {early}; by the force, C = +1 "
             f"{min(forced):.0%} to {max(forced):.0%}, C = -1 at least {least:.0%}"
         )
@@ -182,7 +182,7 @@ def _claim(shares: Mapping[Case, Sequence[Rate]], by_force: Mapping[Force, Rate]
         "riemannian.sign", "target", "The curvature term has to be taken with C = -1.", "(D.6), D.4.3, D.5",
         f"forced, v0 = omega on H^2 and 4 omega on S^3: C = -1 converges in at least {CONVERGES:.0%}, C = +1 in at "
         f"most {FAILS:.0%} (no time is stated: judged by {DURATION:g} / omega, the end of the runs)",
-        "; ".join(told),
+        "; ".join(parts),
         all(last[s, "minus-one"] >= CONVERGES and last[s, "plus-one"] <= FAILS for s in SPEEDS),
     )  # fmt: skip
 

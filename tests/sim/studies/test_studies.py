@@ -1,4 +1,4 @@
-"""Every study keeps one contract: its files, its claims, and nothing flown twice."""
+"""Every study keeps one contract: its files, its claims, and nothing flown or computed twice."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from PIL import Image
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.plugin.registry import load
-from mathnavi.sim.records.store import Record, Store
+from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, on_terrain, write_findings
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_findings
 from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, some
 from mathnavi.sim.sweep import execution, serve
 from mathnavi.sim.sweep.child import StoppedError
+from mathnavi.sim.sweep.task import Ended, SweepTask
 from mathnavi.sim.sweep.trial import Trial
 
 SMALLEST: dict[str, dict[str, int]] = {
@@ -120,21 +121,6 @@ HOLDS: dict[str, dict[str, bool]] = {
     },
 }
 """of claims that do not depend on how much is run"""
-TIMED = {
-    "separation",
-    "cost-to-go",
-    "missile-nodes",
-    "missile-closed-loop",
-    "range-convergence",
-    "mechanisms",
-}  # which measure times
-COMPUTED = {  # which fly little, nothing, or by themselves
-    "sphere",
-    "curvature-sign",
-    "contraction",
-    "observability",
-    "consensus",
-}
 UNMEASURED = {"noise", "ocp-problems", "arrival"}  # over these hills no mission may arrive; not all are solved
 PRINTED = ("A.", "B.", "C.", "D.", "I.")  # the thesis' papers and its Introduction
 NAMES = sorted(entry.name for entry in entry_points(group="mathnavi.studies"))
@@ -150,16 +136,16 @@ def hills(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 class Here:
-    """A worker that runs trials in this process, and is spared the start of another."""
+    """A worker that runs tasks in this process, and is spared the start of another."""
 
     def __init__(self) -> None:
         self._stopped = False
 
-    def run(self, trial: Trial, key: str, timeout: float | None) -> Record:
+    def run(self, task: SweepTask, key: str, timeout: float | None) -> Ended:
         if self._stopped:
             raise StoppedError
         assert timeout is None
-        return serve._run(pickle.loads(pickle.dumps(trial)), key)  # as it reaches a process of its own
+        return serve._run(pickle.loads(pickle.dumps(task)), key)  # as it reaches a process of its own
 
     def stop(self) -> None:
         self._stopped = True
@@ -203,11 +189,13 @@ def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path) -> No
         setup = Setup(hills if on_terrain(plugin) else None, store)
         findings: StudyResult = plugin.run(config, setup)
         write_findings(tmp_path, name, plugin.title, findings, setup, f"mathnavi study {name}")
-        flown = store.keys()
-        if name not in TIMED | COMPUTED:
-            again: StudyResult = plugin.run(config, setup)
-            assert store.keys() == flown  # nothing is flown twice
-            assert [claim.measured for claim in again.claims] == [claim.measured for claim in findings.claims]
+        stored = store.keys() | store.job_endings().keys()
+        assert stored
+        idle = Setup(setup.terrain, store, progress=lambda now: pytest.fail(f"{now} is computed again"))
+        again: StudyResult = plugin.run(config, idle)  # what was timed is as it was timed then
+        assert store.keys() | store.job_endings().keys() == stored
+        assert [claim.measured for claim in again.claims] == [claim.measured for claim in findings.claims]
+        assert as_csv(again.rows) == as_csv(findings.rows)
     assert_claims(name, findings)
     assert_files(tmp_path, name, findings, "hills" if on_terrain(plugin) else None)
 

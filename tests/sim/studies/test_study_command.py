@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,6 +20,8 @@ from mathnavi.sim.commands import study
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.study import Setup, StudyError, StudyResult
+from tests.sim.sweep.computations import Walk, walked
+from tests.sim.sweep.test_jobs import stored
 
 HERE = "tests.sim.studies.test_study_command"
 
@@ -50,6 +57,19 @@ class Anywhere(Tiny):
     """A study that needs no terrain."""
 
     on_terrain = False
+
+
+class Patient(Anywhere):
+    """A study of jobs that take a while; each leaves a file."""
+
+    Config = TinyConfig
+    quick = TinyConfig(count=6)
+
+    @classmethod
+    def run(cls, config: TinyConfig, setup: Setup) -> StudyResult:
+        walks = [Walk(5, seed, marks=os.environ["MARKS"], wait=0.5) for seed in range(config.count)]
+        setup.compute(walked, walks)
+        return super().run(config, setup)
 
 
 class Deceived(Anywhere):
@@ -157,6 +177,26 @@ def test_a_study_without_terrain_needs_none(tmp_path: Path) -> None:
     assert {path.suffix for path in out.iterdir()} == {".csv", ".png", ".json", ".html", ".db"}
 
 
+def test_a_study_that_is_interrupted_keeps_what_has_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out, marks = tmp_path / "out", tmp_path / "marks"
+    marks.mkdir()
+    monkeypatch.setenv("MARKS", str(marks))
+    words = ["study", f"{HERE}:Patient", "--quick", "--workers", "2", "--out", str(out)]
+    study = subprocess.Popen([sys.executable, "-m", "mathnavi", *words], stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 60.0
+    while time.monotonic() < until and study.poll() is None and stored(out / "trials.db") < 2:
+        time.sleep(0.05)
+    study.send_signal(signal.SIGINT)
+    _, error = study.communicate(timeout=30.0)
+    assert study.returncode == 130, error
+    assert "interrupted, what has ended is stored; to go on: mathnavi study" in error
+    ended, begun = stored(out / "trials.db"), len(list(marks.iterdir()))
+    assert 2 <= ended < 6
+    assert not list(out.glob("*.json"))
+    assert main(words) == 0
+    assert len(list(marks.iterdir())) - begun == 6 - ended
+
+
 def test_a_study_that_asks_for_a_terrain_it_said_it_does_not_need_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -172,6 +212,7 @@ def test_a_study_that_asks_for_a_terrain_it_said_it_does_not_need_is_told(
         (("horizon", "--terrain", "atlantis"), ("atlantis", "allowed")),
         (("horizon", "--terrain", "jacksboro", "--terrain", "jacksboro"), ("terrain", "once")),
         (("horizon", "--workers", "0"), ("--workers = 0", "allowed")),
+        (("horizon", "--cluster", "nonsense"), ("cluster = 'nonsense'", "allowed")),
         (("horizon", "--seeds", "nan"), ("--seeds = nan", "allowed")),
         (("horizon", "--seeds", "0"), ("--seeds = 0", "allowed")),
         (("horizon", "--sead", "2"), ("--sead", "--seeds")),

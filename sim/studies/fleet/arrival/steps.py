@@ -1,6 +1,6 @@
 """One vehicle and a consensus that is made up, as in the simulations of A.8.4: is one planning step enough?
 
-The vehicle is on its way on plans of its own. At some step k it is told eta_d, which deviates from its eta_k, (A.12),
+The vehicle is on its way on plans of its own. At some step k it is given eta_d, which deviates from its eta_k, (A.12),
 by a share drawn uniformly; its next plan is to satisfy (A.13),
 
     T_p + L(p_N) / v_max + h = eta_d,
@@ -28,7 +28,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.sim.scenarios.flight_parts import drawn_point
 from mathnavi.sim.studies.framework.study import TerrainReference
 
-DEVIATIONS = (0.03, 0.1, 0.3)  # the print's is the last
+DEVIATIONS = (0.03, 0.1, 0.3)  # the thesis' is the last
 NODES = 7  # N
 TOLERANCE = 0.1  # [s]
 _STEPS = (5, 25)  # between which one is drawn at which the vehicle is asked

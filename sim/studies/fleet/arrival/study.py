@@ -2,7 +2,7 @@
 
 The thesis flew one vehicle and invented the others. Here whole fleets fly in MuJoCo: what they agree on is the largest
 of their least times of arrival, and for comparison the average of (A.12) by the Laplacian protocol, as printed. One
-vehicle by itself is asked, as in the print, for a time that deviates from its own by up to a given share, and whether
+vehicle by itself is asked, as in the thesis, for a time that deviates from its own by up to a given share, and whether
 one planning step is enough to comply by (A.13).
 """
 

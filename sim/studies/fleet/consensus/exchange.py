@@ -52,9 +52,9 @@ def talked(
     for k in range(rounds + 1):
         t = begin + k * period
         shown = {name: clocks[name](t) if clocks else t for name in parts}
-        told = {name: part.exchange(shown[name], network.receive(name, t)) for name, part in parts.items()}
+        sent = {name: part.exchange(shown[name], network.receive(name, t)) for name, part in parts.items()}
         values[k] = [part.value for part in parts.values()]
-        for name, payload in told.items():
+        for name, payload in sent.items():
             message = Message(shown[name], name, "consensus", payload)
             for receiver in receivers[name]:
                 network.send(message, receiver, t)

@@ -1,4 +1,4 @@
-"""What the study ``consensus`` measures of clocks that agree (Remark A.6) and of outliers that follow (A.14)."""
+"""Cases of the study ``consensus``: clocks that agree (Remark A.6), and outliers that follow (A.14)."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class OutlierFound:
     """Values that the vehicles hold, with an outlier among them."""
 
     t: Array  # (k,) [s]
-    values: Array  # (k, n) [s] eta, and what an outlier tells
+    values: Array  # (k, n) [s] eta, and the values that an outlier sends
     follows: Array  # (steps,) whether the far one is an outlier
     others: Array  # (steps,) [s] average of the others' starts
     agreed: Array  # (steps,) [s] average of what the others hold at the end

@@ -1,4 +1,4 @@
-"""What the study ``consensus`` measures of the Laplacian protocol: rate, delays, links that switch or lose messages."""
+"""Cases of the study ``consensus``: rate of the Laplacian protocol, delays, links that switch or lose messages."""
 
 from __future__ import annotations
 

@@ -18,7 +18,11 @@ WEIGHT = 10.0  # of the radars
 RADIUS, ASIDE = 0.1, 0.15  # of the map's side: of the radars, from where one drives into the way, the target's own way
 HILL_RADIUS, ABOVE = 0.06, 300.0  # of the map's side, and [m] of the hills' tops above the path
 MEASURE = "mathnavi.sim.studies.flight.updates.study:announced"
-_WAY, _TOLD, _HILL = 0.6, 0.3, 0.55  # of the time of flight: where the radars are, when they appear, where the hill is
+_WAY, _ANNOUNCED, _HILL = (
+    0.6,
+    0.3,
+    0.55,
+)  # of the time of flight: place of radars, their time, place of the hill
 _INSIDE = 0.06  # of the map's side that the target stays from the border
 
 
@@ -87,20 +91,20 @@ def side_of(ground: HeightField) -> float:
 
 def _radars(flown: Flown, ground: HeightField) -> dict[str, dict[str, Any]]:
     """Fields of a radar that appears in the way, of one that drives into it, and of one that vanishes before."""
-    way, told = flown.at(_WAY)[:2], _TOLD * flown.duration
+    way, announced = flown.at(_WAY)[:2], _ANNOUNCED * flown.duration
     radius, aside = RADIUS * side_of(ground), ASIDE * side_of(ground) * flown.across
     if not ground.contains(*(way + aside)):
         aside = -aside
     begin = np.clip(way + aside, 0.0, [ground.width, ground.depth])
     velocity = (way - begin) / (_WAY * flown.duration)
-    appears = {"radar": ((*way.tolist(), radius, WEIGHT),), "radar_time": told}
+    appears = {"radar": ((*way.tolist(), radius, WEIGHT),), "radar_time": announced}
     drives = {"radar": ((*begin.tolist(), radius, WEIGHT),), "radar_velocity": tuple(velocity.tolist())}
     return {
         "radar appears": appears,
         "radar appears, not told": {**appears, "radar_known": False},
         "radar drives": drives,
         "radar drives, not told": {**drives, "radar_known": False},
-        "radar vanishes": {"radar": appears["radar"], "radar_until": told},
+        "radar vanishes": {"radar": appears["radar"], "radar_until": announced},
     }
 
 

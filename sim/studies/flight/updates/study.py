@@ -1,8 +1,8 @@
-"""What turns out otherwise on the way: is the guarantee kept, and where it cannot be, is its loss announced?
+"""Changes on the way: is the guarantee kept, and where it cannot be, is its loss announced?
 
 The thesis allows for information updates by a new terminal cost (A.1, A.5). Here radars appear in the way, drive into
 it, and vanish; the target moves; and the ground turns out to be higher than the map, so that the path of the same
-mission would lead through a hill, which the planner is told of some seconds before it would hit.
+mission would lead through a hill, which becomes known to the planner some seconds before it would hit.
 """
 
 from __future__ import annotations
@@ -184,7 +184,9 @@ def _claims(of: Mapping[str, Sequence[Record]], notices: Sequence[float]) -> lis
     kept = int((_safe(others) & (figures(others, "arrived") > 0) & ~late).sum())
     silent = int(_unannounced([*others, *over_hills]).sum())
     saved = int(_safe(early).sum())
-    told = "; ".join(f"{notice:g} s {rate(int(_safe(some).sum()), len(some)).text()}" for notice, some in hills.items())
+    by_notice = "; ".join(
+        f"{notice:g} s {rate(int(_safe(some).sum()), len(some)).text()}" for notice, some in hills.items()
+    )
     return [
         Claim(
             "flight.updates", "target", "What is learnt on the way keeps the guarantee, or its loss is announced.",
@@ -192,7 +194,7 @@ def _claims(of: Mapping[str, Sequence[Record]], notices: Sequence[float]) -> lis
             f"radars and targets that change: all safe, and arrive by the deadline in force; a hill known {ENOUGH:g} s "
             "ahead is cleared; no failure that nobody was told of",
             f"radars and targets: {kept} of {len(others)}; hill known {ENOUGH:g} s ahead or more: {saved} of "
-            f"{len(early)} at h_min or above ({told}); not announced: {silent} of {len(others) + len(over_hills)}",
+            f"{len(early)} at h_min or above ({by_notice}); not announced: {silent} of {len(others) + len(over_hills)}",
             kept == len(others) and saved == len(early) and silent == 0,
         ),
     ]  # fmt: skip

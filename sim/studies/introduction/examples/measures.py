@@ -1,4 +1,4 @@
-"""What the study of the Introduction's examples measures of a run: how its error and the printed equation compare."""
+"""Measures of the Introduction's examples: the error of a run against the printed equation."""
 
 from __future__ import annotations
 

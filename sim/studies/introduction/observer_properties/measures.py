@@ -1,4 +1,4 @@
-"""What the study of observers' declared properties measures of a run (thesis Table 2.1), whatever scenario it is of."""
+"""Measures of the properties that observers declare (thesis Table 2.1), of a run of any scenario."""
 
 from __future__ import annotations
 
@@ -47,24 +47,24 @@ class Decay(IntEnum):
 def property_figures(outcome: RunResult) -> dict[str, Any]:
     """Measure the length of the error, from the first estimate that is not initialising on, in the units of the state.
 
-    ``start`` is that of the start that the estimator was told of, or that of its first estimate if it was told of none;
+    ``start`` is that of the start that the estimator was given, or that of its first estimate if it was given none;
     ``late`` that of the last tenth of the run, ``largest`` the largest, ``drift`` the largest of the first second.
     ``found`` says that a tenth of the start's is left at the end; without a start, what the scenario says.
     """
-    told = _told(outcome)
+    given = _given_error(outcome)
     t, error = errors(outcome)
     if len(t) < 3:
         lost = dict.fromkeys(("start", "late", "largest", "drift"), math.inf)
         return {**lost, "decay": int(Decay.NONE), "found": False}
     late = float(np.sqrt(np.mean(np.square(error[t >= _LATE * t[-1]]))))
-    start = float(error[0]) if told is None else told
+    start = float(error[0]) if given is None else given
     return {
         "start": start,
         "late": late,
         "largest": float(error.max()),
         "drift": float(error[t <= t[0] + _SOON].max()),
         "decay": int(decay(error, start)),
-        "found": bool(outcome.summary["converged"] if told is None else late <= DECAYED * told),
+        "found": bool(outcome.summary["converged"] if given is None else late <= DECAYED * given),
     }
 
 
@@ -135,7 +135,7 @@ def decay(error: Array, start: float) -> Decay:
     return Decay.ASYMPTOTIC if last <= DECAYED * start and falling else Decay.NONE
 
 
-def _told(outcome: RunResult) -> float | None:
+def _given_error(outcome: RunResult) -> float | None:
     """Length of the error of the start that the estimator was given; None if it was given none."""
     if outcome.config["scenario"] == "textbook-observer":
         config = instance(TextbookConfig, outcome.config["fields"], "fields")

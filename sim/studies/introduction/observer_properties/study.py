@@ -1,4 +1,4 @@
-"""What estimators declare to be in the terms of Table 2.1 of the thesis, beside what runs of them show."""
+"""Properties that estimators declare in the terms of Table 2.1 of the thesis, beside those that their runs show."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ SPAN = {  # (low, high) of the starts of each state of a textbook system
     "kazantzis-kravaris": ((-0.8, 0.8), (-0.5, 0.5)),
     "camera-and-flags": ((2.2, 2.8), (-4.2, -3.8), (1.5, 1.64)),  # from where the flags stay in sight
 }
-SPEED = 10.0  # [rad/s, 1/s] of which ``NEAR`` and ``FAR`` are shares where what is told of a start is to be at rest
+SPEED = 10.0  # [rad/s, 1/s] of which ``NEAR`` and ``FAR`` are shares where a start is known to be at rest
 BRIEF = 0.3  # of the time of a textbook system, for those that find a velocity within tenths of a second
 TORQUES = {  # [N m] constant and sine about each axis of the body, whose inertia is .05 kg m^2
     "none": ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
@@ -91,8 +91,8 @@ class Wall:
 
     def fields(self, seed: int, seconds: float, share: float, signal: str) -> tuple[str, dict[str, Any]]:
         """Scenario and fields of a start that is known with a share of the usual error; "": its own input."""
-        told = {"start_known": True, "start_error": (0.05, 0.05, 3.0)} if share <= NEAR else {}
-        fields = {**SILENT, **told, "duration": 2.0 * seconds, "planner.mode": signal or RANGE_INPUTS[0]}
+        known = {"start_known": True, "start_error": (0.05, 0.05, 3.0)} if share <= NEAR else {}
+        fields = {**SILENT, **known, "duration": 2.0 * seconds, "planner.mode": signal or RANGE_INPUTS[0]}
         return "range-localisation", fields
 
 

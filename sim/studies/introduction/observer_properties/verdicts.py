@@ -1,4 +1,4 @@
-"""Whether an estimator keeps what it declares in the terms of Table 2.1 of the thesis, judged by its runs.
+"""Verdicts on whether an estimator keeps what it declares in the terms of Table 2.1 of the thesis, judged by its runs.
 
 Runs can refute a promise, and cannot prove one: global attraction is refuted by one start from which nothing is found,
 and the weakest entries, an operation that is nowhere restricted or a system that is to stay near a state, by none. What
@@ -77,7 +77,7 @@ def found(runs: Sequence[Record]) -> Share:
 def verdicts(declared: ObserverProperties, e: PropertyRuns, depends: bool) -> list[PropertyVerdict]:
     """Property 2.1 and the entries of Table 2.1, declared beside measured.
 
-    ``depends`` tells whether the plug-in has been seen to fail under some input, of this system or of another.
+    ``depends`` says whether the plug-in has been seen to fail under some input, of this system or of another.
     """
     near, far = found(e.near), found(e.far)
     decays = Counter(RATES[Decay(int(record.summary["decay"]))].value for record in e.near)

@@ -1,6 +1,6 @@
 """The missile in MuJoCo: what its planner, its autopilots and its estimators are worth (B.4).
 
-The print stops at the reference trajectory and assumes an autopilot. Here the plan is flown: open loop, by feedback
+The thesis stops at the reference trajectory and assumes an autopilot. Here the plan is flown: open loop, by feedback
 linearisation with an integral term, and by a time-varying linear-quadratic regulator; with a plan once and for all or
 with a new one ten times a second; against a body that is heavier than told, weak thrusters, wind, limits, delay, noise,
 and a target that moves. The miss is the closest approach to the true target, the aspect error that of the nose then.

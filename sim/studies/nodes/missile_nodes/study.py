@@ -1,6 +1,6 @@
 """Figures B.2, B.5, B.6 and B.7: the missile's dive on uniform and on adaptive grids.
 
-The print gives neither the objective nor its numbers, only curves. Here the cases of
+The thesis gives neither the objective nor its numbers, only curves. Here the cases of
 ``mathnavi.controllers.ocp.problems.missile`` stand for it, FAST first, whose dive looks most like Figure B.5. The
 control error is the relative L2 distance, over the controls' scales and in fractions of T, to a Hermite-Simpson
 solution on 301 uniform nodes, which itself is held against Pontryagin's conditions; the miss is where the control

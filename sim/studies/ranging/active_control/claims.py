@@ -1,4 +1,4 @@
-"""What the study ``active-control`` says of the claims."""
+"""Claims of the study ``active-control``, evaluated from its results."""
 
 from __future__ import annotations
 

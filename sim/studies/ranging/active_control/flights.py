@@ -1,8 +1,8 @@
-"""What the study ``active-control`` flies, and what is measured of it.
+"""Runs of the study ``active-control``, and their measures.
 
-Every way to excite drives the same robot from the same starts: two sensors at ±60°, 5 % range noise, and an EKF that is
-told the start with standard deviations of .3 m and .3 rad. Starts are drawn uniformly among the poses from which every
-fixed pattern keeps the margin for as long as is flown; the start, what is told of it and the noise are those of the
+Every way to excite drives the same robot from the same starts: two sensors at ±60°, 5 % range noise, and an EKF that
+knows the start with standard deviations of .3 m and .3 rad. Starts are drawn uniformly among the poses from which every
+fixed pattern keeps the margin for as long as is flown; the start, what is known of it and the noise are those of the
 seed, whatever drives.
 """
 

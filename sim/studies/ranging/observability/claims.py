@@ -1,4 +1,4 @@
-"""What the study ``observability`` says of the claims."""
+"""Claims of the study ``observability``, evaluated from its results."""
 
 from __future__ import annotations
 
@@ -71,12 +71,12 @@ def _targets(e: ObservabilityResults) -> list[Claim]:
 
 
 def _elsewhere(e: ObservabilityResults) -> str:
-    told = []
+    parts = []
     for wall, rotations in e.rotations.items():
         counts = {n for key, some in e.counts.items() if key[0] == wall and key[2] == EXCITING for n, _ in some}
         if wall != "ellipse":
-            told.append(f"{wall} (rotations: {rotations}) {_set(counts)}")
-    return "elsewhere " + ", ".join(told)
+            parts.append(f"{wall} (rotations: {rotations}) {_set(counts)}")
+    return "elsewhere " + ", ".join(parts)
 
 
 def _flags(flags: Sequence[FlagsRank]) -> Claim:

@@ -27,7 +27,7 @@ from mathnavi.sim.records.statistics import Rate
 APART, ALIKE = "#0d5fa8", "#c2183b"
 COLOURS = LinearSegmentedColormap.from_list("flow", (ALIKE, "#f0a07c", "#8fc3e6", APART))
 SHARES = LinearSegmentedColormap.from_list("share", ("#b3202f", "#f0a07c", "#f4f1ea", "#6fb0dc", "#0d5fa8"))
-FAINTEST, STRONGEST = 1e-2, 1.0  # [m] of mismatch that the colours tell apart
+FAINTEST, STRONGEST = 1e-2, 1.0  # [m] of mismatch over which the colours vary
 AHEAD = 0.3  # [s] over which output flows are compared
 INPUTS: dict[str, tuple[float, float]] = {
     "straight on": (0.5, 0.0),

@@ -25,7 +25,7 @@ class GramianCase:
     """A scenario, how it is commanded, and what of its state is moved."""
 
     scenario: str
-    described: str  # what is told of it in a table
+    described: str  # as in a table
     estimator: str  # whose sensors are carried
     fields: Mapping[str, Any]
     vehicle: str

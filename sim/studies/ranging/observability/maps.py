@@ -1,13 +1,13 @@
-"""How the map decides global convergence: families of walls, and from how many starts an observer converges in them.
+"""The map decides global convergence: families of walls, and from how many starts an observer converges in them.
 
     eccentricity   ellipses of c_1 / c_2 = 1.05, ..., 4
     symmetry       theta(s) = (1 + a cos ms) e^{is}, which m rotations map onto itself; an egg for m = 1
     asymmetry      an ellipse that becomes an egg: theta(s) = (a cos s, b sin s) + d (cos 2s, b / a sin 2s)
     sensors        the standard ellipse, and 1 to 8 sensors
 
-all of the area of the standard field. From a start that is drawn the robot drives a figure of eight, its estimator told
-another pose that is drawn, without any noise. How well the outputs y(x) of a whole figure of eight fix the state is
-told by ``isolation``, the least singular value of dy/dx.
+all of the area of the standard field. From a start that is drawn the robot drives a figure of eight, its estimator
+given another pose that is drawn, without any noise. How well the outputs y(x) of a whole figure of eight fix the state
+is measured by ``isolation``, the least singular value of dy/dx.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ ESTIMATORS: dict[str, tuple[str, Mapping[str, Any], RangeQuality]] = {
     "fast observer": ("range_observer", {"feedforward": "manifold", "k_v": 100.0, "k_q": 100.0}, RangeQuality()),
     "EKF": ("range_ekf", {}, RangeQuality(relative=0.05)),
 }
-"""by name: plug-in, fields, and the quality that it is told ranges have; an EKF that is told the truth, that they are
+"""by name: plug-in, fields, and the quality that it believes ranges to have; an EKF that knows the truth, that they are
 exact, believes its first guess too much to move"""
 
 
@@ -214,8 +214,8 @@ def _found(
     criterion: ConvergenceCriterion,
 ) -> NDArray[np.bool_]:
     """(n,) whether an estimator finds the state of a run from each of the first estimates (n, 3)."""
-    name, fields, told = ESTIMATORS[estimator]
-    run = exact_run(RangingMission(case.curve, case.outputs.angles, ranging=told), start, u, seconds)
+    name, fields, quality = ESTIMATORS[estimator]
+    run = exact_run(RangingMission(case.curve, case.outputs.angles, ranging=quality), start, u, seconds)
     plugin = _plugin(name)
     return region_of_convergence(plugin, plugin.Config(**fields), run, np.array(estimates), deviation, criterion)
 

@@ -1,4 +1,4 @@
-"""What the study ``observability`` measures of observability itself: states counted, Proposition C.1 tried, ranks."""
+"""Measures of observability itself: states that read the same, Proposition C.1, ranks."""
 
 from __future__ import annotations
 

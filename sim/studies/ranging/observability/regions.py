@@ -1,4 +1,4 @@
-"""Where the study ``observability`` maps from which first estimates an estimator converges, for one run."""
+"""Regions of first estimates from which an estimator converges, for one run."""
 
 from __future__ import annotations
 

@@ -141,8 +141,7 @@ class Observability:
 
 
 def _chosen(family: Sequence[MapCase], walls: int) -> list[MapCase]:
-    """Choose so many walls at most for each set of sensors, the first and the last among them; or sets, for one
-    wall."""
+    """Choose so many walls at most for each set of sensors, the first and the last among them; or so many sets."""
     chosen: list[MapCase] = []
     one_wall = len({case.curve for case in family}) == 1
     for sensors in (None,) if one_wall else dict.fromkeys(case.sensors for case in family):

@@ -1,4 +1,4 @@
-"""What the study ``range-convergence`` says of the claims."""
+"""Claims of the study ``range-convergence``, evaluated from its results."""
 
 from __future__ import annotations
 

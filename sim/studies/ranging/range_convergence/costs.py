@@ -1,4 +1,4 @@
-"""What an update of each range estimator costs: thread CPU time on one thread, over one and the same readings.
+"""Costs of an update of each range estimator: thread CPU time on one thread, over one and the same readings.
 
 The compiled ones are loops over the kernels that the plug-ins call, without the plug-ins' Python: the bank as it is
 flown, the bank if no hypothesis were ever dropped, a single filter of it, and a particle filter that propagates, weighs

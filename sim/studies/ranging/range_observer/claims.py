@@ -1,4 +1,4 @@
-"""What the study ``range-observer`` says of the claims."""
+"""Claims of the study ``range-observer``, evaluated from its results."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FEED_FORWARDS: tuple[FeedForward, ...] = tuple(name for name in get_args(FeedFor
 PRINT = ObserverGains("none", *PRINTED_GAINS)
 OBSERVER = ObserverGains("s", *PRINTED_GAINS)
 Q_ZERO, EXACT = 1e-7, 1e-9  # [m^2/s] of |Q|, [rad/s] and [rad] of a feed-forward on the truth
-FALL = (4.0, 11.0)  # times by which the print's error falls from k = 1 to k = 10
+FALL = (4.0, 11.0)  # times by which the printed observer's error falls from k = 1 to k = 10
 SAME = 1e-3  # [rad] by which z(0) as printed may be off Psi(x(0))
 SMALL = 0.01  # [m] that counts as arbitrarily small
 STILL = "standing still"
@@ -42,7 +42,7 @@ class LockResults:
     thesis: Mapping[tuple[str, FeedForward], Sequence[RunErrors]]  # by motion, at the printed gains, without noise
     noisy: Mapping[tuple[str, ObserverGains], Sequence[RunErrors]]  # by motion
     true_start: Mapping[FeedForward, RunErrors]  # from z(0) = Psi(x(0)), without noise
-    drawn: Mapping[tuple[str, str, float], Sequence[RunErrors]]  # of the print, by sensors, drive and k, 100 readings/s
+    drawn: Mapping[tuple[str, str, float], Sequence[RunErrors]]  # as printed, by sensors, drive and k, 100 readings/s
     fast: Mapping[tuple[str, float], Sequence[RunErrors]]  # likewise by sensors and k, 1000 readings/s
     averaged: Sequence[tuple[float, float]]  # [m] RMS errors by the mean of both rays and by the one that errs
 
@@ -99,7 +99,7 @@ def _identities(e: LockResults) -> Claim:
 def _print(e: LockResults) -> Claim:
     ratios = falls(e)
     every = [ratio for some in ratios.values() for ratio in some]
-    told = f"{min(every):.1f} to {max(every):.1f} times" if every else "it keeps lock nowhere"
+    measured = f"{min(every):.1f} to {max(every):.1f} times" if every else "it keeps lock nowhere"
     print_locked = sum(locked(e.thesis[motion, "none"]) for motion in TURNING)
     ours = {name: sum(locked(e.thesis[motion, name]) for motion in TURNING) for name in FEED_FORWARDS}
     runs = sum(len(e.thesis[motion, "none"]) for motion in TURNING)
@@ -109,7 +109,7 @@ def _print(e: LockResults) -> Claim:
         f"its position error falls {FALL[0]:g} to {FALL[1]:g} times from k = 1 to k = 10 in every run that keeps "
         "lock at both; from the thesis' start with turning inputs and gains (5, 1) it keeps lock in no run, each "
         "feed-forward in every one",
-        f"{told} ({len(every)} of {sum(len(e.drawn[s, d, 1.0]) for s, d in ratios)} runs from drawn starts keep "
+        f"{measured} ({len(every)} of {sum(len(e.drawn[s, d, 1.0]) for s, d in ratios)} runs from drawn starts keep "
         f"lock at both); turning from the thesis' start lock is kept in {print_locked} of {runs}, with "
         + ", ".join(f"{name} in {count}" for name, count in ours.items()),
         bool(every) and FALL[0] <= min(every) and max(every) <= FALL[1]
@@ -228,11 +228,13 @@ def _proposition(e: LockResults) -> Claim:
         else [median(some) for (name, drive, _), some in e.drawn.items() if (name, drive) == (sensors, "standard")]
         for sensors in sets
     }
-    told = "; ".join(f"{sensors}: {', '.join(f'{value:.2g}' for value in some)}" for sensors, some in errors.items())
+    measured = "; ".join(
+        f"{sensors}: {', '.join(f'{value:.2g}' for value in some)}" for sensors, some in errors.items()
+    )
     return Claim(
         "C.proposition-2", "printed", "The error of (C.5) can be made arbitrarily small by k_V and k_Q.",
         "Proposition C.2",
         f"from the truth, the median position error falls with k to below {SMALL} m: k = 1 to 1000 at 100 readings a "
         "second with three and four rays, 10³ to 10⁵ at 1000 a second with two",
-        f"[m] {told}", all(some[-1] < SMALL and some[-1] < some[0] for some in errors.values()),
+        f"[m] {measured}", all(some[-1] < SMALL and some[-1] < some[0] for some in errors.values()),
     )  # fmt: skip

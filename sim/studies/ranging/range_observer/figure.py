@@ -1,4 +1,4 @@
-"""The picture of the study ``range-observer``: Figures C.3 to C.8 again, with the feed-forwards beside the print."""
+"""The picture of the study ``range-observer``: Figures C.3 to C.8 again, as printed and with feed-forward."""
 
 from __future__ import annotations
 

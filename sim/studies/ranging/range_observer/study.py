@@ -1,7 +1,7 @@
 """The observer of Paper C in the simulations of C.5 (Figures C.3 to C.8), as printed and with what it lacks.
 
-The print (C.5) beside the three feed-forwards that put it on Psi(x): in Z and in X, without noise and with 5 % of it,
-from the thesis' own start, and what gains can do.
+The observer as printed (C.5) beside the three feed-forwards that put it on Psi(x): in Z and in X, without noise and
+with 5 % of it, from the thesis' own start, and the effect of gains.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def _evidence(done: Mapping[Any, list[Any]]) -> LockResults:
     )
 
 
-# ---- what is told
+# ---- rows and tables
 
 
 def _rows(e: LockResults) -> list[dict[str, Any]]:
@@ -181,9 +181,9 @@ def _rows(e: LockResults) -> list[dict[str, Any]]:
           for (s, k), some in e.fast.items()),
     ]  # fmt: skip
     runs = [
-        {"sensors": "2t", **told, "seed": seed, "position_rms_m": one.position, "heading_rms_rad": one.heading,
+        {"sensors": "2t", **run, "seed": seed, "position_rms_m": one.position, "heading_rms_rad": one.heading,
          "z_rms_rad": one.in_z, "keeps_lock": one.locked}
-        for told, some in groups for seed, one in enumerate(some)
+        for run, some in groups for seed, one in enumerate(some)
     ]  # fmt: skip
     left = [
         {"what": f"identities: {name}", "sensors": sensors, "largest": largest(_of(e.identities, sensors), name)}

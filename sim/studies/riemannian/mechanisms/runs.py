@@ -1,4 +1,4 @@
-"""What the study ``mechanisms`` runs: one recorded flight of a mechanism, and every estimator over the same readings.
+"""Runs of the study ``mechanisms``: one recorded flight of a mechanism, and every estimator over the same readings.
 
 What is called tuned, and every baseline, is so by a stated sweep of one field, on a run of its own; the observer's
 omega is given. What is reported is of another run, with another frequency; encoders have no noise, only steps.
@@ -125,8 +125,8 @@ def _comparison(name: str, job: ComparisonCase) -> EstimatorComparison:
         plugin, config, setting, at_edge = _tuned(name, job)
         ran = replayed(plugin.build(config, mission), calls, rates)
     except (ValueError, ArithmeticError, np.linalg.LinAlgError, mujoco.FatalError) as error:
-        told = f"{type(error).__name__}: {error}"
-        return EstimatorComparison(job.motion.mechanism, name, np.nan, np.nan, False, np.nan, 0, 0, 0, told)
+        message = f"{type(error).__name__}: {error}"
+        return EstimatorComparison(job.motion.mechanism, name, np.nan, np.nan, False, np.nan, 0, 0, 0, message)
     over_time = ran.error[::OFTEN].tolist() if job.shown else ()
     return EstimatorComparison(
         job.motion.mechanism, name, ran.rms(BEGIN), setting, at_edge, peak, ran.restarts, ran.refused, ran.lost,

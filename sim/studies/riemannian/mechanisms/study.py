@@ -172,7 +172,7 @@ def claims(e: MechanismResults) -> list[Claim]:
         for by in (OBSERVER, DISTURBED_TUNED)
     )
     others = ", ".join(f"{name} {number(e.ratio(name))}" for name in e.suite if name not in helped)
-    told = ", ".join(f"{name} {number(ratio)}" for name, ratio in with_disturbance.items())
+    helped_too = ", ".join(f"{name} {number(ratio)}" for name, ratio in with_disturbance.items())
     return [
         Claim(
             "riemannian.mechanisms", "target", "Encoders tell joint velocities better by the observer.", "D.1, D.6",
@@ -205,7 +205,7 @@ def claims(e: MechanismResults) -> list[Claim]:
             f"at least {NEEDED} MJCF mechanisms, on all with a finite error and without a restart; and where it helps",
             f"{len(e.suite)} of dm_control's suite{_fallen(e)}; it helps on {len(helped)} ("
             f"{', '.join(f'{name} {number(ratio)}' for name, ratio in helped.items())} times); not on "
-            f"{others or 'none'}; with a disturbance, tuned, on {len(with_disturbance)} ({told})",
+            f"{others or 'none'}; with a disturbance, tuned, on {len(with_disturbance)} ({helped_too})",
             len(e.suite) >= NEEDED and not e.fallen(),
         ),
         Claim(

@@ -1,6 +1,6 @@
 """The identities (D.3) to (D.19) and (D.25), measured at points that are drawn.
 
-Derivatives are taken along geodesics, by central differences of order 6: what is told of a vector at a point nearby is
+Derivatives are taken along geodesics, by central differences of order 6: a vector at a point nearby is
 transported back before it is compared. So nothing of the closed forms that are tried is used to try them. Third
 derivatives of S are differences of differences.
 """

@@ -4,8 +4,8 @@ Two questions: how large the error is once all have settled, and how long it tak
 What is called tuned is so for the first, by a sweep of one field on a run that is not reported.
 
 The error is that of the thesis, and of every run's summary: |Delta v|, omega^ brought to the attitude of the body
-before. What a user of the rates has, |omega^ - omega|, each in its own body's axes, is told beside: the error of the
-attitude adds |omega| times itself.
+before. What a user of the rates has, |omega^ - omega|, each in its own body's axes, is reported beside: the error of
+the attitude adds |omega| times itself.
 """
 
 from __future__ import annotations

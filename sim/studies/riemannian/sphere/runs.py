@@ -1,4 +1,4 @@
-"""What the study ``sphere`` runs without noise: the observer (D.6) on S^3 and H^2, and on the cart and pendulum."""
+"""Runs of the study ``sphere`` without noise: the observer (D.6) on S^3 and H^2, and on the cart and pendulum."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ _LEAST = 1e-12  # variance that a covariance keeps in every direction
 
 
 def square_root(P: Array) -> Array:
-    """U (n, n) with U' U = P, upper triangular; of the nearest positive definite matrix where P is none."""
+    """Upper triangular U (n, n) with U' U = P (n, n); of the nearest positive definite matrix where P is none."""
     P = 0.5 * (P + P.T)
     try:
         lower: Array = np.asarray(np.linalg.cholesky(P), np.float64)

@@ -20,33 +20,33 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 
 @runtime_checkable
-class Mission(Protocol):
-    """What a mission has to tell of its vehicle, of nx states and nu inputs."""
+class FullStateMission(Protocol):
+    """What a mission states of its vehicle, of nx states and nu inputs."""
 
     @property
     def control_period(self) -> float:
-        """[s] of the estimates."""
+        """Period [s] of the estimates."""
         ...
 
     @property
     def start_state(self) -> Array:
-        """(nx,) the state at t = 0."""
+        """State (nx,) at t = 0."""
         ...
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """The state (nx,) after the input u (nu,) was held for dt [s] from x (nx,)."""
+        """State (nx,) after the input u (nu,) was held for dt [s] from x (nx,)."""
         ...
 
     def full_state_sensor(self, rate: float | None) -> Sensor:
-        """The sensor "full_state", read ``rate`` times a second, or whenever the loop looks."""
+        """Sensor "full_state", read ``rate`` times a second, or at every control step if it is None."""
         ...
 
     def full_state_covariance(self, age: float) -> Array:
-        """(nx, nx) of a reading that was carried on for ``age`` [s]."""
+        """Covariance (nx, nx) of a reading propagated for ``age`` [s]."""
         ...
 
     def full_state_quality(self) -> Any:
-        """How good the readings are, in the terms of the scenario."""
+        """Quality of the readings, in the terms of the scenario."""
         ...
 
 
@@ -62,30 +62,31 @@ class FullStateConfig:
 
 
 class FullState:
-    """Hands the newest full-state reading on."""
+    """Estimator that passes the newest full-state reading on."""
 
     Config = FullStateConfig
 
-    def __init__(self, config: FullStateConfig, mission: Mission) -> None:
+    def __init__(self, config: FullStateConfig, mission: FullStateMission) -> None:
         self.period = mission.control_period
-        self._freshness = TimeoutMonitor(config.timeout)
+        self._timeout_monitor = TimeoutMonitor(config.timeout)
         self._mission = mission
         self._fresh = mission.full_state_covariance(0.0)  # of a reading that is not old
         self._x = mission.start_state
         self._t = -math.inf  # [s] of _x
 
     @staticmethod
-    def build(config: FullStateConfig, mission: Mission) -> FullState:
+    def build(config: FullStateConfig, mission: FullStateMission) -> FullState:
+        """Build the estimator of one run."""
         return FullState(config, mission)
 
     @staticmethod
-    def sensors(config: FullStateConfig, mission: Mission) -> tuple[Sensor, ...]:
-        """What the vehicle has to carry for this estimator."""
+    def sensors(config: FullStateConfig, mission: FullStateMission) -> tuple[Sensor, ...]:
+        """Sensors that the vehicle has to carry for this estimator."""
         return (mission.full_state_sensor(config.rate),)
 
     @staticmethod
-    def quality(config: FullStateConfig, mission: Mission) -> Any:
-        """How good the readings are, as the mission has it."""
+    def quality(config: FullStateConfig, mission: FullStateMission) -> Any:
+        """Quality of the readings, as the mission states it."""
         return mission.full_state_quality()
 
     @staticmethod
@@ -97,15 +98,16 @@ class FullState:
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate x (nx,) at t [s] from the readings since the last call, ``command`` (nu,) held in between."""
         for reading in measurements:
-            if reading.name == "full_state" and reading.t > self._freshness.t:
+            if reading.name == "full_state" and reading.t > self._timeout_monitor.t:
                 self._x, self._t = reading.value, reading.t
-                self._freshness.note(reading.t)
+                self._timeout_monitor.note(reading.t)
         if self._t == -math.inf:
             self._t = t  # the start, as the mission states it, is all that is known
         if t > self._t:
             self._x, self._t = self._mission.flow(self._x, command, t - self._t), t
-        status, age = self._freshness.status(t), t - self._freshness.t
+        status, age = self._timeout_monitor.status(t), t - self._timeout_monitor.t
         if status is Status.INITIALISING:
             return Estimate(t, self._x.copy(), status=status)
         covariance = self._mission.full_state_covariance(age) if age > 0.0 else self._fresh

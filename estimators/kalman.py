@@ -58,6 +58,7 @@ class AxisModel:
 
     @staticmethod
     def of(config: KalmanConfig, mission: FlightMission) -> AxisModel:
+        """Model for a configuration and a mission, with the floors of noise and gusts applied."""
         return AxisModel(
             max(clipped_rms(mission.gust), config.gust_floor),
             mission.gust.time_constant,
@@ -75,7 +76,7 @@ class AxisModel:
 
 
 class Kalman:
-    """Position fixes to position, velocity and gust."""
+    """Estimator of position, velocity and gust from position fixes."""
 
     Config = KalmanConfig
 
@@ -83,7 +84,7 @@ class Kalman:
         from filterpy.kalman import KalmanFilter  # takes .7 s to import
 
         self.period = mission.control_period
-        self._freshness = TimeoutMonitor(config.timeout)  # of the fixes
+        self._timeout_monitor = TimeoutMonitor(config.timeout)  # of the fixes
         self._model = AxisModel.of(config, mission)
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._filter = KalmanFilter(dim_x=3, dim_z=1, dim_u=1)
@@ -95,11 +96,12 @@ class Kalman:
 
     @staticmethod
     def build(config: KalmanConfig, mission: FlightMission) -> Kalman:
+        """Build the estimator of one run."""
         return Kalman(config, mission)
 
     @staticmethod
     def sensors(config: KalmanConfig, mission: FlightMission) -> tuple[PositionSensor, ...]:
-        """What the vehicle has to carry for this estimator."""
+        """Sensors that the vehicle has to carry for this estimator."""
         return (PositionSensor(mission.position_noise, mission.position_rate),)
 
     @staticmethod
@@ -126,6 +128,10 @@ class Kalman:
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate (6,) [m, m/s] at t [s] from the fixes since the last call, ``command`` (3,) [m/s^2] held in between.
+
+        ``extra["gust"]`` (3,) [m/s^2] is the estimated gust. Raises ValueError for a fix older than the filter.
+        """
         for fix in measurements:
             if fix.name == "position":
                 self._predict(fix.t, command)
@@ -134,7 +140,11 @@ class Kalman:
         x, P = self._filter.x, self._filter.P
         covariance = (P[:2, None, :2, None] * _EYE[None, :, None, :]).reshape(6, 6)
         return Estimate(
-            t, x[:2].flatten(), 0.5 * (covariance + covariance.T), self._freshness.status(t), {"gust": x[2].copy()}
+            t,
+            x[:2].flatten(),
+            0.5 * (covariance + covariance.T),
+            self._timeout_monitor.status(t),
+            {"gust": x[2].copy()},
         )
 
     def _predict(self, t: float, command: Array) -> None:
@@ -153,7 +163,7 @@ class Kalman:
     def _condition(self, fix: Measurement) -> None:
         # With H given, filterpy leaves the row z (1, 3) as it is; a flat z would be made a column and spoil the state.
         self._filter.update(fix.value[np.newaxis, :], H=_H)
-        self._freshness.note(fix.t)
+        self._timeout_monitor.note(fix.t)
 
 
 def clipped_rms(gust: GustModel) -> float:

@@ -20,7 +20,7 @@ from functools import lru_cache
 import casadi
 import numpy as np
 
-from mathnavi.estimators.carried_filter import carried_filter
+from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import STEP, Coordinates
@@ -61,7 +61,7 @@ class MissileKalman:
     def __init__(self, config: MissileKalmanConfig, mission: MissileMission) -> None:
         coordinates = self._coordinates = mission.coordinates
         self.period = mission.control_period
-        self._freshness, self._input_max = TimeoutMonitor(config.timeout), np.array(mission.input_max)
+        self._timeout_monitor, self._input_max = TimeoutMonitor(config.timeout), np.array(mission.input_max)
         self._size = coordinates.state_size
         self._step = _transition(coordinates, mission.body, config.time_constant)
         self._input_of = _disturbing_input(coordinates)
@@ -76,7 +76,7 @@ class MissileKalman:
             ]
         )
         self._intensity = 2.0 * disturbance**2 / config.time_constant  # (nu,) of the disturbance's noise
-        self._filter = carried_filter(self._size + len(disturbance), self._size)
+        self._filter = external_prediction_ekf(self._size + len(disturbance), self._size)
         self._filter.x = np.concatenate([mission.start_state, np.zeros(len(disturbance))])
         self._filter.P = np.diag([*(kinds[unit] for unit in coordinates.units), *disturbance]) ** 2
         self._filter.R = np.diag(np.maximum(mission.noise.deviations(coordinates), config.noise_floor) ** 2)
@@ -85,16 +85,17 @@ class MissileKalman:
 
     @staticmethod
     def build(config: MissileKalmanConfig, mission: MissileMission) -> MissileKalman:
+        """Build the estimator of one run."""
         return MissileKalman(config, mission)
 
     @staticmethod
     def sensors(config: MissileKalmanConfig, mission: MissileMission) -> tuple[Sensor, ...]:
-        """What the missile has to carry for this estimator."""
+        """Sensors that the missile has to carry for this estimator."""
         return (mission.full_state_sensor(config.rate),)
 
     @staticmethod
     def quality(config: MissileKalmanConfig, mission: MissileMission) -> Array:
-        """The covariance of a reading, which the filter's is below of."""
+        """Covariance (nx, nx) of a reading, which bounds that of the filter."""
         return mission.full_state_covariance(0.0)
 
     @staticmethod
@@ -106,7 +107,11 @@ class MissileKalman:
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; its ``extra["disturbance"]`` (nu,) [N, N m] acts beside the input, along the body's axes."""
+        """Estimate (nx,) at t [s] from the readings since the last call, ``command`` (nu,) [N, N m] held in between.
+
+        ``extra["disturbance"]`` (nu,) [N, N m] acts beside the input, along the body's axes. Raises ValueError for a
+        reading of another shape, or older than the filter.
+        """
         held = np.clip(command, -self._input_max, self._input_max)
         for reading in measurements:
             if reading.name == "full_state":
@@ -115,7 +120,7 @@ class MissileKalman:
         self._predict(t, held)
         x, P = self._filter.x, self._filter.P[: self._size, : self._size]
         disturbance = np.array(self._input_of(x)).ravel()
-        status = self._freshness.status(t)
+        status = self._timeout_monitor.status(t)
         return Estimate(t, x[: self._size].copy(), 0.5 * (P + P.T), status, {"disturbance": disturbance})
 
     def _predict(self, t: float, u: Array) -> None:
@@ -139,13 +144,13 @@ class MissileKalman:
         if reading.value.shape != (self._size,):
             raise ValueError(f"a reading of the state has shape {reading.value.shape}; allowed: ({self._size},)")
         self._filter.update(reading.value, lambda _: self._H, lambda x: x[: self._size], residual=self._difference)
-        self._freshness.note(reading.t)
+        self._timeout_monitor.note(reading.t)
 
     def _difference(self, reading: Array, expected: Array) -> Array:
-        off: Array = reading - expected
+        error: Array = reading - expected
         angles = self._coordinates.angles
-        off[angles] = wrapped(off[angles])
-        return off
+        error[angles] = wrapped(error[angles])
+        return error
 
 
 @lru_cache(maxsize=8)

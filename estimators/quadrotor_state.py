@@ -33,24 +33,29 @@ class QuadrotorState:
 
     @staticmethod
     def build(config: FullStateConfig, mission: QuadrotorMission) -> QuadrotorState:
+        """Build the estimator of one run."""
         return QuadrotorState(config, mission)
 
     @staticmethod
     def sensors(config: FullStateConfig, mission: QuadrotorMission) -> tuple[QuadrotorStateSensor, ...]:
-        """What the vehicle has to carry for this estimator."""
+        """Sensors that the vehicle has to carry for this estimator."""
         return (mission.full_state_sensor(config.rate),)
 
     @staticmethod
     def quality(config: FullStateConfig, mission: QuadrotorMission) -> EstimateQuality:
-        """As the mission has it."""
+        """Quality of the readings, as the mission states it."""
         return mission.full_state_quality()
 
     @staticmethod
     def properties(config: FullStateConfig) -> ObserverProperties:
-        """Those of the readings."""
+        """Properties of the readings, Table 2.1."""
         return FullState.properties(config)
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate of the point mass (6,) [m, m/s] at t [s]; ``command`` (4,) [N] was held since the last call.
+
+        ``extra`` has the ``attitude`` (4,) and the ``rate`` (3,) [rad/s] of the body.
+        """
         whole = self._whole.update(t, measurements, command)
         covariance = None if whole.covariance is None else whole.covariance[np.ix_(_POINT, _POINT)]
         extra = {"attitude": whole.x[ATTITUDE].copy(), "rate": whole.x[RATE].copy()}

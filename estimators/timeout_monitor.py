@@ -1,4 +1,4 @@
-"""How old what an estimator lives on is, and what status that makes."""
+"""Age of the newest reading that an estimator has used, and the status that follows from it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from mathnavi.sim.interfaces.signals import Status
 
 
 class TimeoutMonitor:
-    """When the last reading was used."""
+    """Monitor of the time since the last reading was used."""
 
     def __init__(self, timeout: float) -> None:
         """``timeout`` [s] without a reading after which the estimate is lost."""
@@ -17,19 +17,22 @@ class TimeoutMonitor:
         self.t = -math.inf  # [s] of the last reading that was used
 
     def note(self, t: float, usable: bool = True) -> None:
-        """A reading of t [s], if it could be used."""
+        """Note a reading of t [s], if it was usable."""
         if usable:
             self.t = t
 
     def status(self, t: float) -> Status:
-        """At t [s]: ``INITIALISING`` before the first reading, ``LOST`` once the last is too old."""
+        """Status at t [s]: ``INITIALISING`` before the first reading, ``LOST`` once the last is too old."""
         if self.t == -math.inf:
             return Status.INITIALISING
         return Status.OK if t - self.t <= self._timeout + TIME_TOLERANCE else Status.LOST
 
 
 def time_ahead(t: float, now: float, what: str) -> float:
-    """[s] from the time ``now`` [s] of a filter's state to t [s], at which ``what`` comes; ValueError if it is past."""
+    """Time [s] from ``now`` [s], that of a filter's state, to t [s], at which ``what`` comes.
+
+    Raises ValueError if t is past.
+    """
     h = t - now
     if h < -TIME_TOLERANCE:
         raise ValueError(f"{what} at {t:.6f} s reached a Kalman filter that is at {now:.6f} s already")

@@ -11,7 +11,9 @@ Angle = TypeVar("Angle", float, Array)
 
 
 def wrapped(angle: Angle) -> Angle:
-    """[rad] an angle, or each of several, in [-pi, pi); ``mathnavi.models.unicycle.kernels.wrapped`` is for compiled
-    code."""
+    """Wrap an angle [rad], or each of an array of them (...,), into [-pi, pi).
+
+    ``mathnavi.models.unicycle.kernels.wrapped`` is for compiled code.
+    """
     within: Angle = (angle + math.pi) % (2.0 * math.pi) - math.pi
     return within

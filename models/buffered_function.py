@@ -31,6 +31,6 @@ class BufferedFunction:
         self._evaluate()
 
     def stats(self) -> dict[str, Any]:
-        """What a solver says of its last call."""
+        """Return the statistics that a solver keeps of its last call."""
         statistics: dict[str, Any] = self._buffer.stats()
         return statistics

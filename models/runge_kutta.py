@@ -43,7 +43,7 @@ _ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1
 
 
 def classical_step(rate: Callable[[State], State], x: State, h: Any) -> State:
-    """One step of h [s] from x, numbers or expressions, by the classical method of order 4 for x' = rate(x)."""
+    """Take one step of h [s] from x (nx,), numbers or expressions, by the classical order 4, for x' = rate(x)."""
     k_1 = rate(x)
     k_2 = rate(x + 0.5 * h * k_1)
     k_3 = rate(x + 0.5 * h * k_2)
@@ -55,7 +55,10 @@ def classical_step(rate: Callable[[State], State], x: State, h: Any) -> State:
 def dormand_prince(
     f: Callable[[casadi.SX, casadi.SX], casadi.SX], x: casadi.SX, u: casadi.SX, h: casadi.SX
 ) -> tuple[casadi.SX, casadi.SX]:
-    """One step of h [s] from x (nx,): the state of order 5, and how far that of order 4 is from it."""
+    """Take one step of h [s] from x (nx,) with u (nu,) held.
+
+    Returns the state of order 5 (nx,) and the difference of that of order 4 from it (nx,).
+    """
     k: list[casadi.SX] = []
     at = x
     for row in _A:
@@ -71,9 +74,9 @@ class Flow:
         self, f: Callable[[casadi.SX, casadi.SX], casadi.SX], nx: int, nu: int, tolerance: float = TOLERANCE
     ) -> None:
         x, u, h = casadi.SX.sym("x", nx), casadi.SX.sym("u", nu), casadi.SX.sym("h")
-        after, off = dormand_prince(f, x, u, h)
+        after, difference = dormand_prince(f, x, u, h)
         scale = 1.0 + casadi.fmax(casadi.fabs(x), casadi.fabs(after))
-        step = casadi.Function("step", [x, u, h], [after, casadi.mmax(casadi.fabs(off) / scale) / tolerance])
+        step = casadi.Function("step", [x, u, h], [after, casadi.mmax(casadi.fabs(difference) / scale) / tolerance])
         self._given = np.zeros(nx), np.zeros(nu), np.zeros(1)
         self._found = np.zeros(nx), np.zeros(1)
         self._step = BufferedFunction(step, self._given, self._found)
@@ -83,14 +86,18 @@ class Flow:
         return self.reach(x, u, dt)[0]
 
     def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
-        """The state (nx,) and the time [s] from x (nx,) on: ``dt``, and less where the solution escapes before."""
+        """Integrate from x (nx,) over dt [s] with u (nu,) held.
+
+        Returns the state (nx,) and the time [s] that it was reached at: ``dt``, or less where the solution escapes
+        before.
+        """
         at, held, length = self._given
-        after, off = self._found
+        after, difference = self._found
         at[:], held[:], t, h = x, u, 0.0, dt
         while t < dt:
             length[0] = h = min(h, dt - t)
             self._step()
-            error = float(off[0]) if np.isfinite(after).all() else math.inf  # CasADi passes over a NaN
+            error = float(difference[0]) if np.isfinite(after).all() else math.inf  # CasADi passes over a NaN
             if error <= 1.0:
                 at[:], t = after, dt if h == dt - t else t + h
                 if np.abs(at).max() > FARTHEST:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Sensor, StateView
 from mathnavi.sim.interfaces.signals import Array
 
@@ -18,11 +19,12 @@ class Dropout:
 
     def __init__(self, sensor: Sensor, rate: float, rng: np.random.Generator) -> None:
         if not 0.0 <= rate <= 1.0:
-            raise ValueError(f"{sensor.name}: dropout rate = {rate!r} is not a rate; allowed: 0 to 1")
+            raise FieldError(f"{sensor.name}: dropout rate = {rate!r} is not a rate; allowed: 0 to 1")
         self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
         self._sensor, self._loss, self._rng = sensor, rate, rng
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the sensor, (size,); None where the reading is lost."""
         reading = self._sensor.read(motion, rng)
         return None if self._rng.random() < self._loss else reading
 
@@ -36,11 +38,12 @@ class Outage:
 
     def __init__(self, sensor: Sensor, spans: tuple[tuple[float, float], ...]) -> None:
         if sensor.rate is None:
-            raise ValueError(f"{sensor.name}: rate = None; allowed for a sensor with outages: a rate")
+            raise FieldError(f"{sensor.name}: rate = None; allowed for a sensor with outages: a rate")
         self.name, self.size, self.rate = sensor.name, sensor.size, sensor.rate
         self._sensor, self._spans, self._period, self._count = sensor, spans, 1.0 / sensor.rate, 0
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the sensor, (size,); None during an outage."""
         reading = self._sensor.read(motion, rng)
         t = self._count * self._period
         self._count += 1

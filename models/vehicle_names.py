@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mathnavi.sim.interfaces.errors import FieldError
+
 
 def check_vehicle_name(name: str) -> None:
-    """ValueError for a name that is empty or contains "/"."""
+    """Raise FieldError for a name that is empty or contains "/"."""
     if not name or "/" in name:
-        raise ValueError(
+        raise FieldError(
             f"vehicle name = {name!r}; allowed: any but an empty one, without '/', which ends it in MuJoCo"
         )
 
 
 def check_vehicle_names(names: Sequence[str]) -> None:
-    """ValueError for no names, one that is there twice, and what ``check_vehicle_name`` refuses."""
+    """Raise FieldError for no names, a name that is there twice, or one that ``check_vehicle_name`` refuses."""
     if not names or len(set(names)) != len(names):
-        raise ValueError(f"vehicle names = {list(names)!r}; allowed: at least one, each of them once")
+        raise FieldError(f"vehicle names = {list(names)!r}; allowed: at least one, each of them once")
     for name in names:
         check_vehicle_name(name)

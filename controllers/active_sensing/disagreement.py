@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mathnavi.controllers.active_sensing.motion import pieces
-from mathnavi.models.unicycle.kernels import moved, wrapped
+from mathnavi.models.unicycle.kernels import integrate, wrapped
 from mathnavi.sim.interfaces.signals import Array, Plan
 
 _DEVIATIONS = 3.0  # that an estimate may be off by
@@ -59,5 +59,5 @@ class Disagreement:
 
 def _led(pose: Array, plan: Plan, begin: float, end: float) -> Array:
     for u, held in pieces(plan, begin, end):
-        pose = moved(pose, u[0], u[1], held)
+        pose = integrate(pose, u[0], u[1], held)
     return pose

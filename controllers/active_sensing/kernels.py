@@ -16,8 +16,8 @@ import math
 import numpy as np
 from numba import njit
 
-from mathnavi.models.field.kernels import cast_ray, curve_bend, curve_tangent, is_inside, range_gradient
-from mathnavi.models.unicycle.kernels import moved, moved_slopes
+from mathnavi.models.field.kernels import cast_ray, curve_second_derivative, curve_tangent, is_inside, range_gradient
+from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 _HALVINGS = 20  # of the way from a pose to one that is too near to the wall
@@ -45,8 +45,8 @@ def expected_covariance(
     x, F, information = pose, np.eye(3), inverse(P)
     for j in range(nodes):
         u_1, u_2 = (u[0], u[1]) if j < held else (0.0, 0.0)
-        step, _ = moved_slopes(x, u_1, u_2, node)
-        F, x = step @ F, moved(x, u_1, u_2, node)
+        step, _ = integrate_jacobians(x, u_1, u_2, node)
+        F, x = step @ F, integrate(x, u_1, u_2, node)
         for i in range(len(angles)):
             beta = x[2] + angles[i]
             rho, s = cast_ray(coefficients, polyline, x[0], x[1], beta)
@@ -109,7 +109,7 @@ def range_rate_gradient(coefficients: Array, s: float, rho: float, beta: float, 
     in which s and rho move with the pose as (C.4) has it: D ds = e x dx + rho d phi.
     """
     t_1, t_2 = curve_tangent(coefficients, s)
-    b_1, b_2 = curve_bend(coefficients, s)
+    b_1, b_2 = curve_second_derivative(coefficients, s)
     e_1, e_2, c, sn = math.cos(beta), math.sin(beta), math.cos(phi), math.sin(phi)
     D, dot = e_1 * t_2 - e_2 * t_1, e_1 * t_1 + e_2 * t_2
     rate = (u[0] * (t_1 * sn - t_2 * c) + rho * u[1] * dot) / D
@@ -139,7 +139,7 @@ def nodes_within(
         for i in range(len(poses)):
             x = poses[i]
             for j in range(kept[m]):
-                x = moved(x, inputs[m, 0], inputs[m, 1], node)
+                x = integrate(x, inputs[m, 0], inputs[m, 1], node)
                 if clearance(coefficients, polyline, x[0], x[1]) < least[i]:
                     kept[m] = j
                     break

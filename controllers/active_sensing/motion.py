@@ -8,7 +8,7 @@ import numpy as np
 
 from mathnavi.controllers.active_sensing.belief import Belief
 from mathnavi.controllers.active_sensing.input_sequence import InputSequence
-from mathnavi.models.unicycle.kernels import moved, moved_slopes
+from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians
 from mathnavi.sim.interfaces.signals import Array, Plan
 
 
@@ -35,7 +35,7 @@ def pose_on(plan: Plan, t: float) -> Array:
     if k == len(plan.u):
         return np.array(plan.x[-1], dtype=np.float64)
     u = plan.u[k]
-    pose: Array = moved(np.asarray(plan.x[k], np.float64), u[0], u[1], max(0.0, t - float(plan.t[k])))
+    pose: Array = integrate(np.asarray(plan.x[k], np.float64), u[0], u[1], max(0.0, t - float(plan.t[k])))
     return pose
 
 
@@ -43,8 +43,8 @@ def predicted(belief: Belief, plan: Plan, begin: float, end: float) -> Belief:
     """What is believed at ``begin`` [s], moved on with a plan's inputs to ``end``; no reading narrows it."""
     pose, covariance = belief.pose, belief.covariance
     for u, held in pieces(plan, begin, end):
-        F, _ = moved_slopes(pose, u[0], u[1], held)
-        pose, covariance = moved(pose, u[0], u[1], held), F @ covariance @ F.T
+        F, _ = integrate_jacobians(pose, u[0], u[1], held)
+        pose, covariance = integrate(pose, u[0], u[1], held), F @ covariance @ F.T
     return Belief(pose, covariance, belief.is_found)
 
 
@@ -54,6 +54,6 @@ def planned(drive: InputSequence, t: float, pose: Array, solve_ms: float) -> Pla
     x = np.empty((len(drive.u) + 1, 3))
     x[0] = pose
     for k, u in enumerate(drive.u):
-        x[k + 1] = moved(x[k], u[0], u[1], float(drive.duration[k]))
+        x[k + 1] = integrate(x[k], u[0], u[1], float(drive.duration[k]))
     phase = np.full(len(drive.u), int(drive.phase), np.int64)
     return Plan(times, x, drive.u, phase, cost=drive.cost, solve_ms=solve_ms)

@@ -8,7 +8,7 @@ import numpy as np
 
 from mathnavi.controllers.active_sensing.belief import Belief
 from mathnavi.controllers.active_sensing.input_sequence import InputSequence
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array
 
@@ -67,5 +67,5 @@ def path(pattern: Pattern, start: Array, period: float) -> Array:
     poses = np.empty((arcs + 1, 3))
     poses[0] = start
     for k, u in enumerate(held(pattern, 0.0, period, arcs)):
-        poses[k + 1] = moved(poses[k], u[0], u[1], period)
+        poses[k + 1] = integrate(poses[k], u[0], u[1], period)
     return poses

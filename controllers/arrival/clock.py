@@ -47,7 +47,7 @@ class ClockConfig:
     period: float = 1.0 / 60.0
     """between two rounds [s]"""
     memory: float = 0.25
-    """longest round trip that is used, and after which what a neighbour told counts no longer [s]"""
+    """longest round trip that is used, and after which what a neighbour sent counts no longer [s]"""
     baseline: float = 2.0
     """over which a rate is measured [s]"""
     apart: float = 60.0
@@ -73,7 +73,7 @@ class Clock:
 
 @dataclass(frozen=True)
 class ClockPayload:
-    """What a vehicle tells all its neighbours."""
+    """Message of a vehicle to all its neighbours."""
 
     correction: float  # [s] x_m
     rate: float  # y_m
@@ -82,7 +82,7 @@ class ClockPayload:
 
     @staticmethod
     def sound(payload: Any) -> bool:
-        """Whether a payload is one of these, with finite numbers."""
+        """True if a payload is one of these, with finite numbers."""
         if not (isinstance(payload, ClockPayload) and isinstance(payload.taken, Mapping)):
             return False
         numbers = [payload.correction, payload.rate, payload.valency]
@@ -99,7 +99,7 @@ class _Link:
 
     taken: float  # [s] own clock
     theta: float  # [s] how far its clock is ahead
-    told: ClockPayload
+    payload: ClockPayload
     since: float  # [s] own clock, the baseline's begin
     theta_then: float  # [s]
     rate: float | None = None  # of theta
@@ -130,9 +130,9 @@ class ClockConsensus:
 
     @property
     def disagreement(self) -> float:
-        """[s] by which the corrected clocks of the neighbours differ from its own, as it last heard, at most."""
+        """Greatest difference [s] of the neighbours' corrected clocks, as last received, from its own."""
         known = [link for link in self._links.values() if self._last is not None and self._recent(link, self._last)]
-        return max((abs(link.told.correction + link.theta - self._correction) for link in known), default=0.0)
+        return max((abs(link.payload.correction + link.theta - self._correction) for link in known), default=0.0)
 
     @property
     def outlier(self) -> bool:
@@ -141,6 +141,7 @@ class ClockConsensus:
 
     @property
     def refused(self) -> Mapping[str, int]:
+        """Number of messages refused, by the reason."""
         return self._inbox.refused + self._unusable
 
     def start(self, value: float, now: float = 0.0) -> None:
@@ -149,7 +150,7 @@ class ClockConsensus:
             self._correction = float(value)
 
     def exchange(self, t: float, received: Sequence[Message]) -> ClockPayload:
-        """One round when its own clock shows t [s]."""
+        """Exchange one round when its own clock shows t [s]: take what was ``received``, return the payload to send."""
         for message in self._inbox.take(t, received):
             self._compare(t, message)
         if self._last is not None:
@@ -160,25 +161,25 @@ class ClockConsensus:
 
     def _compare(self, t: float, message: Message) -> None:
         """How far a neighbour's clock is ahead, if it has answered a message of ours."""
-        told: ClockPayload = message.payload
+        payload: ClockPayload = message.payload
         name = message.sender
         if message.t < t - self._config.apart - self._config.memory:
             self._unusable["late"] += 1
             return
         self._stamps[name] = (message.t, t)
-        if self._node.name not in told.taken:
+        if self._node.name not in payload.taken:
             return
-        sent, taken = told.taken[self._node.name]
+        sent, taken = payload.taken[self._node.name]
         round_trip = (t - sent) - (message.t - taken)
         if not -TIME_TOLERANCE <= round_trip <= self._config.memory:
             self._unusable["round trip"] += 1
             return
         theta = 0.5 * ((taken - sent) + (message.t - t))
-        if abs(theta) > self._config.apart or abs(told.correction) > 2.0 * self._config.apart:
+        if abs(theta) > self._config.apart or abs(payload.correction) > 2.0 * self._config.apart:
             self._unusable["clocks too far apart"] += 1
             return
-        link = self._links.setdefault(name, _Link(t, theta, told, t, theta))
-        link.taken, link.theta, link.told = t, theta, told
+        link = self._links.setdefault(name, _Link(t, theta, payload, t, theta))
+        link.taken, link.theta, link.payload = t, theta, payload
         if t - link.since >= self._config.baseline:
             link.rate = (theta - link.theta_then) / (t - link.since)
             link.since, link.theta_then = t, theta
@@ -191,9 +192,9 @@ class ClockConsensus:
         for name, link in sorted(self._links.items()):
             if not self._recent(link, t):
                 continue
-            known = (self._node.valency, link.told.valency)
+            known = (self._node.valency, link.payload.valency)
             weight = edge_weight(self._node.weights[name], self._config.scaling * self.period, *known)
-            self._correction += weight * (link.told.correction + link.theta - correction)
+            self._correction += weight * (link.payload.correction + link.theta - correction)
             if link.rate is not None:
                 weight = edge_weight(self._node.weights[name], self._config.rate_scaling * self.period, *known)
-                self._rate += weight * (link.told.rate + link.rate - rate)
+                self._rate += weight * (link.payload.rate + link.rate - rate)

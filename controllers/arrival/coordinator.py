@@ -5,7 +5,7 @@
 
 Once a planning period the vehicle tells its consensus when it can arrive itself. What is agreed is rounded up to the
 fleet's time grid, so that a vehicle which knows it to a rounding error asks its planner for the same instant as all
-others, and is told to the planner when it changes. Separation and agreement know nothing of each other.
+others, and is communicated to the planner when it changes. Separation and agreement know nothing of each other.
 """
 
 from __future__ import annotations
@@ -47,26 +47,31 @@ class FleetCoordinator:
         self._estimate, self._planning_period, self._grid = estimate, planning_period, grid
         self._flown: Plan | None = None
         self._proposed: tuple[int, Plan] | None = None
-        self._next_step = -math.inf  # [s] when the consensus is told the vehicle's own time again
-        self._told: float | None = None  # [s] of arrival, to the planner
+        self._next_step = -math.inf  # [s] when the consensus is given the vehicle's own time again
+        self._announced: float | None = None  # [s] of arrival, to the planner
         self._outlier = False
 
     def exchange(self, t: float, received: Sequence[Message]) -> Outbox:
+        """Exchange messages at t [s]: return what goes to the neighbours and to the planner, and the events."""
         if self._flown is not None and t >= self._next_step - TIME_TOLERANCE:
             self._consensus.start(self._estimate(self._flown, t), t)
             self._next_step = t + self._planning_period
         messages = self._separation.exchange(t, [message for message in received if message.topic == TOPIC])
-        told = self._consensus.exchange(t, [message for message in received if message.topic == AGREEMENT])
-        messages += [(name, Message(t, self._separation.name, AGREEMENT, told)) for name in self._neighbours]
+        payload = self._consensus.exchange(t, [message for message in received if message.topic == AGREEMENT])
+        messages += [(name, Message(t, self._separation.name, AGREEMENT, payload)) for name in self._neighbours]
         happened = [(event.kind, event.message) for event in self._separation.events]
         self._separation.events.clear()
         return Outbox(tuple(messages), self._planner_messages(t), (*happened, *self._taking_part()))
 
     def propose(self, t: float, plan: Plan) -> None:
+        """Propose a plan to the others."""
         self._proposed = self._separation.propose(plan), plan
 
     def admits(self, t: float, plan: Plan) -> bool:
-        """Also, unasked and with the guarantee lost, a plan made anew because the one before was worth nothing."""
+        """True if a plan may be flown: all others have acknowledged it.
+
+        True too, unasked and with the guarantee lost, for a plan made anew because the one before was worth nothing.
+        """
         if "rebased" in plan.notes:
             self._separation.rebase(plan)
             return True
@@ -78,6 +83,7 @@ class FleetCoordinator:
         return admitted
 
     def adopted(self, t: float, plan: Plan) -> None:
+        """Note that the vehicle flies ``plan`` from t [s] on."""
         if self._proposed is not None and self._proposed[1] is plan and self._separation.admitted(self._proposed[0]):
             self._separation.adopt(t)
         self._flown = plan
@@ -97,7 +103,7 @@ class FleetCoordinator:
         if not math.isfinite(agreed):
             return ()
         arrival = self._grid * math.ceil(agreed / self._grid - _ROUNDING)
-        if arrival == self._told:
+        if arrival == self._announced:
             return ()
-        self._told = arrival
+        self._announced = arrival
         return (Message(t, self._separation.name, ARRIVAL, arrival),)

@@ -41,7 +41,7 @@ _RESOLUTION = 1e-15  # of s
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class PlannedTrajectory:
     """Where a plan leads, in read-only arrays of its own, with a box around all of it."""
 
     t: Array  # (K + 1,) [s] absolute, increasing
@@ -52,9 +52,9 @@ class Trajectory:
     speed: float  # [m/s] greatest
 
     @staticmethod
-    def of(plan: Plan | Trajectory) -> Trajectory:
+    def of(plan: Plan | PlannedTrajectory) -> PlannedTrajectory:
         """ValueError for a plan that is a failure, or whose arrays do not fit together or are not finite."""
-        if isinstance(plan, Trajectory):
+        if isinstance(plan, PlannedTrajectory):
             return plan
         if not plan.ok:
             raise ValueError(f"status = {plan.status.name}; allowed: OK")
@@ -72,24 +72,29 @@ class Trajectory:
         hull = np.vstack([p, middle, middle + 0.5 * h * (v[:-1] + h * u)])
         for values in (t, x, u):
             values.setflags(write=False)
-        return Trajectory(t, x, u, hull.min(axis=0), hull.max(axis=0), math.sqrt(float((v * v).sum(axis=1).max())))
+        return PlannedTrajectory(
+            t, x, u, hull.min(axis=0), hull.max(axis=0), math.sqrt(float((v * v).sum(axis=1).max()))
+        )
 
 
-def least_distance(plan_a: Plan | Trajectory, plan_b: Plan | Trajectory, t: float) -> float:
-    """min |p_a(s) - p_b(s)| over s in [t, infinity) [m]; ValueError for what ``Trajectory.of`` refuses."""
+def least_distance(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, t: float) -> float:
+    """Least distance min |p_a(s) - p_b(s)| [m] over s in [t, infinity).
+
+    Raises ValueError for what ``PlannedTrajectory.of`` refuses.
+    """
     check(t, "t", -math.inf)
-    a, b = Trajectory.of(plan_a), Trajectory.of(plan_b)
+    a, b = PlannedTrajectory.of(plan_a), PlannedTrajectory.of(plan_b)
     return math.sqrt(_least_squared(a.t, a.x, a.u, b.t, b.x, b.u, float(t), math.inf))
 
 
-def clear(plan_a: Plan | Trajectory, plan_b: Plan | Trajectory, distance: float, t: float) -> bool:
-    """Whether |p_a(s) - p_b(s)| >= distance [m] for all s in [t, infinity); no roots where boxes suffice.
+def clear(plan_a: Plan | PlannedTrajectory, plan_b: Plan | PlannedTrajectory, distance: float, t: float) -> bool:
+    """True if |p_a(s) - p_b(s)| >= distance [m] for all s in [t, infinity); no roots where boxes suffice.
 
-    ValueError for what ``Trajectory.of`` refuses and for a negative distance.
+    ValueError for what ``PlannedTrajectory.of`` refuses and for a negative distance.
     """
     check(distance, "distance", 0.0)
     check(t, "t", -math.inf)
-    a, b = Trajectory.of(plan_a), Trajectory.of(plan_b)
+    a, b = PlannedTrajectory.of(plan_a), PlannedTrajectory.of(plan_b)
     squared = float(distance) * float(distance)
     gap = np.maximum(np.maximum(a.low - b.high, b.low - a.high), 0.0)
     if gap @ gap > squared * (1.0 + 1e-9):  # rounding of a box decides nothing

@@ -1,18 +1,18 @@
-"""When a vehicle can arrive: (A.12) of the thesis, and with other speeds in its denominator.
+"""Time of arrival: (A.12) of the thesis, and with other speeds in its denominator.
 
     eta = T_p + L(p_N) / v,
 
-L being the length to go that the terminal cost tells ("Psi" of the print) and v
+L being the length to go by the terminal cost (the thesis prints "Psi") and v
 
     max        v_max, which makes it the *least* time that is left: no vehicle can go faster (A.12);
-    mean       the mean of the speeds at the nodes of the plan, the print's first alternative;
-    largest    the largest of them, its second.
+    mean       the mean of the speeds at the nodes of the plan, the first alternative printed;
+    largest    the largest of them, the second.
 
-The nodes are those at which an optimised arc begins, p_1 ... p_(N-1); the print counts p_N, too.
+The nodes are those at which an optimised arc begins, p_1 ... p_(N-1); as printed p_N counts, too.
 
-Told as a time of arrival, t + eta, it does not fall by h from one planning instant to the next, and vehicles that plan
-at different instants can compare theirs. A plan that meets its target is as good as it says; one whose optimised part
-is over is taken from where the vehicle is.
+Communicated as a time of arrival, t + eta, it does not fall by h from one planning instant to the next, and vehicles
+that plan at different instants can compare theirs. A plan that meets its target is as good as it says; one whose
+optimised part is over is taken from where the vehicle is.
 """
 
 from __future__ import annotations

@@ -1,8 +1,4 @@
-"""What a vehicle hears: which messages count, and the last that each neighbour told.
-
-Nothing that arrives raises: what does not count is refused and counted by why. What counts does not depend on the order
-in which the messages of a round arrive.
-"""
+"""The inbox of a vehicle: which messages count, and the last of each neighbour."""
 
 from __future__ import annotations
 
@@ -19,7 +15,7 @@ from mathnavi.sim.interfaces.signals import Message
 
 @dataclass(frozen=True)
 class ConsensusPayload:
-    """What a vehicle tells all its neighbours."""
+    """Message of a vehicle to all its neighbours."""
 
     value: float | None  # None: an outlier that has heard of no other value yet
     valency: float  # d_m of the sender, its links' weights together
@@ -27,7 +23,7 @@ class ConsensusPayload:
 
     @staticmethod
     def sound(payload: Any) -> bool:
-        """Whether a payload is one of these, with finite numbers."""
+        """True if a payload is one of these, with finite numbers."""
         return (
             isinstance(payload, ConsensusPayload)
             and (payload.value is None or finite(payload.value))
@@ -37,17 +33,17 @@ class ConsensusPayload:
 
 
 def finite(value: Any) -> bool:
-    """Whether it is a finite floating-point number."""
+    """True for a finite floating-point number."""
     return isinstance(value, float) and math.isfinite(value)
 
 
 def edge_weight(weight: float, amount: float, own: float, others: float) -> float:
-    """w_lm = a_lm min(amount, 1 / (2 max(d_l, d_m))): what a link moves in a round (see ``laplacian``)."""
+    """Weight w_lm = a_lm min(amount, 1 / (2 max(d_l, d_m))): what a link moves in a round (see ``laplacian``)."""
     return weight * min(amount, 0.5 / max(own, others))
 
 
 class Inbox:
-    """The messages of one vehicle."""
+    """Inbox of one vehicle."""
 
     def __init__(self, node: Node, sound: Callable[[Any], bool], ahead: float = 0.0) -> None:
         """``sound`` says whether a payload can be used; a sender's clock may be ``ahead`` [s] of one's own at most."""
@@ -58,7 +54,7 @@ class Inbox:
 
     @property
     def heard(self) -> Mapping[str, Message]:
-        """The last message that counts of each neighbour, by its time of sending."""
+        """Last message that counts of each neighbour, by its time of sending."""
         return self._heard
 
     def begin(self, t: float, received: Sequence[Any]) -> None:
@@ -69,7 +65,7 @@ class Inbox:
         self._heard = {}
 
     def take(self, t: float, received: Sequence[Any]) -> list[Message]:
-        """Those that count of what has arrived by t [s], in the order of their sending."""
+        """Take what has arrived by t [s] and return the messages that count, in the order of their sending."""
         sound = [message for message in received if self._is_sound(message)]
         self.refused["garbage"] += len(received) - len(sound)
         taken = []

@@ -52,7 +52,7 @@ class LaplacianConfig:
     period: float = 1.0 / 60.0
     """h, between two rounds [s]"""
     memory: float = 0.25
-    """after which what a neighbour told counts no longer [s]"""
+    """after which what a neighbour sent counts no longer [s]"""
     own: Literal["now", "then"] = "now"
     """what of itself a vehicle compares with what it hears: its value now, or when that was sent"""
     delta: float = DELTA
@@ -88,22 +88,23 @@ class LaplacianConsensus:
         self._value = self._own = math.nan
         self._begun = 0.0  # [s] the planning period
         self._outlier = True  # until it has a number of its own
-        self._started = False  # and has not yet told it
+        self._started = False  # and has not yet sent it
         self._times: list[float] = []  # [s] of its rounds within memory
         self._values: list[float] = []  # eta_m after each
 
     @property
     def value(self) -> float:
-        """eta_m, at the end of a planning period the agreed eta_d."""
+        """Own time eta_m [s], at the end of a planning period the agreed eta_d."""
         return self._value
 
     @property
     def outlier(self) -> bool:
-        """Whether it only follows."""
+        """True if the vehicle only follows."""
         return self._outlier
 
     @property
     def refused(self) -> Mapping[str, int]:
+        """Number of messages refused, by the reason."""
         return self._inbox.refused
 
     def start(self, value: float, now: float = 0.0) -> None:
@@ -124,7 +125,9 @@ class LaplacianConsensus:
         self._started = True
 
     def exchange(self, t: float, received: Sequence[Message]) -> ConsensusPayload:
-        """One round. The first after a start only tells it: what was said of the period before counts no longer."""
+        """Exchange one round at t [s]; the first after a start only sends: what came from the period before counts no
+        longer.
+        """
         if self._started:
             self._started = False
             self._inbox.begin(t, received)
@@ -139,7 +142,7 @@ class LaplacianConsensus:
         return ConsensusPayload(None if silent else self._value, self._node.valency, self._outlier)
 
     def _last_heard(self, t: float) -> list[tuple[float, float, float, float]]:
-        """Of each neighbour that told a value within memory: a_lm, eta_l, d_l, and when it was sent [s]."""
+        """Return, for each neighbour that sent a value within memory, a_lm, eta_l, d_l, and when it was sent [s]."""
         oldest = t - self._config.memory - TIME_TOLERANCE
         return [
             (self._node.weights[name], message.payload.value, message.payload.valency, message.t)

@@ -41,8 +41,8 @@ class LocalClock:
 class ClockedCoordinator:
     """The ``Coordinator`` of a vehicle that has a clock of its own.
 
-    ``coordinator(stored, ahead)`` makes what talks of plans and arrivals once the clocks agree, from the plan that is
-    flown then, in corrected time, and by what [s] that is ahead of the time in which the vehicle plans.
+    ``coordinator(stored, ahead)`` makes what communicates plans and arrivals once the clocks agree: from the plan that
+    is flown then, in corrected time, and from how far [s] that is ahead of the time in which the vehicle plans.
     """
 
     def __init__(
@@ -67,13 +67,14 @@ class ClockedCoordinator:
         self._apart = False
 
     def corrected(self, t: float) -> float:
-        """T_m [s]."""
+        """Corrected time T_m [s] at t [s]."""
         return self._clock(t) + self._consensus.value
 
     def exchange(self, t: float, received: Sequence[Message]) -> Outbox:
+        """Exchange messages at t [s]: those of the clocks, and once these agree those of plans and arrivals."""
         c = self._clock(t)
-        told = self._consensus.exchange(c, [message for message in received if message.topic == CLOCK])
-        clocks = [(name, Message(c, self._name, CLOCK, told)) for name in self._neighbours]
+        payload = self._consensus.exchange(c, [message for message in received if message.topic == CLOCK])
+        clocks = [(name, Message(c, self._name, CLOCK, payload)) for name in self._neighbours]
         self._began = c if self._began is None else self._began
         if self._inner is None and self._flown is not None and c - self._began >= self._settling:
             self._inner = self._make(self._shifted(t, self._flown), self.corrected(t) - t)
@@ -88,16 +89,19 @@ class ClockedCoordinator:
         )
 
     def propose(self, t: float, plan: Plan) -> None:
+        """Propose a plan to the others, in corrected time; nothing before the clocks agree."""
         if self._inner is not None:
             self._proposed = plan, self._shifted(t, plan)
             self._inner.propose(self.corrected(t), self._proposed[1])
 
     def admits(self, t: float, plan: Plan) -> bool:
+        """True if a plan may be flown; before the clocks agree only one that was made anew."""
         if self._inner is None:
             return "rebased" in plan.notes
         return self._inner.admits(self.corrected(t), self._known(t, plan))
 
     def adopted(self, t: float, plan: Plan) -> None:
+        """Note that the vehicle flies ``plan`` from t [s] on."""
         if self._inner is not None:
             known = self._known(t, plan)
             # Its clock may have been put back a little since the plan was proposed.
@@ -122,7 +126,7 @@ class ClockedCoordinator:
 
     def _seen_apart(self) -> tuple[tuple[str, str], ...]:
         """What to record when a neighbour's corrected clock begins to differ by too much."""
-        off = self._consensus.disagreement
-        apart = off > 2.0 * self._error
+        difference = self._consensus.disagreement
+        apart = difference > 2.0 * self._error
         news, self._apart = apart and not self._apart, apart
-        return (("clock-apart", f"by {off:.3f} s; allowed {2.0 * self._error:g} s"),) if news else ()
+        return (("clock-apart", f"by {difference:.3f} s; allowed {2.0 * self._error:g} s"),) if news else ()

@@ -59,18 +59,19 @@ class MaximumConsensus:
 
     @property
     def value(self) -> float:
-        """What is agreed; D where nothing is and its own number is above it."""
+        """Agreed number; D where nothing is agreed and its own number is above it."""
         if self._largest is not None:
             return self._largest
         return self._node.deadline if self._own > self._node.deadline else math.nan
 
     @property
     def outlier(self) -> bool:
-        """Whether it only follows: its own number is above D, or it has none."""
+        """True if the vehicle only follows: its own number is above D, or it has none."""
         return not (math.isfinite(self._own) and self._own <= self._node.deadline)
 
     @property
     def refused(self) -> Mapping[str, int]:
+        """Number of messages refused, by the reason."""
         return self._inbox.refused + Counter({"beyond the deadline": self._beyond})
 
     def start(self, value: float, now: float = 0.0) -> None:
@@ -80,12 +81,13 @@ class MaximumConsensus:
             self._rise(self._own)
 
     def exchange(self, t: float, received: Sequence[Message]) -> ConsensusPayload:
+        """Exchange one round at t [s]: take what was ``received``, return the payload to send."""
         for message in self._inbox.take(t, received):
-            told: ConsensusPayload = message.payload
-            if told.value is not None and told.value > self._node.deadline:
+            payload: ConsensusPayload = message.payload
+            if payload.value is not None and payload.value > self._node.deadline:
                 self._beyond += 1
-            elif told.value is not None:
-                self._rise(told.value)
+            elif payload.value is not None:
+                self._rise(payload.value)
         return ConsensusPayload(self._largest, self._node.valency, self.outlier)
 
     def _rise(self, value: float) -> None:

@@ -14,5 +14,5 @@ DELTA = 0.3  # the thesis' choice
 
 
 def is_outlier(agreed: float, own: float, planning_period: float, delta: float = DELTA) -> bool:
-    """Whether eta_d = ``agreed`` [s] is beyond what a vehicle with eta_m = ``own`` [s] can adjust to."""
+    """True if eta_d = ``agreed`` [s] is beyond what a vehicle with eta_m = ``own`` [s] can adjust to (A.14)."""
     return not (own > 0.0 and (1.0 - delta) * own <= agreed - planning_period <= (1.0 + delta) * own)

@@ -21,7 +21,7 @@ What follows from this for the corners:
     held pi_i since before j heard of it. It does remember its latest answer to each, so that a copy of a proposal gets
     the same answer again, as if the first had been late or doubled, and costs no second check.
   - *i withdraws after some acknowledgements*: they are for an id that is void, and are ignored whenever they arrive.
-    Nobody has to be told.
+    Nobody has to be informed.
   - *j adopts its pending plan between the check and the adoption of i*: pi_i was checked against it while pending.
   - *j proposes after it acknowledged pi_i*: case 2 with the roles changed; i refuses, or one of both gives way.
   - *A check covers only when both plans may be flown*: a current plan from now on, a pending one from its start. Until
@@ -43,7 +43,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.controllers.arrival.distance import Trajectory
+from mathnavi.controllers.arrival.distance import PlannedTrajectory
 from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.checks import check_names
@@ -54,16 +54,16 @@ TOPIC = "separation"
 
 @dataclass(frozen=True)
 class Proposal:
-    """What i sends: may I fly this from its start on?"""
+    """Proposal of a vehicle i: may I fly this from its start on?"""
 
     id: int  # of this vehicle, increasing
     rank: float
-    trajectory: Trajectory
+    trajectory: PlannedTrajectory
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What j sends back."""
+class SeparationReply:
+    """Reply of a vehicle j to a proposal."""
 
     id: int  # of the proposal
     clear: bool
@@ -78,36 +78,36 @@ class Separation:
     """
 
     def __init__(
-        self, name: str, peers: Sequence[str], zone: Zone, current: Plan | Trajectory, rng: np.random.Generator
+        self, name: str, peers: Sequence[str], zone: Zone, current: Plan | PlannedTrajectory, rng: np.random.Generator
     ) -> None:
         """``peers`` are all other vehicles, ``current`` what ``checked_start`` passed; ValueError for a name twice."""
         check_names([name, *peers])
         self.name, self.peers, self.zone = name, tuple(peers), zone
         self.events: list[Event] = []
         self.guaranteed = True  # False from a ``rebase`` to the next adoption
-        self._current = Trajectory.of(current)
+        self._current = PlannedTrajectory.of(current)
         self._pending: Proposal | None = None
         self._acknowledged: set[str] = set()  # who has, the pending proposal
         self._rng = rng
         self._last_id = 0
-        self._answered: dict[str, Answer] = {}  # the latest to each
+        self._answered: dict[str, SeparationReply] = {}  # the latest to each
 
     @property
     def pending(self) -> int | None:
-        """The id of the proposal that is underway or admitted."""
+        """Identifier of the proposal that is underway or admitted."""
         return self._pending.id if self._pending else None
 
     @property
-    def own(self) -> tuple[Trajectory, ...]:
-        """Own_i: what is flown, and what may come to be."""
+    def own(self) -> tuple[PlannedTrajectory, ...]:
+        """Own_i: the trajectory being flown, and the one that may come to be."""
         return (self._current, self._pending.trajectory) if self._pending else (self._current,)
 
-    def propose(self, plan: Plan | Trajectory) -> int:
+    def propose(self, plan: Plan | PlannedTrajectory) -> int:
         """Make a plan pending, in place of one that may be, and return its id; ``exchange`` tells the others.
 
-        ValueError for what ``Trajectory.of`` refuses: that is never pending.
+        ValueError for what ``PlannedTrajectory.of`` refuses: that is never pending.
         """
-        trajectory = Trajectory.of(plan)
+        trajectory = PlannedTrajectory.of(plan)
         self.withdraw()
         self._last_id += 1
         self._pending = Proposal(self._last_id, float(self._rng.random()), trajectory)
@@ -119,7 +119,7 @@ class Separation:
         self._acknowledged = set()
 
     def admitted(self, id: int) -> bool:
-        """Whether this proposal is pending and every other vehicle has acknowledged it."""
+        """True if this proposal is pending and every other vehicle has acknowledged it."""
         return self.pending == id and len(self._acknowledged) == len(self.peers)
 
     def adopt(self, t: float) -> None:
@@ -138,13 +138,13 @@ class Separation:
         self.guaranteed = True
         self.withdraw()
 
-    def rebase(self, plan: Plan | Trajectory) -> None:
+    def rebase(self, plan: Plan | PlannedTrajectory) -> None:
         """The vehicle has left its plan and flies this one unasked: the guarantee is lost until it next adopts one.
 
         The others learn of it as their proposals are checked against it. The invariant holds again between any two
         that have adopted a plan since they were last rebased: the proof is about adopted plans only.
         """
-        self._current = Trajectory.of(plan)
+        self._current = PlannedTrajectory.of(plan)
         if self.guaranteed:
             self._record(float(self._current.t[0]), "unguaranteed", "it flies a plan that nobody has acknowledged")
         self.guaranteed = False
@@ -159,13 +159,13 @@ class Separation:
         if self._pending and t > self._pending.trajectory.t[0] + TIME_TOLERANCE and not self.admitted(self._pending.id):
             self._record(t, "late", f"proposal {self._pending.id}: {self._unheard()} have not acknowledged it")
             self.withdraw()
-        answers: dict[str, Answer] = {}
+        answers: dict[str, SeparationReply] = {}
         for message in received:
             if message.topic != TOPIC:
                 continue
             if wrong := self._wrong(message, t):
                 self._record(t, "ignored", wrong)
-            elif isinstance(message.payload, Answer):
+            elif isinstance(message.payload, SeparationReply):
                 self._take(message.sender, message.payload, t)
             elif answer := self._answer(message.sender, message.payload, t):
                 answers[message.sender] = answer
@@ -181,11 +181,13 @@ class Separation:
             return f"sender = {message.sender!r}; allowed: {', '.join(self.peers)}"
         if not message.t <= t + 2.0 * self.zone.clock_error + TIME_TOLERANCE:
             return f"t = {message.t!r} of {message.sender} lies in the future; allowed: <= {t!r}"
-        if not isinstance(message.payload, Proposal | Answer):
-            return f"payload of {message.sender} is {type(message.payload).__name__}; allowed: Proposal, Answer"
+        if not isinstance(message.payload, Proposal | SeparationReply):
+            return (
+                f"payload of {message.sender} is {type(message.payload).__name__}; allowed: Proposal, SeparationReply"
+            )
         return ""
 
-    def _take(self, sender: str, answer: Answer, t: float) -> None:
+    def _take(self, sender: str, answer: SeparationReply, t: float) -> None:
         """Count an answer to the pending proposal; any other is void."""
         if self._pending is None or answer.id != self._pending.id:
             return
@@ -195,11 +197,11 @@ class Separation:
             self._record(t, "refused", f"proposal {answer.id}, by {sender}")
             self.withdraw()
 
-    def _answer(self, sender: str, proposal: Proposal, t: float) -> Answer | None:
+    def _answer(self, sender: str, proposal: Proposal, t: float) -> SeparationReply | None:
         """Check and reply in one; the same again to a copy, nothing to one that is older than the latest."""
         before = self._answered.get(sender)
         if before is None or before.id < proposal.id:
-            self._answered[sender] = Answer(proposal.id, self._clears_all(sender, proposal, t))
+            self._answered[sender] = SeparationReply(proposal.id, self._clears_all(sender, proposal, t))
         elif before.id > proposal.id:
             return None
         return self._answered[sender]

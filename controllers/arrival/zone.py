@@ -17,7 +17,7 @@ from itertools import combinations
 
 import numpy as np
 
-from mathnavi.controllers.arrival.distance import Trajectory, clear, least_distance
+from mathnavi.controllers.arrival.distance import PlannedTrajectory, clear, least_distance
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.signals import Array, Plan
@@ -40,35 +40,35 @@ class Zone:
 
     @property
     def required(self) -> float:
-        """[m] D."""
+        """Distance D [m] that plans have to keep."""
         return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * self.speed_max
 
-    def between(self, a: Trajectory, b: Trajectory) -> float:
-        """[m] D, with the speed of either plan where it is faster than v_max: a gust may have made it so."""
+    def between(self, a: PlannedTrajectory, b: PlannedTrajectory) -> float:
+        """Distance D [m], with the speed of either plan where it is faster than v_max: a gust may have made it so."""
         return self.distance + 2.0 * self.bound + 2.0 * self.clock_error * max(self.speed_max, a.speed, b.speed)
 
-    def kept(self, a: Trajectory, b: Trajectory, t: float) -> bool:
-        """Whether the plans are D apart over [t, infinity)."""
+    def kept(self, a: PlannedTrajectory, b: PlannedTrajectory, t: float) -> bool:
+        """True if the plans are D apart over [t, infinity), t [s]."""
         return clear(a, b, self.between(a, b), t)
 
 
 def checked_start(
     plans: Sequence[tuple[str, Plan]], slots: Mapping[str, Array], zone: Zone, t: float | None = None
-) -> dict[str, Trajectory]:
-    """The initial condition of the protocol: the stored plan of each vehicle by its name, if a fleet may start so.
+) -> dict[str, PlannedTrajectory]:
+    """Stored plan of each vehicle by its name, if a fleet may start so: the initial condition of the protocol.
 
     ``plans`` are the names with their plans, ``slots`` (3,) [m] where each is to arrive, ``t`` [s] the start of the
     mission, by default that of the earliest plan. Raises ValueError, naming both vehicles, the value and what is
-    allowed, for a name that is there twice, and for two vehicles whose starts, whose slots or whose plans anywhere
-    to rest and beyond are less than D apart.
+    allowed, for a name that is there twice, and for two vehicles whose starts, whose slots or whose plans anywhere to
+    rest and beyond are less than D apart.
     """
     names = check_names([name for name, _ in plans])
     if missing := [name for name in names if name not in slots]:
         raise ValueError(f"slots = {sorted(slots)!r}; allowed: one for every vehicle, also for {', '.join(missing)}")
-    stored: dict[str, Trajectory] = {}
+    stored: dict[str, PlannedTrajectory] = {}
     for name, plan in plans:
         try:
-            stored[name] = Trajectory.of(plan)
+            stored[name] = PlannedTrajectory.of(plan)
         except ValueError as error:
             raise ValueError(f"plan of {name}: {error}") from error
         if np.shape(slots[name]) != (3,) or not np.isfinite(slots[name]).all():

@@ -296,7 +296,7 @@ class AsPrinted:
         return arcs.plan(cost, math.nan)
 
     def _listen(self, request: PlanRequest) -> None:
-        known = self._knowledge.updated(request.messages)
+        known = self._knowledge.updated_with(request.messages)
         if known is not self._knowledge:
             self._mission = replace(self._mission, terrain=known.terrain, target=known.target)
             self._learn(known)

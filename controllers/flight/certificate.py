@@ -96,7 +96,7 @@ class Certificate:
         """With the target and the map that ``messages`` tell of (``mathnavi.models.aerial.knowledge``); itself without
         any."""
         known = Knowledge(self.terrain, tuple(self.target.tolist()))
-        now = known.updated(messages)
+        now = known.updated_with(messages)
         certificate = self
         if now.target != known.target:
             certificate = dataclasses.replace(certificate, target=np.array(now.target, dtype=np.float64))

@@ -131,7 +131,7 @@ class RecedingHorizon:
         return solution, spent + 1e3 * (time.thread_time() - began)
 
     def _listen(self, messages: Sequence[Message]) -> None:
-        known = self._knowledge.updated(messages)
+        known = self._knowledge.updated_with(messages)
         if known is not self._knowledge:
             certificate = self._certificate.told(messages)
             cost = self._cost_to_go(known)

@@ -66,12 +66,14 @@ class AttitudeReference:
         self._attitudes = [self._manifold.origin]
 
     def state(self, k: int) -> Array:
+        """State (7,), quaternion and body rate [rad/s], at the k-th period of the mission."""
         while len(self._attitudes) <= k:
             middle = self._omega((len(self._attitudes) - 0.5) * self._period)
             self._attitudes.append(self._manifold.exp(self._attitudes[-1], self._period * middle))
         return np.concatenate([self._attitudes[k], self._omega(k * self._period)])
 
     def acceleration(self, k: int) -> Array:
+        """Angular acceleration omega_r' (3,) [rad/s^2] at the k-th period."""
         turned: Array = np.cos(self._frequencies * (k * self._period) + _PHASES)
         return self._rate * self._frequencies * turned
 

@@ -63,13 +63,14 @@ class JointReference:
         self._w = config.frequency * (1.0 + _SPREAD * np.arange(n) / max(1, n - 1))
 
     def state(self, k: int) -> Array:
+        """State (q_r, q_r') (2 n,) at the k-th period of the mission."""
         turned = self._w * (k * self._period)
         q = self._manifold.origin + self._amplitude * np.sin(turned)
         return np.concatenate([q, self._amplitude * self._w * np.cos(turned)])
 
     def acceleration(self, k: int) -> Array:
-        """q'' + Gamma(q', q')."""
+        """Covariant acceleration q'' + Gamma(q', q') (n,) at the k-th period."""
         n, state = self._manifold.size, self.state(k)
-        bend = self._manifold.christoffel(state[:n], state[n:], state[n:])
-        a: Array = bend - self._amplitude * self._w**2 * np.sin(self._w * (k * self._period))
+        connection = self._manifold.christoffel(state[:n], state[n:], state[n:])
+        a: Array = connection - self._amplitude * self._w**2 * np.sin(self._w * (k * self._period))
         return a

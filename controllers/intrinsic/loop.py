@@ -15,27 +15,28 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRe
 _PERIODS = 100  # of the mission, from one plan to the next
 
 
-class Reference(Protocol):
+class ReferenceMotion(Protocol):
     """A motion that is to be followed."""
 
     def state(self, k: int) -> Array:
-        """(x_r, v_r) at the k-th period of the mission."""
+        """State (x_r, v_r) (size + vector_size,) at the k-th period of the mission."""
         ...
 
     def acceleration(self, k: int) -> Array:
-        """D_t v_r there, a tangent vector at x_r."""
+        """Acceleration D_t v_r (vector_size,) at the k-th period, a tangent vector at x_r."""
         ...
 
 
 class ReferencePlanner:
     """The reference's next states, whatever the estimate says, with the inputs that would keep it on its way."""
 
-    def __init__(self, reference: Reference, mission: LagrangianMission) -> None:
+    def __init__(self, reference: ReferenceMotion, mission: LagrangianMission) -> None:
         self.period = _PERIODS * mission.period
         self._reference, self._step, self._size = reference, mission.period, mission.system.manifold.size
         self._inverse = InverseForce(mission.system)
 
     def plan(self, request: PlanRequest) -> Plan:
+        """Plan of the next reference states, with the inputs that would keep the system on them."""
         began = time.thread_time()
         if not np.isfinite(request.estimate.x).all():
             return Plan.failure(Status.NOT_FINITE, f"the estimate is {request.estimate.x.tolist()}")
@@ -61,7 +62,10 @@ class IntrinsicTracker:
         self._none = np.zeros(len(mission.system.inputs))
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
-        """u (nu,): none while the estimator has no estimate; ValueError for one of another shape than the plan's."""
+        """Input u (nu,) at t [s]: zero while the estimator has no estimate.
+
+        Raises ValueError for an estimate of another shape than the plan's states.
+        """
         if estimate.x.shape != plan.x.shape[1:]:
             raise ValueError(f"the estimate's state has shape {estimate.x.shape}; allowed: {plan.x.shape[1:]}")
         if estimate.status is Status.INITIALISING:

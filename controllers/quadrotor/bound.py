@@ -47,8 +47,8 @@ _SLOWEST = -0.1  # [1/s] of a loop that holds
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
-    """x' = A x + B (d, n) with x = (e, e', r, d^, ...); its outputs are e [m], e' [m/s] and c [m/s^2]."""
+class AxisLoop:
+    """Closed loop on one axis: x' = A x + B (d, n) with x = (e, e', r, d^, ...); outputs e [m], e' [m/s], c [m/s^2]."""
 
     A: Array  # (nx, nx)
     B: Array  # (nx, 2)
@@ -56,20 +56,23 @@ class Loop:
 
     @staticmethod
     @lru_cache(maxsize=16)  # a fresh controller is built for every run
-    def along(config: TrackerConfig, vehicle: Quadrotor, period: float) -> Loop:
-        """theta follows c by thrust."""
+    def along(config: TrackerConfig, vehicle: Quadrotor, period: float) -> AxisLoop:
+        """Loop along the vertical: theta follows c by thrust; commands every ``period`` [s]."""
         e, e_dot, r, d, theta = np.eye(5)
         k_p, k_v, observer = _gains(config)
         lag = vehicle.motor_lag + 0.5 * period
         c, c_dot = -k_p * e - k_v * e_dot - d, -k_p * e_dot - k_v * (theta + d)
         theta_dot = (c + vehicle.motor_lag * c_dot - theta) / lag
         A = np.array([e_dot, theta, -d - 2.0 * observer * r, observer**2 * r, theta_dot])
-        return Loop(A, np.column_stack([e_dot + r, -k_p / lag * theta]), np.array([e, e_dot, c]))
+        return AxisLoop(A, np.column_stack([e_dot + r, -k_p / lag * theta]), np.array([e, e_dot, c]))
 
     @staticmethod
     @lru_cache(maxsize=16)
-    def across(config: TrackerConfig, vehicle: Quadrotor, period: float) -> Loop:
-        """theta follows c by tilt; ValueError if these gains do not hold it at commands every ``period`` [s]."""
+    def across(config: TrackerConfig, vehicle: Quadrotor, period: float) -> AxisLoop:
+        """Loop across the vertical: theta follows c by tilt.
+
+        Raises ValueError if these gains do not hold it at commands every ``period`` [s].
+        """
         e, e_dot, r, d, theta, theta_dot, tau = np.eye(7)
         k_p, k_v, observer = _gains(config)
         k_R = config.attitude_bandwidth**2
@@ -85,11 +88,11 @@ class Loop:
                 f"{config.attitude_bandwidth!r} and rotors with motor_lag = {vehicle.motor_lag!r} s grows by "
                 f"{growth:.2g}/s; allowed: slower ones, below {_SLOWEST:g}/s"
             )
-        return Loop(A, np.column_stack([e_dot + r, -k_R * k_p / lag * tau]), np.array([e, e_dot, c]))
+        return AxisLoop(A, np.column_stack([e_dot + r, -k_R * k_p / lag * tau]), np.array([e, e_dot, c]))
 
     @cached_property
-    def peaks(self) -> tuple[Array, Array]:
-        """Of d to the outputs (3,): peak-to-peak gains, and the greatest answers to a step of 1 m/s^2."""
+    def peak_gains(self) -> tuple[Array, Array]:
+        """L1 (peak-to-peak) gains from d to the outputs (3,), and the greatest responses (3,) to a step of 1 m/s^2."""
         phi, x = expm(_STEP * self.A), self.B[:, 0]
         response = np.empty((round(_DURATION / _STEP), 3))
         for k in range(len(response)):
@@ -100,7 +103,7 @@ class Loop:
         return gains, steps
 
     def deviations(self, mission: FlightMission) -> Array:
-        """(3,) standard deviations of the outputs under the mission's gusts and the noise of its positions."""
+        """Standard deviations (3,) of the outputs under the mission's gusts and the noise of its positions."""
         gust, size = mission.gust, len(self.A)
         A = np.zeros((size + 1, size + 1))
         A[:size, :size], A[:size, size], A[size, size] = self.A, self.B[:, 0], -1.0 / gust.time_constant
@@ -119,9 +122,10 @@ def _gains(config: TrackerConfig) -> tuple[float, float, float]:
 
 
 def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMission) -> TrackingBound:
-    """The bound over a mission of the vehicle that is believed to fly; ``feedback`` is what a_max has to yield to it.
+    """Tracking bound over a mission of the vehicle that is believed to fly; ``feedback`` is what a_max has to yield to
+    it.
 
-    ValueError if the gains do not hold the vehicle, or if the rotors can do no more than the feedback asks for.
+    Raises ValueError if the gains do not hold the vehicle, or if the rotors can do no more than the feedback asks for.
     """
     m, g, tolerance = vehicle.mass, vehicle.gravity, config.mass_tolerance
     foreseen = deviation(config.reference_bandwidth, config.preview)
@@ -131,10 +135,10 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
     drags = max(d_x, d_y, d_z), d_z + 0.5 * max(abs(d_x - d_z), abs(d_y - d_z))
     a_max = mission.acceleration_max
     parts = []
-    for build, drag in zip((Loop.across, Loop.along), drags, strict=True):
+    for build, drag in zip((AxisLoop.across, AxisLoop.along), drags, strict=True):
         loop = build(config, vehicle, mission.control_period)
         unknown = tolerance * foreseen.acceleration * a_max + config.drag_tolerance * drag
-        gains, steps = loop.peaks
+        gains, steps = loop.peak_gains
         spread = _DEVIATIONS * loop.deviations(mission)
         if mission.position_noise == 0.0:
             spread = np.minimum(spread, gains * mission.gust.limit)

@@ -112,9 +112,10 @@ def rates_of(R: Array, f: Array, f_dot: Array, heading: float, turn: float) -> A
 
 @njit(cache=True, nogil=True)
 def attitude_error(R_d: Array, R: Array) -> Array:
-    """e_R = 2 sin(theta / 2) n, theta and n the angle and the axis, in the body frame, that lead from R_d to R.
+    """Attitude error e_R = 2 sin(theta / 2) n (3,) of R (3, 3) against R_d (3, 3).
 
-    That is (Q - Q')^ / sqrt(1 + tr Q), Q = R_d' R. At theta = pi, where that is 0 / 0, an axis n is taken.
+    theta and n are the angle and the axis, in the body frame, that lead from R_d to R. That is (Q - Q')^ / sqrt(1 + tr
+    Q), Q = R_d' R. At theta = pi, where that is 0 / 0, an axis n is taken.
     """
     Q = R_d.T @ R
     e = np.array([Q[2, 1] - Q[1, 2], Q[0, 2] - Q[2, 0], Q[1, 0] - Q[0, 1]])  # 2 sin(theta) n
@@ -135,14 +136,16 @@ def attitude_error(R_d: Array, R: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def limited(a: Array, longest: float) -> Array:
-    """The vector, shortened to ``longest`` if it is longer."""
+    """Shorten a vector a (n,) to ``longest`` if it is longer."""
     length = math.sqrt(a @ a)
     return a * (longest / length) if length > longest else a.copy()
 
 
 @njit(cache=True, nogil=True)
 def within_tilt(f: Array, least: float, tangent: float) -> Array:
-    """f with a vertical part of at least ``least`` and a horizontal one of at most ``tangent`` times the vertical."""
+    """Force f (3,) with a vertical part of at least ``least`` and a horizontal one of at most ``tangent`` times the
+    vertical.
+    """
     held = f.copy()
     held[2] = max(f[2], least)
     across = math.hypot(f[0], f[1])
@@ -156,7 +159,11 @@ def moments(
     R: Array, omega: Array, R_d: Array, omega_d: Array, omega_d_dot: Array, inertia: Array, stiffness: Array,
     damping: Array,
 ) -> Array:  # fmt: skip
-    """tau = J (-k_R e_R - k_Omega e_Omega + Q' omega_d' - omega x Q' omega_d) + omega x J omega, Q = R_d' R."""
+    """Moments tau (3,) [N m] = J (-k_R e_R - k_Omega e_Omega + Q' omega_d' - omega x Q' omega_d) + omega x J omega.
+
+    Q = R_d' R of R, R_d (3, 3); omega, omega_d (3,) [rad/s], omega_d_dot (3,) [rad/s^2], body frames; ``inertia`` (3,)
+    [kg m^2], ``stiffness`` (3,) [1/s^2] and ``damping`` (3,) [1/s].
+    """
     back = R.T @ R_d
     carried = back @ omega_d
     pushed = -stiffness * attitude_error(R_d, R) - damping * (omega - carried)

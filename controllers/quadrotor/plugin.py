@@ -37,6 +37,7 @@ class QuadrotorFlight:
 
     @staticmethod
     def build(config: QuadrotorConfig, mission: QuadrotorMission) -> tuple[Planner, Tracker]:
+        """Build planner and tracker of one vehicle."""
         bound = tracking_bound(config.tracker, mission.vehicle, mission.flight)
         Certificate.of(mission.flight, bound)  # what leaves nothing to fly with is refused in the mission's own units
         tracker = GeometricTracker(mission.control_period, config.tracker, mission.vehicle, bound)

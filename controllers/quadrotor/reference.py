@@ -67,7 +67,7 @@ class ReferenceFilter:
         self._z = np.zeros((4, 3))
 
     def at(self, plan: Plan, t: float) -> Array:
-        """(4, 3) p_r, v_r, a_r, j_r at t [s], which does not go back."""
+        """Reference (4, 3) p_r, v_r, a_r, j_r at t [s], which does not go back."""
         wanted = target_at(plan.t, plan.x, plan.u, arc_at(plan.t, t), t)
         if not np.isnan(self._t):
             self._z = self.ahead(plan, t)
@@ -78,6 +78,6 @@ class ReferenceFilter:
         return self._z
 
     def ahead(self, plan: Plan, t: float) -> Array:
-        """What it will be at t [s] if the plan stays."""
+        """Reference (4, 3) at t [s] if the plan stays."""
         z: Array = advanced(self._z, plan.t, plan.x, plan.u, self._t, t, self._preview, self._bandwidth)
         return z

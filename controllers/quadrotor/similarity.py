@@ -43,28 +43,31 @@ class Similarity:
 
     @staticmethod
     def of(mission: FlightMission) -> Similarity:
-        """The one that makes arcs of half a second and the mission's greatest speed those of the thesis."""
+        """Similarity that makes arcs of half a second and the mission's greatest speed those of the thesis."""
         return Similarity(_TIME * _SPEED / mission.speed_max, _TIME)
 
     @property
     def scales(self) -> tuple[float, float]:
-        """Of velocities and of accelerations."""
+        """Scales of velocities and of accelerations."""
         return self.length / self.time, self.length / self.time**2
 
     def inverse(self) -> Similarity:
+        """Similarity back."""
         return Similarity(1.0 / self.length, 1.0 / self.time)
 
     def state(self, x: Array) -> Array:
-        """States (..., 6)."""
+        """Scale states x (..., 6)."""
         scaled: Array = x * np.repeat([self.length, self.scales[0]], 3)
         return scaled
 
     def radar(self, radar: Radar) -> Radar:
+        """Scale a radar."""
         return dataclasses.replace(
             radar, x=radar.x * self.length, y=radar.y * self.length, radius=radar.radius * self.length
         )
 
     def bound(self, bound: TrackingBound) -> TrackingBound:
+        """Scale a tracking bound."""
         speed, acceleration = self.scales
         return TrackingBound(
             bound.horizontal * self.length,
@@ -74,7 +77,9 @@ class Similarity:
         )
 
     def mission(self, mission: FlightMission) -> FlightMission:
-        """What the planner is told: places, bounds, terrain and radars. Of noise and gusts the tracking bound tells."""
+        """Mission as the planner knows it: places, bounds, terrain and radars. The tracking bound covers noise and
+        gusts.
+        """
         speed, acceleration = self.scales
         (x, y, z), (x_f, y_f, z_f) = mission.start, mission.target
         return dataclasses.replace(
@@ -91,6 +96,7 @@ class Similarity:
         )
 
     def plan(self, plan: Plan) -> Plan:
+        """Scale a plan."""
         if not plan.ok:
             return dataclasses.replace(plan, ready=plan.ready * self.time)
         return dataclasses.replace(
@@ -102,6 +108,7 @@ class Similarity:
         )
 
     def request(self, request: PlanRequest) -> PlanRequest:
+        """Scale what a planner is asked for."""
         estimate = Estimate(
             request.estimate.t * self.time, self.state(request.estimate.x), None, request.estimate.status
         )
@@ -113,7 +120,7 @@ class Similarity:
         return PlanRequest(request.t * self.time, request.t_start * self.time, estimate, current, messages)
 
     def _payload(self, message: Message) -> Any:
-        """What is told of a topic, magnified if it can be: the planner leaves out what makes no sense."""
+        """Payload of a message, magnified if it can be: the planner leaves out what makes no sense."""
         payload = message.payload
         if message.topic == ARRIVAL and isinstance(payload, float):
             return payload * self.time
@@ -140,6 +147,7 @@ class SimilarPlanner:
         self._planner, self._magnified, self._shrunk = planner, similarity, similarity.inverse()
 
     def plan(self, request: PlanRequest) -> Plan:
+        """Plan the magnified problem and scale the plan back."""
         plan = self._shrunk.plan(self._planner.plan(self._magnified.request(request)))
         if plan.ok:
             # Rounding must not part it from its time, nor from where it is to start.

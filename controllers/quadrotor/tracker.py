@@ -200,8 +200,8 @@ class GeometricTracker:
             self._heading = math.atan2(R[1, 0], R[0, 0])
         fast = math.hypot(velocity[0], velocity[1]) > _TURNING
         wanted = math.atan2(velocity[1], velocity[0]) if fast else self._heading
-        away = math.remainder(wanted - self._heading, 2.0 * math.pi)
-        push = _TURN_BANDWIDTH**2 * away - 2.0 * _TURN_BANDWIDTH * self._turn
+        angle = math.remainder(wanted - self._heading, 2.0 * math.pi)
+        push = _TURN_BANDWIDTH**2 * angle - 2.0 * _TURN_BANDWIDTH * self._turn
         push = min(max(push, -_TURN_ACCELERATION), _TURN_ACCELERATION)
         most = self._config.turn_max
         self._turn = min(max(self._turn + push * self.period, -most), most)

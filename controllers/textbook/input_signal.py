@@ -52,7 +52,7 @@ class DrivenMission(Protocol):
 
     @property
     def system(self) -> DrivenSystem:
-        """What is driven."""
+        """System that is driven."""
         ...
 
     @property
@@ -83,7 +83,10 @@ class InputSignal:
 
     @staticmethod
     def build(config: InputSignalConfig, mission: DrivenMission) -> tuple[Planner, Tracker]:
-        """ValueError for a signal with another number of inputs than the system has."""
+        """Build planner and tracker of one run.
+
+        Raises ValueError for a signal with another number of inputs than the system has.
+        """
         signal = Signal(
             _of_each_input(config.constant, mission.system.constant, mission, "constant"),
             _of_each_input(config.amplitude, mission.system.amplitude, mission, "amplitude"),
@@ -112,6 +115,7 @@ class SignalPlanner:
         self._signal, self._mission = signal, mission
 
     def plan(self, request: PlanRequest) -> Plan:
+        """Plan of the signal's next values, with the states that they lead to from the estimate."""
         began = time.thread_time()
         if not np.isfinite(request.estimate.x).all():
             return Plan.failure(Status.NOT_FINITE, f"the estimate is {request.estimate.x.tolist()}")
@@ -135,6 +139,7 @@ class PlanHolder:
         self.period = period
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        """Input (nu,) that the plan holds at t [s]."""
         arc = int(np.searchsorted(plan.t, t + TIME_TOLERANCE, side="right")) - 1
         held: Array = plan.u[min(max(arc, 0), len(plan.u) - 1)]
         return held

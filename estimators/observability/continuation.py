@@ -50,11 +50,12 @@ class TracedCurve:
 
     @property
     def closed(self) -> bool:
+        """True if the curve closes."""
         return self.ends[0] is End.CLOSED
 
 
 def subtract(a: Array, b: Array) -> Array:
-    """a - b, the difference where every unknown is a plain number."""
+    """Difference a - b (n,) of a, b (n,), where every unknown is a plain number."""
     difference: Array = a - b
     return difference
 

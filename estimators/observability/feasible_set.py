@@ -36,15 +36,16 @@ class FeasibleSet:
 
     @property
     def poses(self) -> Array:
-        """(n, 3) all of it, as it is sampled."""
+        """Poses (n, 3) [m, m, rad] of the whole set, as it is sampled."""
         return np.vstack([self.points, *(curve.points for curve in self.curves)])
 
 
 def feasible_set(outputs: RangeOutputs, y: Array, step: float = 0.01, grid: int = 96, slices: int = 24) -> FeasibleSet:
-    """FS_y of a reading y (l,) [m], its curves at points ``step`` apart.
+    """Feasible set FS_y of a reading y (l,) [m] (Definition C.9), its curves at points ``step`` apart.
 
     ``grid`` is the number of nodes along s and along phi among which starts are looked for, ``slices`` the number of
-    headings at which the surface of a single sensor is cut. ValueError for a reading that is not l positive numbers.
+    headings at which the surface of a single sensor is cut. Raises ValueError for a reading that is not l positive
+    numbers.
     """
     y = np.asarray(y, dtype=np.float64)
     if y.shape != (outputs.sensors,) or not (np.isfinite(y).all() and (y > 0.0).all()):

@@ -52,16 +52,17 @@ class SmallTime:
 
     @property
     def weakly_observable(self) -> bool:
+        """Weakly small-time observable: no state near x_1 reads the same."""
         return self.nearest > 0.0
 
 
 def indistinguishable_states(
     outputs: RangeOutputs, x: Array, motions: Sequence[Array], rng: np.random.Generator, starts: int = 200
 ) -> Indistinguishable:
-    """The states that read the same as x (3,) along every one of ``motions`` (K_j, 3).
+    """States that read the same as x (3,) [m, m, rad] along every one of ``motions`` (K_j, 3) (Definition C.1).
 
-    Where they are not isolated, in a circle or standing still, each of the starts may end at another one. ValueError
-    where a motion from x leaves the field.
+    Where they are not isolated, in a circle or standing still, each of the starts may end at another one. Raises
+    ValueError where a motion from x leaves the field.
     """
     motion = np.vstack(motions)
     y, _ = outputs.along(x, motion)

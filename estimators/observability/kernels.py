@@ -27,7 +27,9 @@ _LEAST_GAIN = 1e-9  # of the cost, below which a step gains nothing more: a mini
 def outputs_along(
     coefficients: Array, polyline: Array, pose: Array, motion: Array, angles: Array
 ) -> tuple[Array, Array]:
-    """y (K l,) [m] and its Jacobian (K l, 3) from a ``pose`` (3,) along a ``motion`` (K, 3); NaN outside the wall."""
+    """Outputs y (K l,) [m] and their Jacobian (K l, 3) from a ``pose`` (3,) along a ``motion`` (K, 3); NaN outside the
+    wall.
+    """
     n, sensors = len(motion), len(angles)
     y, J = np.empty(n * sensors), np.empty((n * sensors, 3))
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -42,9 +44,9 @@ def outputs_along(
                 continue
             beta = pose[2] + motion[k, 2] + angles[i]
             rho, at = cast_ray(coefficients, polyline, px, py, beta)
-            gx, gy, turn = range_gradient(coefficients, at, rho, beta)
+            gx, gy, g_phi = range_gradient(coefficients, at, rho, beta)
             y[row] = rho
-            J[row, 0], J[row, 1], J[row, 2] = gx, gy, turn + gy * dx - gx * dy
+            J[row, 0], J[row, 1], J[row, 2] = gx, gy, g_phi + gy * dx - gx * dy
     return y, J
 
 
@@ -52,11 +54,10 @@ def outputs_along(
 def fit_pose(
     coefficients: Array, polyline: Array, motion: Array, angles: Array, y: Array, start: Array, steps: int
 ) -> tuple[Array, float]:
-    """The pose (3,) near ``start`` that fits the outputs ``y`` (K l,), by Levenberg and Marquardt's method, and its
-    largest residual [m].
+    """Fit a pose (3,) near ``start`` (3,) to the outputs y (K l,) [m], by Levenberg and Marquardt's method.
 
-    Where fewer outputs than unknowns are given, it is nearly the nearest one that fits. Steps that leave the field are
-    shortened; NaN for a start from where the motion leaves it.
+    Returns the pose and its largest residual [m]. Where fewer outputs than unknowns are given, it is nearly the nearest
+    one that fits. Steps that leave the field are shortened; NaN for a start from where the motion leaves it.
     """
     pose, damping = start.copy(), 1e-6
     found, J = outputs_along(coefficients, polyline, pose, motion, angles)

@@ -46,7 +46,10 @@ class ControlAffineSystem:
 
     @staticmethod
     def of(f: Map, h: Map, states: int, inputs: int) -> ControlAffineSystem:
-        """x' = f(x, u), y = h(x, u), where f is affine in u and h does not depend on it; ValueError otherwise."""
+        """System x' = f(x, u), y = h(x, u), where f is affine in u and h does not depend on it.
+
+        Raises ValueError otherwise.
+        """
         x, u = casadi.SX.sym("x", states), casadi.SX.sym("u", inputs)
         rate, output = f(x, u), h(x, u)
         g = casadi.jacobian(rate, u)
@@ -55,16 +58,16 @@ class ControlAffineSystem:
         return ControlAffineSystem(x, casadi.substitute(rate, u, 0.0), g, output)
 
     def held(self, u: Sequence[float]) -> casadi.SX:
-        """(n,) the vector field f + g u of an input u (p,) that is held."""
+        """Vector field f + g u (n,) of an input u (p,) that is held."""
         return self.drift + self.input_fields @ casadi.DM(list(u))
 
     @property
     def fields(self) -> tuple[casadi.SX, ...]:
-        """f, g_1, ..., g_p, each (n,)."""
+        """Vector fields f, g_1, ..., g_p, each (n,)."""
         return (self.drift, *casadi.horzsplit(self.input_fields))
 
     def derivative(self, F: casadi.SX) -> casadi.SX:
-        """D F (k, n) of F (k,), through w."""
+        """Derivative D F (k, n) of F (k,), through w."""
         by_x = casadi.jacobian(F, self.x)
         if not self.w.numel():
             return by_x
@@ -73,9 +76,10 @@ class ControlAffineSystem:
 
 
 def codistribution(system: ControlAffineSystem, fields: Sequence[casadi.SX], order: int) -> casadi.Function:
-    """(x (n,), w (q,)) to the differentials (m (1 + r + ... + r^order), n) of h and its Lie derivatives along r fields.
+    """Codistribution: (x (n,), w (q,)) to the differentials (m (1 + r + ... + r^order), n) of h and its Lie
+    derivatives.
 
-    ValueError for an order that is negative, and for no fields.
+    r is the number of ``fields``. Raises ValueError for an order that is negative, and for no fields.
     """
     if order < 0 or not fields:
         raise ValueError(f"order = {order}, {len(fields)} fields; allowed: an order >= 0 and a field or more")
@@ -87,7 +91,7 @@ def codistribution(system: ControlAffineSystem, fields: Sequence[casadi.SX], ord
 
 
 def singular_values(differentials: casadi.Function, x: Array, w: Array | None = None) -> Array:
-    """(n,) singular values of a codistribution at x (n,), falling; not finite where it is not defined."""
+    """Singular values (n,) of a codistribution at x (n,), w (q,), falling; not finite where it is not defined."""
     matrix = np.array(differentials(x, [] if w is None else w))
     if not np.isfinite(matrix).all():
         return np.full(matrix.shape[1], np.nan)
@@ -98,9 +102,9 @@ def singular_values(differentials: casadi.Function, x: Array, w: Array | None = 
 
 
 def rank(differentials: casadi.Function, x: Array, w: Array | None = None) -> int:
-    """The rank of a codistribution at x (n,): how many directions its functions tell apart there.
+    """Rank of a codistribution at x (n,), w (q,): how many directions its functions tell apart there.
 
-    ValueError where it is not defined.
+    Raises ValueError where it is not defined.
     """
     values = singular_values(differentials, x, w)
     if not np.isfinite(values).all():

@@ -5,7 +5,7 @@ Under an input u(.) a state x_1 is output flow equivalent to x_0 if, for all t i
     h(x(t, x_1, u)) - h(x_1) = h(x(t, x_0, u)) - h(x_0).
 
 ``mismatch`` is the largest difference of the two sides over a given T; where the wall is analytic it vanishes for one T
-only if it does for all. Its derivative at t = 0 is y'(x_1) = y'(x_0), which the print's Q = 0 says:
+only if it does for all. Its derivative at t = 0 is y'(x_1) = y'(x_0), which Q = 0 as printed says:
 
     Q_i = theta'(s_i)^T R_{phi + alpha_i} e_2 (y_i'(x_0) - y_i'(x_1)),
 
@@ -31,13 +31,15 @@ _DIFFERENCE = 1e-6  # step of central differences
 
 
 def mismatch(outputs: RangeOutputs, x_1: Array, x_0: Array, motion: Array) -> float:
-    """[m] the largest difference of the output flows of two states along a motion; infinite across the wall."""
+    """Largest difference [m] of the output flows of states x_1, x_0 (3,) along a motion (K, 3); infinite across the
+    wall.
+    """
     largest = float(np.abs(_flow(outputs, x_1, motion) - _flow(outputs, x_0, motion)).max())
     return largest if math.isfinite(largest) else math.inf
 
 
 def equal_rates(outputs: RangeOutputs, x_0: Array, u: tuple[float, float]) -> Equations:
-    """The equations y'(x) = y'(x_0) of {Q = 0} under the input u, with their derivative, to be followed from x_0."""
+    """Equations y'(x) = y'(x_0) of {Q = 0} under the input u, with their derivative, to be followed from x_0 (3,)."""
     wanted = outputs.rate(x_0, u)
 
     def equations(x: Array) -> tuple[Array, Array]:
@@ -59,15 +61,16 @@ class Intersection:
 
     @property
     def is_singleton(self) -> bool:
-        """Whether x_0 is all of it within some neighbourhood N(x_0): (C.1)."""
+        """True if x_0 is the whole set within some neighbourhood N(x_0): (C.1)."""
         return self.nearest > 0.0
 
 
 def intersection(outputs: RangeOutputs, x_0: Array, motion: Array, feasible: FeasibleSet) -> Intersection:
-    """FS_y and OF^u of a state, under the input that makes ``motion`` (K, 3), looked for all along FS_y.
+    """Intersection of FS_y and OF^u of a state x_0 (3,), under the input that makes ``motion`` (K, 3), looked for along
+    FS_y.
 
     ``feasible`` is the feasible set of h(x_0). States of it whose outputs follow nearly those of x_0 are moved to where
-    they do exactly; those that cannot be are none. ValueError where the motion from x_0 leaves the field.
+    they do exactly; those that cannot be are none. Raises ValueError where the motion from x_0 leaves the field.
     """
     y, J = outputs.along(x_0, motion)
     if not np.isfinite(y).all():
@@ -77,11 +80,11 @@ def intersection(outputs: RangeOutputs, x_0: Array, motion: Array, feasible: Fea
         return Intersection(np.empty((0, 3)), 0.0, isolation)
     starts = [feasible.points]
     for curve in feasible.curves:
-        off = np.array([mismatch(outputs, x, x_0, motion) for x in curve.points])
-        before, after = np.roll(off, 1), np.roll(off, -1)
+        error = np.array([mismatch(outputs, x, x_0, motion) for x in curve.points])
+        before, after = np.roll(error, 1), np.roll(error, -1)
         if not curve.closed:
             before[0], after[-1] = math.inf, math.inf
-        starts.append(curve.points[(off <= before) & (off <= after) & np.isfinite(off)])
+        starts.append(curve.points[(error <= before) & (error <= after) & np.isfinite(error)])
     found = [x for start in np.vstack(starts) if (x := outputs.fit(y, start, motion)) is not None]
     states = different_poses(np.array([np.asarray(x_0, np.float64), *found]), _SAME)
     others = states[1:]

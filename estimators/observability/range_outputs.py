@@ -16,7 +16,7 @@ import numpy as np
 from mathnavi.estimators.observability.kernels import fit_pose, outputs_along
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 
 Input = Callable[[float], tuple[float, float]]
@@ -45,20 +45,20 @@ class RangeOutputs:
 
     @property
     def sensors(self) -> int:
-        """l."""
+        """Number l of sensors."""
         return len(self.angles)
 
     @property
     def alpha(self) -> Array:
-        """(l,) [rad]."""
+        """Angles (l,) [rad] of the sensors off the heading."""
         return np.array(self.angles)
 
     def at(self, x: Array) -> tuple[Array, Array]:
-        """h(x) (l,) [m] and h'(x) (l, 3); NaN outside the wall."""
+        """Output h(x) (l,) [m] and its derivative h'(x) (l, 3) at x (3,); NaN outside the wall."""
         return self.along(x, STILL)
 
     def along(self, x: Array, motion: Array) -> tuple[Array, Array]:
-        """y (K l,) [m], instant after instant, and its derivative by x (K l, 3) along a motion (K, 3) from x (3,).
+        """Outputs y (K l,) [m], instant after instant, and their derivative (K l, 3) by x (3,) along a motion (K, 3).
 
         NaN where the robot is outside the wall.
         """
@@ -66,24 +66,24 @@ class RangeOutputs:
         return y, J
 
     def fit(self, y: Array, start: Array, motion: Array = STILL) -> Array | None:
-        """A pose (3,) that reads y (K l,) along a motion, found from ``start`` (3,); None where none is found."""
+        """Pose (3,) that reads y (K l,) [m] along a motion (K, 3), from ``start`` (3,); None where none is found."""
         start = np.asarray(start, np.float64)
         x, residual = fit_pose(self.curve.table, self.curve.polyline, motion, self.alpha, y, start, _FIT_STEPS)
         x[2] = wrapped(x[2])
         return x if residual <= _FITTED else None
 
     def rate(self, x: Array, u: tuple[float, float]) -> Array:
-        """y' (l,) [m/s] under the input u: L_f h."""
+        """Output rate y' = L_f h (l,) [m/s] at x (3,) under the input u [m/s, rad/s]."""
         _, J = self.at(x)
         rate: Array = J @ np.array([u[0] * math.cos(x[2]), u[0] * math.sin(x[2]), u[1]])
         return rate
 
 
 def motion_under(input_at: Input, duration: float, instants: int = 20) -> Array:
-    """The motion (instants, 3) under an input: forward, left [m], turned [rad] at equal times up to ``duration`` [s].
+    """Motion (instants, 3) under an input: forward, left [m], turned [rad] at equal times up to ``duration`` [s].
 
-    The first instant is 0; inputs are held in between, at their value in the middle. ValueError for a duration or a
-    number of instants that leaves nothing to read.
+    The first instant is 0; inputs are held in between, at their value in the middle. Raises ValueError for a duration
+    or a number of instants that leaves nothing to read.
     """
     if not (math.isfinite(duration) and duration > 0.0 and instants >= 2):
         raise ValueError(f"duration = {duration!r} s, instants = {instants!r}; allowed: > 0, and 2 or more")
@@ -91,20 +91,20 @@ def motion_under(input_at: Input, duration: float, instants: int = 20) -> Array:
     x, motion = np.zeros(3), np.zeros((instants, 3))
     for k in range(1, instants):
         u_1, u_2 = input_at((k - 0.5) * dt)
-        x = moved(x, u_1, u_2, dt)
+        x = integrate(x, u_1, u_2, dt)
         motion[k] = x
     return motion
 
 
 def pose_difference(a: Array, b: Array) -> Array:
-    """a - b (..., 3), the headings the short way round."""
+    """Difference a - b (..., 3) [m, m, rad] of poses a, b (..., 3), the headings wrapped."""
     difference: Array = np.asarray(a, np.float64) - b
     difference[..., 2] = wrapped(difference[..., 2])
     return difference
 
 
 def different_poses(poses: Array, tolerance: float) -> Array:
-    """(k, 3): the poses (n, 3) without those within ``tolerance`` of one before."""
+    """Poses (k, 3): the ``poses`` (n, 3) without those within ``tolerance`` of one before."""
     kept: list[Array] = []
     for x in poses:
         if all(np.linalg.norm(pose_difference(x, other)) > tolerance for other in kept):

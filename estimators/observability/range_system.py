@@ -16,7 +16,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def range_system(outputs: RangeOutputs) -> ControlAffineSystem:
-    """x = (x_1, x_2, phi) (3,), u = (u_1, u_2), w = (s_1, ..., s_l)."""
+    """Control-affine system of a unicycle: x = (x_1, x_2, phi) (3,), u = (u_1, u_2), w = (s_1, ..., s_l)."""
     x, s = casadi.SX.sym("x", 3), casadi.SX.sym("s", outputs.sensors)
     ranges, constraints = [], []
     for i, alpha in enumerate(outputs.angles):
@@ -35,5 +35,5 @@ def range_system(outputs: RangeOutputs) -> ControlAffineSystem:
 
 
 def ray_ends(outputs: RangeOutputs, x: Array) -> Array:
-    """w (l,) of ``range_system`` at a pose (3,): where on the wall the rays end."""
+    """Ray ends w (l,) of ``range_system`` at a pose x (3,): where on the wall the rays end."""
     return outputs.curve.ranges(x, outputs.alpha)[1]

@@ -15,14 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.estimators.observability.range_outputs import Input
-from mathnavi.models.unicycle.mission import KnownStart, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.interfaces.protocols import Estimator
 from mathnavi.sim.interfaces.signals import Array, Measurement
 
 
 @dataclass(frozen=True)
-class Criterion:
-    """What counts as converged."""
+class ConvergenceCriterion:
+    """Limits below which an observer counts as converged."""
 
     position: float  # [m] root mean square
     heading: float  # [rad] root mean square
@@ -41,9 +42,9 @@ class ExactRun:
 
 
 def exact_run(mission: RangingMission, start: Array, input_at: Input, duration: float) -> ExactRun:
-    """The run from a pose (3,) under an input that is held over each period at its value in the middle.
+    """Run from a pose ``start`` (3,) under an input that is held over each period at its value in the middle.
 
-    ValueError if it leaves the field.
+    Raises ValueError if it leaves the field.
     """
     n = round(duration / mission.period) + 1
     t: Array = mission.period * np.arange(n, dtype=np.float64)
@@ -61,8 +62,8 @@ def exact_run(mission: RangingMission, start: Array, input_at: Input, duration: 
     return ExactRun(mission, t, truth, tuple(readings), commands)
 
 
-def converges(estimator: Estimator, run: ExactRun, criterion: Criterion) -> bool:
-    """Whether an estimator that is fed a run has converged by its end."""
+def converges(estimator: Estimator, run: ExactRun, criterion: ConvergenceCriterion) -> bool:
+    """True if an estimator that is fed a run has converged by its end."""
     first = round((1.0 - criterion.last) * (len(run.t) - 1))
     errors = []
     for k in range(len(run.t)):
@@ -79,9 +80,9 @@ def region_of_convergence(
     run: ExactRun,
     estimates: Array,
     deviation: tuple[float, float, float],
-    criterion: Criterion,
+    criterion: ConvergenceCriterion,
 ) -> NDArray[np.bool_]:
-    """(n,) whether the estimator of a plug-in converges from each of the initial estimates (n, 3).
+    """True (n,) where the estimator of a plug-in converges from each of the initial ``estimates`` (n, 3) [m, m, rad].
 
     The plug-in is built for the mission of the run with that estimate as the known start, said to have the standard
     ``deviation`` [m, m, rad].

@@ -15,53 +15,54 @@ import numpy as np
 from numba import njit
 
 from mathnavi.estimators.ranging.feasible_set_kernels import solved
-from mathnavi.estimators.ranging.kalman_kernels import condition, predict
+from mathnavi.estimators.ranging.kalman_kernels import RaySensors, condition, predict
+from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.sim.interfaces.signals import Array
 
+Hypotheses = tuple[Array, Array, Array, Array]
+"""K of them: x (K, 4), P (K, 4, 4), score (K,), NaN where there is none, and misfit (K,), the mean of NIS per ray"""
+
+Scoring = tuple[float, float, float, float]
+"""what is left of a score (forgetting) and of a misfit (memory) after an update; the score at which a hypothesis is
+dropped (lowest); d' P^-1 d below which two are the same (twin)"""
+
+Symmetry = tuple[int, float, float]
+"""number of the rotations that map the wall onto itself, the identity included; their centre (c_1, c_2) [m]"""
+
 
 @njit(cache=True, nogil=True)
-def predict_each(
-    x: Array, P: Array, score: Array, u: Array, W: Array, coefficients: Array, polyline: Array, dt: float
-) -> None:
-    """Carry every hypothesis x (K, 4), P (K, 4, 4) that is alive on, in place; see ``predict``."""
+def predict_each(bank: Hypotheses, u: Array, W: Array, wall: WallShape, dt: float) -> None:
+    """Predict every hypothesis that is alive, in place, over dt [s] under a reading u (2,) of variances W (2,); see
+    ``predict``.
+    """
+    x, P, score, _ = bank
     for k in range(len(x)):
         if not math.isnan(score[k]):
-            predict(x[k], P[k], u, W, coefficients, polyline, dt)
+            predict(x[k], P[k], u, W, wall, dt)
 
 
 @njit(cache=True, nogil=True)
 def condition_each(
-    x: Array,
-    P: Array,
-    score: Array,
-    misfit: Array,
-    best: int,
-    z: Array,
-    coefficients: Array,
-    polyline: Array,
-    angles: Array,
-    relative: float,
-    absolute: float,
-    gate: float,
-    forgetting: float,
-    memory: float,
+    bank: Hypotheses, best: int, z: Array, wall: WallShape, sensors: RaySensors, scoring: Scoring
 ) -> tuple[int, float, int]:
-    """Condition every hypothesis that is alive on ranges z (l,), in place; see ``condition``.
+    """Condition every hypothesis that is alive on ranges z (l,) [m], NaN where lost, in place; see ``condition``.
 
-    Keeps the scores (K,) and the misfits (K,): the mean of NIS per ray, which fades by ``memory`` an update. Returns
-    which hypothesis is the best, ``best`` among equals, its NIS, and how many rays that is of.
+    Updates scores and misfits too. Returns the index of the best hypothesis, ``best`` among equals, its NIS, and the
+    number of rays in it.
     """
+    forgetting, memory, _, _ = scoring
+    x, P, score, misfit = bank
     best_nis, best_rays = math.nan, 0
     nis_of, rays_of = np.empty(len(x)), np.zeros(len(x), np.int64)
     for k in range(len(x)):
         if math.isnan(score[k]):
             continue
-        nis, log_det, told, _ = condition(x[k], P[k], z, coefficients, polyline, angles, relative, absolute, gate)
+        nis, log_det, rays, _ = condition(x[k], P[k], z, wall, sensors)
         score[k] = forgetting * score[k] - 0.5 * (nis + log_det)
-        if told > 0:
-            misfit[k] = memory * misfit[k] + (1.0 - memory) * nis / told
-        nis_of[k], rays_of[k] = nis, told
+        if rays > 0:
+            misfit[k] = memory * misfit[k] + (1.0 - memory) * nis / rays
+        nis_of[k], rays_of[k] = nis, rays
     for k in range(len(x)):
         if score[k] > score[best] or (math.isnan(score[best]) and not math.isnan(score[k])):
             best = k
@@ -73,10 +74,11 @@ def condition_each(
 
 
 @njit(cache=True, nogil=True)
-def drop(
-    x: Array, P: Array, score: Array, best: int, lowest: float, twin: float, rotations: int, c_1: float, c_2: float
-) -> None:
-    """Drop hypotheses, in place, that are too unlikely, and the best one's twins about the centre (c_1, c_2) [m]."""
+def drop(bank: Hypotheses, best: int, scoring: Scoring, symmetry: Symmetry) -> None:
+    """Drop, in place, the hypotheses that are too unlikely, and the twins of the best one under the symmetry."""
+    _, _, lowest, twin = scoring
+    x, P, score, _ = bank
+    rotations, c_1, c_2 = symmetry
     d = np.empty(3)
     for k in range(len(x)):
         if k == best or math.isnan(score[k]):
@@ -86,11 +88,11 @@ def drop(
             continue
         dx, dy = x[k, 0] - c_1, x[k, 1] - c_2
         for i in range(rotations):
-            turn = 2.0 * math.pi * i / rotations
-            c, s = math.cos(turn), math.sin(turn)
+            angle = 2.0 * math.pi * i / rotations
+            c, s = math.cos(angle), math.sin(angle)
             d[0] = c_1 + c * dx - s * dy - x[best, 0]
             d[1] = c_2 + s * dx + c * dy - x[best, 1]
-            d[2] = wrapped(x[k, 2] + turn - x[best, 2])
+            d[2] = wrapped(x[k, 2] + angle - x[best, 2])
             w = solved(P[best], d)
             if d[0] * w[0] + d[1] * w[1] + d[2] * w[2] < twin:
                 score[k] = math.nan

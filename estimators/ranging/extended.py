@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.estimators.carried_filter import carried_filter
+from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.kernels import moved_slopes, wrapped
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_positive, check_probability
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -38,30 +39,31 @@ class RangeEkfConfig:
 
 
 class RangeEkf:
-    """Ranges and odometry to the pose, by one extended Kalman filter."""
+    """Estimator of the pose from ranges and odometry: one extended Kalman filter."""
 
     Config = RangeEkfConfig
 
     def __init__(self, config: RangeEkfConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._freshness = RangeModel(mission), TimeoutMonitor(config.timeout)
+        self._model, self._timeout_monitor = RangeModel(mission), TimeoutMonitor(config.timeout)
         self._gate = Gate(config.gate, mission.sensors)
-        self._filter = carried_filter(STATES, mission.sensors)
+        self._filter = external_prediction_ekf(STATES, mission.sensors)
         self._filter.x, self._filter.P = self._model.start()
         self._t: float | None = None  # [s] of the filter's state; None before the first call
 
     @staticmethod
     def build(config: RangeEkfConfig, mission: RangingMission) -> RangeEkf:
+        """Build the estimator of one run."""
         return RangeEkf(config, mission)
 
     @staticmethod
     def sensors(config: RangeEkfConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """What the robot has to carry for this estimator."""
+        """Sensors that the robot has to carry for this estimator."""
         return mission.sensors_carried()
 
     @staticmethod
     def quality(config: RangeEkfConfig, mission: RangingMission) -> RangeQuality:
-        """How good the ranges are that it lives on."""
+        """Declared quality of the ranges."""
         return mission.ranging
 
     @staticmethod
@@ -77,31 +79,34 @@ class RangeEkf:
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; ``extra["nis"]`` (2,) is NIS and how many rays it is of, NaN where there was no update."""
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+
+        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update.
+        """
         rho = self._model.ranges(measurements)
-        self._freshness.note(t, not np.isnan(rho).all())
+        self._timeout_monitor.note(t, not np.isnan(rho).all())
         if self._t is not None and t > self._t:
             self._predict(self._model.input(measurements, command), t - self._t)
         self._t = t
         nis = self._condition(rho)
         P = self._filter.P[:3, :3]
-        return Estimate(t, self._filter.x[:3].copy(), 0.5 * (P + P.T), self._freshness.status(t), {"nis": nis})
+        return Estimate(t, self._filter.x[:3].copy(), 0.5 * (P + P.T), self._timeout_monitor.status(t), {"nis": nis})
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x.copy()
         v = (1.0 - x[3]) * u
-        F, G = moved_slopes(x[:3], v[0], v[1], dt)
+        F, G = integrate_jacobians(x[:3], v[0], v[1], dt)
         A, Q = np.eye(STATES), np.zeros((STATES, STATES))
         A[:3, :3], A[:3, 3] = F, -G @ u
         Q[:3, :3] = G * self._model.W @ G.T
-        move(x, u, *self._model.wall, dt)
+        move(x, u, self._model.wall, dt)
         self._filter.F, self._filter.Q = A, Q
         self._filter.predict(x)
 
     def _condition(self, rho: Array) -> Array:
         """On the rays that are there and within the gate; NIS and their number."""
         x, model = self._filter.x.copy(), self._model
-        h, H = expected_ranges(*model.wall, x[:3], model.angles)
+        h, H = expected_ranges(model.wall, x[:3], model.angles)
         H = np.column_stack((H, np.zeros(len(h))))
         variance = model.range_variance(h)
         good = self._gate.passes(np.square(rho - h) / (np.einsum("ij,jk,ik->i", H, self._filter.P, H) + variance))
@@ -109,7 +114,7 @@ class RangeEkf:
             return np.full(2, np.nan)
         R = np.diag(variance[good])
         self._filter.update(rho[good], lambda _: H[good], lambda _: h[good], R=R)
-        step = step_within(*model.wall, x[0], x[1], *(self._filter.x - x)[:2])
+        step = step_within(model.wall, x[0], x[1], *(self._filter.x - x)[:2])
         self._filter.x = x + step * (self._filter.x - x)
         self._filter.x[2] = wrapped(self._filter.x[2])
         y = self._filter.y

@@ -23,7 +23,8 @@ from mathnavi.estimators.ranging.bank_kernels import condition_each, drop, predi
 from mathnavi.estimators.ranging.feasible_set_kernels import farthest_points, project, pushed
 from mathnavi.estimators.ranging.model import STATES, RangeModel, chi_square_gate
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_counts, check_positive, check_probability
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -80,23 +81,26 @@ class FeasibleSetBankConfig:
 
 
 class FeasibleSetBank:
-    """Ranges and odometry to the pose, by Kalman filters that start on the set of feasible states."""
+    """Estimator of the pose from ranges and odometry: Kalman filters that start on the set of feasible states."""
 
     Config = FeasibleSetBankConfig
 
     def __init__(self, config: FeasibleSetBankConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._config, self._model, self._freshness = config, RangeModel(mission), TimeoutMonitor(config.timeout)
-        self._limit = chi_square_gate(config.gate)
-        self._misfit_limit = config.misfit + mission.ranging.outliers * self._limit  # an outlier counts as the gate
-        self._memory = max(0.0, 1.0 - mission.period / _REMEMBERED)
-        self._rotations = (max(mission.curve.symmetry, 1), *mission.curve.centre)
+        self._config, self._model, self._timeout_monitor = config, RangeModel(mission), TimeoutMonitor(config.timeout)
+        limit = chi_square_gate(config.gate)
+        self._sensors = self._model.sensors(limit)
+        self._misfit_limit = config.misfit + mission.ranging.outliers * limit  # an outlier counts as the gate
+        memory = max(0.0, 1.0 - mission.period / _REMEMBERED)
+        self._scoring = (config.forgetting, memory, config.lowest, _TWIN)
+        self._symmetry = (max(mission.curve.symmetry, 1), *mission.curve.centre)
         self._candidates = self._model.anywhere(np.random.default_rng(config.seed), config.candidates)
         self._candidates[:, 3] = 0.0
         self._nothing = mission.start_pose
         count = config.hypotheses
         self._x, self._P = np.zeros((count, STATES)), np.zeros((count, STATES, STATES))
         self._score, self._misfit = np.full(count, np.nan), np.ones(count)  # NaN of a hypothesis that is none
+        self._bank = self._x, self._P, self._score, self._misfit  # changed in place
         self._best = 0
         self._ranges = np.full((config.readings, mission.sensors), np.nan)  # the last ones
         self._inputs = np.zeros((config.readings, 2))  # over the periods that ended with them
@@ -108,16 +112,17 @@ class FeasibleSetBank:
 
     @staticmethod
     def build(config: FeasibleSetBankConfig, mission: RangingMission) -> FeasibleSetBank:
+        """Build the estimator of one run."""
         return FeasibleSetBank(config, mission)
 
     @staticmethod
     def sensors(config: FeasibleSetBankConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """What the robot has to carry for this estimator."""
+        """Sensors that the robot has to carry for this estimator."""
         return mission.sensors_carried()
 
     @staticmethod
     def quality(config: FeasibleSetBankConfig, mission: RangingMission) -> RangeQuality:
-        """How good the ranges are that it lives on."""
+        """Declared quality of the ranges."""
         return mission.ranging
 
     @staticmethod
@@ -133,18 +138,19 @@ class FeasibleSetBank:
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate: the best hypothesis' pose and covariance.
+        """Estimate (3,) [m, m, rad] at t [s]: pose and covariance of the best hypothesis.
 
-        ``extra`` has the ``hypotheses`` (K, 3) and their ``scores`` (K,), NaN where there is none, and ``nis`` (2,),
-        that of the best and how many rays it is of, NaN where there was no update.
+        ``command`` (2,) stands in where odometry says nothing. ``extra`` has the ``hypotheses`` (K, 3) and their
+        ``scores`` (K,), NaN where there is none, and ``nis`` (2,), that of the best and the number of rays in it, NaN
+        where there was no update.
         """
         rho, u = self._model.ranges(measurements), self._model.input(measurements, command)
-        self._freshness.note(t, not np.isnan(rho).all())
+        self._timeout_monitor.note(t, not np.isnan(rho).all())
         self._remember(rho, u)
         nis, started = np.full(2, np.nan), False
         if self._is_alive:
             if t > self._t:
-                predict_each(self._x, self._P, self._score, u, self._model.W, *self._model.wall, t - self._t)
+                predict_each(self._bank, u, self._model.W, self._model.wall, t - self._t)
             if not np.isnan(rho).all():
                 nis = self._condition(rho)
         if not (self._is_alive and self._misfit[self._best] <= self._misfit_limit):
@@ -162,12 +168,10 @@ class FeasibleSetBank:
         self._calls += 1
 
     def _condition(self, rho: Array) -> Array:
-        model, config = self._model, self._config
         self._best, nis, rays = condition_each(
-            self._x, self._P, self._score, self._misfit, self._best, rho, *model.wall, model.angles, model.relative,
-            model.absolute, self._limit, config.forgetting, self._memory,
-        )  # fmt: skip
-        drop(self._x, self._P, self._score, self._best, config.lowest, _TWIN, *self._rotations)
+            self._bank, self._best, rho, self._model.wall, self._sensors, self._scoring
+        )
+        drop(self._bank, self._best, self._scoring, self._symmetry)
         return np.array([nis, rays]) if rays else np.full(2, np.nan)
 
     def _start(self) -> bool:
@@ -197,13 +201,13 @@ class FeasibleSetBank:
         y[rays] = np.nanmedian(self._ranges[:, rays], axis=0)
         v = _OF_MEDIAN * model.range_variance(y) / np.maximum(np.isfinite(self._ranges).sum(axis=0), 1)
         v += np.square(_MOVED * y)
-        states, far = project(self._candidates, y, v, *wall, model.angles, config.projections)
+        states, far = project(self._candidates, y, v, wall, model.angles, config.projections)
         near_enough = max(chdtri(rays.sum(), _FEASIBLE), np.sort(far)[: config.hypotheses][-1])
         states, far = states[far <= near_enough], far[far <= near_enough]
         chosen = farthest_points(states, int(np.argmin(far)), config.hypotheses, _NEAREST)
         after = len(self._inputs) // 2  # inputs from the middle on; half of the first, if it lies between two readings
         return pushed(
-            states[chosen], self._inputs[after:], *wall, self.period, 0.5 if len(self._inputs) % 2 == 0 else 0.0
+            states[chosen], self._inputs[after:], wall, self.period, 0.5 if len(self._inputs) % 2 == 0 else 0.0
         )
 
     def _estimate(self, t: float, nis: Array, started: bool) -> Estimate:
@@ -211,6 +215,6 @@ class FeasibleSetBank:
         extra = {"hypotheses": hypotheses, "scores": self._score.copy(), "nis": nis}
         if not self._is_alive:
             return Estimate(t, self._nothing.copy(), None, Status.INITIALISING, extra)
-        status = Status.INITIALISING if started else self._freshness.status(t)
+        status = Status.INITIALISING if started else self._timeout_monitor.status(t)
         P = self._P[self._best, :3, :3]
         return Estimate(t, self._x[self._best, :3].copy(), 0.5 * (P + P.T), status, extra)

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 from mathnavi.estimators.ranging.kalman_kernels import expected_range, move, step_within
+from mathnavi.models.field.kernels import WallShape
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.sim.interfaces.signals import Array, Integers
 
@@ -23,12 +24,11 @@ _LONGEST = 1.0  # [m, rad] of a step in any coordinate
 
 
 @njit(cache=True, nogil=True)
-def project(
-    states: Array, y: Array, v: Array, coefficients: Array, polyline: Array, angles: Array, steps: int
-) -> tuple[Array, Array]:
-    """States (m, 4) after so many steps to FS_y, and how far from it they then are, sum_i (y_i - h_i)^2 / v_i (m,).
+def project(states: Array, y: Array, v: Array, wall: WallShape, angles: Array, steps: int) -> tuple[Array, Array]:
+    """Take ``steps`` steps from ``states`` (m, 4) to FS_y.
 
-    y (l,) [m] is NaN where a ray was lost, v (l,) [m^2]. A pose from which a ray tells nothing is infinitely far.
+    Returns the states (m, 4) and how far from FS_y they then are, sum_i (y_i - h_i)^2 / v_i (m,). y (l,) [m] is NaN
+    where a ray was lost, v (l,) [m^2], ``angles`` (l,) [rad]. A pose from which a ray tells nothing is infinitely far.
     """
     projected, far = states.copy(), np.empty(len(states))
     A, g, H, D = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
@@ -40,35 +40,37 @@ def project(
             for i in range(len(y)):
                 if math.isnan(y[i]):
                     continue
-                h, _, _ = expected_range(coefficients, polyline, x[0], x[1], x[2] + angles[i], H, D)
+                h, _, _ = expected_range(wall, x[0], x[1], x[2] + angles[i], H, D)
                 if math.isnan(h):
                     far[m] = math.inf
                     break
-                off = y[i] - h
-                far[m] += off * off / v[i]
+                residual = y[i] - h
+                far[m] += residual * residual / v[i]
                 for a in range(3):
-                    g[a] += H[a] * off / v[i]
+                    g[a] += H[a] * residual / v[i]
                     for b in range(3):
                         A[a, b] += H[a] * H[b] / v[i]
             if step == steps or math.isinf(far[m]):
                 break
-            _move(x, solved(A, g), coefficients, polyline)
+            _move(x, solved(A, g), wall)
     return projected, far
 
 
 @njit(cache=True, nogil=True)
-def pushed(states: Array, inputs: Array, coefficients: Array, polyline: Array, dt: float, first: float) -> Array:
-    """States (m, 4) after inputs (n, 2), each held for dt [s] but the first, for the fraction ``first`` of it."""
+def pushed(states: Array, inputs: Array, wall: WallShape, dt: float, first: float) -> Array:
+    """Propagate ``states`` (m, 4) under ``inputs`` (n, 2), each held for dt [s], the first for the fraction ``first``
+    of that.
+    """
     after = states.copy()
     for m in range(len(states)):
         for k in range(len(inputs)):
-            move(after[m], inputs[k], coefficients, polyline, dt if k else first * dt)
+            move(after[m], inputs[k], wall, dt if k else first * dt)
     return after
 
 
 @njit(cache=True, nogil=True)
 def farthest_points(states: Array, first: int, count: int, nearest: float) -> Integers:
-    """Indices of up to ``count`` of the states (m, 4), the ``first`` and then always the one farthest from all before.
+    """Indices of up to ``count`` states (m, 4): the ``first``, and then always the one farthest from all before.
 
     Distances are sqrt(|dx|^2 [m^2] + dphi^2 [rad^2]); it ends where the farthest is no farther than ``nearest``.
     """
@@ -80,8 +82,8 @@ def farthest_points(states: Array, first: int, count: int, nearest: float) -> In
         n += 1
         for m in range(len(states)):
             dx, dy = states[m, 0] - states[latest, 0], states[m, 1] - states[latest, 1]
-            turn = wrapped(states[m, 2] - states[latest, 2])
-            far[m] = min(far[m], dx * dx + dy * dy + turn * turn)
+            angle = wrapped(states[m, 2] - states[latest, 2])
+            far[m] = min(far[m], dx * dx + dy * dy + angle * angle)
         latest = int(np.argmax(far))
         if far[latest] <= nearest * nearest:
             break
@@ -89,10 +91,10 @@ def farthest_points(states: Array, first: int, count: int, nearest: float) -> In
 
 
 @njit(cache=True, nogil=True)
-def _move(x: Array, d: Array, coefficients: Array, polyline: Array) -> None:
+def _move(x: Array, d: Array, wall: WallShape) -> None:
     """Add a step to a pose, in place, shortened until it stays within the wall."""
     scale = min(1.0, _LONGEST / max(abs(d[0]), abs(d[1]), abs(d[2]), 1e-300))
-    scale *= step_within(coefficients, polyline, x[0], x[1], scale * d[0], scale * d[1])
+    scale *= step_within(wall, x[0], x[1], scale * d[0], scale * d[1])
     for a in range(3):
         x[a] += scale * d[a]
     x[2] = wrapped(x[2])
@@ -100,7 +102,7 @@ def _move(x: Array, d: Array, coefficients: Array, polyline: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def solved(A: Array, g: Array) -> Array:
-    """A^-1 g of a positive definite A (3, 3), by its factor L D L'."""
+    """Solve A w = g for w (3,), A (3, 3) positive definite, by its factors L D L'."""
     l_10, l_20 = A[1, 0] / A[0, 0], A[2, 0] / A[0, 0]
     d_1 = A[1, 1] - l_10 * A[1, 0]
     l_21 = (A[2, 1] - l_20 * A[1, 0]) / d_1

@@ -1,9 +1,9 @@
-"""What carries the observer's state z from one instant to the next, compiled: Psi_* F, or nothing as (C.5) has it.
+"""Feed-forwards Psi_* F that carry the observer's state z from one instant to the next, compiled; none as (C.5) has it.
 
 (C.5) as printed only descends: on the truth, where V_rho = 0 and Q = 0, its right side is nought while Psi(x) moves on.
 So it is no observer in the sense of Definition C.7, and lags by an error of order |Psi(x)'| / k. Each feed-forward
-below gives Psi(x)' on the truth; off the truth they differ. All have the same arguments: the wall, alpha (l,),
-z (l + 1,), the readings (2, l) of rho and rho_dot ``here`` and ``there``, the input u (2,) that is held for dt [s]
+below gives Psi(x)' on the truth; off the truth they differ. All have the same arguments: the wall, alpha (l,) [rad], z
+(l + 1,), the readings (2, l) of rho and rho_dot ``here`` and ``there``, the input u (2,) that is held for dt [s]
 between them. What depends on a reading that is NaN is NaN.
 """
 
@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 
 from mathnavi.estimators.ranging.observer_kernels import kept_within, output, seen_from
-from mathnavi.models.field.kernels import curve_tangent
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.field.kernels import WallShape, curve_tangent
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 
 LEAST_DENOMINATOR = 0.05  # [m] of s_rate: where a ray grazes the wall, s_i has no bounded rate
@@ -58,41 +58,35 @@ def rho_dot_rate(table: Array, alpha: Array, z: Array, rho: Array, rho_dot: Arra
 
 
 @njit(cache=True, nogil=True)
-def stay(
-    table: Array, polyline: Array, alpha: Array, z: Array, here: Array, there: Array, u: Array, dt: float
-) -> Array:
-    """No feed-forward: (C.5) as printed."""
+def stay(wall: WallShape, alpha: Array, z: Array, here: Array, there: Array, u: Array, dt: float) -> Array:
+    """Return z (l + 1,) as it is: no feed-forward, (C.5) as printed."""
     return z.copy()
 
 
 @njit(cache=True, nogil=True)
-def forward_s(
-    table: Array, polyline: Array, alpha: Array, z: Array, here: Array, there: Array, u: Array, dt: float
-) -> Array:
-    """By ``s_rate``, integrated by Heun's method."""
-    first = s_rate(table, alpha, z, here[0], u)
-    second = s_rate(table, alpha, z + dt * first, there[0], u)
+def forward_s(wall: WallShape, alpha: Array, z: Array, here: Array, there: Array, u: Array, dt: float) -> Array:
+    """Feed z (l + 1,) forward by ``s_rate``, integrated by Heun's method."""
+    coefficients, _ = wall
+    first = s_rate(coefficients, alpha, z, here[0], u)
+    second = s_rate(coefficients, alpha, z + dt * first, there[0], u)
     return z + 0.5 * dt * (first + second)
 
 
 @njit(cache=True, nogil=True)
-def forward_rho_dot(
-    table: Array, polyline: Array, alpha: Array, z: Array, here: Array, there: Array, u: Array, dt: float
-) -> Array:
-    """By ``rho_dot_rate``, integrated by Heun's method."""
-    first = rho_dot_rate(table, alpha, z, here[0], here[1], u)
-    second = rho_dot_rate(table, alpha, z + dt * first, there[0], there[1], u)
+def forward_rho_dot(wall: WallShape, alpha: Array, z: Array, here: Array, there: Array, u: Array, dt: float) -> Array:
+    """Feed z (l + 1,) forward by ``rho_dot_rate``, integrated by Heun's method."""
+    coefficients, _ = wall
+    first = rho_dot_rate(coefficients, alpha, z, here[0], here[1], u)
+    second = rho_dot_rate(coefficients, alpha, z + dt * first, there[0], there[1], u)
     return z + 0.5 * dt * (first + second)
 
 
 @njit(cache=True, nogil=True)
-def forward_manifold(
-    table: Array, polyline: Array, alpha: Array, z: Array, here: Array, there: Array, u: Array, dt: float
-) -> Array:
-    """Psi of where Phi(z) has got to: without error of its own, and on Psi(X)."""
-    pose = output(table, polyline, alpha, z, here[0])
+def forward_manifold(wall: WallShape, alpha: Array, z: Array, here: Array, there: Array, u: Array, dt: float) -> Array:
+    """Feed z (l + 1,) forward as Psi of the pose that Phi(z) moves to: without error of its own, and on Psi(X)."""
+    pose = output(wall, alpha, z, here[0])
     if math.isnan(pose[0]):
         return np.full(len(z), math.nan)
-    pose = moved(pose, u[0], u[1], dt)
-    pose[0], pose[1] = kept_within(table, polyline, pose[0], pose[1])
-    return seen_from(table, polyline, alpha, pose, z)
+    pose = integrate(pose, u[0], u[1], dt)
+    pose[0], pose[1] = kept_within(wall, pose[0], pose[1])
+    return seen_from(wall, alpha, pose, z)

@@ -25,17 +25,23 @@ import math
 import numpy as np
 from numba import njit
 
-from mathnavi.models.field.kernels import cast_ray, curve_bend, curve_tangent, is_inside
-from mathnavi.models.unicycle.kernels import moved, moved_slopes, wrapped
+from mathnavi.models.field.kernels import WallShape, cast_ray, curve_second_derivative, curve_tangent, is_inside
+from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, wrapped
 from mathnavi.sim.interfaces.signals import Array
 
 _GRAZING = 1e-3  # sine of the angle between a ray and the wall below which it tells nothing
 _HALVINGS = 30  # of a step that leads out of the wall
 
 
+RaySensors = tuple[Array, float, float, float]
+"""angles (l,) [rad] off the heading; standard deviations of a range, relative to it and absolute [m]; the gate of
+nu^2 / s above which a reading is an outlier"""
+
+
 @njit(cache=True, nogil=True)
-def step_within(coefficients: Array, polyline: Array, x_1: float, x_2: float, d_1: float, d_2: float) -> float:
-    """How much of a step (d_1, d_2) [m] from a point within the wall stays within it, in [0, 1]."""
+def step_within(wall: WallShape, x_1: float, x_2: float, d_1: float, d_2: float) -> float:
+    """Share of a step (d_1, d_2) [m] from a point (x_1, x_2) [m] within the wall that stays within it, in [0, 1]."""
+    coefficients, polyline = wall
     step = 1.0
     for _ in range(_HALVINGS):
         if is_inside(coefficients, polyline, x_1 + step * d_1, x_2 + step * d_2):
@@ -45,8 +51,9 @@ def step_within(coefficients: Array, polyline: Array, x_1: float, x_2: float, d_
 
 
 @njit(cache=True, nogil=True)
-def within(coefficients: Array, polyline: Array, points: Array) -> Array:
-    """Those of points (n, 2) [m] that are within the wall."""
+def within(wall: WallShape, points: Array) -> Array:
+    """Points (k, 2) [m] of ``points`` (n, 2) [m] that are within the wall."""
+    coefficients, polyline = wall
     inside = np.empty(len(points), np.bool_)
     for n in range(len(points)):
         inside[n] = is_inside(coefficients, polyline, points[n, 0], points[n, 1])
@@ -54,21 +61,21 @@ def within(coefficients: Array, polyline: Array, points: Array) -> Array:
 
 
 @njit(cache=True, nogil=True)
-def move(x: Array, u: Array, coefficients: Array, polyline: Array, dt: float) -> None:
-    """Carry x (4,) on, in place, over dt [s] under a reading u (2,), but not out of the wall."""
-    after = moved(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
+def move(x: Array, u: Array, wall: WallShape, dt: float) -> None:
+    """Move x (4,), in place, over dt [s] under a reading u (2,) [m/s, rad/s], but not out of the wall."""
+    after = integrate(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
     d_1, d_2 = after[0] - x[0], after[1] - x[1]
-    step = step_within(coefficients, polyline, x[0], x[1], d_1, d_2)
+    step = step_within(wall, x[0], x[1], d_1, d_2)
     x[0] += step * d_1
     x[1] += step * d_2
     x[2] = wrapped(after[2])
 
 
 @njit(cache=True, nogil=True)
-def predict(x: Array, P: Array, u: Array, W: Array, coefficients: Array, polyline: Array, dt: float) -> None:
-    """Carry x (4,) and P (4, 4) on, in place, over dt [s] under a reading u (2,) of variances W (2,)."""
-    F, G = moved_slopes(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
-    move(x, u, coefficients, polyline, dt)
+def predict(x: Array, P: Array, u: Array, W: Array, wall: WallShape, dt: float) -> None:
+    """Predict x (4,) and P (4, 4), in place, over dt [s] under a reading u (2,) of variances W (2,)."""
+    F, G = integrate_jacobians(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
+    move(x, u, wall, dt)
     for i in range(3):  # A is the identity but for these entries
         by_heading = F[i, 2] if i < 2 else 0.0
         by_scale = -G[i, 0] * u[0] - G[i, 1] * u[1]
@@ -89,7 +96,7 @@ def predict(x: Array, P: Array, u: Array, W: Array, coefficients: Array, polylin
 
 @njit(cache=True, nogil=True)
 def expected_range(
-    coefficients: Array, polyline: Array, x_1: float, x_2: float, beta: float, H: Array, D: Array
+    wall: WallShape, x_1: float, x_2: float, beta: float, H: Array, D: Array
 ) -> tuple[float, float, float]:
     """h [m] of the ray from (x_1, x_2) along ``beta`` [rad] and its derivatives; NaN if it tells nothing.
 
@@ -98,6 +105,7 @@ def expected_range(
 
         da_{1,2} + dh e + h e_perp dphi = theta' ds,   and its derivative,   each multiplied by e_perp or by the normal.
     """
+    coefficients, polyline = wall
     h, s = cast_ray(coefficients, polyline, x_1, x_2, beta)
     if math.isnan(h):
         return math.nan, 0.0, 0.0
@@ -108,16 +116,16 @@ def expected_range(
         return math.nan, 0.0, 0.0
     H[0], H[1], H[2] = -t_y / across, t_x / across, h * along / across
     D[0], D[1], D[2] = -e_y / across, e_x / across, h / across
-    b_x, b_y = curve_bend(coefficients, s)
+    b_x, b_y = curve_second_derivative(coefficients, s)
     return h, -along / across, (t_y * b_x - t_x * b_y) / across
 
 
 @njit(cache=True, nogil=True)
-def expected_ranges(coefficients: Array, polyline: Array, pose: Array, angles: Array) -> tuple[Array, Array]:
-    """h (l,) [m] and H (l, 3) of all rays from a pose (3,); NaN where a ray tells nothing."""
+def expected_ranges(wall: WallShape, pose: Array, angles: Array) -> tuple[Array, Array]:
+    """Ranges h (l,) [m] of all rays from a pose (3,) and their derivatives H (l, 3); NaN where a ray tells nothing."""
     h, H, D = np.empty(len(angles)), np.full((len(angles), 3), np.nan), np.empty(3)
     for i in range(len(angles)):
-        h[i], _, _ = expected_range(coefficients, polyline, pose[0], pose[1], pose[2] + angles[i], H[i], D)
+        h[i], _, _ = expected_range(wall, pose[0], pose[1], pose[2] + angles[i], H[i], D)
     return h, H
 
 
@@ -126,26 +134,23 @@ def condition(
     x: Array,
     P: Array,
     z: Array,
-    coefficients: Array,
-    polyline: Array,
-    angles: Array,
-    relative: float,
-    absolute: float,
-    gate: float,
+    wall: WallShape,
+    sensors: RaySensors,
 ) -> tuple[float, float, int, int]:
-    """Condition x (4,) and P (4, 4), in place, on ranges z (l,) [m], NaN where lost, of rays at ``angles`` (l,) [rad].
+    """Condition x (4,) and P (4, 4), in place, on ranges z (l,) [m] of ``sensors``, NaN where lost.
 
-    A step that would lead out of the wall is cut short. Returns NIS, ln |S|, how many rays told something and how many
-    of these were within the gate.
+    A step that would lead out of the wall is cut short. Returns NIS, ln |S|, the number of rays that read something and
+    the number of these within the gate.
     """
+    angles, relative, absolute, gate = sensors
     x_1, x_2, phi = x[0], x[1], x[2]
     predicted = P[:3, :3].copy()
     dx, H, D, PH = np.zeros(4), np.empty(3), np.empty(3), np.empty(4)
-    nis, log_det, told, used = 0.0, 0.0, 0, 0
+    nis, log_det, read, used = 0.0, 0.0, 0, 0
     for i in range(len(z)):
         if not z[i] > 0.0:
             continue
-        h, B, C = expected_range(coefficients, polyline, x_1, x_2, phi + angles[i], H, D)
+        h, B, C = expected_range(wall, x_1, x_2, phi + angles[i], H, D)
         if math.isnan(h):
             continue
         for j in range(4):
@@ -153,7 +158,7 @@ def condition(
         HPH = H[0] * PH[0] + H[1] * PH[1] + H[2] * PH[2]
         s = HPH + (relative * h) ** 2 + absolute**2 + 0.5 * _square_trace(predicted, D, h, B, C, H)
         nu = z[i] - h - H[0] * dx[0] - H[1] * dx[1] - H[2] * dx[2]
-        told += 1
+        read += 1
         log_det += math.log(s)
         if nu * nu > gate * s:
             nis += gate
@@ -164,11 +169,11 @@ def condition(
             dx[j] += PH[j] * nu / s
             for k in range(4):
                 P[j, k] -= PH[j] * PH[k] / s
-    step = step_within(coefficients, polyline, x_1, x_2, dx[0], dx[1])
+    step = step_within(wall, x_1, x_2, dx[0], dx[1])
     for j in range(4):
         x[j] += step * dx[j]
     x[2] = wrapped(x[2])
-    return nis, log_det, told, used
+    return nis, log_det, read, used
 
 
 @njit(cache=True, nogil=True)

@@ -1,4 +1,4 @@
-"""What the filters take from a mission: the wall, the rays and the errors, as compiled code wants them.
+"""The mission as compiled filters take it: the wall, the rays and the errors.
 
 Their state is (x_1, x_2, phi, b), the pose and the scale error of the odometry, u = (1 - b) u_measured; see
 ``kalman_kernels``. An error that lasts adds up where a new one at each reading averages out. To a filter that takes it
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from mathnavi.estimators.ranging.kalman_kernels import step_within, within
+from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within, within
 from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
 from mathnavi.models.unicycle.mission import LEAST_NOISE, RangingMission
 from mathnavi.sim.interfaces.signals import Array, Measurement
@@ -35,7 +35,7 @@ class RangeModel:
 
     def __init__(self, mission: RangingMission) -> None:
         ranging, odometry = mission.ranging, mission.odometry
-        self.wall = (mission.curve.table, mission.curve.polyline)
+        self.wall = mission.curve.wall
         self.angles = mission.alpha  # (l,) [rad]
         self.relative = ranging.relative
         self.absolute = math.hypot(ranging.absolute, LEAST_NOISE)  # [m]
@@ -46,45 +46,49 @@ class RangeModel:
         self._mission = mission
 
     def ranges(self, measurements: Sequence[Measurement]) -> Array:
-        """(l,) [m], NaN where a ray was lost."""
+        """Ranges (l,) [m] among ``measurements``, NaN where a ray was lost."""
         return usable_ranges(measurements, len(self.angles), self._longest)
 
     def input(self, measurements: Sequence[Measurement], command: Array) -> Array:
-        """u (2,) over the period that ends now."""
+        """Input u (2,) [m/s, rad/s] over the period that ends now; ``command`` (2,) where odometry says nothing."""
         return measured_input(measurements, command, self._limits)
 
     def range_variance(self, rho: Array) -> Array:
-        """(l,) [m^2] of readings of ranges (l,)."""
+        """Variances (l,) [m^2] of readings of ranges rho (l,) [m]."""
         variance: Array = np.square(self.relative * rho) + self.absolute**2
         return variance
 
+    def sensors(self, gate: float) -> RaySensors:
+        """The range sensors for compiled code, with the ``gate`` nu^2 / s above which a reading is an outlier."""
+        return self.angles, self.relative, self.absolute, gate
+
     def covariance(self, deviation: tuple[float, float, float]) -> Array:
-        """(4, 4) of a pose known to standard deviations [m, m, rad], and of b as declared."""
+        """Covariance (4, 4) of a pose known to standard deviations [m, m, rad], and of b as declared."""
         return np.diag(np.square([*deviation, self._scale]))
 
     def anywhere(self, rng: np.random.Generator, count: int) -> Array:
-        """States (count, 4): poses uniform over all that is within the wall, and b as declared."""
+        """Draw states (count, 4): poses uniform over all that is within the wall, and b as declared."""
         low, high = self.wall[1].min(axis=0), self.wall[1].max(axis=0)
         points = np.empty((0, 2))
         while len(points) < count:
-            points = np.concatenate((points, within(*self.wall, rng.uniform(low, high, (count, 2)))))
+            points = np.concatenate((points, within(self.wall, rng.uniform(low, high, (count, 2)))))
         headings, scales = rng.uniform(-math.pi, math.pi, count), self._scale * rng.standard_normal(count)
         return np.column_stack((points[:count], headings, scales))
 
     def particles(self, count: int, rng: np.random.Generator) -> Array:
-        """States (count, 4) at t = 0: the start as it is known, but within the wall, or anywhere."""
+        """Draw states (count, 4) at t = 0: the start as it is known, but within the wall, or anywhere."""
         known = self._mission.start
         if known is None:
             return self.anywhere(rng, count)
         middle = np.array([*known.pose, 0.0])
         x: Array = middle + np.sqrt(np.diag(self.covariance(known.deviation))) * rng.standard_normal((count, STATES))
         for n in range(count):
-            off = x[n, :2] - middle[:2]
-            x[n, :2] = middle[:2] + step_within(*self.wall, *middle[:2], *off) * off
+            offset = x[n, :2] - middle[:2]
+            x[n, :2] = middle[:2] + step_within(self.wall, *middle[:2], *offset) * offset
         return x
 
     def start(self) -> tuple[Array, Array]:
-        """x (4,) and P (4, 4) at t = 0: the start as it is known, or somewhere in the middle of all that may be."""
+        """State x (4,) and covariance P (4, 4) at t = 0: the start as it is known, or the middle of all that may be."""
         known = self._mission.start
         if known is not None:
             return np.array([*known.pose, 0.0]), self.covariance(known.deviation)
@@ -96,19 +100,19 @@ class RangeModel:
 
 
 def chi_square_gate(probability: float) -> float:
-    """What nu^2 / s of a good ray exceeds with this probability: one degree of freedom."""
+    """Gate that nu^2 / s of a good ray exceeds with this probability: chi-square, one degree of freedom."""
     return float(chdtri(1, probability))
 
 
 class Gate:
-    """Refuses rays whose nu^2 / s says that they are outliers; what lasts is none but the filter's error."""
+    """Gate that refuses rays whose nu^2 / s says that they are outliers; what lasts is none but the filter's error."""
 
     def __init__(self, probability: float, sensors: int) -> None:
         self._limit = chi_square_gate(probability)
         self._beyond = np.zeros(sensors, dtype=int)  # readings in a row
 
     def passes(self, squares: Array) -> Flags:
-        """Whether each of nu^2 / s (l,), NaN where a ray was lost, is to be used."""
+        """True (l,) where a ray is to be used, by nu^2 / s (l,), NaN where a ray was lost."""
         self._beyond = np.where(squares > self._limit, self._beyond + 1, np.where(np.isnan(squares), self._beyond, 0))
         passed: Flags = np.isfinite(squares) & ((self._beyond == 0) | (self._beyond > _LASTING))
         return passed

@@ -3,9 +3,9 @@
     z' = feed-forward - k_V [dV_rho / dz]' - k_Q [dQ / dz]' Q,   x_hat = Phi(z),   z = (s_1, ..., s_l, phi),
 
 with V_rho and Q of ``observer_kernels``. It is stiff, so a period dt is one linearly implicit step,
-z + feed-forward - dt (I + dt H)^-1 gradient. The print has no feed-forward and so does not stay on the truth;
-``feedforward_kernels`` has three that do. Phi is the print's vector average: the mean of where the rays say that the
-robot is. Range rates come from a window of readings, at the centre of which the observer runs (``range_rate``); from
+z + feed-forward - dt (I + dt H)^-1 gradient. (C.5) as printed has no feed-forward and so does not stay on the truth;
+``feedforward_kernels`` has three that do. Phi is the thesis' vector average: the mean of the positions that the rays
+give. Range rates come from a window of readings, at the centre of which the observer runs (``range_rate``); from
 there the estimate is pushed forward with the inputs that odometry measured. What a ray that was lost cannot say is
 taken from that motion too.
 """
@@ -21,14 +21,22 @@ import numpy as np
 
 from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
 from mathnavi.estimators.ranging.model import FROM_WHERE
-from mathnavi.estimators.ranging.observer_kernels import anchored, kept_within, observed, pushed_forward, seen_from
+from mathnavi.estimators.ranging.observer_kernels import (
+    anchored,
+    kept_within,
+    observed,
+    pushed_forward,
+    seen_from,
+)
 from mathnavi.estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
 from mathnavi.estimators.ranging.range_rate_kernels import innovated, measured
 from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.kernels import moved
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -52,13 +60,13 @@ class RangeObserverConfig:
     """Fields of the command line."""
 
     feedforward: FeedForward = "s"
-    """what carries z along: none (the print), s, rho_dot or manifold"""
+    """what feeds z forward: none (as printed), s, rho_dot or manifold"""
     k_v: float = 1.0
     """k_V, gain of V_rho [1/(m^2 s)]"""
     k_q: float = 1.0
     """k_Q, gain of |Q|^2 / 2 [s/m^4]"""
     fitted: Fitted | None = None
-    """what range rates are fitted to: the innovation, or with the print the ranges, if not given"""
+    """what range rates are fitted to: the innovation, or as printed the ranges, if not given"""
     window: int | None = None
     """readings to a fit; 101, or 3 of ranges that the mission says are exact, if not given"""
     order: int | None = None
@@ -81,17 +89,18 @@ class RangeObserverConfig:
 
     @property
     def fits_innovation(self) -> bool:
+        """True if range rates are fitted to the innovation, False if to the ranges."""
         return (self.fitted or ("ranges" if self.feedforward == "none" else "innovation")) == "innovation"
 
     def fit(self, exact: bool) -> tuple[int, int]:
-        """Window and order, for a mission whose ranges are exact or not."""
+        """Window and order of the fit, for a mission whose ranges are exact or not."""
         fewest = (1 if self.order is None else self.order) // 2 * 2 + 3  # odd, and more than the order
         window = (fewest if exact else 101) if self.window is None else self.window
         return window, (1 if self.fits_innovation else min(3, window - 1)) if self.order is None else self.order
 
 
 class RangeObserver:
-    """Ranges and odometry to the pose, by the observer of Paper C."""
+    """Estimator of the pose from ranges and odometry: the observer of Paper C."""
 
     Config = RangeObserverConfig
 
@@ -100,21 +109,20 @@ class RangeObserver:
         window, order = config.fit(exact)
         curve, l = mission.curve, mission.sensors  # noqa: E741
         if config.z_0 and len(config.z_0) != l + 1:
-            raise ValueError(f"z_0 = {config.z_0!r}; allowed with {l} sensors: {l + 1} numbers")
+            raise FieldError(f"z_0 = {config.z_0!r}; allowed with {l} sensors: {l + 1} numbers")
         self.period = mission.period
-        self._freshness, self._gains = TimeoutMonitor(config.timeout), (config.k_v, config.k_q)
+        self._timeout_monitor, self._gains = TimeoutMonitor(config.timeout), (config.k_v, config.k_q)
         self._advance, self._fits_innovation = FEED_FORWARDS[config.feedforward], config.fits_innovation
         # What is expected before there is a range rate must do without one.
         self._foresee = forward_s if config.feedforward == "rho_dot" else self._advance
-        self._wall, self._alpha = (curve.table, curve.polyline), mission.alpha
+        self._wall, self._alpha = curve.wall, mission.alpha
         self._longest = mission.sensors_carried()[0].longest
         self._limits = np.array([mission.speed_max, mission.turn_rate_max])
-        self._weights = savitzky_golay(window, order)
-        self._spread = spread(window)
+        self._fit = (savitzky_golay(window, order), spread(window), mission.period)
         self._window = Window(window, l)
         x, y, phi = mission.start_pose
-        self._pose = np.array([*kept_within(*self._wall, x, y), phi])  # (3,) at the window's centre, or at the start
-        self._z = seen_from(*self._wall, self._alpha, self._pose, np.zeros(l + 1))  # (l + 1,) likewise
+        self._pose = np.array([*kept_within(self._wall, x, y), phi])  # (3,) at the window's centre, or at the start
+        self._z = seen_from(self._wall, self._alpha, self._pose, np.zeros(l + 1))  # (l + 1,) likewise
         if config.z_0:
             self._z[:] = config.z_0
         self._readings = np.full((2, l), np.nan)  # rho and rho_dot at the centre
@@ -122,6 +130,10 @@ class RangeObserver:
 
     @staticmethod
     def build(config: RangeObserverConfig, mission: RangingMission) -> RangeObserver:
+        """Build the estimator of one run.
+
+        Raises FieldError for a ``z_0`` of another length than the mission's sensors ask for.
+        """
         return RangeObserver(config, mission)
 
     @staticmethod
@@ -142,47 +154,47 @@ class RangeObserver:
 
     @staticmethod
     def sensors(config: RangeObserverConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """What the robot has to carry for this estimator."""
+        """Sensors that the robot has to carry for this estimator."""
         return mission.sensors_carried()
 
     @staticmethod
     def quality(config: RangeObserverConfig, mission: RangingMission) -> RangeQuality:
-        """How good the ranges are that it lives on."""
+        """Declared quality of the ranges."""
         return mission.ranging
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; ``extra`` has z (l + 1,) at ``t``, and V_rho and |Q|^2 / 2 (2,) where the observer is."""
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+
+        ``extra`` has z (l + 1,) at ``t``, and V_rho and |Q|^2 / 2 (2,) where the observer is.
+        """
         window = self._window
         rho = usable_ranges(measurements, len(self._alpha), self._longest)
         window.push(rho, measured_input(measurements, command, self._limits))
-        self._freshness.note(t, not np.isnan(rho).all())
-        status = self._freshness.status(t) if window.has_centre else Status.INITIALISING
+        self._timeout_monitor.note(t, not np.isnan(rho).all())
+        status = self._timeout_monitor.status(t) if window.has_centre else Status.INITIALISING
         if window.has_centre:
             self._observe()
-        z, x = pushed_forward(*self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)
+        z, x = pushed_forward(self._wall, self._alpha, self._z, self._pose, window.inputs_since, self.period)
         return Estimate(t, x, None, status, {"z": z, "value": self._value.copy()})
 
     def _observe(self) -> None:
         """One period on, at the window's centre."""
         wall, alpha, window = self._wall, self._alpha, self._window
         u, begins = window.inputs[window.half - 1], window.is_at_start
-        predicted = self._pose if begins else moved(self._pose, u[0], u[1], self.period)
+        predicted = self._pose if begins else integrate(self._pose, u[0], u[1], self.period)
 
         def forward(by: Callable[..., Array], there: Array) -> Array:
-            z: Array = self._z if begins else by(*wall, alpha, self._z, self._readings, there, u, self.period)
+            z: Array = self._z if begins else by(wall, alpha, self._z, self._readings, there, u, self.period)
             return z
 
         if self._fits_innovation:
             raw = np.stack([window.ranges[window.half], self._readings[1]])
-            foreseen = anchored(*wall, alpha, forward(self._foresee, raw), raw[0], predicted)
-            readings = innovated(
-                window.ranges, self._weights, self._spread, self.period,
-                *wall, alpha, foreseen, window.inputs, window.centre_input,
-            )  # fmt: skip
+            foreseen = anchored(wall, alpha, forward(self._foresee, raw), raw[0], predicted)
+            readings = innovated(window.ranges, window.inputs, window.centre_input, self._fit, wall, alpha, foreseen)
         else:
-            readings = measured(window.ranges, self._weights, self.period)
+            readings = measured(window.ranges, self._fit[0], self.period)
         z = forward(self._advance, readings)
         self._z, self._pose, self._value = observed(
-            *wall, alpha, z, predicted, readings, window.centre_input, self._gains, self.period
+            wall, alpha, z, predicted, readings, window.centre_input, self._gains, self.period
         )
         self._readings = readings

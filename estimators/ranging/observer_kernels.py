@@ -24,22 +24,35 @@ import math
 import numpy as np
 from numba import njit
 
-from mathnavi.models.field.kernels import cast_ray, curve_bend, curve_point, curve_tangent, is_inside
-from mathnavi.models.unicycle.kernels import moved, wrapped
+from mathnavi.models.field.kernels import (
+    WallShape,
+    cast_ray,
+    curve_point,
+    curve_second_derivative,
+    curve_tangent,
+    is_inside,
+)
+from mathnavi.models.unicycle.kernels import integrate, wrapped
 from mathnavi.sim.interfaces.signals import Array
 
 LONGEST_STEP = 0.5  # [rad] of any component of z in one correction
 
 
+DescentGains = tuple[float, float]
+"""k_V [1/(m^2 s)] of V_rho and k_Q [s/m^4] of |Q|^2 / 2"""
+
+
 @njit(cache=True, nogil=True)
 def descent(
-    table: Array, alpha: Array, z: Array, rho: Array, rho_dot: Array, u: Array, k_V: float, k_Q: float
+    table: Array, alpha: Array, z: Array, rho: Array, rho_dot: Array, u: Array, gains: DescentGains
 ) -> tuple[Array, Array, float, float]:
-    """The gradient (l + 1,) of k_V V_rho + k_Q |Q|^2 / 2, the matrix H (l + 1, l + 1), V_rho and |Q|^2 / 2.
+    """Gradient (l + 1,) of k_V V_rho + k_Q |Q|^2 / 2, the matrix H (l + 1, l + 1), V_rho [m^2] and |Q|^2 / 2.
 
-    H = 2 k_V J_v' J_v + k_Q J_q' J_q with J_v = dr/dz and J_q = dQ/dz is what is left of the Hessian on the truth,
-    where r = 0 and Q = 0.
+    ``table`` (K + 1, 4) are the coefficients of the wall, alpha (l,) [rad], z (l + 1,), rho (l,) [m], rho_dot (l,)
+    [m/s] and u (2,) [m/s, rad/s]. H = 2 k_V J_v' J_v + k_Q J_q' J_q with J_v = dr/dz and J_q = dQ/dz is what is left of
+    the Hessian on the truth, where r = 0 and Q = 0.
     """
+    k_V, k_Q = gains
     l = len(alpha)  # noqa: E741
     phi = z[l]
     gradient, H = np.zeros(l + 1), np.zeros((l + 1, l + 1))
@@ -82,7 +95,7 @@ def descent(
         a = -rho_dot[i] * s_i - rho[i] * u[1] * c_i
         b = u[0] + rho_dot[i] * c_i - rho[i] * u[1] * s_i
         w_x, w_y = c * a - s * b, s * a + c * b  # R_phi w_i
-        bend_x, bend_y = curve_bend(table, z[i])
+        bend_x, bend_y = curve_second_derivative(table, z[i])
         Q = t[i, 0] * w_x + t[i, 1] * w_y
         by_s, by_phi = bend_x * w_x + bend_y * w_y, t[i, 1] * w_x - t[i, 0] * w_y
         squares += Q * Q
@@ -96,14 +109,14 @@ def descent(
 
 @njit(cache=True, nogil=True)
 def corrected(
-    table: Array, alpha: Array, z: Array, rho: Array, rho_dot: Array, u: Array, k_V: float, k_Q: float, dt: float
+    table: Array, alpha: Array, z: Array, rho: Array, rho_dot: Array, u: Array, gains: DescentGains, dt: float
 ) -> tuple[Array, float, float]:
-    """z after the linearly implicit step z - dt (I + dt H)^-1 gradient over dt [s]; V_rho and |Q|^2 / 2 before it.
+    """Take the linearly implicit step z - dt (I + dt H)^-1 gradient over dt [s] from z (l + 1,).
 
-    An explicit step would be unstable: the largest eigenvalue of H is in the hundreds and more. No component goes
-    further than ``LONGEST_STEP``.
+    Returns z after it (l + 1,), and V_rho and |Q|^2 / 2 before it. An explicit step would be unstable: the largest
+    eigenvalue of H is in the hundreds and more. No component goes further than ``LONGEST_STEP``.
     """
-    gradient, H, V, squares = descent(table, alpha, z, rho, rho_dot, u, k_V, k_Q)
+    gradient, H, V, squares = descent(table, alpha, z, rho, rho_dot, u, gains)
     if not (np.isfinite(gradient).all() and np.isfinite(H).all()):
         return z.copy(), V, squares
     change = -dt * np.linalg.solve(np.eye(len(z)) + dt * H, gradient)
@@ -116,34 +129,39 @@ def corrected(
 
 
 @njit(cache=True, nogil=True)
-def output(table: Array, polyline: Array, alpha: Array, z: Array, rho: Array) -> Array:
-    """Phi: the pose (3,) at the mean of the v_i that are there, put back within the wall; NaN where z does not tell."""
+def output(wall: WallShape, alpha: Array, z: Array, rho: Array) -> Array:
+    """Phi: the pose (3,) at the mean of the v_i that are there, put back within the wall.
+
+    alpha (l,) [rad], z (l + 1,), rho (l,) [m]; NaN where z does not tell.
+    """
+    coefficients, _ = wall
     l = len(alpha)  # noqa: E741
     x = y = 0.0
     m = 0
     for i in range(l):
         if not math.isnan(rho[i]):
-            q_x, q_y = curve_point(table, z[i])
+            q_x, q_y = curve_point(coefficients, z[i])
             x += q_x - rho[i] * math.cos(z[l] + alpha[i])
             y += q_y - rho[i] * math.sin(z[l] + alpha[i])
             m += 1
     if m == 0 or not math.isfinite(x + y + z[l]):
         return np.full(3, math.nan)
-    x, y = kept_within(table, polyline, x / m, y / m)
+    x, y = kept_within(wall, x / m, y / m)
     return np.array([x, y, z[l]])
 
 
 @njit(cache=True, nogil=True)
-def anchored(table: Array, polyline: Array, alpha: Array, z: Array, rho: Array, otherwise: Array) -> Array:
-    """Phi(z) by the ranges rho (l,), or where they or z do not tell it, ``otherwise`` (3,)."""
-    pose = output(table, polyline, alpha, z, rho)
+def anchored(wall: WallShape, alpha: Array, z: Array, rho: Array, otherwise: Array) -> Array:
+    """Phi(z) (3,) by the ranges rho (l,) [m], or where they or z do not tell it, ``otherwise`` (3,)."""
+    pose = output(wall, alpha, z, rho)
     return pose if not math.isnan(pose[0]) else otherwise
 
 
 @njit(cache=True, nogil=True)
-def kept_within(table: Array, polyline: Array, x: float, y: float) -> tuple[float, float]:
-    """The point itself if it is within the wall, otherwise one that is just within where the wall is nearest."""
-    if is_inside(table, polyline, x, y):
+def kept_within(wall: WallShape, x: float, y: float) -> tuple[float, float]:
+    """The point (x, y) [m] itself if it is within the wall, otherwise one just within where the wall is nearest."""
+    coefficients, polyline = wall
+    if is_inside(coefficients, polyline, x, y):
         return x, y
     n = len(polyline) - 1
     best, nearest = math.inf, 0
@@ -156,22 +174,23 @@ def kept_within(table: Array, polyline: Array, x: float, y: float) -> tuple[floa
     inset = 0.1
     while inset > 1e-9:
         p_x, p_y = polyline[nearest, 0] - inset * t_y, polyline[nearest, 1] + inset * t_x
-        if is_inside(table, polyline, p_x, p_y):
+        if is_inside(coefficients, polyline, p_x, p_y):
             return p_x, p_y
         inset *= 0.5
-    return table[0, 0], table[0, 2]
+    return coefficients[0, 0], coefficients[0, 2]
 
 
 @njit(cache=True, nogil=True)
-def seen_from(table: Array, polyline: Array, alpha: Array, pose: Array, near: Array) -> Array:
+def seen_from(wall: WallShape, alpha: Array, pose: Array, near: Array) -> Array:
     """Psi: z (l + 1,) of a pose (3,) within the wall, each s_i on the turn that is nearest to ``near`` (l + 1,).
 
     Of a ray that passes the wall by, s_i is that of ``near``, or any.
     """
+    coefficients, polyline = wall
     l = len(alpha)  # noqa: E741
     z = np.empty(l + 1)
     for i in range(l):
-        _, s = cast_ray(table, polyline, pose[0], pose[1], pose[2] + alpha[i])
+        _, s = cast_ray(coefficients, polyline, pose[0], pose[1], pose[2] + alpha[i])
         around = near[i] if not math.isnan(near[i]) else 0.0
         z[i] = around + wrapped(s - around) if not math.isnan(s) else around
     z[l] = pose[2]
@@ -180,44 +199,48 @@ def seen_from(table: Array, polyline: Array, alpha: Array, pose: Array, near: Ar
 
 @njit(cache=True, nogil=True)
 def observed(
-    table: Array,
-    polyline: Array,
+    wall: WallShape,
     alpha: Array,
     z: Array,
     predicted: Array,
     readings: Array,
     u: Array,
-    gains: tuple[float, float],
+    gains: DescentGains,
     dt: float,
 ) -> tuple[Array, Array, Array]:
-    """z (l + 1,), the pose (3,) and (V_rho, |Q|^2 / 2) (2,) after the readings (2, l) of rho and rho_dot.
+    """Correct the observer by readings (2, l) of rho [m] and rho_dot [m/s] under the input u (2,) over dt [s].
 
-    ``z`` is what was fed forward, NaN where nothing said how, and ``predicted`` the pose (3,) that odometry leads to:
-    what rays that were lost cannot tell is taken from it.
+    ``z`` (l + 1,) is what was fed forward, NaN where nothing said how, and ``predicted`` the pose (3,) that odometry
+    leads to: what rays that were lost cannot tell is taken from it. Returns z (l + 1,), the pose (3,) and (V_rho, |Q|^2
+    / 2) (2,).
     """
+    coefficients, _ = wall
     l = len(alpha)  # noqa: E741
-    seen = seen_from(table, polyline, alpha, predicted, z)
+    seen = seen_from(wall, alpha, predicted, z)
     for i in range(l + 1):
         if math.isnan(z[i]):
             z[i] = seen[i]
-    z, V, squares = corrected(table, alpha, z, readings[0], readings[1], u, gains[0], gains[1], dt)
-    pose = output(table, polyline, alpha, z, readings[0])
+    z, V, squares = corrected(coefficients, alpha, z, readings[0], readings[1], u, gains, dt)
+    pose = output(wall, alpha, z, readings[0])
     if math.isnan(pose[0]):
         return seen, predicted.copy(), np.zeros(2)
     for i in range(l):
         if math.isnan(readings[0, i]):
-            z[i] = seen_from(table, polyline, alpha, pose, z)[i]
+            z[i] = seen_from(wall, alpha, pose, z)[i]
     return z, pose, np.array([V, squares])
 
 
 @njit(cache=True, nogil=True)
 def pushed_forward(
-    table: Array, polyline: Array, alpha: Array, z: Array, pose: Array, inputs: Array, period: float
+    wall: WallShape, alpha: Array, z: Array, pose: Array, inputs: Array, period: float
 ) -> tuple[Array, Array]:
-    """z (l + 1,) and pose (3,) after the ``inputs`` (m, 2), each held for a period; z stays as far off Psi as it is."""
-    here, after = seen_from(table, polyline, alpha, pose, z), pose
+    """Propagate z (l + 1,) and ``pose`` (3,) under the ``inputs`` (m, 2), each held for a period [s].
+
+    z stays as far off Psi as it is.
+    """
+    here, after = seen_from(wall, alpha, pose, z), pose
     for u in inputs:
-        after = moved(after, u[0], u[1], period)
+        after = integrate(after, u[0], u[1], period)
     after = after.copy()
-    after[0], after[1] = kept_within(table, polyline, after[0], after[1])
-    return z + (seen_from(table, polyline, alpha, after, here) - here), after
+    after[0], after[1] = kept_within(wall, after[0], after[1])
+    return z + (seen_from(wall, alpha, after, here) - here), after

@@ -16,7 +16,8 @@ import numpy as np
 from mathnavi.estimators.ranging.model import RangeModel, chi_square_gate
 from mathnavi.estimators.ranging.particle_kernels import mode, propagate, roughen, weigh
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_counts, check_positive, check_probability
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -50,14 +51,14 @@ class RangeParticleConfig:
 
 
 class RangeParticle:
-    """Ranges and odometry to the pose, by particles."""
+    """Estimator of the pose from ranges and odometry: particles."""
 
     Config = RangeParticleConfig
 
     def __init__(self, config: RangeParticleConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._freshness = RangeModel(mission), TimeoutMonitor(config.timeout)
-        self._gate = chi_square_gate(config.gate)
+        self._model, self._timeout_monitor = RangeModel(mission), TimeoutMonitor(config.timeout)
+        self._sensors = self._model.sensors(chi_square_gate(config.gate))
         self._rng, self._roughening = np.random.default_rng(config.seed), config.roughening
         self._x = self._model.particles(config.particles, self._rng)
         self._w = np.full(config.particles, 1.0 / config.particles)
@@ -66,16 +67,17 @@ class RangeParticle:
 
     @staticmethod
     def build(config: RangeParticleConfig, mission: RangingMission) -> RangeParticle:
+        """Build the estimator of one run."""
         return RangeParticle(config, mission)
 
     @staticmethod
     def sensors(config: RangeParticleConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """What the robot has to carry for this estimator."""
+        """Sensors that the robot has to carry for this estimator."""
         return mission.sensors_carried()
 
     @staticmethod
     def quality(config: RangeParticleConfig, mission: RangingMission) -> RangeQuality:
-        """How good the ranges are that it lives on."""
+        """Declared quality of the ranges."""
         return mission.ranging
 
     @staticmethod
@@ -92,26 +94,31 @@ class RangeParticle:
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; ``extra["effective"]`` (1,) is N_eff."""
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+
+        ``extra["effective"]`` (1,) is N_eff.
+        """
         model, rho = self._model, self._model.ranges(measurements)
-        self._freshness.note(t, not np.isnan(rho).all())
+        self._timeout_monitor.note(t, not np.isnan(rho).all())
         if self._t is not None and t > self._t:
             u = model.input(measurements, command)
-            propagate(self._x, u, np.sqrt(model.W), *model.wall, t - self._t, self._rng)
+            propagate(self._x, u, np.sqrt(model.W), model.wall, t - self._t, self._rng)
         self._t = t
         if not np.isnan(rho).all():
             self._condition(rho)
-        self._mean, P = mode(self._x, self._w, self._mean, _RADIUS, _STARTS, *model.wall)
+        self._mean, P = mode(self._x, self._w, self._mean, _RADIUS, _STARTS, model.wall)
         effective = np.array([1.0 / np.square(self._w).sum()])
-        return Estimate(t, self._mean[:3].copy(), 0.5 * (P + P.T), self._freshness.status(t), {"effective": effective})
+        return Estimate(
+            t, self._mean[:3].copy(), 0.5 * (P + P.T), self._timeout_monitor.status(t), {"effective": effective}
+        )
 
     def _condition(self, rho: Array) -> None:
         model = self._model
-        effective = weigh(self._x, self._w, rho, *model.wall, model.angles, model.relative, model.absolute, self._gate)
+        effective = weigh(self._x, self._w, rho, model.wall, self._sensors)
         if effective < 0.5 * len(self._w):
             self._x = self._x[_systematic(self._w, self._rng)]
             self._w[:] = 1.0 / len(self._w)
-            roughen(self._x, self._roughening, *model.wall, self._rng)
+            roughen(self._x, self._roughening, model.wall, self._rng)
 
 
 def _systematic(w: Array, rng: np.random.Generator) -> Integers:

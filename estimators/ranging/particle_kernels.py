@@ -18,21 +18,19 @@ import math
 import numpy as np
 from numba import njit
 
-from mathnavi.estimators.ranging.kalman_kernels import step_within
-from mathnavi.models.field.kernels import cast_ray
-from mathnavi.models.unicycle.kernels import moved, wrapped
+from mathnavi.estimators.ranging.kalman_kernels import RaySensors, step_within
+from mathnavi.models.field.kernels import WallShape, cast_ray
+from mathnavi.models.unicycle.kernels import integrate, wrapped
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 
 @njit(cache=True, nogil=True)
-def propagate(
-    x: Array, u: Array, deviation: Array, coefficients: Array, polyline: Array, dt: float, rng: np.random.Generator
-) -> None:
-    """Carry particles on, in place, over dt [s] under a reading u (2,) of standard deviations (2,)."""
+def propagate(x: Array, u: Array, deviation: Array, wall: WallShape, dt: float, rng: np.random.Generator) -> None:
+    """Propagate particles x (N, 4), in place, over dt [s] under a reading u (2,) of standard deviations (2,)."""
     for n in range(len(x)):
         u_1 = (1.0 - x[n, 3]) * u[0] + deviation[0] * rng.standard_normal()
         u_2 = (1.0 - x[n, 3]) * u[1] + deviation[1] * rng.standard_normal()
-        _place(x[n], moved(x[n, :3], u_1, u_2, dt), coefficients, polyline)
+        _place(x[n], integrate(x[n, :3], u_1, u_2, dt), wall)
 
 
 @njit(cache=True, nogil=True)
@@ -40,17 +38,15 @@ def weigh(
     x: Array,
     w: Array,
     z: Array,
-    coefficients: Array,
-    polyline: Array,
-    angles: Array,
-    relative: float,
-    absolute: float,
-    gate: float,
+    wall: WallShape,
+    sensors: RaySensors,
 ) -> float:
-    """Weigh particles, in place, by ranges z (l,), NaN where lost; returns N_eff.
+    """Weigh particles x (N, 4), w (N,), in place, by ranges z (l,) [m], NaN where lost.
 
-    A range is never less likely than one at the gate, so that one that is wholly wrong does not decide.
+    Returns N_eff. A range is never less likely than one at the gate, so that one that is wholly wrong does not decide.
     """
+    angles, relative, absolute, gate = sensors
+    coefficients, polyline = wall
     log = np.empty(len(x))
     for n in range(len(x)):
         log[n] = 0.0
@@ -87,8 +83,8 @@ def resampled(w: Array, start: float) -> Integers:
 
 
 @njit(cache=True, nogil=True)
-def roughen(x: Array, kappa: float, coefficients: Array, polyline: Array, rng: np.random.Generator) -> None:
-    """Add the noise of roughening to particles, in place."""
+def roughen(x: Array, kappa: float, wall: WallShape, rng: np.random.Generator) -> None:
+    """Add the noise of roughening to particles x (N, 4), in place."""
     scale = kappa * len(x) ** -0.25
     extent = np.empty(4)
     for j in range(4):
@@ -97,14 +93,12 @@ def roughen(x: Array, kappa: float, coefficients: Array, polyline: Array, rng: n
         after = x[n, :3].copy()
         for j in range(3):
             after[j] += scale * extent[j] * rng.standard_normal()
-        _place(x[n], after, coefficients, polyline)
+        _place(x[n], after, wall)
         x[n, 3] += scale * extent[3] * rng.standard_normal()
 
 
 @njit(cache=True, nogil=True)
-def mode(
-    x: Array, w: Array, before: Array, radius: float, starts: int, coefficients: Array, polyline: Array
-) -> tuple[Array, Array]:
+def mode(x: Array, w: Array, before: Array, radius: float, starts: int, wall: WallShape) -> tuple[Array, Array]:
     """Mean (4,) and covariance (3, 3) of the particles within ``radius`` [m, rad] of a place where there are most.
 
     Of ``starts`` particles, at equidistant places of the cumulated weights, and the state ``before`` (4,), the one with
@@ -119,7 +113,7 @@ def mode(
         if weight > most:
             centre, most = here.copy(), weight
     mean, P, total = np.zeros(4), np.zeros((3, 3)), 0.0
-    off = np.empty(4)
+    deviation = np.empty(4)
     for n in range(len(x)):
         if _near(x[n], centre, radius):
             total += w[n]
@@ -131,11 +125,11 @@ def mode(
     for n in range(len(x)):
         if _near(x[n], centre, radius):
             for j in range(3):
-                off[j] = (wrapped(x[n, j] - centre[j]) if j == 2 else x[n, j] - centre[j]) - mean[j]
+                deviation[j] = (wrapped(x[n, j] - centre[j]) if j == 2 else x[n, j] - centre[j]) - mean[j]
             for j in range(3):
                 for k in range(3):
-                    P[j, k] += w[n] / total * off[j] * off[k]
-    step = step_within(coefficients, polyline, centre[0], centre[1], mean[0], mean[1])
+                    P[j, k] += w[n] / total * deviation[j] * deviation[k]
+    step = step_within(wall, centre[0], centre[1], mean[0], mean[1])
     mean[:2] *= step
     mean += centre
     mean[2] = wrapped(mean[2])
@@ -153,16 +147,16 @@ def _around(x: Array, w: Array, centre: Array, radius: float) -> float:
 
 @njit(cache=True, nogil=True)
 def _near(a: Array, b: Array, radius: float) -> bool:
-    turn = wrapped(a[2] - b[2])
-    square: float = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + turn * turn
+    angle = wrapped(a[2] - b[2])
+    square: float = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + angle * angle
     return square < radius * radius
 
 
 @njit(cache=True, nogil=True)
-def _place(x: Array, pose: Array, coefficients: Array, polyline: Array) -> None:
+def _place(x: Array, pose: Array, wall: WallShape) -> None:
     """Give a particle (4,) a pose (3,), in place, or as much of the way there as is within the wall."""
     d_1, d_2 = pose[0] - x[0], pose[1] - x[1]
-    step = step_within(coefficients, polyline, x[0], x[1], d_1, d_2)
+    step = step_within(wall, x[0], x[1], d_1, d_2)
     x[0] += step * d_1
     x[1] += step * d_2
     x[2] = wrapped(pose[2])

@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 LONGEST_WINDOW = 1001
@@ -25,17 +26,19 @@ _LEAST_NODES = 4  # of them on either side
 
 
 def check_window(window: int, order: int) -> None:
-    """ValueError unless the window is an odd number of readings, and more than the polynomial needs."""
+    """Raise FieldError unless the window is an odd number of readings, and more than the polynomial needs."""
     if not (window % 2 == 1 and 3 <= window <= LONGEST_WINDOW):
-        raise ValueError(f"window = {window!r}; allowed: an odd number of readings from 3 to {LONGEST_WINDOW}")
+        raise FieldError(f"window = {window!r}; allowed: an odd number of readings from 3 to {LONGEST_WINDOW}")
     if not 1 <= order <= min(HIGHEST_ORDER, window - 1):
         highest = min(HIGHEST_ORDER, window - 1)
-        raise ValueError(f"order = {order!r}; allowed with window = {window}: 1 to {highest}")
+        raise FieldError(f"order = {order!r}; allowed with window = {window}: 1 to {highest}")
 
 
 @lru_cache(maxsize=16)
 def savitzky_golay(window: int, order: int) -> Array:
-    """(p + 1, 2 m + 1) from readings at tau = -1, ..., 1 to the coefficients of the polynomial that fits them best."""
+    """Weights (p + 1, 2 m + 1) from readings at tau = -1, ..., 1 to the coefficients of the polynomial that fits them
+    best.
+    """
     tau = np.linspace(-1.0, 1.0, window)
     weights: Array = np.ascontiguousarray(np.linalg.pinv(np.vander(tau, order + 1, increasing=True)))
     weights.flags.writeable = False
@@ -44,7 +47,9 @@ def savitzky_golay(window: int, order: int) -> Array:
 
 @lru_cache(maxsize=16)
 def spread(window: int) -> Array:
-    """(2 m + 1, 2 k + 1) from values at every so many readings, from end to end, to values at all (cubic spline)."""
+    """Matrix (2 m + 1, 2 k + 1) from values at every so many readings, from end to end, to values at all (cubic
+    spline).
+    """
     m = window // 2
     stride = max(step for step in range(1, _STRIDE + 1) if step == 1 or (m % step == 0 and m >= _LEAST_NODES * step))
     at = np.arange(-m, m + 1, stride)
@@ -63,28 +68,28 @@ class Window:
         self.half = window // 2  # m
 
     def push(self, rho: Array, u: Array) -> None:
-        """A reading (l,), NaN where a ray was lost, and the input (2,) since the one before."""
+        """Add a reading rho (l,) [m], NaN where a ray was lost, and the input u (2,) since the one before."""
         self.ranges[:-1], self.ranges[-1] = self.ranges[1:], rho
         self.inputs[:-1], self.inputs[-1] = self.inputs[1:], u
         self.count += 1
 
     @property
     def has_centre(self) -> bool:
-        """Whether there is a reading at the centre."""
+        """True if there is a reading at the centre."""
         return self.count > self.half
 
     @property
     def is_at_start(self) -> bool:
-        """Whether the reading at the centre is the first."""
+        """True if the reading at the centre is the first."""
         return self.count == self.half + 1
 
     @property
     def inputs_since(self) -> Array:
-        """(n, 2) from the centre, or from the first reading while there is none at the centre, until now."""
+        """Inputs (n, 2) from the centre, or from the first reading while there is none at the centre, until now."""
         return self.inputs[len(self.inputs) - min(self.count - 1, self.half) :]
 
     @property
     def centre_input(self) -> Array:
-        """(2,) the mean of the inputs before and after the centre, between which it jumps."""
+        """Mean (2,) of the inputs before and after the centre, between which it jumps."""
         mean: Array = 0.5 * (self.inputs[self.half - 1] + self.inputs[self.half])
         return mean

@@ -8,17 +8,21 @@ import numpy as np
 from numba import njit
 
 from mathnavi.estimators.ranging.observer_kernels import kept_within
-from mathnavi.models.field.kernels import cast_ray, cast_rays, range_gradient
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.field.kernels import WallShape, cast_ray, cast_rays, range_gradient
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 
 _FAR = 4.0  # root mean squares of the residuals: what is further off the polynomial is an outlier
 _EXACT = 1e-9  # [m] of a residual that is round-off
 
 
+WindowFit = tuple[Array, Array, float]
+"""weights (p + 1, 2 m + 1) of ``savitzky_golay``, ``spread`` (2 m + 1, 2 k + 1), and the period of the readings [s]"""
+
+
 @njit(cache=True, nogil=True)
 def centre_fit(samples: Array, weights: Array) -> tuple[float, float]:
-    """Value and slope by tau at tau = 0 of the polynomial that fits ``samples`` (2 m + 1,) at tau = -1, ..., 1 best.
+    """Fit a polynomial to ``samples`` (2 m + 1,) at tau = -1, ..., 1: its value and its derivative by tau at tau = 0.
 
     ``weights`` (p + 1, 2 m + 1) give its coefficients where all samples are there. Samples that are NaN are left out,
     and so is what is far off a first fit. NaN, NaN where too many are missing.
@@ -50,9 +54,11 @@ def centre_fit(samples: Array, weights: Array) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def measured(ranges: Array, weights: Array, period: float) -> Array:
-    """The readings (2, l) of rho and rho_dot at the centre of ``ranges`` (2 m + 1, l), taken every ``period`` [s].
+    """Readings (2, l) of rho [m] and rho_dot [m/s] at the centre of ``ranges`` (2 m + 1, l), taken every ``period``
+    [s].
 
-    Where the window has too few of a ray, rho is the reading at its centre, or NaN, and rho_dot is NaN.
+    ``weights`` (p + 1, 2 m + 1) are those of ``savitzky_golay``. Where the window has too few of a ray, rho is the
+    reading at its centre, or NaN, and rho_dot is NaN.
     """
     n, l = ranges.shape  # noqa: E741
     readings = np.empty((2, l))
@@ -65,42 +71,36 @@ def measured(ranges: Array, weights: Array, period: float) -> Array:
 
 @njit(cache=True, nogil=True)
 def innovated(
-    ranges: Array,
-    weights: Array,
-    spread: Array,
-    period: float,
-    table: Array,
-    polyline: Array,
-    alpha: Array,
-    pose: Array,
-    inputs: Array,
-    u: Array,
+    ranges: Array, inputs: Array, u: Array, fit: WindowFit, wall: WallShape, alpha: Array, pose: Array
 ) -> Array:
-    """As ``measured``, but what is fitted is by how much the ranges differ from those expected.
+    """Readings (2, l) of rho [m] and rho_dot [m/s] as of ``measured``, but fitted to the innovation.
 
-    Expected is what a robot sees that is at ``pose`` (3,) at the window's centre and has had, and will have, the
-    ``inputs`` (2 m, 2) between the readings; ``u`` (2,) is the one at the centre. Rays are cast at 2 k + 1 instants
-    only, from which ``spread`` (2 m + 1, 2 k + 1) interpolates.
+    The innovation is by how much the ``ranges`` (2 m + 1, l) differ from those that a robot expects which is at
+    ``pose`` (3,) at the window's centre and has had, and will have, the ``inputs`` (2 m, 2) between the readings; ``u``
+    (2,) is the one at the centre. Rays are cast at 2 k + 1 instants only, from which the fit's ``spread`` interpolates.
     """
+    coefficients, polyline = wall
+    weights, spread, period = fit
     n, l = ranges.shape  # noqa: E741
     m, k = n // 2, spread.shape[1] // 2
     cast = np.empty((2 * k + 1, l))
-    rho, s = cast_rays(table, polyline, pose, alpha)
+    rho, s = cast_rays(coefficients, polyline, pose, alpha)
     cast[k] = rho
     for way in (-1, 1):
         at = pose
         for j in range(m):
             held = inputs[m + j] if way > 0 else inputs[m - 1 - j]
-            at = moved(at, held[0], held[1], way * period)
+            at = integrate(at, held[0], held[1], way * period)
             if (j + 1) % (m // k) == 0:
-                x, y = kept_within(table, polyline, at[0], at[1])
+                x, y = kept_within(wall, at[0], at[1])
                 for i in range(l):
-                    cast[k + way * (j + 1) // (m // k), i], _ = cast_ray(table, polyline, x, y, at[2] + alpha[i])
+                    rho_i, _ = cast_ray(coefficients, polyline, x, y, at[2] + alpha[i])
+                    cast[k + way * (j + 1) // (m // k), i] = rho_i
     expected = spread @ cast
     readings = np.empty((2, l))
     for i in range(l):
         value, slope = centre_fit(ranges[:, i] - expected[:, i], weights)
-        by_x, by_y, by_phi = range_gradient(table, s[i], rho[i], pose[2] + alpha[i])
+        by_x, by_y, by_phi = range_gradient(coefficients, s[i], rho[i], pose[2] + alpha[i])
         rate = u[0] * (by_x * math.cos(pose[2]) + by_y * math.sin(pose[2])) + u[1] * by_phi
         readings[0, i] = rho[i] + value if not math.isnan(value) else ranges[m, i]
         readings[1, i] = rate + slope / (period * m) if math.isfinite(rate) else math.nan

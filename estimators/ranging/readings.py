@@ -1,4 +1,4 @@
-"""What a range estimator takes from its readings."""
+"""The part of its readings that a range estimator uses."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ TOO_FAST = 10.0  # times the robot's limits
 
 
 def usable_ranges(measurements: Sequence[Measurement], sensors: int, longest: float) -> Array:
-    """The ranges (l,) [m], NaN where a ray was lost: no reading, or one that is not finite, not positive or too long.
+    """Ranges (l,) [m], NaN where a ray was lost: no reading, or one that is not finite, not positive or too long.
 
-    ``longest`` [m] is the longest distance within the wall. ValueError for a reading of another length.
+    ``longest`` [m] is the longest distance within the wall. Raises ValueError for a reading of another length.
     """
     rho = np.full(sensors, np.nan)
     for reading in measurements:
@@ -28,7 +28,7 @@ def usable_ranges(measurements: Sequence[Measurement], sensors: int, longest: fl
 
 
 def measured_input(measurements: Sequence[Measurement], command: Array, limits: Array) -> Array:
-    """The input u (2,) over the period that ends now: what odometry says, where it says anything, or the command.
+    """Input u (2,) [m/s, rad/s] over the period that ends now: odometry, where it says anything, or ``command`` (2,).
 
     Odometry that is not finite or far beyond the ``limits`` (2,) of the robot says nothing.
     """

@@ -18,8 +18,9 @@ from mathnavi.estimators.covariance import square_root
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges, move, step_within
 from mathnavi.estimators.ranging.model import FROM_WHERE, STATES, Gate, RangeModel
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.models.unicycle.kernels import moved_slopes, wrapped
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.checks import check_positive, check_probability
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -49,13 +50,13 @@ class RangeUkfConfig:
 
 
 class RangeUkf:
-    """Ranges and odometry to the pose, by one unscented Kalman filter."""
+    """Estimator of the pose from ranges and odometry: one unscented Kalman filter."""
 
     Config = RangeUkfConfig
 
     def __init__(self, config: RangeUkfConfig, mission: RangingMission) -> None:
         self.period = mission.period
-        self._model, self._freshness = RangeModel(mission), TimeoutMonitor(config.timeout)
+        self._model, self._timeout_monitor = RangeModel(mission), TimeoutMonitor(config.timeout)
         self._gate = Gate(config.gate, mission.sensors)
         self._filter = self._made(config)
         self._filter.x, self._filter.P = self._model.start()
@@ -64,16 +65,17 @@ class RangeUkf:
 
     @staticmethod
     def build(config: RangeUkfConfig, mission: RangingMission) -> RangeUkf:
+        """Build the estimator of one run."""
         return RangeUkf(config, mission)
 
     @staticmethod
     def sensors(config: RangeUkfConfig, mission: RangingMission) -> tuple[Sensor, ...]:
-        """What the robot has to carry for this estimator."""
+        """Sensors that the robot has to carry for this estimator."""
         return mission.sensors_carried()
 
     @staticmethod
     def quality(config: RangeUkfConfig, mission: RangingMission) -> RangeQuality:
-        """How good the ranges are that it lives on."""
+        """Declared quality of the ranges."""
         return mission.ranging
 
     @staticmethod
@@ -91,19 +93,22 @@ class RangeUkf:
         )
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; ``extra["nis"]`` (2,) is NIS and how many rays it is of, NaN where there was no update."""
+        """Estimate (3,) [m, m, rad] at t [s]; ``command`` (2,) stands in where odometry says nothing.
+
+        ``extra["nis"]`` (2,) is NIS and the number of rays in it, NaN where there was no update.
+        """
         rho = self._model.ranges(measurements)
-        self._freshness.note(t, not np.isnan(rho).all())
+        self._timeout_monitor.note(t, not np.isnan(rho).all())
         dt = 0.0 if self._t is None else t - self._t
         self._predict(self._model.input(measurements, command), dt)
         self._t = t
         nis = self._condition(rho)
         U = square_root(self._filter.P)[:, :3]
-        return Estimate(t, self._filter.x[:3].copy(), U.T @ U, self._freshness.status(t), {"nis": nis})
+        return Estimate(t, self._filter.x[:3].copy(), U.T @ U, self._timeout_monitor.status(t), {"nis": nis})
 
     def _predict(self, u: Array, dt: float) -> None:
         x = self._filter.x
-        _, G = moved_slopes(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
+        _, G = integrate_jacobians(x[:3], (1.0 - x[3]) * u[0], (1.0 - x[3]) * u[1], dt)
         self._filter.Q[:3, :3] = G * self._model.W @ G.T
         self._filter.predict(dt, u=u)
         self._filter.x = self._kept_within(x, self._filter.x)
@@ -127,12 +132,12 @@ class RangeUkf:
     def _read(self, sigma: Array) -> Array:
         """The ranges (l,) from a sigma point (4,)."""
         pose = self._kept_within(self._filter.x, sigma)[:3]
-        h, _ = expected_ranges(*self._model.wall, pose, self._model.angles)
+        h, _ = expected_ranges(self._model.wall, pose, self._model.angles)
         return h
 
     def _kept_within(self, inner: Array, x: Array) -> Array:
         """x (4,), drawn back towards a state within the wall as far as it takes."""
-        step = step_within(*self._model.wall, inner[0], inner[1], x[0] - inner[0], x[1] - inner[1])
+        step = step_within(self._model.wall, inner[0], inner[1], x[0] - inner[0], x[1] - inner[1])
         kept: Array = x.copy()
         kept[:2] = inner[:2] + step * (x - inner)[:2]
         return kept
@@ -150,14 +155,14 @@ class RangeUkf:
 
     def _moved(self, sigma: Array, dt: float, u: Array) -> Array:
         after: Array = sigma.copy()
-        move(after, u, *self._model.wall, dt)
+        move(after, u, self._model.wall, dt)
         return after
 
 
 def _difference(x: Array, y: Array) -> Array:
-    off: Array = np.subtract(x, y)
-    off[2] = wrapped(off[2])
-    return off
+    difference: Array = np.subtract(x, y)
+    difference[2] = wrapped(difference[2])
+    return difference
 
 
 def _sum(x: Array, y: Array) -> Array:

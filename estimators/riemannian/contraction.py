@@ -26,14 +26,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh
 
-from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.two_point import TwoPoint
 from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
 class SasakiMetric:
-    """W = [a c; c b]; ValueError unless it is positive definite."""
+    """Generalised Sasaki metric W = [a c; c b].
+
+    Raises ValueError unless it is positive definite.
+    """
 
     a: float = 1.0
     b: float = 0.33
@@ -45,12 +48,14 @@ class SasakiMetric:
             raise ValueError(f"(a, b, c) = {values!r}; allowed: a > 0 and a b > c^2")
 
     def matrix(self, n: int) -> Array:
-        """(2 n, 2 n) in an orthonormal frame."""
+        """Matrix (2 n, 2 n) of the metric in an orthonormal frame."""
         return np.kron(np.array([[self.a, self.c], [self.c, self.b]]), np.eye(n))
 
 
-def linearised(pair: TwoPoint, eta: Array, gains: Gains, force: Array | None = None) -> Array:
-    """[M N; P Q] (2 n, 2 n) in ``frame(xi)`` for the observer at (xi, eta), with a force at x if there is one."""
+def linearised(pair: TwoPoint, eta: Array, gains: IntrinsicGains, force: Array | None = None) -> Array:
+    """Matrix [M N; P Q] (2 n, 2 n) in ``frame(xi)`` for the observer at (xi, eta (size,)), with a ``force`` (size,) at
+    x if any.
+    """
     space, n, kappa = pair.space, pair.space.dimension, pair.space.kappa
     frame = space.frame(pair.xi)
     G, rate = space.components(pair.xi, pair.at_xi), space.components(pair.xi, eta)
@@ -67,17 +72,23 @@ def linearised(pair: TwoPoint, eta: Array, gains: Gains, force: Array | None = N
     return np.block([[M, np.eye(n)], [P, Q]])
 
 
-def lie_derivative(pair: TwoPoint, eta: Array, gains: Gains, metric: SasakiMetric, force: Array | None = None) -> Array:
-    """L (2 n, 2 n) of (D.20) in ``frame(xi)``."""
+def lie_derivative(
+    pair: TwoPoint, eta: Array, gains: IntrinsicGains, metric: SasakiMetric, force: Array | None = None
+) -> Array:
+    """Lie derivative L (2 n, 2 n) of the metric, (D.20), in ``frame(xi)``, at eta (size,) with a ``force`` (size,) at x
+    if any.
+    """
     W, J = metric.matrix(pair.space.dimension), linearised(pair, eta, gains, force)
     half: Array = W @ J
     return half + half.T
 
 
 def largest_eigenvalue(
-    pair: TwoPoint, eta: Array, gains: Gains, metric: SasakiMetric, force: Array | None = None
+    pair: TwoPoint, eta: Array, gains: IntrinsicGains, metric: SasakiMetric, force: Array | None = None
 ) -> float:
-    """[1/s] of W^-1 L: negative where the observer is a strict contraction."""
+    """Largest eigenvalue [1/s] of W^-1 L (2 n, 2 n) at eta (size,): negative where the observer is a strict
+    contraction.
+    """
     L = lie_derivative(pair, eta, gains, metric, force)
     return float(eigh(L, metric.matrix(pair.space.dimension), eigvals_only=True)[-1])
 

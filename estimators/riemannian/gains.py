@@ -31,8 +31,8 @@ _PRINTED_A, _PRINTED_B, _PRINTED_FLOOR = 3.0, 3.0, 1e-7
 
 
 @dataclass(frozen=True)
-class Gains:
-    """A [1/s], B [1/s^2] and C by the distance theta between x and xi, on a space of curvature ``kappa``."""
+class IntrinsicGains:
+    """Gains A [1/s], B [1/s^2] and C by the distance theta between x and xi, on a space of curvature ``kappa``."""
 
     bandwidth: float = 10.0  # omega [1/s]
     damping: float = 1.0  # zeta
@@ -41,14 +41,14 @@ class Gains:
     kappa: float = 1.0
 
     def position(self, theta: float) -> float:
-        """A [1/s]."""
+        """Gain A [1/s] at the distance ``theta``."""
         if self.law == "constant":
             return 2.0 * self.damping * self.bandwidth
         S = 0.5 * theta * theta
         return _PRINTED_A * (1.0 + S) / math.sqrt(S + _PRINTED_FLOOR)
 
     def position_slope(self, theta: float) -> float:
-        """dA / dS [1/s]."""
+        """Derivative dA / dS [1/s] at the distance ``theta``."""
         if self.law == "constant":
             return 0.0
         S = 0.5 * theta * theta + _PRINTED_FLOOR
@@ -56,11 +56,11 @@ class Gains:
         return slope
 
     def velocity(self) -> float:
-        """B [1/s^2]."""
+        """Gain B [1/s^2]."""
         return self.bandwidth**2 if self.law == "constant" else _PRINTED_B
 
     def curved(self, theta: float) -> float:
-        """C."""
+        """Gain C of the curvature term at the distance ``theta``."""
         if self.curvature != "matched":
             return _CONSTANT_C[self.curvature]
         half = 0.5 * theta
@@ -69,7 +69,7 @@ class Gains:
         return -(math.tan(half) if self.kappa > 0.0 else math.tanh(half)) / half
 
     def curved_slope(self, theta: float) -> float:
-        """dC / dS."""
+        """Derivative dC / dS at the distance ``theta``."""
         half = 0.5 * theta
         if self.curvature != "matched" or self.kappa == 0.0:
             return 0.0
@@ -80,12 +80,12 @@ class Gains:
         return -(half / math.cosh(half) ** 2 - math.tanh(half)) / (4.0 * half**3)
 
     def weights(self, theta: float, h: float) -> tuple[float, float]:
-        """alpha and beta [1/s] of a reading h [s] after the one before: see ``sampled``."""
+        """Weights alpha and beta [1/s] of a reading h [s] after the one before: see ``sampled``."""
         if self.law == "printed":
             return -math.expm1(-self.position(theta) * h), self.velocity() * h
         return pole_weights(self.bandwidth, self.damping, h)
 
     def disturbed_weights(self, h: float) -> tuple[float, float, float]:
-        """alpha, beta [1/s] and gamma [1/s^2] of three poles at rho = e^(-omega h)."""
+        """Weights alpha, beta [1/s] and gamma [1/s^2] of three poles at rho = e^(-omega h), h [s]."""
         rho, left = math.exp(-self.bandwidth * h), -math.expm1(-self.bandwidth * h)
         return 1.0 - rho**3, 1.5 * left**2 * (1.0 + rho) / h, left**3 / h**2

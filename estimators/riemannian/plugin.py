@@ -7,12 +7,13 @@ from typing import get_args
 
 import numpy as np
 
-from mathnavi.estimators.riemannian.gains import CurvatureName, GainName, Gains
-from mathnavi.estimators.riemannian.sampled import SampledObserver
+from mathnavi.estimators.riemannian.gains import CurvatureName, GainName, IntrinsicGains
+from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
 from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array
@@ -60,11 +61,15 @@ class RiemannianObserver:
 
     @staticmethod
     def build(config: RiemannianObserverConfig, mission: LagrangianMission) -> PositionObserver:
-        """ValueError for the matched C where the curvature is not the same everywhere."""
+        """Build the estimator of one run.
+
+        Raises FieldError for the matched C where the curvature is not the same everywhere.
+        """
         return PositionObserver(_Intrinsic(config, mission), mission, config.timeout)
 
     @staticmethod
     def sensors(config: RiemannianObserverConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod
@@ -100,14 +105,14 @@ class _Intrinsic:
     def __init__(self, config: RiemannianObserverConfig, mission: LagrangianMission) -> None:
         manifold = mission.system.manifold
         if config.curvature == "matched" and manifold.kappa is None:
-            raise ValueError(
+            raise FieldError(
                 f"curvature = 'matched' on {manifold.name}; allowed where the curvature is not constant: minus-one, "
                 "none, plus-one"
             )
         kappa = manifold.kappa or 0.0
         self._config, self._mission, self._manifold = config, mission, manifold
-        self._gains = Gains(config.bandwidth, config.damping, config.gains, config.curvature, kappa)
-        self._observer: SampledObserver | None = None
+        self._gains = IntrinsicGains(config.bandwidth, config.damping, config.gains, config.curvature, kappa)
+        self._observer: SampledIntrinsicObserver | None = None
         self._distance = np.nan
 
     @property
@@ -125,8 +130,8 @@ class _Intrinsic:
     def start(self, y: Array) -> None:
         config = self._config
         self._distance, self._since, self._y = 0.0, 0.0, y  # the last reading that was used, and how old it is [s]
-        self._gate, self._persistence = SpeedGate(self._mission, y), OutlierCounter()
-        self._observer = SampledObserver(
+        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
+        self._observer = SampledIntrinsicObserver(
             self._mission.system, self._gains, y, disturbed=config.disturbance, share=config.share
         )
 
@@ -142,7 +147,7 @@ class _Intrinsic:
         found = self._observer.correct(y, h) if reached else None
         self._distance = self._manifold.distance(self._observer.xi, y) if found is None else found.distance
         good = found is not None and found.accepted
-        if not self._persistence.admits(good):
+        if not self._outlier_counter.admits(good):
             return False
         if good:
             self._y, self._since = y, 0.0

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.manifold import is_beyond
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.sim.interfaces.signals import Array
@@ -42,11 +42,17 @@ class Innovation:
     accepted: bool  # whether it was within the share of the injectivity radius
 
 
-class SampledObserver:
+class SampledIntrinsicObserver:
     """(xi, eta) and, with ``disturbed``, delta; started at xi = the first reading, eta = 0 (Theorem D.2)."""
 
     def __init__(
-        self, system: LagrangianSystem, gains: Gains, start: Array, *, disturbed: bool = False, share: float = 1.0
+        self,
+        system: LagrangianSystem,
+        gains: IntrinsicGains,
+        start: Array,
+        *,
+        disturbed: bool = False,
+        share: float = 1.0,
     ) -> None:
         self._system, self._manifold, self._gains = system, system.manifold, gains
         self._share = share  # of the injectivity radius that a reading may be away
@@ -56,7 +62,9 @@ class SampledObserver:
         self._measured: Array | None = self.xi  # where the system was when it was last read; None once that is old
 
     def predict(self, h: float, u: Array, y: Array | None = None) -> None:
-        """Move on by h [s] with the input u (nu,) held, at the end of which the system is at y, if it was read."""
+        """Predict over h [s] with the input u (nu,) held, at the end of which the system is at y (size,), if it was
+        read.
+        """
         manifold, before = self._manifold, self.xi
         F = self._force(self._measured, u)
         after = manifold.exp(before, h * self.eta + (0.5 * h * h) * F)
@@ -70,7 +78,7 @@ class SampledObserver:
         self.eta = half + (0.5 * h) * self._force(self._measured, u)
 
     def correct(self, y: Array, h: float) -> Innovation:
-        """Condition on a reading y, h [s] after the one before."""
+        """Condition on a reading y (size,), h [s] after the one before."""
         manifold, before = self._manifold, self.xi
         theta = manifold.distance(before, y)
         if is_beyond(manifold, before, y, self._share):
@@ -82,20 +90,20 @@ class SampledObserver:
             alpha, beta = self._gains.weights(theta, h)
         else:
             alpha, beta, gamma = self._gains.disturbed_weights(h)
-        turn = self._turn(theta, L, h)
+        term = self._curvature_term(theta, L, h)
         after = manifold.exp(before, alpha * L)
-        self.eta = manifold.transport(before, after, self.eta + beta * L + turn)
+        self.eta = manifold.transport(before, after, self.eta + beta * L + term)
         if self.delta is not None:
             self.delta = manifold.transport(before, after, self.delta + gamma * L)
         self.xi = after
         return Innovation(theta, accepted=True)
 
-    def _turn(self, theta: float, L: Array, h: float) -> Array:
+    def _curvature_term(self, theta: float, L: Array, h: float) -> Array:
         """h C R(eta, -L), at most _LARGEST |L| / h long."""
         manifold = self._manifold
-        turn = h * self._gains.curved(theta) * manifold.curvature(self.xi, self.eta, -L)
-        size, most = manifold.norm(self.xi, turn), _LARGEST * theta / h
-        return turn if size <= most else turn * (most / size)
+        term = h * self._gains.curved(theta) * manifold.curvature(self.xi, self.eta, -L)
+        size, most = manifold.norm(self.xi, term), _LARGEST * theta / h
+        return term if size <= most else term * (most / size)
 
     def _force(self, measured: Array | None, u: Array) -> Array:
         """At xi: that at the measured position, brought there; that at xi itself where there is none."""

@@ -39,7 +39,10 @@ class Example22:
 
     @staticmethod
     def build(config: Example22Config, mission: TextbookMission) -> SampledObserver:
-        """ValueError for a system other than that of the example."""
+        """Build the observer of one run.
+
+        Raises FieldError for a system other than that of the example.
+        """
         check_system(mission.system is EXAMPLE_2_2, mission, EXAMPLE_2_2.name)
 
         def rate(z: casadi.SX, u: casadi.SX, y: casadi.SX) -> casadi.SX:
@@ -49,6 +52,7 @@ class Example22:
 
     @staticmethod
     def sensors(config: Example22Config, mission: TextbookMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod

@@ -17,7 +17,7 @@ from functools import lru_cache
 import casadi
 import numpy as np
 
-from mathnavi.estimators.carried_filter import carried_filter
+from mathnavi.estimators.external_prediction_ekf import external_prediction_ekf
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.models.runge_kutta import dormand_prince
 from mathnavi.models.textbook.mission import TextbookMission
@@ -61,20 +61,22 @@ class TextbookEkf:
         self._config, self._system = config, mission.system
         n, m = len(mission.system.states), len(mission.system.outputs)
         self._transition, self._output = _transition(mission.system), _output(mission.system)
-        self._filter = carried_filter(n, m)
+        self._filter = external_prediction_ekf(n, m)
         self._filter.x = mission.start_state
         self._filter.P = np.diag(np.square(mission.deviation))
         self._variance = max(mission.noise, config.noise_floor) ** 2
         self._t: float | None = None  # [s] of the filter's state; None before the first call
-        self._freshness = TimeoutMonitor(config.timeout)
+        self._timeout_monitor = TimeoutMonitor(config.timeout)
         self._followed = True  # the last step was taken
 
     @staticmethod
     def build(config: TextbookEkfConfig, mission: TextbookMission) -> TextbookEkf:
+        """Build the estimator of one run."""
         return TextbookEkf(config, mission)
 
     @staticmethod
     def sensors(config: TextbookEkfConfig, mission: TextbookMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod
@@ -90,6 +92,7 @@ class TextbookEkf:
         )  # fmt: skip
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
+        """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between."""
         for reading in measurements:
             if reading.name == "output":
                 self._predict(reading.t, command)
@@ -132,7 +135,7 @@ class TextbookEkf:
             at, before = self._filter.x, at
             if float(np.abs(at - before).max()) < _SETTLED:
                 break
-        self._freshness.note(reading.t)
+        self._timeout_monitor.note(reading.t)
 
     def _outputs(self, x: Array, u: Array) -> tuple[Array, Array]:
         """h(x, u) (m,) and its Jacobian (m, n)."""
@@ -140,7 +143,7 @@ class TextbookEkf:
         return np.array(y).ravel(), np.array(slope)
 
     def _status(self, t: float) -> Status:
-        status = self._freshness.status(t)
+        status = self._timeout_monitor.status(t)
         return status if self._followed or status is Status.INITIALISING else Status.LOST
 
 

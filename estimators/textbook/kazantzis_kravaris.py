@@ -66,7 +66,10 @@ class Immersion:
 
     @staticmethod
     def of(system: System, poles: tuple[float, ...], order: int) -> Immersion:
-        """With these eigenvalues of A; ValueError for a system or for poles that do not fit."""
+        """Immersion in which A has the eigenvalues ``poles`` [1/s].
+
+        Raises ValueError for a system or for poles that do not fit.
+        """
         form = system.form
         if form is None:
             n = len(system.states)
@@ -82,7 +85,10 @@ class KazantzisKravaris:
 
     @staticmethod
     def build(config: KazantzisKravarisConfig, mission: TextbookMission) -> SampledObserver:
-        """ValueError for a system or for poles that do not fit."""
+        """Build the observer of one run.
+
+        Raises ValueError for a system or for poles that do not fit.
+        """
         system, n = mission.system, len(mission.system.states)
         immersion = Immersion.of(system, config.poles, config.order)
         T, A, g = immersion.T, casadi.DM(immersion.A), immersion.g
@@ -98,6 +104,7 @@ class KazantzisKravaris:
 
     @staticmethod
     def sensors(config: KazantzisKravarisConfig, mission: TextbookMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""What an observer in the sense of Definition 2.1 is made of."""
+"""The parts of an observer in the sense of Definition 2.1."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi
 
 from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 LARGEST_RATE = 1e4  # [1/s] of a gain or a pole
@@ -24,18 +25,18 @@ class ObserverLaw:
 
 
 def identity(x: Array, near: Array | None = None) -> Array:
-    """Psi and Phi of an identity observer (Definition 2.3)."""
+    """Copy of x (n,): Psi and Phi of an identity observer (Definition 2.3)."""
     return x.copy()
 
 
 def check_system(fits: bool, mission: TextbookMission, allowed: str) -> None:
-    """ValueError for a system that an observer is not made for."""
+    """Raise FieldError for a system that an observer is not made for."""
     if not fits:
-        raise ValueError(f"system = {mission.system.name!r}; allowed with this observer: {allowed}")
+        raise FieldError(f"system = {mission.system.name!r}; allowed with this observer: {allowed}")
 
 
 def check_rates(values: Sequence[float], name: str) -> None:
-    """ValueError for gains or poles that are so fast that to follow them would take for ever."""
+    """Raise FieldError for gains or poles so fast that to follow them would take for ever."""
     if not all(abs(value) <= LARGEST_RATE for value in values):
         allowed = f"finite values from -{LARGEST_RATE:g} to {LARGEST_RATE:g}"
-        raise ValueError(f"{name} = {tuple(values)!r}; allowed: {allowed}")
+        raise FieldError(f"{name} = {tuple(values)!r}; allowed: {allowed}")

@@ -43,7 +43,10 @@ class OutputInjection:
 
     @staticmethod
     def build(config: OutputInjectionConfig, mission: TextbookMission) -> SampledObserver:
-        """ValueError for a system that no such coordinates are known of, and for poles that do not fit."""
+        """Build the observer of one run.
+
+        Raises FieldError for a system without such coordinates, and for poles that do not fit.
+        """
         form = mission.system.form
         check_system(form is not None, mission, ", ".join(name for name, other in SYSTEMS.items() if other.form))
         assert form is not None
@@ -61,6 +64,7 @@ class OutputInjection:
 
     @staticmethod
     def sensors(config: OutputInjectionConfig, mission: TextbookMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod

@@ -27,12 +27,12 @@ _POINTS = 4  # that the polynomial goes through
 
 
 class SampledObserver:
-    """Readings of "output" to x^."""
+    """Estimator of x^ from readings "output", for any ``ObserverLaw``."""
 
     def __init__(self, law: ObserverLaw, mission: TextbookMission, timeout: float) -> None:
         """``timeout`` [s] without a reading after which the estimate is lost."""
         self.period = mission.period
-        self._law, self._system, self._freshness = law, mission.system, TimeoutMonitor(timeout)
+        self._law, self._system, self._timeout_monitor = law, mission.system, TimeoutMonitor(timeout)
         self._flow = _flow(law, mission)
         self._x = mission.start_state
         self._z = law.Psi(self._x)
@@ -41,11 +41,14 @@ class SampledObserver:
         self._followed = True  # z has stayed within bounds, and Phi has found an x^ for it
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate; its ``extra["z"]`` is the observer's state."""
+        """Estimate (n,) at t [s] from the readings since the last call, ``command`` (p,) held in between.
+
+        ``extra["z"]`` is the observer's state.
+        """
         for reading in measurements:
             if reading.name == "output" and np.isfinite(reading.value).all():
                 self._readings.append((reading.t, np.array(reading.value)))
-                self._freshness.note(reading.t)
+                self._timeout_monitor.note(reading.t)
         if self._t is not None and t > self._t:
             self._advance(self._t, t - self._t, command)
         self._t = t
@@ -53,7 +56,7 @@ class SampledObserver:
 
     def _advance(self, begin: float, h: float, u: Array) -> None:
         """From a time [s] on for h [s] with u (p,) held."""
-        if self._freshness.t > begin + TIME_TOLERANCE:
+        if self._timeout_monitor.t > begin + TIME_TOLERANCE:
             self._followed = self._observe(begin, h, u)
             return
         copied, reached = self._system.reach(self._x, u, h)
@@ -82,7 +85,7 @@ class SampledObserver:
         return coefficients
 
     def _status(self, t: float) -> Status:
-        status = self._freshness.status(t)
+        status = self._timeout_monitor.status(t)
         return status if self._followed or status is Status.INITIALISING else Status.LOST
 
 

@@ -33,7 +33,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 @dataclass(frozen=True)
 class FilterModel:
-    """What a filter believes of its errors."""
+    """Error model of a filter."""
 
     acceleration: float  # q [rad/s^1.5, m/s^1.5]
     noise_floor: float  # [rad, m] least standard deviation that a reading is trusted with
@@ -41,7 +41,7 @@ class FilterModel:
 
 
 class Propagation(Protocol):
-    """How a covariance is carried on by a map of errors."""
+    """Propagation of a covariance by a map of errors."""
 
     def __call__(self, errors: Callable[[Array], Array], P: Array) -> tuple[Array, Array]:
         """Mean (2 n,) and covariance (2 n, 2 n) of errors(e), e of mean nought and covariance P; errors(0) = 0."""
@@ -61,25 +61,31 @@ class ErrorStateFilter:
 
     @property
     def state(self) -> Array:
+        """State (size + vector_size,) (x, v)."""
         return self._state
 
     @property
     def extra(self) -> Mapping[str, Array]:
+        """Standard ``deviation`` (2 n,) of e and ``nis`` (2,), L' S^-1 L and n."""
         return {
             "deviation": np.sqrt(np.diag(self.covariance)),
             "nis": np.array([self._nis, math.nan if math.isnan(self._nis) else float(self._n)]),
         }
 
     def start(self, y: Array) -> None:
-        """With P of a first reading, and of a velocity that may be as great as the mission says."""
+        """Start at a first reading y (size,), with its P and that of a velocity as great as the mission's maximum."""
         manifold = self._manifold
         self._state = np.concatenate([y, np.zeros(manifold.vector_size)])
         self._R = np.maximum(reading_variance(self._mission, y), self._model.noise_floor**2)
         lengths = np.array([manifold.norm(y, manifold.vector(y, axis)) for axis in np.eye(self._n)])
         self.covariance = np.diag(np.concatenate([self._R, np.square(self._mission.speed_max / lengths)]))
-        self._persistence, self._nis = OutlierCounter(), math.nan
+        self._outlier_counter, self._nis = OutlierCounter(), math.nan
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
+        """Predict over h [s] with u (nu,) held.
+
+        Raises CutLocusError or LinAlgError where that cannot be.
+        """
         bundle, before = self._bundle, self._state
         after = self._system.flow(before, u, h)
 
@@ -91,6 +97,7 @@ class ErrorStateFilter:
         self._nis = math.nan
 
     def correct(self, y: Array, h: float) -> bool:
+        """Condition on a reading y (size,), h [s] after the last that was used; True if it was used."""
         n, P = self._n, self.covariance
         L = innovation(self._manifold, self._state[: self._manifold.size], y)
         if L is None:
@@ -99,7 +106,7 @@ class ErrorStateFilter:
         solved = np.linalg.solve(P[:n, :n] + R, np.column_stack([P[:n], L]))  # S^-1 (H P, L)
         gain = solved[:, :-1].T
         self._nis = float(L @ solved[:, -1])
-        if not self._persistence.admits(self._nis <= self._limit):
+        if not self._outlier_counter.admits(self._nis <= self._limit):
             return False
         kept = np.eye(2 * n)
         kept[:, :n] -= gain
@@ -108,7 +115,7 @@ class ErrorStateFilter:
 
     def _beyond(self, y: Array) -> bool:
         """What becomes of a reading that has no coordinates: refused, but where that lasts the filter starts there."""
-        if not self._persistence.admits(False):
+        if not self._outlier_counter.admits(False):
             return False
         self.start(y)
         return True
@@ -130,7 +137,7 @@ class ErrorStateFilter:
 
 
 def filter_properties(note: str) -> ObserverProperties:
-    """Table 2.1, of any of them: the gain falls from that of the start, and the error ever more slowly with it."""
+    """Table 2.1 of any of these filters: the gain falls from that of the start, the error with it."""
     return ObserverProperties(
         Domain.LOCAL, Rate.ASYMPTOTIC, InputDependence.SEMI_UNIFORM, Domain.LOCAL, Domain.GLOBAL, note=note
     )

@@ -46,11 +46,13 @@ class LagrangianEkf:
 
     @staticmethod
     def build(config: LagrangianEkfConfig, mission: LagrangianMission) -> PositionObserver:
+        """Build the estimator of one run."""
         model = FilterModel(config.acceleration, config.noise_floor, config.gate)
         return PositionObserver(ErrorStateFilter(model, mission, linearised), mission, config.timeout)
 
     @staticmethod
     def sensors(config: LagrangianEkfConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod
@@ -64,7 +66,9 @@ class LagrangianEkf:
 
 
 def linearised(errors: Callable[[Array], Array], P: Array) -> tuple[Array, Array]:
-    """A ``Propagation``."""
+    """Propagate P (2 n, 2 n) by the Jacobian A of ``errors``: mean zero (2 n,) and A P A' (2 n, 2 n); a
+    ``Propagation``.
+    """
     axes = np.eye(len(P))
     A = np.stack([errors(_STEP * axis) for axis in axes], axis=1) / _STEP
     return np.zeros(len(P)), A @ P @ A.T

@@ -20,6 +20,7 @@ from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import NOTHING, Array
@@ -42,20 +43,24 @@ class FilteredDifferencesConfig:
 
 
 class FilteredDifferences:
-    """Differences of readings through a low-pass."""
+    """Estimator of the velocity by differences of readings through a low-pass."""
 
     Config = FilteredDifferencesConfig
 
     @staticmethod
     def build(config: FilteredDifferencesConfig, mission: LagrangianMission) -> PositionObserver:
-        """ValueError for a cutoff that is not below half the rate of the readings."""
+        """Build the estimator of one run.
+
+        Raises FieldError for a cutoff that is not below half the rate of the readings.
+        """
         most = 0.5 / mission.period
         if config.cutoff >= most:
-            raise ValueError(f"cutoff = {config.cutoff!r}; allowed: below half the rate of readings, {most:g} Hz")
+            raise FieldError(f"cutoff = {config.cutoff!r}; allowed: below half the rate of readings, {most:g} Hz")
         return PositionObserver(_Differences(config, mission), mission, config.timeout)
 
     @staticmethod
     def sensors(config: FilteredDifferencesConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod
@@ -93,7 +98,7 @@ class _Differences:
         self._y, self._age = y, 0.0  # [s] since the newest reading
         self._w = np.zeros(self._manifold.vector_size)
         self._memory = np.zeros((_ORDER // 2, 2, self._manifold.vector_size))  # of the filter
-        self._gate, self._persistence = SpeedGate(self._mission, y), OutlierCounter()
+        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         self._age += h
@@ -101,7 +106,7 @@ class _Differences:
     def correct(self, y: Array, h: float) -> bool:
         moved = innovation(self._manifold, self._y, y)
         good = moved is not None and self._gate.passes(self._y, moved, h)
-        if not self._persistence.admits(good):
+        if not self._outlier_counter.admits(good):
             return False
         if moved is None or not good or h > self._timeout:  # a difference over that would say nothing of v
             self.start(y)

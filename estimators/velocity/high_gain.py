@@ -55,10 +55,12 @@ class HighGain:
 
     @staticmethod
     def build(config: HighGainConfig, mission: LagrangianMission) -> PositionObserver:
+        """Build the estimator of one run."""
         return PositionObserver(_HighGain(config, mission), mission, config.timeout)
 
     @staticmethod
     def sensors(config: HighGainConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod
@@ -91,7 +93,7 @@ class _HighGain:
     def start(self, y: Array) -> None:
         self._state = np.concatenate([y, np.zeros(self._manifold.vector_size)])
         self._y = y  # the last reading that was used
-        self._gate, self._persistence = SpeedGate(self._mission, y), OutlierCounter()
+        self._gate, self._outlier_counter = SpeedGate(self._mission, y), OutlierCounter()
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
         self._state = self._system.flow(self._state, u, h)
@@ -101,7 +103,7 @@ class _HighGain:
         x, v = self._state[:size], self._state[size:]
         moved, L = innovation(manifold, self._y, y), innovation(manifold, x, y)
         good = moved is not None and L is not None and self._gate.passes(self._y, moved, h)
-        if not self._persistence.admits(good):
+        if not self._outlier_counter.admits(good):
             return False
         if L is None or not good:
             self.start(y)

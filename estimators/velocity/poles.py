@@ -20,6 +20,6 @@ def pole_weights(omega: float, zeta: float, h: float) -> tuple[float, float]:
     if zeta >= 1.0:
         slow = omega / (zeta + math.sqrt(zeta * zeta - 1.0))
         return alpha, math.expm1(-slow * h) * math.expm1(-(omega * omega / slow) * h) / h
-    decay, turn = zeta * omega, omega * math.sqrt(1.0 - zeta * zeta)
-    bend = 2.0 * math.sin(0.5 * turn * h) ** 2  # 1 - cos(turn h)
-    return alpha, (math.expm1(-decay * h) ** 2 + 2.0 * math.exp(-decay * h) * bend) / h
+    decay, damped = zeta * omega, omega * math.sqrt(1.0 - zeta * zeta)
+    versine = 2.0 * math.sin(0.5 * damped * h) ** 2  # 1 - cos(damped h)
+    return alpha, (math.expm1(-decay * h) ** 2 + 2.0 * math.exp(-decay * h) * versine) / h

@@ -22,31 +22,31 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 
 class VelocityLaw(Protocol):
-    """What one observer does and another does not."""
+    """The law of one observer, as against what all have in common."""
 
     @property
     def state(self) -> Array:
-        """(size + vector_size,) of (x, v)."""
+        """State (size + vector_size,) (x, v)."""
         ...
 
     @property
     def extra(self) -> Mapping[str, Array]:
-        """What else it tells; NaN for what there is not yet."""
+        """Further arrays of the estimate, (k,) each; NaN for what there is not yet."""
         ...
 
     def start(self, y: Array) -> None:
-        """Begin at the point y (size,) with v = 0."""
+        """Start at the point y (size,) with v = 0."""
         ...
 
     def predict(self, h: float, u: Array, y: Array | None) -> None:
-        """Move on by h [s] with u (nu,) held, to a reading y (size,) if there is one; ``correct`` follows.
+        """Predict over h [s] with u (nu,) held, to a reading y (size,) if there is one; ``correct`` follows.
 
-        CutLocusError, LinAlgError or ArithmeticError where that cannot be.
+        Raises CutLocusError, LinAlgError or ArithmeticError where that cannot be.
         """
         ...
 
     def correct(self, y: Array, h: float) -> bool:
-        """Condition on a reading y (size,), h [s] after the last that was used; whether it was. Raises likewise."""
+        """Condition on a reading y (size,), h [s] after the last that was used; True if it was used.."""
         ...
 
 
@@ -57,39 +57,41 @@ class PositionObserver:
         """``timeout`` [s] without a reading that could be used, after which the estimate is lost."""
         self.period = mission.period
         self._law, self._manifold = law, mission.system.manifold
-        self._freshness = TimeoutMonitor(timeout)  # of the readings that were used
+        self._timeout_monitor = TimeoutMonitor(timeout)  # of the readings that were used
         self._x = np.concatenate([self._manifold.origin, np.zeros(self._manifold.vector_size)])
         self._t: float | None = None  # [s] of the law's state; None before it is started
         self._refused, self._restarts = 0, 0
         self._extra = dict(law.extra)
 
     def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-        """The estimate, with what the law tells.
+        """Estimate (size + vector_size,) at t [s] from the readings since the last call, ``command`` (nu,) held in
+        between.
 
-        ``refused`` (1,) readings so far, and ``restarts`` (1,) after a step that led nowhere.
+        ``extra`` has the arrays of the law, ``refused`` (1,) readings so far, and ``restarts`` (1,) after a step that
+        led nowhere.
         """
         for reading in measurements:
             y = usable(reading, self._manifold)
-            if y is not None and reading.t > self._freshness.t + TIME_TOLERANCE:
+            if y is not None and reading.t > self._timeout_monitor.t + TIME_TOLERANCE:
                 self._read(reading.t, y, command)
         self._move(t, command)
         counts = {"refused": np.array([float(self._refused)]), "restarts": np.array([float(self._restarts)])}
-        told = {name: values.copy() for name, values in self._extra.items()}
-        return Estimate(t, self._x.copy(), None, self._status(t), {**told, **counts})
+        extra = {name: values.copy() for name, values in self._extra.items()}
+        return Estimate(t, self._x.copy(), None, self._status(t), {**extra, **counts})
 
     def _read(self, t: float, y: Array, u: Array) -> None:
         self._move(t, u, y)
         if self._t is None:
-            self._restarts += self._freshness.t > -math.inf
+            self._restarts += self._timeout_monitor.t > -math.inf
             self._t = t
-            self._freshness.note(t)
+            self._timeout_monitor.note(t)
             self._try(lambda: self._law.start(y))
             return
-        if t < self._t - TIME_TOLERANCE:  # it comes late: what it could tell has been told by a newer one
+        if t < self._t - TIME_TOLERANCE:  # it comes late: a newer one has been used
             return
         used: list[bool] = []
-        self._try(lambda: used.append(self._law.correct(y, t - self._freshness.t)))
-        self._freshness.note(t, used == [True])
+        self._try(lambda: used.append(self._law.correct(y, t - self._timeout_monitor.t)))
+        self._timeout_monitor.note(t, used == [True])
         self._refused += used == [False]
 
     def _move(self, t: float, u: Array, y: Array | None = None) -> None:
@@ -112,5 +114,5 @@ class PositionObserver:
             self._t = None
 
     def _status(self, t: float) -> Status:
-        status = self._freshness.status(t)
+        status = self._timeout_monitor.status(t)
         return status if self._t is not None or status is Status.INITIALISING else Status.LOST

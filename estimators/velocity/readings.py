@@ -1,4 +1,4 @@
-"""What an observer of a Lagrangian system takes from its readings "position", and which of them it refuses.
+"""Readings "position" as an observer of a Lagrangian system uses them, and which of them it refuses.
 
 A reading is usable if it is a point of the manifold and newer than the last. It may be off all the same. An observer
 that knows no covariance holds it to how far the system can have come: with the reading before, h [s] ago,
@@ -28,7 +28,7 @@ _GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)  # the multiples of which are spread even
 
 
 def usable(reading: Measurement, manifold: Manifold) -> Array | None:
-    """The point (size,) that it says; None for a reading of another sensor, and for what is no point."""
+    """Point (size,) of the manifold in a reading; None for a reading of another sensor, and for what is no point."""
     if reading.name != POSITION:
         return None
     try:
@@ -38,7 +38,7 @@ def usable(reading: Measurement, manifold: Manifold) -> Array | None:
 
 
 def innovation(manifold: Manifold, x: Array, y: Array) -> Array | None:
-    """The coordinates (n,) of y about x; None where there are none."""
+    """Coordinates (n,) of y (size,) about x (size,); None where there are none."""
     try:
         return manifold.coordinates(x, y)
     except CutLocusError:
@@ -46,7 +46,8 @@ def innovation(manifold: Manifold, x: Array, y: Array) -> Array | None:
 
 
 def reading_variance(mission: LagrangianMission, y: Array) -> Array:
-    """(n,) [rad^2, m^2] of each coordinate of a reading near y: that of the noise and that of rounding.
+    """Variances (n,) [rad^2, m^2] of the coordinates of a reading near y (size,): that of the noise and that of
+    rounding.
 
     The latter is a twelfth of the square of a step; how large a step is in the coordinates is seen by rounding.
     """
@@ -62,19 +63,19 @@ def reading_variance(mission: LagrangianMission, y: Array) -> Array:
 
 
 class OutlierCounter:
-    """Tells an outlier from what lasts."""
+    """Counter that tells an outlier from what lasts."""
 
     def __init__(self) -> None:
         self._refused = 0  # in a row
 
     def admits(self, good: bool) -> bool:
-        """Whether a reading is to be used that is good, or that is not and is one of many."""
+        """True if a reading is to be used: one that is good, or that is not and is one of many in a row."""
         self._refused = 0 if good else self._refused + 1
         return self._refused == 0 or self._refused > _LASTING
 
 
 class SpeedGate:
-    """Whether the system can have come from one reading to the next."""
+    """Gate for readings that the system cannot have come to."""
 
     def __init__(self, mission: LagrangianMission, y: Array) -> None:
         """``y`` is the first reading."""
@@ -83,6 +84,8 @@ class SpeedGate:
         self._noise = _DEVIATIONS * self._manifold.norm(y, self._manifold.vector(y, sigma))
 
     def passes(self, before: Array, moved: Array, h: float) -> bool:
-        """``moved`` (n,) are the coordinates of a reading about the one before, h [s] ago."""
+        """True if the system can have come to a reading with coordinates ``moved`` (n,) about the one before, h [s]
+        ago.
+        """
         distance = self._manifold.norm(before, self._manifold.vector(before, moved))
         return distance <= self._fastest * h + self._noise

@@ -1,4 +1,4 @@
-"""Errors of (x, v) as 2 n numbers, on any manifold: what a Kalman filter needs to be told of one.
+"""Errors of (x, v) as 2 n numbers, on any manifold: what a Kalman filter needs to know of one.
 
     (x, v) + (a, b) = (q, PT_{x -> q}(v + b)),    q the point with the coordinates a about x,
 
@@ -23,26 +23,26 @@ class StateErrors:
         self._stored = manifold.vector_size == manifold.dimension  # vectors are their components
 
     def sum(self, state: Array, error: Array) -> Array:
-        """state + error."""
+        """State (size + vector_size,): state + error, of ``state`` (size + vector_size,) and ``error`` (2 n,)."""
         x, v = state[: self._size], state[self._size :]
         q = self._manifold.point(x, error[: self._n])
         w = v + self._manifold.vector(x, error[self._n :])
         return np.concatenate([q, self._carried(x, q, w)])
 
     def difference(self, other: Array, state: Array) -> Array:
-        """The error with state + error = other."""
+        """Error (2 n,) with state + error = other, of states (size + vector_size,)."""
         x, v = state[: self._size], state[self._size :]
         q, w = other[: self._size], other[self._size :]
         b = self._manifold.components(x, self._carried(q, x, w) - v)
         return np.concatenate([self._manifold.coordinates(x, q), b])
 
     def turned(self, P: Array, x: Array, q: Array) -> Array:
-        """The covariance P (2 n, 2 n) of errors in the components at x, in those at q."""
+        """Covariance (2 n, 2 n) of errors in the components at q (size,), from P (2 n, 2 n) in those at x (size,)."""
         if self._stored:
             return P
         frame = [self._manifold.vector(x, axis) for axis in np.eye(self._n)]
-        turn = np.stack([self._manifold.components(q, self._carried(x, q, axis)) for axis in frame], axis=1)
-        both = np.kron(np.eye(2), turn)
+        rotation = np.stack([self._manifold.components(q, self._carried(x, q, axis)) for axis in frame], axis=1)
+        both = np.kron(np.eye(2), rotation)
         turned: Array = both @ P @ both.T
         return turned
 

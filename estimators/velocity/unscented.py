@@ -54,12 +54,14 @@ class LagrangianUkf:
 
     @staticmethod
     def build(config: LagrangianUkfConfig, mission: LagrangianMission) -> PositionObserver:
+        """Build the estimator of one run."""
         model = FilterModel(config.acceleration, config.noise_floor, config.gate)
         unscented = Unscented(2 * mission.system.manifold.dimension, config.alpha)
         return PositionObserver(ErrorStateFilter(model, mission, unscented), mission, config.timeout)
 
     @staticmethod
     def sensors(config: LagrangianUkfConfig, mission: LagrangianMission) -> tuple[Sensor, ...]:
+        """Sensors that the system has to carry for this estimator."""
         return (mission.sensor,)
 
     @staticmethod
@@ -87,5 +89,5 @@ class Unscented:
     def __call__(self, errors: Callable[[Array], Array], P: Array) -> tuple[Array, Array]:
         Y = np.array([errors(e) for e in self._points.sigma_points(self._centre, P)])  # (2 d + 1, d)
         mean = self._points.Wm @ Y
-        off = Y - mean
-        return mean, off.T @ (self._points.Wc[:, np.newaxis] * off)
+        deviations = Y - mean
+        return mean, deviations.T @ (self._points.Wc[:, np.newaxis] * deviations)

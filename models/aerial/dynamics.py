@@ -5,8 +5,8 @@ held over a time h the motion is, exactly,
 
     p(h) = p + v h + u h^2 / 2,        v(h) = v + u h.
 
-The print's forward Euler step p + v h leaves out u h^2 / 2: 56 m at a_max = 40 m/s^2 and h = 5/3 s. ``f`` and ``F``
-are CasADi functions, the rest is the same in numpy; the tests hold all of it against MuJoCo.
+The forward Euler step p + v h, as printed, leaves out u h^2 / 2: 56 m at a_max = 40 m/s^2 and h = 5/3 s. ``f`` and
+``F`` are CasADi functions, the rest is the same in numpy; the tests hold all of it against MuJoCo.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ CONTROL_TICKS = 5  # of the physics to one of estimator and tracker, unless a mi
 
 @lru_cache(maxsize=1)
 def continuous_dynamics() -> casadi.Function:
-    """f(x, u) -> x' (6,)."""
+    """f(x (6,), u (3,)) -> x' (6,) [m/s, m/s^2], the double integrator (A.2)."""
     x, u = casadi.SX.sym("x", 6), casadi.SX.sym("u", 3)
     return casadi.Function("f", [x, u], [casadi.vertcat(x[3:], u)], ["x", "u"], ["x_dot"])
 
 
 @lru_cache(maxsize=1)
 def discrete_dynamics() -> casadi.Function:
-    """F(x, u, h) -> x after u was held for h [s], exact."""
+    """F(x (6,), u (3,), h [s]) -> x (6,) after u was held for h, exact."""
     x, u, h = casadi.SX.sym("x", 6), casadi.SX.sym("u", 3), casadi.SX.sym("h")
     p, v = x[:3], x[3:]
     after = casadi.vertcat(p + v * h + u * h**2 / 2, v + u * h)
@@ -41,7 +41,7 @@ def discrete_dynamics() -> casadi.Function:
 
 
 def flow(x: Array, u: Array, dt: float | Array) -> Array:
-    """The state (..., 6) after the input u (..., 3) was held for dt [s] from x (..., 6); ``F`` in numpy.
+    """State (..., 6) [m, m/s] after the input u (..., 3) [m/s^2] was held for dt [s] from x (..., 6); ``F`` in numpy.
 
     dt is a number or an array (..., 1).
     """
@@ -51,7 +51,7 @@ def flow(x: Array, u: Array, dt: float | Array) -> Array:
 
 
 def state_at(plan: Plan, t: float | Array) -> Array:
-    """The state of a plan at absolute time t [s]: (6,) for a number, (n, 6) for an array (n,).
+    """State of a plan at absolute time t [s]: (6,) [m, m/s] for a number, (n, 6) for an array (n,).
 
     Before the plan starts it is the plan's first state, after its end the state of rest in which it ends.
     """
@@ -67,7 +67,7 @@ def state_at(plan: Plan, t: float | Array) -> Array:
 
 
 def input_at(plan: Plan, t: float) -> Array:
-    """The input (3,) of a plan from absolute time t [s] on; zero before its start and after its end."""
+    """Input (3,) [m/s^2] of a plan from absolute time t [s] on; zero before its start and after its end."""
     k = arc_at(plan.t, t)
     held: Array = plan.u[k].copy() if 0 <= k < len(plan.u) else np.zeros(3)
     return held

@@ -18,6 +18,7 @@ from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.composer_and_mjcf import composer, mjcf
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.vehicle_names import check_vehicle_name, check_vehicle_names
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 GRAVITY = 9.81  # [m/s^2] the weight that the rotors carry; only the drawn tilt depends on it
@@ -32,7 +33,7 @@ class AerialVehicle(composer.Entity):
     def _build(self, name: str, acceleration_max: float) -> None:
         check_vehicle_name(name)
         if not (math.isfinite(acceleration_max) and acceleration_max > 0.0):
-            raise ValueError(f"acceleration_max = {acceleration_max!r} m/s^2; allowed: a finite value > 0")
+            raise FieldError(f"acceleration_max = {acceleration_max!r} m/s^2; allowed: a finite value > 0")
         self._model = mjcf.from_path(str(_HERE / "point_mass.xml"))
         self._model.model = name
         for motor in self._model.actuator.motor:
@@ -42,6 +43,7 @@ class AerialVehicle(composer.Entity):
 
     @property
     def mjcf_model(self) -> Any:
+        """MJCF model of the vehicle."""
         return self._model
 
 
@@ -99,10 +101,11 @@ def build_model(height_field: HeightField, names: Sequence[str], acceleration_ma
 
 
 def airframe_pose(position: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:
-    """Where and how a vehicle is drawn: position (3,) [m] and unit quaternion (4,), scalar first.
+    """Pose in which a vehicle is drawn: position (3,) [m] and unit quaternion (4,), scalar first.
 
-    The thrust axis b_z points along acceleration + g e_z and the nose b_x lies in the vertical plane of the velocity.
-    At rest and in vertical flight that is the plane of the acceleration; where that is vertical too, it is east.
+    ``position`` (3,) [m], ``velocity`` (3,) [m/s] and ``acceleration`` (3,) [m/s^2] are in the map frame. The thrust
+    axis b_z points along acceleration + g e_z and the nose b_x lies in the vertical plane of the velocity. At rest and
+    in vertical flight that is the plane of the acceleration; where that is vertical too, it is east.
     """
     thrust = np.array([acceleration[0], acceleration[1], acceleration[2] + GRAVITY])
     length = float(np.linalg.norm(thrust))

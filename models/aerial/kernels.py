@@ -1,4 +1,4 @@
-"""The motion along a plan, compiled: the loop asks for it at every look.
+"""The motion along a plan, compiled, for the loop evaluates it at every control step.
 
 The state after the input u was held for s from x = (p, v) is (p + v s + u s^2 / 2, v + u s); see ``dynamics``.
 """
@@ -14,13 +14,21 @@ from mathnavi.sim.interfaces.signals import Array
 
 @njit(cache=True, nogil=True)
 def arc_at(breaks: Array, t: float) -> int:
-    """The arc that holds from t on, -1 before the first, K after the last; a breakpoint belongs to the later arc."""
+    """Index of the arc that holds from t [s] on, by the breakpoints (K + 1,) [s]: -1 before the first, K after the
+    last.
+
+    A breakpoint belongs to the later arc.
+    """
     return int(np.searchsorted(breaks, t + TIME_TOLERANCE, side="right")) - 1
 
 
 @njit(cache=True, nogil=True)
 def state_on(breaks: Array, x: Array, u: Array, t: float) -> Array:
-    """The state (2 m,) at t of arcs: breaks (K + 1,), states (K + 1, 2 m), inputs (K, m); held beyond both ends."""
+    """State (2 m,) at t [s] of arcs: breaks (K + 1,) [s], states x (K + 1, 2 m), inputs u (K, m); held beyond both
+    ends.
+
+    Raises ValueError for arrays that do not fit together.
+    """
     m = u.shape[1]
     if len(x) != len(breaks) or len(u) != len(breaks) - 1 or x.shape[1] != 2 * m:  # compiled code would read on
         raise ValueError("the plan's arrays do not fit together")

@@ -28,14 +28,14 @@ _FARTHEST = 1e7  # [m]
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What a vehicle goes by."""
+    """What a vehicle knows of the threats, the target and the map."""
 
     terrain: HeightField
     target: tuple[float, float, float]  # [m] map frame, p_f
     radars: tuple[Radar, ...] = ()
 
-    def updated(self, messages: Sequence[Message]) -> Knowledge:
-        """What is known after ``messages``; itself if they tell nothing new. Those that cannot be are left out."""
+    def updated_with(self, messages: Sequence[Message]) -> Knowledge:
+        """Return what is known after ``messages``; itself if they say nothing new. Impossible ones are left out."""
         fields: dict[str, Any] = {}
         for message in messages:
             if message.topic in (RADARS, TARGET, TERRAIN) and not self.complaint(message):
@@ -45,7 +45,7 @@ class Knowledge:
         return self if known == self else known
 
     def complaint(self, message: Message) -> str:
-        """Why what a message tells cannot be; "" if it can, and for a topic that is not of here."""
+        """Say why a message cannot be true; "" if it can, and for a topic that is not of here."""
         payload, terrain = message.payload, self.terrain
         if message.topic == TERRAIN:
             alike = isinstance(payload, HeightField) and (payload.z.shape, payload.spacing) == (
@@ -59,13 +59,13 @@ class Knowledge:
         if message.topic == RADARS:
             if not isinstance(payload, tuple) or not all(isinstance(radar, Radar) for radar in payload):
                 return f"radars = {payload!r}; allowed: a tuple of Radar"
-            off = [radar for radar in payload if not terrain.contains(radar.x, radar.y)]
-            return f"{off[0]!r} is off the map" if off else ""
+            outside = [radar for radar in payload if not terrain.contains(radar.x, radar.y)]
+            return f"{outside[0]!r} is off the map" if outside else ""
         return ""
 
 
 def place_in(payload: Any) -> tuple[float, float, float] | None:
-    """x, y, z [m] that a message holds, as a sequence or an array of three numbers; None if it does not."""
+    """Return the x, y, z [m] in a payload that is a sequence or an array of three numbers; None if it is not."""
     if not isinstance(payload, (tuple, list, np.ndarray)) or len(payload) != 3:
         return None
     if not all(isinstance(each, Real) for each in payload):

@@ -43,7 +43,7 @@ class EstimateQuality:
 
     @staticmethod
     def exact(gust: GustModel) -> EstimateQuality:
-        """A sensor that reads the state without error: only the gusts drive the loop."""
+        """Quality of a sensor that reads the state without error: only the gusts drive the loop."""
         driving = np.zeros((3, 3))
         driving[2, 2] = 2.0 * gust.rms**2 / gust.time_constant
         return EstimateQuality(np.zeros((3, 3)), driving)
@@ -71,26 +71,26 @@ class FlightMission:
 
     @property
     def knowledge(self) -> Knowledge:
-        """What is known before the start and may turn out otherwise."""
+        """Knowledge before the start, which may turn out otherwise."""
         return Knowledge(self.terrain, self.target, self.radars)
 
     # ---- what an estimator needs to know of the vehicle, of any kind of mission
 
     @property
     def start_state(self) -> Array:
-        """(6,) the state at t = 0: at rest."""
+        """State (6,) [m, m/s] at t = 0: at rest."""
         return np.array([*self.start, 0.0, 0.0, 0.0])
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """The state (6,) after the input u (3,) was held for dt [s] from x (6,), in still air."""
+        """State (6,) after the input u (3,) [m/s^2] was held for dt [s] from x (6,) [m, m/s], in still air."""
         return flow(x, u, dt)
 
     def full_state_sensor(self, rate: float | None) -> FullStateSensor:
-        """Reads the whole state ``rate`` times a second, or whenever the loop looks."""
+        """Sensor that reads the whole state ``rate`` times a second, or at every control step if it is None."""
         return FullStateSensor(self.position_noise, rate)
 
     def full_state_covariance(self, age: float) -> Array:
-        """(6, 6) of a reading that was carried on for ``age`` [s]; a gust that stays as it is bounds every other."""
+        """Covariance (6, 6) [m, m/s] of a reading propagated for ``age`` [s]; a constant gust bounds every other."""
         effect = self.gust.rms * np.array([0.5 * age * age, age])  # on position [m] and velocity [m/s]
         axis = np.outer(effect, effect)
         axis[0, 0] += self.position_noise**2
@@ -98,5 +98,5 @@ class FlightMission:
         return covariance
 
     def full_state_quality(self) -> EstimateQuality:
-        """Readings are off by the position noise, independently of each other; only the gusts drive the loop."""
+        """Quality of full-state readings: independent position noise; only the gusts drive the loop."""
         return EstimateQuality(np.diag([self.position_noise**2, 0.0, 0.0]), EstimateQuality.exact(self.gust).driving)

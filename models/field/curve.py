@@ -14,7 +14,8 @@ from functools import cached_property
 import casadi
 import numpy as np
 
-from mathnavi.models.field.kernels import cast_rays, is_inside
+from mathnavi.models.field.kernels import WallShape, cast_rays, is_inside
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 Coefficients = tuple[tuple[float, float, float, float], ...]
@@ -43,7 +44,7 @@ class Curve:
         if not (np.isfinite(table).all() and np.abs(table).max() <= _LARGEST):
             raise ValueError(f"{self.name}: coefficients = {table.tolist()}; allowed: finite ones up to {_LARGEST:g}")
         s = np.linspace(0.0, 2.0 * math.pi, 4 * POINTS)
-        speed, change = (np.linalg.norm(values, axis=1) for values in (self.tangent(s), self.bend(s)))
+        speed, change = (np.linalg.norm(values, axis=1) for values in (self.tangent(s), self.second_derivative(s)))
         if speed.min() <= change.max() * s[1]:  # it may vanish in between
             raise ValueError(f"{self.name}: the curve stands still or has a cusp; allowed: a regular curve")
         if crossing := _crossing(self.points(np.linspace(0.0, 2.0 * math.pi, _CHECKED, endpoint=False))):
@@ -54,15 +55,15 @@ class Curve:
     # ---- the curve
 
     def points(self, s: Array) -> Array:
-        """theta(s) (..., 2) [m] at parameters (...,)."""
+        """Points theta(s) (..., 2) [m] at parameters (...,)."""
         return self._series(s, 0)
 
     def tangent(self, s: Array) -> Array:
-        """theta'(s) (..., 2) [m]."""
+        """Derivative theta'(s) (..., 2) [m] at parameters (...,)."""
         return self._series(s, 1)
 
-    def bend(self, s: Array) -> Array:
-        """theta''(s) (..., 2) [m]."""
+    def second_derivative(self, s: Array) -> Array:
+        """Second derivative theta''(s) (..., 2) [m] at parameters (...,)."""
         return self._series(s, 2)
 
     def symbolic(self, s: casadi.SX) -> casadi.SX:
@@ -83,40 +84,48 @@ class Curve:
         """(n + 1, 2) [m] points at s = 2 pi k / n."""
         return _fixed(self.points(np.linspace(0.0, 2.0 * math.pi, POINTS + 1)))
 
+    @cached_property
+    def wall(self) -> WallShape:
+        """Coefficients and polyline together, as the kernels take them."""
+        return self.table, self.polyline
+
     @property
     def is_ellipse(self) -> bool:
+        """True for a curve of order K = 1."""
         return len(self.coefficients) == 2
 
     @cached_property
     def area(self) -> float:
-        """[m^2], of the chords; negative where the curve runs clockwise."""
+        """Area [m^2] within the chords; negative where the curve runs clockwise."""
         x, y = self.polyline[:-1].T
         return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
     # ---- what is within
 
     def contains(self, p: Array, margin: float = 0.0) -> bool:
-        """Whether a point (2,) [m] is within the wall, and no nearer to it than ``margin`` [m]."""
+        """True if a point (2,) [m] is within the wall, and no nearer to it than ``margin`` [m]."""
         if not is_inside(self.table, self.polyline, float(p[0]), float(p[1])):
             return False
         return margin <= 0.0 or self.distance(p) >= margin
 
     def distance(self, p: Array) -> float:
-        """[m] from a point (2,), or the position of a pose, to the wall, as its chords have it."""
+        """Distance [m] from a point (2,), or from the position of a pose (3,), to the chords of the wall."""
         p, a, b = np.asarray(p)[:2], self.polyline[:-1], self.polyline[1:]
         d = b - a
         along = np.clip(((p - a) * d).sum(axis=1) / (d * d).sum(axis=1), 0.0, 1.0)
         return float(np.linalg.norm(a + along[:, None] * d - p, axis=1).min())
 
     def ranges(self, pose: Array, angles: Array) -> tuple[Array, Array]:
-        """rho (l,) [m] and s (l,) [rad] of sensors at ``angles`` (l,) off the heading of a pose (3,), (C.4)."""
+        """Ranges rho (l,) [m] and ray ends s (l,) [rad] of sensors at ``angles`` (l,) [rad] off the heading of a pose
+        (3,), (C.4).
+        """
         rho, s = cast_rays(self.table, self.polyline, np.asarray(pose, np.float64), np.asarray(angles, np.float64))
         return rho, s
 
     def draw(self, rng: np.random.Generator, margin: float = 0.0) -> Array:
-        """A pose (3,) [m, m, rad], uniform over the points within that keep ``margin`` [m], and over headings.
+        """Draw a pose (3,) [m, m, rad], uniform over the points within that keep ``margin`` [m], and over headings.
 
-        ValueError if there seems to be no such point.
+        Raises ValueError if there seems to be no such point.
         """
         low, high = self.polyline.min(axis=0), self.polyline.max(axis=0)
         for _ in range(10_000):
@@ -129,11 +138,11 @@ class Curve:
 
     @cached_property
     def symmetry(self) -> int:
-        """How many rotations about the centre map the wall onto itself: 1 for none but the identity, 0 for a circle.
+        """Number of rotations about the centre that map the wall onto itself: 1 for the identity alone, 0 for a circle.
 
-        A pose and its images under them are indistinguishable: from each the same input gives the same ranges. What is
-        counted are rotations w for which theta(s + sigma) = w theta(s), so a curve whose parameter runs at another pace
-        on each of its equal parts has none.
+        A pose and its images under them are indistinguishable: from each the same input gives the same ranges. Counted
+        are rotations w for which theta(s + sigma) = w theta(s), so a curve whose parameter runs at another pace on each
+        of its equal parts has none.
         """
         c = self._complex()
         size = max(abs(value) for value in c.values())
@@ -167,7 +176,7 @@ class Curve:
         return np.array([self.coefficients[0][0], self.coefficients[0][2]])
 
     def images(self, pose: Array) -> Array:
-        """(m, 3) poses indistinguishable from a pose (3,), itself the first; itself only in a circle."""
+        """Poses (m, 3) indistinguishable from a pose (3,) [m, m, rad], which comes first; in a circle only that."""
         turns = 2.0 * math.pi * np.arange(max(self.symmetry, 1)) / max(self.symmetry, 1)
         offset = pose[:2] - self.centre
         c, s = np.cos(turns), np.sin(turns)
@@ -219,10 +228,13 @@ def _crossing(points: Array) -> str:
 
 
 def ellipse(c_1: float, c_2: float) -> Curve:
-    """(c_1 cos s, c_2 sin s), Example C.1."""
+    """Ellipse (c_1 cos s, c_2 sin s) with half-axes [m], Example C.1.
+
+    Raises FieldError for a half-axis out of range.
+    """
     for value, name in ((c_1, "c_1"), (c_2, "c_2")):
         if not (math.isfinite(value) and 0.0 < value <= _LARGEST):
-            raise ValueError(f"half-axis {name} = {value!r}; allowed: a finite value > 0 and <= {_LARGEST:g}")
+            raise FieldError(f"half-axis {name} = {value!r}; allowed: a finite value > 0 and <= {_LARGEST:g}")
     return Curve(((0.0, 0.0, 0.0, 0.0), (c_1, 0.0, 0.0, c_2)), f"ellipse of {c_1:.4g} by {c_2:.4g} m")
 
 

@@ -22,10 +22,13 @@ from mathnavi.sim.interfaces.signals import Array
 _STEPS = 60  # bisections at most; Newton needs three
 _PRECISION = 1e-15
 
+WallShape = tuple[Array, Array]
+"""coefficients (K + 1, 4) [m] and polyline (n + 1, 2) [m] of a closed curve"""
+
 
 @njit(cache=True, nogil=True)
 def curve_point(coefficients: Array, s: float) -> tuple[float, float]:
-    """theta(s) [m]."""
+    """Point theta(s) [m] of a curve with ``coefficients`` (K + 1, 4)."""
     x, y = coefficients[0, 0], coefficients[0, 2]
     for k in range(1, len(coefficients)):
         c, sn = math.cos(k * s), math.sin(k * s)
@@ -36,7 +39,7 @@ def curve_point(coefficients: Array, s: float) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def curve_tangent(coefficients: Array, s: float) -> tuple[float, float]:
-    """theta'(s) [m]."""
+    """Derivative theta'(s) [m] of a curve with ``coefficients`` (K + 1, 4)."""
     x = y = 0.0
     for k in range(1, len(coefficients)):
         c, sn = k * math.cos(k * s), k * math.sin(k * s)
@@ -46,8 +49,8 @@ def curve_tangent(coefficients: Array, s: float) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def curve_bend(coefficients: Array, s: float) -> tuple[float, float]:
-    """theta''(s) [m]."""
+def curve_second_derivative(coefficients: Array, s: float) -> tuple[float, float]:
+    """Second derivative theta''(s) [m] of a curve with ``coefficients`` (K + 1, 4)."""
     x = y = 0.0
     for k in range(1, len(coefficients)):
         c, sn = k * k * math.cos(k * s), k * k * math.sin(k * s)
@@ -58,7 +61,10 @@ def curve_bend(coefficients: Array, s: float) -> tuple[float, float]:
 
 @njit(cache=True, nogil=True)
 def is_inside(coefficients: Array, polyline: Array, x: float, y: float) -> bool:
-    """Whether a point lies within the curve; between its chords and itself the answer may be either."""
+    """True if (x, y) [m] lies within the curve: ``coefficients`` (K + 1, 4), ``polyline`` (n + 1, 2).
+
+    Between its chords and the curve itself the answer may be either.
+    """
     if len(coefficients) == 2:
         xi, eta = _to_circle(coefficients, x - coefficients[0, 0], y - coefficients[0, 2])
         return xi * xi + eta * eta < 1.0
@@ -72,7 +78,10 @@ def is_inside(coefficients: Array, polyline: Array, x: float, y: float) -> bool:
 
 @njit(cache=True, nogil=True)
 def cast_ray(coefficients: Array, polyline: Array, x: float, y: float, beta: float) -> tuple[float, float]:
-    """rho [m] and s in [0, 2 pi) of the ray from (x, y) along ``beta`` [rad]; NaN, NaN where it misses the wall."""
+    """Cast a ray from (x, y) [m] along ``beta`` [rad]: its length rho [m] and where it ends, s in [0, 2 pi); see (C.4).
+
+    ``coefficients`` (K + 1, 4), ``polyline`` (n + 1, 2). NaN, NaN where the ray misses the wall.
+    """
     ex, ey = math.cos(beta), math.sin(beta)
     if len(coefficients) == 2:
         return _ellipse_ray(coefficients, x, y, ex, ey)
@@ -100,7 +109,10 @@ def cast_ray(coefficients: Array, polyline: Array, x: float, y: float, beta: flo
 
 @njit(cache=True, nogil=True)
 def cast_rays(coefficients: Array, polyline: Array, pose: Array, angles: Array) -> tuple[Array, Array]:
-    """rho (l,) [m] and s (l,) of sensors at ``angles`` (l,) [rad] off the heading of ``pose`` (3,) [m, m, rad]."""
+    """Cast rays at ``angles`` (l,) [rad] off the heading of ``pose`` (3,) [m, m, rad].
+
+    Returns rho (l,) [m] and s (l,) [rad].
+    """
     rho, s = np.empty(len(angles)), np.empty(len(angles))
     for i in range(len(angles)):
         rho[i], s[i] = cast_ray(coefficients, polyline, pose[0], pose[1], pose[2] + angles[i])

@@ -1,4 +1,4 @@
-"""Who talks with whom: the weighted graph G = (V, E, A) of a fleet (thesis, A.8.1).
+"""Communication graph of a fleet: the weighted graph G = (V, E, A) (thesis, A.8.1).
 
 A = [a_lm] (n, n) holds a_lm > 0 where the vehicles l and m hear each other and 0 where they do not; the graph is
 undirected. Its Laplacian is L = diag(d_1, ..., d_n) - A with the valencies d_m = sum_l a_lm, and the second smallest
@@ -20,12 +20,13 @@ import numpy as np
 from scipy.sparse.csgraph import shortest_path
 
 from mathnavi.sim.interfaces.checks import check, check_names
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
 class Node:
-    """What one vehicle may know of the fleet that it talks with."""
+    """What one vehicle may know of the fleet that it communicates with."""
 
     name: str
     weights: Mapping[str, float]  # a_lm > 0 of each neighbour l
@@ -76,7 +77,10 @@ class Graph:
 
     @staticmethod
     def of(names: Sequence[str], edges: Mapping[tuple[str, str], float]) -> Graph:
-        """The graph with these edges (l, m): a_lm; ValueError for an end that is no name."""
+        """Graph with the edges (l, m): a_lm.
+
+        Raises FieldError for an end that is no name.
+        """
         weights = np.zeros((len(names), len(names)))
         order = {name: k for k, name in enumerate(names)}
         for (sender, receiver), weight in edges.items():
@@ -87,19 +91,22 @@ class Graph:
 
     @staticmethod
     def line(names: Sequence[str], weight: float = 1.0) -> Graph:
-        """Each with the next."""
+        """Graph in which each vehicle hears the next."""
         return Graph.of(names, dict.fromkeys(pairwise(names), weight))
 
     @staticmethod
     def ring(names: Sequence[str], weight: float = 1.0) -> Graph:
-        """Each with the next and the last with the first; ValueError for fewer than three."""
+        """Graph in which each vehicle hears the next, and the last the first.
+
+        Raises FieldError for fewer than three.
+        """
         if len(names) < 3:
-            raise ValueError(f"names = {list(names)!r}; allowed in a ring: at least 3")
+            raise FieldError(f"names = {list(names)!r}; allowed in a ring: at least 3")
         return Graph.of(names, dict.fromkeys(pairwise([*names, names[0]]), weight))
 
     @staticmethod
     def complete(names: Sequence[str], weight: float = 1.0) -> Graph:
-        """Each with every other."""
+        """Graph in which each vehicle hears every other."""
         return Graph.of(names, dict.fromkeys(combinations(names, 2), weight))
 
     @staticmethod
@@ -126,13 +133,13 @@ class Graph:
 
     @cached_property
     def laplacian(self) -> Array:
-        """(n, n) L = diag(d) - A."""
+        """Laplacian L = diag(d) - A (n, n)."""
         laplacian: Array = np.diag(self.weights.sum(axis=1)) - self.weights
         return laplacian
 
     @cached_property
     def eigenvalues(self) -> Array:
-        """(n,) of L, ascending; the first is 0."""
+        """Eigenvalues (n,) of L, ascending; the first is 0."""
         values: Array = np.asarray(np.linalg.eigvalsh(self.laplacian), dtype=np.float64)
         return values
 
@@ -143,7 +150,7 @@ class Graph:
 
     @cached_property
     def hops(self) -> Array:
-        """(n, n) links on the shortest way between two vehicles; infinite where there is none."""
+        """Links (n, n) on the shortest path between two vehicles; infinite where there is none."""
         hops: Array = np.asarray(shortest_path(self.weights > 0.0, unweighted=True), dtype=np.float64)
         return hops
 
@@ -154,11 +161,14 @@ class Graph:
 
     @property
     def connected(self) -> bool:
-        """Whether there is a way between any two vehicles."""
+        """True if there is a path between any two vehicles."""
         return math.isfinite(self.diameter)
 
     def checked_connected(self) -> Graph:
-        """Itself; ValueError if it is not connected, naming whom the first vehicle does not reach."""
+        """Return the graph.
+
+        Raises ValueError if it is not connected, naming whom the first vehicle does not reach.
+        """
         if not self.connected:
             apart = [name for name, far in zip(self.names, self.hops[0], strict=True) if not math.isfinite(far)]
             raise ValueError(f"the graph is not connected: no way from {self.names[0]} to {', '.join(apart)}; allowed: "
@@ -166,17 +176,23 @@ class Graph:
         return self
 
     def neighbours(self, name: str) -> tuple[str, ...]:
-        """N_m, in the order of the names; ValueError for a name that is none."""
+        """Names N_m of the neighbours of a vehicle, in the order of the names.
+
+        Raises FieldError for an unknown name.
+        """
         row = self._row(name)
         return tuple(other for other, weight in zip(self.names, row, strict=True) if weight > 0.0)
 
     def node(self, name: str, planning_period: float = 5.0 / 3.0, deadline: float = math.inf) -> Node:
-        """What a vehicle knows; ValueError for a name that is none."""
+        """Node of a vehicle: what it knows of the graph.
+
+        Raises FieldError for an unknown name.
+        """
         row = zip(self.names, self._row(name).tolist(), strict=True)
         return Node(name, {other: weight for other, weight in row if weight > 0.0}, planning_period, deadline)
 
     def linked(self, sender: str, receiver: str, t: float) -> bool:
-        """Whether one hears the other, as ``mathnavi.sim.engine.network.Linked`` asks; t [s] does not matter."""
+        """True if one vehicle hears the other, for ``mathnavi.sim.engine.network.Linked``; t [s] does not matter."""
         return receiver in self.names and bool(self._row(sender)[self.names.index(receiver)] > 0.0)
 
     def _row(self, name: str) -> Array:
@@ -191,4 +207,4 @@ def _entry(names: Sequence[str], row: Any, column: Any) -> str:
 
 def _check_known(name: str, names: tuple[str, ...]) -> None:
     if name not in names:
-        raise ValueError(f"name = {name!r}; allowed: {', '.join(names)}")
+        raise FieldError(f"name = {name!r}; allowed: {', '.join(names)}")

@@ -46,32 +46,35 @@ class Switching:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(n,)"""
+        """Names (n,) of the vehicles."""
         return self.pieces[0][1].names
 
     @cached_property
     def union(self) -> Graph:
-        """All edges that are there at some time."""
+        """Graph of all edges that are there at some time."""
         return Graph(self.names, np.maximum.reduce([graph.weights for _, graph in self.pieces]))
 
     @property
     def connected(self) -> bool:
-        """Whether the union is, which is enough for an agreement if its graphs keep coming back."""
+        """True if the union is connected, which is enough for an agreement if its graphs keep coming back."""
         return self.union.connected
 
     def at(self, t: float) -> Graph:
-        """The graph at t [s]."""
+        """Graph at t [s]."""
         return self.pieces[max(0, bisect_right([begin for begin, _ in self.pieces], t) - 1)][1]
 
     def checked_connected(self) -> Switching:
-        """Itself; ValueError if the union is not connected."""
+        """Return the switching graph.
+
+        Raises ValueError if its union is not connected.
+        """
         self.union.checked_connected()
         return self
 
     def node(self, name: str, planning_period: float = 5.0 / 3.0, deadline: float = math.inf) -> Node:
-        """What a vehicle knows: whom it hears at some time."""
+        """Node of a vehicle: what it knows of all edges that are there at some time."""
         return self.union.node(name, planning_period, deadline)
 
     def linked(self, sender: str, receiver: str, t: float) -> bool:
-        """Whether one hears the other at t [s], as ``mathnavi.sim.engine.network.Linked`` asks."""
+        """True if one vehicle hears the other at t [s], as ``mathnavi.sim.engine.network.Linked`` asks."""
         return self.at(t).linked(sender, receiver, t)

@@ -26,7 +26,7 @@ _OPPOSITE = 1e-12  # |<p, q>| of attitudes half a turn apart
 
 @njit(cache=True, nogil=True)
 def product(p: Array, q: Array) -> Array:
-    """p q of quaternions (w, x, y, z)."""
+    """Quaternion product p q (4,) of p, q (4,), scalar first."""
     return np.array(
         [
             p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
@@ -39,20 +39,20 @@ def product(p: Array, q: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def ambient(p: Array, omega: Array) -> Array:
-    """q' = p (0, omega) / 2, (4,)."""
+    """Rate q' = p (0, omega) / 2 (4,) of the quaternion p (4,) at the body rate omega (3,) [rad/s]."""
     return 0.5 * product(p, np.array([0.0, omega[0], omega[1], omega[2]]))
 
 
 @njit(cache=True, nogil=True)
 def body_rate(p: Array, w: Array) -> Array:
-    """omega (3,) of a tangent vector w (4,) at p."""
+    """Body rate omega (3,) [rad/s] of a tangent vector w (4,) at p (4,)."""
     conjugate = np.array([p[0], -p[1], -p[2], -p[3]])
     return 2.0 * product(conjugate, w)[1:]
 
 
 @njit(cache=True, nogil=True)
 def nearer(p: Array, q: Array) -> Array:
-    """q or -q, whichever is nearer to p."""
+    """q (4,) or -q, whichever is nearer to p (4,)."""
     return q.copy() if p @ q >= 0.0 else -q
 
 
@@ -89,51 +89,73 @@ class Attitude:
 
     @property
     def origin(self) -> Array:
+        """Identity quaternion (1, 0, 0, 0) (4,)."""
         return np.array([1.0, 0.0, 0.0, 0.0])
 
     def check(self, p: Array) -> Array:
+        """Return the unit quaternion p (4,), normalised.
+
+        Raises ValueError if p is not one.
+        """
         return _S3.check(p)
 
     def exp(self, p: Array, w: Array) -> Array:
+        """Attitude (4,) after 1 s at the constant body rate w (3,) [rad/s] from p (4,)."""
         q: Array = _exponential(p, w)
         return q
 
     def log(self, p: Array, q: Array) -> Array:
-        """The rotation vector (3,) [rad] from p to q, in the body frame of p."""
+        """Rotation vector (3,) [rad] from p (4,) to q (4,), in the body frame of p.
+
+        Raises CutLocusError half a turn apart.
+        """
         self._require_unique(p, q)
         w: Array = _logarithm(p, q)
         return w
 
     def distance(self, p: Array, q: Array) -> float:
-        """Half the angle [rad] between two attitudes."""
+        """Half the angle [rad] between two attitudes p, q (4,)."""
         return float(kernels.distance(1.0, p, nearer(p, q)))
 
     def norm(self, p: Array, w: Array) -> float:
+        """|w|_g = |w| / 2 of a body rate w (3,) [rad/s] at p (4,)."""
         return 0.5 * float(np.linalg.norm(w))
 
     def transport(self, p: Array, q: Array, w: Array) -> Array:
+        """Parallel transport of a body rate w (3,) [rad/s] from p (4,) to q (4,).
+
+        Raises CutLocusError half a turn apart.
+        """
         self._require_unique(p, q)
         moved: Array = _transported(p, q, w)
         return moved
 
     def curvature(self, p: Array, eta: Array, G: Array) -> Array:
+        """R(eta, G) eta (3,) of body rates eta, G (3,) [rad/s] at p (4,)."""
         R: Array = _curvature(eta, G)
         return R
 
     def coordinates(self, p: Array, q: Array) -> Array:
-        """The rotation vector (3,) [rad]."""
+        """Rotation vector (3,) [rad] from p (4,) to q (4,), in the body frame of p."""
         return self.log(p, q)
 
     def point(self, p: Array, c: Array) -> Array:
+        """Attitude (4,) at the rotation vector c (3,) [rad] from p (4,)."""
         return self.exp(p, c)
 
     def components(self, p: Array, w: Array) -> Array:
+        """Copy of the body rate w (3,) [rad/s], which is its own components."""
         return w.copy()
 
     def vector(self, p: Array, c: Array) -> Array:
+        """Copy of the components c (3,) [rad/s], which are the body rate itself."""
         return c.copy()
 
     def rounded(self, p: Array, bits: int) -> Array:
+        """Return p (4,) unchanged: there are no encoders.
+
+        Raises FieldError unless ``bits`` is 0.
+        """
         return unrounded(self.name, p, bits)
 
     def _require_unique(self, p: Array, q: Array) -> None:

@@ -33,31 +33,38 @@ class ConstantCurvature:
 
     @property
     def name(self) -> str:
+        """ "S^n", "H^n" or "R^n"."""
         letter = {1.0: "S", -1.0: "H", 0.0: "R"}[self.kappa]
         return f"{letter}^{self.dimension}"
 
     @property
     def size(self) -> int:
+        """Components of an ambient point: n + 1, or n where kappa = 0."""
         return self.dimension + (self.kappa != 0.0)
 
     @property
     def vector_size(self) -> int:
+        """Components of a tangent vector, which is ambient: ``size``."""
         return self.size
 
     @property
     def injectivity_radius(self) -> float:
+        """pi on the sphere, infinite elsewhere."""
         return math.pi if self.kappa > 0.0 else math.inf
 
     @property
     def origin(self) -> Array:
-        """(1, 0, ..., 0); nought in R^n."""
+        """The point (1, 0, ..., 0) (size,); zero in R^n."""
         point = np.zeros(self.size)
         if self.kappa:
             point[0] = 1.0
         return point
 
     def check(self, p: Array) -> Array:
-        """p, brought back onto the space from where rounding had put it."""
+        """Project p (size,) back onto the space from where rounding has put it.
+
+        Raises ValueError for another shape, for numbers that are not finite, and for a point off the space.
+        """
         point = np.asarray(p, dtype=np.float64)
         if point.shape != (self.size,) or not np.isfinite(point).all():
             raise ValueError(f"point = {np.asarray(p).tolist()}; allowed on {self.name}: {self.size} finite numbers")
@@ -69,64 +76,83 @@ class ConstantCurvature:
             raise ValueError(
                 f"point = {point.tolist()} is off {self.name}: <p, p> = {square:.9g}; allowed: {self.kappa:g}{sheet}"
             )
-        return self.brought_back(point)
+        return self.project(point)
 
-    def brought_back(self, p: Array) -> Array:
-        """The point on the ray through a point that is nearly one of the space."""
-        back: Array = kernels.brought_back(self.kappa, p)
+    def project(self, p: Array) -> Array:
+        """Project p (size,), nearly a point of the space, onto it; see ``kernels.project``."""
+        back: Array = kernels.project(self.kappa, p)
         return back
 
     def tangent(self, p: Array, w: Array) -> Array:
-        """The part of an ambient vector that is tangent at p."""
+        """Tangential part (size,) at p (size,) of an ambient vector w (size,)."""
         part: Array = kernels.tangent(self.kappa, p, w)
         return part
 
     def exp(self, p: Array, w: Array) -> Array:
+        """exp_p w (size,) of a tangent vector w (size,) at p (size,)."""
         q: Array = kernels.exponential(self.kappa, p, w)
         return q
 
     def log(self, p: Array, q: Array) -> Array:
+        """log_p q (size,) of points p, q (size,).
+
+        Raises CutLocusError for opposite points of the sphere.
+        """
         return self._unique(kernels.logarithm(self.kappa, p, q), p, q)
 
     def distance(self, p: Array, q: Array) -> float:
+        """Geodesic distance of p, q (size,)."""
         return float(kernels.distance(self.kappa, p, q))
 
     def inner(self, p: Array, u: Array, w: Array) -> float:
-        """<u, w>_g at p."""
+        """Inner product <u, w>_g of tangent vectors u, w (size,) at p (size,)."""
         return float(kernels.inner(self.kappa, u, w))
 
     def norm(self, p: Array, w: Array) -> float:
-        return float(kernels.length(self.kappa, w))
+        """Length |w|_g of a tangent vector w (size,) at p (size,)."""
+        return float(kernels.norm(self.kappa, w))
 
     def transport(self, p: Array, q: Array, w: Array) -> Array:
+        """Parallel transport (size,) of w (size,) from p to q (size,).
+
+        Raises CutLocusError for opposite points of the sphere.
+        """
         return self._unique(kernels.transport(self.kappa, p, q, w), p, q)
 
     def curvature(self, p: Array, eta: Array, G: Array) -> Array:
+        """R(eta, G) eta (size,) of tangent vectors eta, G (size,) at p (size,)."""
         R: Array = kernels.curvature(self.kappa, eta, G)
         return R
 
     def coordinates(self, p: Array, q: Array) -> Array:
-        """Normal ones: log_p q in the ``frame`` at p."""
+        """Normal coordinates (n,) of q (size,) about p (size,): log_p q in the ``frame`` at p."""
         return self.components(p, self.log(p, q))
 
     def point(self, p: Array, c: Array) -> Array:
+        """Point (size,) with the normal coordinates c (n,) about p (size,)."""
         return self.exp(p, self.vector(p, c))
 
     def components(self, p: Array, w: Array) -> Array:
+        """Components (n,) of a tangent vector w (size,) in the ``frame`` at p (size,)."""
         frame = self.frame(p)
         lowered = w * np.concatenate([[-1.0], np.ones(self.size - 1)]) if self.kappa < 0.0 else w
         found: Array = lowered @ frame
         return found
 
     def vector(self, p: Array, c: Array) -> Array:
+        """Tangent vector (size,) with the components c (n,) in the ``frame`` at p (size,)."""
         w: Array = self.frame(p) @ c
         return w
 
     def rounded(self, p: Array, bits: int) -> Array:
+        """Return p (size,) unchanged: there are no encoders.
+
+        Raises FieldError unless ``bits`` is 0.
+        """
         return unrounded(self.name, p, bits)
 
     def draw(self, rng: np.random.Generator, radius: float = 1.0) -> Array:
-        """A point: uniform on the sphere; in a ball of that radius about the origin, or (1, 0, ..., 0), elsewhere."""
+        """Draw a point (size,): uniform on the sphere; elsewhere in a ball of ``radius`` about the origin."""
         if self.kappa > 0.0:
             return self.check(_unit(rng.standard_normal(self.size)))
         length = radius * rng.uniform() ** (1.0 / self.dimension)
@@ -136,11 +162,11 @@ class ConstantCurvature:
         return self.exp(self.origin, np.concatenate([[0.0], direction]))
 
     def draw_vector(self, rng: np.random.Generator, p: Array) -> Array:
-        """A tangent vector of length 1 at p, of any direction alike."""
+        """Draw a tangent vector (size,) of length 1 at p (size,), uniform over all directions."""
         return self.vector(p, _unit(rng.standard_normal(self.dimension)))
 
     def frame(self, p: Array) -> Array:
-        """(size, n) orthonormal vectors at p: those of the axes, brought there from the origin by the shortest way."""
+        """Orthonormal frame (size, n) at p (size,): the axes, transported there from the origin."""
         if self.kappa == 0.0:
             return np.eye(self.size)
         origin = self.origin if p[0] >= 0.0 else -self.origin

@@ -27,7 +27,7 @@ _OPPOSITE = 1e-7  # [rad] from the opposite point, within which rounding would s
 
 @njit(cache=True, nogil=True)
 def inner(k: float, u: Array, w: Array) -> float:
-    """<u, w>."""
+    """Inner product <u, w> of ambient vectors u, w (m,)."""
     total: float = -u[0] * w[0] if k < 0.0 else u[0] * w[0]
     for i in range(1, len(u)):
         total += u[i] * w[i]
@@ -35,14 +35,17 @@ def inner(k: float, u: Array, w: Array) -> float:
 
 
 @njit(cache=True, nogil=True)
-def length(k: float, w: Array) -> float:
-    """|w| of a tangent vector."""
+def norm(k: float, w: Array) -> float:
+    """Length |w| of a tangent vector w (m,)."""
     return math.sqrt(max(0.0, inner(k, w, w)))
 
 
 @njit(cache=True, nogil=True)
-def brought_back(k: float, p: Array) -> Array:
-    """The point of the space near p: on the ray through it, where k < 0 above or below it; p itself in R^n."""
+def project(k: float, p: Array) -> Array:
+    """Project p (m,), which rounding has moved off the space, back onto it.
+
+    The result (m,) is on the ray through p; above or below p where k < 0; p itself in R^n.
+    """
     point = p.copy()
     if k > 0.0:
         point /= math.sqrt(inner(k, p, p))
@@ -53,27 +56,27 @@ def brought_back(k: float, p: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def tangent(k: float, p: Array, w: Array) -> Array:
-    """The part of an ambient vector that is tangent at p."""
+    """Tangential part (m,) at p (m,) of an ambient vector w (m,)."""
     return w - (k * inner(k, p, w)) * p
 
 
 @njit(cache=True, nogil=True)
 def distance(k: float, p: Array, q: Array) -> float:
-    """theta: 2 atan2(|q - p|, |q + p|), 2 asinh(|q - p| / 2), |q - p|."""
-    chord = length(k, q - p)
+    """Geodesic distance theta of p, q (m,): 2 atan2(|q - p|, |q + p|), 2 asinh(|q - p| / 2), |q - p|."""
+    chord = norm(k, q - p)
     if k > 0.0:
-        return 2.0 * math.atan2(chord, length(k, q + p))
+        return 2.0 * math.atan2(chord, norm(k, q + p))
     return 2.0 * math.asinh(0.5 * chord) if k < 0.0 else chord
 
 
 @njit(cache=True, nogil=True)
 def logarithm(k: float, p: Array, q: Array) -> Array:
-    """log_p q."""
-    away = q - p
+    """log_p q (m,) of points p, q (m,); NaN from a point of the sphere to the one opposite."""
+    difference = q - p
     if k == 0.0:
-        return away
-    w = tangent(k, p, away + (0.5 * k * inner(k, away, away)) * p)
-    theta, sine = distance(k, p, q), length(k, w)
+        return difference
+    w = tangent(k, p, difference + (0.5 * k * inner(k, difference, difference)) * p)
+    theta, sine = distance(k, p, q), norm(k, w)
     if theta < _SMALL:
         return w
     if k > 0.0 and math.pi - theta < _OPPOSITE:
@@ -83,18 +86,18 @@ def logarithm(k: float, p: Array, q: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def exponential(k: float, p: Array, w: Array) -> Array:
-    """exp_p w."""
+    """exp_p w (m,) of a tangent vector w (m,) at p (m,)."""
     if k == 0.0:
         return p + w
-    theta = length(k, w)
+    theta = norm(k, w)
     c, s = (math.cos(theta), math.sin(theta)) if k > 0.0 else (math.cosh(theta), math.sinh(theta))
     ratio = s / theta if theta > _SMALL else 1.0
-    return brought_back(k, c * p + ratio * w)
+    return project(k, c * p + ratio * w)
 
 
 @njit(cache=True, nogil=True)
 def transport(k: float, p: Array, q: Array, w: Array) -> Array:
-    """PT_{p -> q} w along the shortest geodesic."""
+    """Parallel transport PT_{p -> q} w (m,) along the shortest geodesic; NaN to the opposite point of the sphere."""
     if k == 0.0:
         return w.copy()
     if k > 0.0 and math.pi - distance(k, p, q) < _OPPOSITE:

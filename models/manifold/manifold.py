@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -17,7 +18,7 @@ class Manifold(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is called in messages."""
+        """Name of the manifold in messages."""
         ...
 
     @property
@@ -51,61 +52,80 @@ class Manifold(Protocol):
         ...
 
     def check(self, p: Array) -> Array:
-        """The point p in the form that the other methods take; ValueError if it is none of the manifold's."""
+        """Return the point p (size,) in the form that the other methods take.
+
+        Raises ValueError if p is not a point of the manifold.
+        """
         ...
 
     def exp(self, p: Array, w: Array) -> Array:
-        """Where the geodesic leads that leaves p with the velocity w, after 1 s."""
+        """Exponential map: the point (size,) that the geodesic from p (size,) with the velocity w (vector_size,)
+        reaches after 1 s.
+        """
         ...
 
     def log(self, p: Array, q: Array) -> Array:
-        """w at p with exp(p, w) = q, the shortest; CutLocusError where there is none."""
+        """Logarithm: the shortest w (vector_size,) at p (size,) with exp(p, w) = q (size,).
+
+        Raises CutLocusError where there is none.
+        """
         ...
 
     def distance(self, p: Array, q: Array) -> float:
-        """The length of that geodesic."""
+        """Length of the shortest geodesic from p (size,) to q (size,)."""
         ...
 
     def norm(self, p: Array, w: Array) -> float:
-        """|w|_g at p."""
+        """|w|_g of a tangent vector w (vector_size,) at p (size,)."""
         ...
 
     def transport(self, p: Array, q: Array, w: Array) -> Array:
-        """w at p, moved in parallel along the shortest geodesic to q; CutLocusError where there is none."""
+        """Parallel transport of w (vector_size,) at p (size,) along the shortest geodesic to q (size,).
+
+        Returns a vector (vector_size,) at q. Raises CutLocusError where there is no unique geodesic.
+        """
         ...
 
     def curvature(self, p: Array, eta: Array, G: Array) -> Array:
-        """R(eta, G) eta at p: the term R^alpha of (D.6), by the index conventions of D.2.1."""
+        """Curvature term R(eta, G) eta (vector_size,) at p (size,): R^alpha of (D.6), by the index conventions of
+        D.2.1.
+        """
         ...
 
     def coordinates(self, p: Array, q: Array) -> Array:
-        """(n,) of q in a chart about p, in the units of an encoder there; CutLocusError where there are none."""
+        """Coordinates (n,) of q (size,) in a chart about p (size,), in the units of an encoder there.
+
+        Raises CutLocusError where there are none.
+        """
         ...
 
     def point(self, p: Array, c: Array) -> Array:
-        """The point with the coordinates c (n,) about p."""
+        """Point (size,) with the coordinates c (n,) about p (size,)."""
         ...
 
     def rounded(self, p: Array, bits: int) -> Array:
-        """What encoders of so many bits over a turn or a metre say of p; p itself for 0 bits."""
+        """Round p (size,) to encoders of ``bits`` bits over a turn or a metre; 0 bits: no rounding."""
         ...
 
     def components(self, p: Array, w: Array) -> Array:
-        """(n,) of a tangent vector w at p: the rates of the coordinates about p."""
+        """Components (n,) of a tangent vector w (vector_size,) at p (size,): the rates of the coordinates about p."""
         ...
 
     def vector(self, p: Array, c: Array) -> Array:
-        """The tangent vector at p with the components c (n,)."""
+        """Tangent vector (vector_size,) at p (size,) with the components c (n,)."""
         ...
 
 
 def is_beyond(manifold: Manifold, p: Array, q: Array, share: float = 1.0) -> bool:
-    """Whether two points are farther apart than a share of the injectivity radius."""
+    """True if p (size,) and q (size,) are farther apart than a share of the injectivity radius."""
     return manifold.injectivity_radius < math.inf and (manifold.distance(p, q) >= share * manifold.injectivity_radius)
 
 
 def unrounded(name: str, p: Array, bits: int) -> Array:
-    """p, where there are no joints that an encoder could turn with; ValueError if it is to round."""
+    """Return p (size,) unchanged, on a manifold without encoders.
+
+    Raises FieldError unless ``bits`` is 0.
+    """
     if bits:
-        raise ValueError(f"resolution = {bits!r}; allowed on {name}, which has no encoders: 0")
+        raise FieldError(f"resolution = {bits!r}; allowed on {name}, which has no encoders: 0")
     return p.copy()

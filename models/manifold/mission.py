@@ -7,18 +7,21 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mathnavi.models.manifold.sensors import PositionQuality, PositionSensor, StateSensor
+from mathnavi.models.manifold.sensors import ManifoldPositionSensor, PositionQuality, StateSensor
 from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True, eq=False)
 class LagrangianMission:
-    """Find the velocity of a system from its position and its input. It holds no truth of a run.
+    """Mission: find the velocity of a system from its position and its input. It holds no truth of a run.
 
-    ``system`` is the system as it is believed to be. The state is (x, v), as ``system.states`` names it; v is nought
-    for all that is known at the start, and x is what the first reading says.
+    ``system`` is the system as it is believed to be. The state is (x, v), as ``system.states`` names it; v is zero for
+    all that is known at the start, and x is what the first reading says.
+
+    Raises MissionError for a period that is not 1 s over a whole number.
     """
 
     system: LagrangianSystem
@@ -29,14 +32,14 @@ class LagrangianMission:
     def __post_init__(self) -> None:
         check_positive(self, "period", "speed_max")
         if not math.isclose(1.0 / self.period, round(1.0 / self.period), rel_tol=1e-6):
-            raise ValueError(f"period = {self.period!r}; allowed: 1 s over a whole number")
+            raise MissionError(f"period = {self.period!r}; allowed: 1 s over a whole number")
 
     @property
-    def sensor(self) -> PositionSensor:
-        """A fresh one for a run, of readings "position" (size,)."""
-        return PositionSensor(self.system.manifold, self.reading, 1.0 / self.period)
+    def sensor(self) -> ManifoldPositionSensor:
+        """Sensor of one run, with readings "position" (size,)."""
+        return ManifoldPositionSensor(self.system.manifold, self.reading, 1.0 / self.period)
 
-    # ---- for the estimator ``full_state``, which is told the velocity
+    # ---- for the estimator ``full_state``, which reads the velocity
 
     @property
     def control_period(self) -> float:
@@ -45,20 +48,20 @@ class LagrangianMission:
 
     @property
     def start_state(self) -> Array:
-        """(origin, 0): nothing is known of the start."""
+        """State (size + vector_size,) (origin, 0): nothing is known of the start."""
         manifold = self.system.manifold
         return np.concatenate([manifold.origin, np.zeros(manifold.vector_size)])
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """The state after the input u (nu,) was held for dt [s]."""
+        """State after the input u (nu,) was held for dt [s] from x (size + vector_size,)."""
         return self.system.flow(x, u, dt)
 
     def full_state_sensor(self, rate: float | None) -> StateSensor:
-        """The sensor "full_state"."""
+        """Sensor "full_state" at ``rate`` [Hz]; once a period if it is None."""
         return StateSensor(len(self.system.states), rate or 1.0 / self.period)
 
     def full_state_covariance(self, age: float) -> Array:
-        """A reading has no error; (n, n) of noughts."""
+        """Covariance (n, n) of a reading of any age: zero, for it has no error."""
         n = len(self.system.states)
         return np.zeros((n, n))
 

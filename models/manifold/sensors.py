@@ -34,7 +34,7 @@ class PositionQuality:
 
 
 @dataclass(frozen=True)
-class PositionSensor:
+class ManifoldPositionSensor:
     """Reads "position" (size,). What is drawn does not depend on how large the errors are."""
 
     manifold: Manifold
@@ -44,16 +44,18 @@ class PositionSensor:
 
     @property
     def size(self) -> int:
+        """Components of a reading, those of a point."""
         return self.manifold.size
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the position (size,) of the plant, with noise, jumps and rounding; None where the reading is lost."""
         manifold, quality = self.manifold, self.quality
         x = motion.x[: manifold.size]
-        off = quality.noise * rng.standard_normal(manifold.dimension)
+        error = quality.noise * rng.standard_normal(manifold.dimension)
         lost, jumps = rng.random(2) < (quality.dropout, quality.jump)
         if jumps:
-            off = off + quality.jump_size
-        y = manifold.point(x, off) if off.any() else x
+            error = error + quality.jump_size
+        y = manifold.point(x, error) if error.any() else x
         return None if lost else manifold.rounded(y, quality.resolution)
 
 
@@ -66,4 +68,5 @@ class StateSensor:
     name: ClassVar[str] = "full_state"
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        """Read the state (size,) of the plant exactly."""
         return motion.x

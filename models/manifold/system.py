@@ -46,22 +46,25 @@ class LagrangianSystem(Protocol):
 
     @property
     def velocity_dependent(self) -> bool:
-        """Whether the force depends on the velocity."""
+        """True if the force depends on the velocity."""
         ...
 
     def force(self, x: Array, v: Array, u: Array) -> Array:
-        """D_t v, a tangent vector at x, under the input u (nu,)."""
+        """Force D_t v (vector_size,), a tangent vector at x (size,), at the velocity v (vector_size,) under the input u
+        (nu,).
+        """
         ...
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
-        """The state after h [s] with u held; ``moved`` for one."""
+        """State (size + vector_size,) after h [s] from ``state`` with u (nu,) held; ``integrate`` for one."""
         ...
 
 
-def moved(system: LagrangianSystem, state: Array, u: Array, h: float) -> Array:
-    """The state after h [s] with u held, to the second order in h: a geodesic that the force bends.
+def integrate(system: LagrangianSystem, state: Array, u: Array, h: float) -> Array:
+    """Integrate the state (size + vector_size,) over h [s] with u (nu,) held, to the second order in h: a geodesic bent
+    by the force.
 
-    x^+ = exp_x(h v + h^2 F / 2),    v^+ = PT(v + h F / 2) + h F^+ / 2,
+        x^+ = exp_x(h v + h^2 F / 2),    v^+ = PT(v + h F / 2) + h F^+ / 2,
 
     F^+ being that at x^+ and, where it depends on the velocity, PT(v + h F).
     """

@@ -21,7 +21,7 @@ import numpy as np
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
-from mathnavi.models.manifold.system import moved
+from mathnavi.models.manifold.system import integrate
 from mathnavi.models.runge_kutta import Flow
 from mathnavi.sim.interfaces.signals import Array
 
@@ -32,17 +32,17 @@ Potential = Callable[[casadi.SX], casadi.SX]
 
 
 def linear(strength: float, component: int) -> Potential:
-    """U = c p_i: the i-th coordinate of the ambient space."""
+    """Potential U = c p_i, linear in the i-th coordinate of the ambient space."""
     return lambda p: strength * p[component]
 
 
 def printed(p: casadi.SX) -> casadi.SX:
-    """W of D.5."""
+    """Potential W of D.5, of an ambient point p (4,)."""
     return p[1] * p[2] / casadi.sqrt(p[2] ** 2 + p[3] ** 2)
 
 
 def chart(angles: Array) -> tuple[Array, Array]:
-    """The point (4,) of S^3 at the angles x (3,) of D.5, and the derivative (4, 3) by them."""
+    """Point (4,) of S^3 at the angles x (3,) [rad] of D.5, and its derivative (4, 3) by them."""
     (c_1, c_2, c_3), (s_1, s_2, s_3) = np.cos(angles), np.sin(angles)
     point = np.array([c_1, s_1 * c_2, s_1 * s_2 * c_3, s_1 * s_2 * s_3])
     slope = np.array(
@@ -69,28 +69,36 @@ class PointSystem:
 
     @property
     def constant(self) -> tuple[float, ...]:
+        """(size,) zeros: no input where nothing else is asked for."""
         return (0.0,) * self.manifold.size
 
     amplitude = constant
 
     @property
     def states(self) -> tuple[str, ...]:
+        """(2 size,) names and units of the state (p, v)."""
         n = self.manifold.size
         return (*(f"position_{k} [-]" for k in range(n)), *(f"velocity_{k} [1/s]" for k in range(n)))
 
     @property
     def inputs(self) -> tuple[str, ...]:
+        """(size,) names and units of the ambient force."""
         return tuple(f"force_{k} [1/s^2]" for k in range(self.manifold.size))
 
     def force(self, x: Array, v: Array, u: Array) -> Array:
+        """Tangential force (size,) [1/s^2] at the point x (size,) under the ambient input u (size,)."""
         f: Array = self._force_buffer(x, u)
         return f
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
-        return moved(self, state, u, h)
+        """State (2 size,) after h [s] with u (size,) held, by ``integrate``."""
+        return integrate(self, state, u, h)
 
     def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
-        """The state after dt [s], brought back onto the tangent bundle, and dt; less if the solution escapes."""
+        """Integrate x (2 size,) over dt [s] with u (size,) held.
+
+        Returns the state, projected onto the tangent bundle, and dt, or less if the solution escapes before.
+        """
         n = self.manifold.size
         after, reached = self._flow.reach(x, u, dt)
         state = self._on_bundle(after[:n], after[n:])
@@ -98,19 +106,22 @@ class PointSystem:
         return state, reached if self.manifold.kappa >= 0.0 or state[0] <= _FARTHEST else 0.0
 
     def rate(self, x: Array, u: Array) -> Array:
-        """(p', v')."""
+        """Rate (p', v') (2 size,) of the state x (2 size,) under u (size,)."""
         return np.array(self._rate(x, u)).ravel()
 
     def output(self, x: Array, u: Array) -> Array:
-        """y = p."""
+        """Output y = p (size,) of the state x (2 size,)."""
         return x[: self.manifold.size].copy()
 
     def state(self, p: Array, v: Array) -> Array:
-        """(p, v); ValueError if p is off the manifold."""
+        """State (2 size,) of a point p (size,) and the tangential part of v (size,).
+
+        Raises ValueError if p is off the manifold.
+        """
         return self._on_bundle(self.manifold.check(p), np.asarray(v, dtype=np.float64))
 
     def _on_bundle(self, p: Array, v: Array) -> Array:
-        p = self.manifold.brought_back(p)
+        p = self.manifold.project(p)
         return np.concatenate([p, self.manifold.tangent(p, v)])
 
     @cached_property
@@ -132,8 +143,8 @@ class PointSystem:
         p, v = x[:n], x[n:]
         at, held, F = self._symbols
         signs = casadi.DM([-1.0 if k < 0.0 else 1.0] + [1.0] * (n - 1))
-        bend = k * casadi.dot(v * signs, v) * p
-        return casadi.vertcat(v, casadi.substitute(F, casadi.vertcat(at, held), casadi.vertcat(p, u)) - bend)
+        normal = k * casadi.dot(v * signs, v) * p
+        return casadi.vertcat(v, casadi.substitute(F, casadi.vertcat(at, held), casadi.vertcat(p, u)) - normal)
 
     @cached_property
     def _rate(self) -> casadi.Function:
@@ -162,11 +173,12 @@ class RigidBody:
     velocity_dependent = False
 
     def force(self, x: Array, v: Array, u: Array) -> Array:
-        """omega' = tau / I (3,) [rad/s^2]."""
+        """Angular acceleration omega' = tau / I (3,) [rad/s^2] under the torque u (3,) [N m]."""
         return np.asarray(u, dtype=np.float64) / self.inertia
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
-        return moved(self, state, u, h)
+        """State (7,), quaternion and body rate, after h [s] with the torque u (3,) [N m] held."""
+        return integrate(self, state, u, h)
 
 
 class _Buffered:

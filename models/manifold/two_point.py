@@ -30,7 +30,10 @@ _SMALL = 1e-3  # [rad] below which series are used, to 1e-13
 
 @dataclass(frozen=True, eq=False)
 class TwoPoint:
-    """All of these at one pair (x, xi). Vectors are ambient, tangent at the point they belong to."""
+    """Two-point tensors at one pair of points x, xi (size,).
+
+    Vectors are ambient, (size,), and tangent at the point that they belong to.
+    """
 
     space: ConstantCurvature
     x: Array
@@ -38,52 +41,54 @@ class TwoPoint:
 
     @cached_property
     def theta(self) -> float:
+        """Distance of x and xi."""
         return self.space.distance(self.x, self.xi)
 
     @cached_property
     def S(self) -> float:  # noqa: N802  the thesis' letter
+        """S = theta^2 / 2."""
         return 0.5 * self.theta**2
 
     @cached_property
     def at_xi(self) -> Array:
-        """S^alpha."""
+        """Gradient S^alpha (size,) at xi."""
         return -self.space.log(self.xi, self.x)
 
     @cached_property
     def at_x(self) -> Array:
-        """S^i."""
+        """Gradient S^i (size,) at x."""
         return -self.space.log(self.x, self.xi)
 
     def to_x(self, w: Array) -> Array:
-        """K^i_alpha w^alpha."""
+        """K^i_alpha w^alpha (size,) at x: w (size,), transported from xi."""
         return self.space.transport(self.xi, self.x, w)
 
     def to_xi(self, w: Array) -> Array:
-        """K_i^alpha w^i: its inverse, which is its transpose (D.5)."""
+        """K_i^alpha w^i (size,) at xi: the inverse of ``to_x``, which is its transpose (D.5)."""
         return self.space.transport(self.x, self.xi, w)
 
     def hessian(self, w: Array) -> Array:
-        """S^alpha_|beta w^beta (D.14)."""
+        """S^alpha_|beta w^beta (size,) of w (size,) at xi (D.14)."""
         return self._y1 * w + self._y2 * self.space.inner(self.xi, self.at_xi, w) * self.at_xi
 
     def mixed(self, w: Array) -> Array:
-        """S^i_|alpha w^alpha (D.15)."""
+        """S^i_|alpha w^alpha (size,) at x of w (size,) at xi (D.15)."""
         along = self.space.inner(self.xi, self.at_xi, w)
         return (self.to_x(w) - self._y4 * along * self.at_x) / self._y3
 
     def transport_along_xi(self, w: Array, along: Array) -> Array:
-        """K^i_alpha|beta w^alpha along^beta, a vector at x (D.18)."""
+        """K^i_alpha|beta w^alpha along^beta (size,) at x, of w and ``along`` (size,) at xi (D.18)."""
         inner = self.space.inner
         carried = self.to_x(along)
         return self.upsilon * (inner(self.xi, w, along) * self.at_x + inner(self.xi, self.at_xi, w) * carried)
 
     def transport_along_x(self, w: Array, along: Array) -> Array:
-        """K^j_alpha|k K^alpha_m w^m along^k, w and along at x (D.19)."""
+        """K^j_alpha|k K^alpha_m w^m along^k (size,), w and ``along`` (size,) at x (D.19)."""
         inner = self.space.inner
         return self.upsilon * (inner(self.x, w, along) * self.at_x - inner(self.x, self.at_x, w) * along)
 
     def printed_transport_along_x(self, w: Array, along: Array) -> Array:
-        """(D.19) with the indices of the print: Y (S^j g_km - delta^j_m S_k) w^m along^k."""
+        """(D.19) with the indices as printed: Y (S^j g_km - delta^j_m S_k) w^m along^k (size,)."""
         inner = self.space.inner
         return self.upsilon * (inner(self.x, w, along) * self.at_x - inner(self.x, self.at_x, along) * w)
 
@@ -115,6 +120,7 @@ class TwoPoint:
 
     @cached_property
     def upsilon(self) -> float:
+        """Y = kappa tan(theta / 2) / theta, tanh where kappa < 0."""
         k, half = self.space.kappa, 0.5 * self.theta
         if not k or half < _SMALL:
             return 0.5 * k * (1.0 + k * half**2 / 3.0)

@@ -23,6 +23,7 @@ import numpy as np
 from mathnavi.models.mechanism.geometry import checked
 from mathnavi.models.mechanism.names import MechanismName
 from mathnavi.models.vehicle_names import check_vehicle_name
+from mathnavi.sim.interfaces.errors import FieldError
 
 _HERE = Path(__file__).parent
 _SUITE = "dm_control:"
@@ -30,12 +31,15 @@ _BELOW = 0.1  # of a mechanism's extent that the floor is beneath it, if it reac
 
 
 def file_of(mechanism: MechanismName | str | Path) -> Path:
-    """The MJCF file of a mechanism of that name, of dm_control's suite, or at that path; ValueError if it is none."""
+    """MJCF file of a mechanism: by name, of dm_control's suite, or at a path.
+
+    Raises FieldError if there is none.
+    """
     own = {name: _HERE / f"{name.replace('-', '_')}.xml" for name in get_args(MechanismName)}
     suite = {f"{_SUITE}{file.stem}": file for file in (Path(dm_control.__file__).parent / "suite").glob("*.xml")}
     path = (own | suite).get(str(mechanism), Path(mechanism))
     if not path.is_file():
-        raise ValueError(
+        raise FieldError(
             f"mechanism = {str(mechanism)!r}; allowed: {', '.join(own)}, {_SUITE}NAME of its suite "
             f"({', '.join(sorted(file.stem for file in suite.values()))}), or the path of an MJCF file"
         )
@@ -60,7 +64,7 @@ def build_spec(mechanism: MechanismName | str | Path, *, name: str = "mechanism"
             alone = own.copy().compile()
     except (ValueError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())
-        raise ValueError(
+        raise FieldError(
             f"mechanism = {str(mechanism)!r}; allowed: an MJCF file that MuJoCo can read ({reason})"
         ) from None
     checked(alone)

@@ -31,7 +31,7 @@ class Actuated(NamedTuple):
 
 @njit(cache=True)
 def acceleration(at: Actuated, q: Array, v: Array, u: Array) -> Array:
-    """D_t v (nv,) at (q, v) under the controls u."""
+    """Acceleration D_t v (nv,) [m/s^2, rad/s^2] at (q (nq,), v (nv,)) under the controls u (nu,)."""
     m, d, n = at.model, at.data, len(at.qvel)
     at.qpos[:], at.qvel[:], at.ctrl[:] = q, v, u
     kinematics(m, d)

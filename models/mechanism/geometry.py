@@ -23,6 +23,7 @@ import mujoco
 import numpy as np
 
 from mathnavi.models.mechanism import kernels
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.joint_states import BALL, SLIDE, quaternions, with_unit_quaternions
 from mathnavi.sim.interfaces.signals import Array
 
@@ -68,72 +69,90 @@ class MechanismManifold:
 
     @property
     def origin(self) -> Array:
-        """Where the model has its joints: qpos0."""
+        """Reference configuration qpos0 (nq,) of the model."""
         return np.array(self._model.qpos0, dtype=np.float64)
 
     def check(self, p: Array) -> Array:
+        """Return p (nq,) with its quaternions normalised.
+
+        Raises ValueError for another shape, and for numbers that are not finite or no unit quaternion.
+        """
         point = np.asarray(p, dtype=np.float64)
         if point.shape != (self.size,) or not np.isfinite(point).all():
             raise ValueError(f"point = {point.tolist()}; allowed on {self.name}: {self.size} finite numbers")
         return with_unit_quaternions(np.ascontiguousarray(point), self._quaternions, "point")
 
     def exp(self, p: Array, w: Array) -> Array:
+        """exp_p w (nq,) of w (nv,) at p (nq,), to the fourth order in w; see ``kernels.exponential``."""
         q: Array = kernels.exponential(self._at, p, w)
         return q
 
     def log(self, p: Array, q: Array) -> Array:
-        """Of ball joints half a turn apart, one of the two: where both are as short, either leads there."""
+        """log_p q (nv,) of q (nq,) at p (nq,), to the fourth order in q - p.
+
+        Of ball joints half a turn apart, either of the two equally short ways is taken.
+        """
         w: Array = kernels.logarithm(self._at, p, q)
         return w
 
     def distance(self, p: Array, q: Array) -> float:
+        """Length of log_p q of p, q (nq,)."""
         return self.norm(p, self.log(p, q))
 
     def norm(self, p: Array, w: Array) -> float:
-        return float(kernels.length(self._at, p, w))
+        """|w|_g = sqrt(w' M w) of w (nv,) at p (nq,)."""
+        return float(kernels.norm_at(self._at, p, w))
 
     def transport(self, p: Array, q: Array, w: Array) -> Array:
-        moved: Array = kernels.transported(self._at, p, q, w)
-        return moved
+        """Parallel transport (nv,) of w (nv,) from p (nq,) to q (nq,); it keeps the length."""
+        parallel: Array = kernels.transport(self._at, p, q, w)
+        return parallel
 
     def curvature(self, p: Array, eta: Array, G: Array) -> Array:
-        R: Array = kernels.curved(self._at, p, eta, G)
+        """R(eta, G) eta (nv,) of eta, G (nv,) at p (nq,), by central differences."""
+        R: Array = kernels.curvature(self._at, p, eta, G)
         return R
 
     def christoffel(self, p: Array, u: Array, w: Array) -> Array:
-        """Gamma(u, w) at p: nabla_u w of fields with constant components."""
+        """Gamma(u, w) (nv,) at p (nq,): nabla_u w of fields with constant components u, w (nv,)."""
         kernels.locate(self._at, p)
         G: Array = kernels.connection(self._at, u, w)
         return G
 
     def mass(self, p: Array) -> Array:
-        """M (nv, nv) at p."""
+        """Mass matrix M (nv, nv) at p (nq,)."""
         kernels.locate(self._at, p)
         M = np.empty((self.dimension, self.dimension))
         mujoco.mj_fullM(self._model, self._data, M)
         return M
 
     def coordinates(self, p: Array, q: Array) -> Array:
-        """What the joints have moved by, (nv,) [m, rad]; a rotation vector for a ball joint."""
+        """Displacement of the joints (nv,) [m, rad] from p (nq,) to q (nq,); a rotation vector for a ball joint."""
         d: Array = kernels.difference(self._at, p, q)
         return d
 
     def point(self, p: Array, c: Array) -> Array:
-        q: Array = kernels.moved(self._at, p, c, 1.0)
+        """Configuration (nq,) after a displacement c (nv,) [m, rad] of the joints from p (nq,)."""
+        q: Array = kernels.integrate(self._at, p, c, 1.0)
         return q
 
     def components(self, p: Array, w: Array) -> Array:
+        """Copy of the joint rates w (nv,), which are their own components."""
         return w.copy()
 
     def vector(self, p: Array, c: Array) -> Array:
+        """Copy of the components c (nv,), which are the joint rates themselves."""
         return c.copy()
 
     def rounded(self, p: Array, bits: int) -> Array:
-        """To 2 pi / 2^bits of a hinge, 1 m / 2^bits of a slide; ValueError where there are balls, unless bits = 0."""
+        """Round p (nq,) to 2 pi / 2^bits [rad] of a hinge and 1 / 2^bits [m] of a slide.
+
+        Raises FieldError where there are ball joints, unless ``bits`` is 0.
+        """
         if not bits:
             return p.copy()
         if self._quaternions:
-            raise ValueError(f"resolution = {bits!r}; allowed for ball joints, which have no encoders: 0")
+            raise FieldError(f"resolution = {bits!r}; allowed for ball joints, which have no encoders: 0")
         unit = np.full(self.size, 2.0 * math.pi / 2.0**bits)
         unit[self._slides] = 1.0 / 2.0**bits
         return unit * np.round(p / unit)

@@ -45,8 +45,11 @@ class Mechanism(NamedTuple):
 
 
 @njit(cache=True)
-def solid(a: Array, size: int) -> Array:
-    """a (size,) as numbers one after the other, as C expects them; ValueError for another size."""
+def contiguous(a: Array, size: int) -> Array:
+    """Copy a (size,) into a contiguous array, as C expects it.
+
+    Raises ValueError for another size.
+    """
     if len(a) != size:
         raise ValueError("a point or a vector of another size than that of the mechanism")
     copy = np.empty(size)
@@ -56,7 +59,7 @@ def solid(a: Array, size: int) -> Array:
 
 @njit(cache=True)
 def locate(at: Mechanism, q: Array) -> None:
-    """Make M and its factors those at q, unless they are already."""
+    """Compute M and its factors at q (nq,), unless they are already those at q."""
     same = len(q) == len(at.qpos)
     for k in range(min(len(q), len(at.qpos))):
         same = same and at.qpos[k] == q[k]
@@ -69,24 +72,24 @@ def locate(at: Mechanism, q: Array) -> None:
 
 
 @njit(cache=True)
-def moved(at: Mechanism, q: Array, step: Array, share: float) -> Array:
-    """q after so large a share of a step (nv,) in the joints."""
-    after, by = solid(q, len(at.qpos)), solid(step, len(at.qvel))
+def integrate(at: Mechanism, q: Array, step: Array, share: float) -> Array:
+    """Integrate q (nq,) along a share of a step (nv,) in the joints, as MuJoCo does: (nq,)."""
+    after, by = contiguous(q, len(at.qpos)), contiguous(step, len(at.qvel))
     integrate_pos(at.model, after.ctypes.data, by.ctypes.data, share)
     return after
 
 
 @njit(cache=True)
 def difference(at: Mechanism, p: Array, q: Array) -> Array:
-    """The step in the joints (nv,) from p to q."""
-    step, start, end = np.empty(len(at.qvel)), solid(p, len(at.qpos)), solid(q, len(at.qpos))
+    """Step in the joints (nv,) from p (nq,) to q (nq,)."""
+    step, start, end = np.empty(len(at.qvel)), contiguous(p, len(at.qpos)), contiguous(q, len(at.qpos))
     differentiate_pos(at.model, step.ctypes.data, 1.0, start.ctypes.data, end.ctypes.data)
     return step
 
 
 @njit(cache=True)
 def bias(at: Mechanism, v: Array) -> Array:
-    """c(v) at where M is."""
+    """Velocity-dependent part c(v) (nv,) of inverse dynamics at v (nv,), at the current configuration."""
     c = np.empty(len(at.qvel))
     at.qvel[:] = v
     com_vel(at.model, at.data)
@@ -95,8 +98,8 @@ def bias(at: Mechanism, v: Array) -> Array:
 
 
 @njit(cache=True)
-def raised(at: Mechanism, c: Array) -> Array:
-    """M^-1 c."""
+def solve_mass(at: Mechanism, c: Array) -> Array:
+    """Solve M w = c (nv,) for w (nv,), at the current configuration."""
     w = np.empty(len(c))
     solve_m(at.model, at.data, w.ctypes.data, c.ctypes.data, 1)
     return w
@@ -104,7 +107,7 @@ def raised(at: Mechanism, c: Array) -> Array:
 
 @njit(cache=True)
 def bracket(at: Mechanism, u: Array, w: Array) -> Array:
-    """[u, w]."""
+    """Lie bracket [u, w] (nv,) of u, w (nv,): u x w in every ball joint, zero elsewhere."""
     turned = np.zeros(len(u))
     for k in at.balls:
         turned[k] = u[k + 1] * w[k + 2] - u[k + 2] * w[k + 1]
@@ -115,37 +118,40 @@ def bracket(at: Mechanism, u: Array, w: Array) -> Array:
 
 @njit(cache=True)
 def spray(at: Mechanism, v: Array) -> Array:
-    """Gamma(v, v) at where M is."""
-    return raised(at, bias(at, v))
+    """Gamma(v, v) (nv,) of v (nv,), at the current configuration."""
+    return solve_mass(at, bias(at, v))
 
 
 @njit(cache=True)
 def connection(at: Mechanism, u: Array, w: Array) -> Array:
-    """Gamma(u, w) at where M is."""
-    symmetric = raised(at, 0.25 * (bias(at, u + w) - bias(at, u - w)))
+    """Gamma(u, w) (nv,) of u, w (nv,), at the current configuration."""
+    symmetric = solve_mass(at, 0.25 * (bias(at, u + w) - bias(at, u - w)))
     return symmetric + 0.5 * bracket(at, u, w)
 
 
 @njit(cache=True)
-def size(at: Mechanism, w: Array) -> float:
-    """|w|_g at where M is."""
-    v, momentum = solid(w, len(at.qvel)), np.empty(len(at.qvel))
+def norm(at: Mechanism, w: Array) -> float:
+    """Length |w|_g of w (nv,), at the current configuration."""
+    v, momentum = contiguous(w, len(at.qvel)), np.empty(len(at.qvel))
     mul_m(at.model, at.data, momentum.ctypes.data, v.ctypes.data)
     return math.sqrt(max(float(v @ momentum), 0.0))
 
 
 @njit(cache=True)
-def length(at: Mechanism, p: Array, w: Array) -> float:
-    """|w|_g."""
+def norm_at(at: Mechanism, p: Array, w: Array) -> float:
+    """Length |w|_g of w (nv,) at p (nq,)."""
     locate(at, p)
-    return size(at, w)
+    return norm(at, w)
 
 
 @njit(cache=True)
-def bounded(at: Mechanism, bend: Array, w: Array, share: float) -> Array:
-    """A correction of w, shortened to a share of the length of w if it is longer: held where a series diverges."""
-    much, most = size(at, bend), share * size(at, w)
-    return bend if much <= most else bend * (most / much)
+def bounded(at: Mechanism, correction: Array, w: Array, share: float) -> Array:
+    """Shorten a correction (nv,) of w (nv,) to a share of the length of w, if it is longer.
+
+    So the result stays bounded where a series diverges.
+    """
+    much, most = norm(at, correction), share * norm(at, w)
+    return correction if much <= most else correction * (most / much)
 
 
 @njit(cache=True)
@@ -158,35 +164,38 @@ def exponential(at: Mechanism, p: Array, w: Array) -> Array:
     """
     locate(at, p)
     a = bounded(at, -spray(at, w), w, 1.0)
-    locate(at, moved(at, p, w, 1.0 / 3.0))
-    bend = -0.5 * spray(at, w + a / 3.0) + bracket(at, w, a) / 12.0
-    return moved(at, p, w + bounded(at, bend, w, 0.5), 1.0)
+    locate(at, integrate(at, p, w, 1.0 / 3.0))
+    correction = -0.5 * spray(at, w + a / 3.0) + bracket(at, w, a) / 12.0
+    return integrate(at, p, w + bounded(at, correction, w, 0.5), 1.0)
 
 
 @njit(cache=True)
 def logarithm(at: Mechanism, p: Array, q: Array) -> Array:
-    """The same, solved for w to the third order in d = q - p."""
+    """Logarithm (nv,) of q (nq,) at p (nq,): ``exponential`` solved for w to the third order in d = q - p."""
     d = difference(at, p, q)
     locate(at, p)
     G = bounded(at, spray(at, d), d, 1.0)
-    locate(at, moved(at, p, d, 1.0 / 3.0))
-    bend = 0.5 * spray(at, d + G / 6.0) + bracket(at, d, G) / 12.0
-    return d + bounded(at, bend, d, 0.5)
+    locate(at, integrate(at, p, d, 1.0 / 3.0))
+    correction = 0.5 * spray(at, d + G / 6.0) + bracket(at, d, G) / 12.0
+    return d + bounded(at, correction, d, 0.5)
 
 
 @njit(cache=True)
-def transported(at: Mechanism, p: Array, q: Array, w: Array) -> Array:
-    """w - Gamma_m(d, w - Gamma_m(d, w) / 2), with d = q - p and m half-way, brought back to the length of w."""
+def transport(at: Mechanism, p: Array, q: Array, w: Array) -> Array:
+    """Parallel transport (nv,) of w (nv,) from p (nq,) to q (nq,), rescaled to the length of w.
+
+    w - Gamma_m(d, w - Gamma_m(d, w) / 2),    d = q - p, m half-way
+    """
     d = difference(at, p, q)
-    before = length(at, p, w)
-    locate(at, moved(at, p, d, 0.5))
+    before = norm_at(at, p, w)
+    locate(at, integrate(at, p, d, 0.5))
     there = w - connection(at, d, w - 0.5 * connection(at, d, w))
-    after = length(at, q, there)
+    after = norm_at(at, q, there)
     return there * (before / after) if after > 0.0 else there
 
 
 @njit(cache=True)
-def curved(at: Mechanism, p: Array, X: Array, Y: Array) -> Array:
+def curvature(at: Mechanism, p: Array, X: Array, Y: Array) -> Array:
     """R(X, Y) X = d_X Gamma(Y, X) - d_Y Gamma(X, X) + Gamma(X, Gamma(Y, X)) - Gamma(Y, Gamma(X, X)) - Gamma([X, Y], X).
 
     Evaluated for directions of length 1 in the joints, as it is quadratic in X and linear in Y.
@@ -195,13 +204,13 @@ def curved(at: Mechanism, p: Array, X: Array, Y: Array) -> Array:
     if large == 0.0 or far == 0.0:
         return np.zeros(len(X))
     x, y = X / large, Y / far
-    locate(at, moved(at, p, x, _STEP))
+    locate(at, integrate(at, p, x, _STEP))
     along = connection(at, y, x)
-    locate(at, moved(at, p, x, -_STEP))
+    locate(at, integrate(at, p, x, -_STEP))
     along = along - connection(at, y, x)
-    locate(at, moved(at, p, y, _STEP))
+    locate(at, integrate(at, p, y, _STEP))
     across = spray(at, x)
-    locate(at, moved(at, p, y, -_STEP))
+    locate(at, integrate(at, p, y, -_STEP))
     across = across - spray(at, x)
     locate(at, p)
     R: Array = (along - across) / (2.0 * _STEP)

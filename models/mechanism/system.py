@@ -9,10 +9,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from mathnavi.models.manifold.system import moved
+from mathnavi.models.manifold.system import integrate
 from mathnavi.models.mechanism import forces
 from mathnavi.models.mechanism.geometry import MechanismManifold
 from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.joint_states import SLIDE, state_names
 from mathnavi.sim.interfaces.signals import Array
 
@@ -60,17 +61,18 @@ class MechanismSystem:
         return type(self), (self._model, self.constant, self.amplitude)
 
     def force(self, x: Array, v: Array, u: Array) -> Array:
-        """D_t v (nv,) [m/s^2, rad/s^2]."""
+        """Acceleration D_t v (nv,) [m/s^2, rad/s^2] at x (nq,), v (nv,) under the controls u (nu,)."""
         F: Array = forces.acceleration(self._at, x, v, u)
         return F
 
     def flow(self, state: Array, u: Array, h: float) -> Array:
-        return moved(self, state, u, h)
+        """State (nq + nv,) after h [s] from ``state`` with the controls u (nu,) held."""
+        return integrate(self, state, u, h)
 
     def _given(self, name: str, values: Sequence[float]) -> tuple[float, ...]:
         n = len(self.inputs)
         if len(values) not in (0, n) or not all(map(math.isfinite, values)):
-            raise ValueError(f"{name} = {tuple(values)!r}; allowed: {n} finite numbers, of {', '.join(self.inputs)}")
+            raise FieldError(f"{name} = {tuple(values)!r}; allowed: {n} finite numbers, of {', '.join(self.inputs)}")
         return tuple(map(float, values)) or (0.0,) * n
 
 

@@ -52,88 +52,92 @@ class Coordinates:
 
     @property
     def state_size(self) -> int:
+        """Number nx of states."""
         return len(self.states)
 
     @property
     def input_size(self) -> int:
+        """Number nu of inputs."""
         return len(self.inputs)
 
     @cached_property
     def units(self) -> tuple[str, ...]:
-        """Of the states."""
+        """Units (nx,) of the states."""
         return tuple(UNITS[name] for name in self.states)
 
     def index(self, name: str) -> int:
-        """Where a state or an input of that name stands."""
+        """Index of a state or an input by its name."""
         return (self.states if name in self.states else self.inputs).index(name)
 
     @cached_property
     def position(self) -> Integers:
-        """Where x_e, (y_e,) z_e stand in the state."""
+        """Indices of x_e, (y_e,) z_e in the state."""
         return np.array([self.index(name) for name in ("x_e", "y_e", "z_e") if name in self.states])
 
     @cached_property
     def angles(self) -> Integers:
-        """Where the angles stand in the state: differences of theirs are to be wrapped."""
+        """Indices of the angles in the state; their differences are to be wrapped."""
         return np.array([k for k, unit in enumerate(self.units) if unit == "rad"])
 
     def in_space(self, x: Array) -> Array:
-        """The spatial state (..., 10) of a state."""
+        """Spatial state (..., 10) of a state x (..., nx)."""
         return _spread(x, self._state_places, len(SPATIAL_STATES))
 
     def input_in_space(self, u: Array) -> Array:
-        """The spatial input (..., 5) of an input."""
+        """Spatial input (..., 5) [N, N m] of an input u (..., nu)."""
         return _spread(u, self._input_places, len(SPATIAL_INPUTS))
 
     def place(self, x: Array) -> Array:
-        """(..., 3) [m] Earth frame: where a state is."""
+        """Position (..., 3) [m] in the Earth frame of a state x (..., nx)."""
         return self.in_space(x)[..., 7:]
 
     def velocity(self, x: Array) -> Array:
-        """(..., 3) [m/s] Earth frame."""
+        """Velocity (..., 3) [m/s] in the Earth frame of a state x (..., nx)."""
         joints = self._rows(kernels.to_joints, self.in_space(x))
         return joints[..., 5:8] * (1.0, -1.0, -1.0)
 
     def nose(self, x: Array) -> Array:
-        """(..., 3) unit vector of the Earth frame along X_b."""
+        """Unit vector (..., 3) of the Earth frame along X_b, of a state x (..., nx)."""
         x = self.in_space(x)
         theta, psi = x[..., 5], x[..., 6]
         return np.stack([np.cos(theta) * np.cos(psi), np.sin(psi), -np.sin(theta) * np.cos(psi)], axis=-1)
 
     def from_joints(self, joints: Array) -> Array:
-        """The state (..., nx) of joint coordinates and their rates (..., nx), which is MuJoCo's (qpos, qvel)."""
+        """State (..., nx) of MuJoCo's joint coordinates and rates (qpos, qvel) (..., nx)."""
         spread = _spread(joints, self._joint_places, 2 * len(_JOINTS))
         return self._rows(kernels.from_joints, spread)[..., self._state_places]
 
     def to_joints(self, x: Array) -> Array:
-        """MuJoCo's (qpos, qvel) (..., nx) of a state (..., nx)."""
+        """MuJoCo's (qpos, qvel) (..., nx) of a state x (..., nx)."""
         return self._rows(kernels.to_joints, self.in_space(x))[..., self._joint_places]
 
     def joint_acceleration(self, x: Array, u: Array, body: Body = NOMINAL) -> Array:
-        """q'' (..., nj) of MuJoCo's joints at x (..., nx) under u (..., nu)."""
+        """Acceleration q'' (..., nj) of MuJoCo's joints at x (..., nx) under u (..., nu) [N, N m]."""
         kernel = partial(kernels.joint_accelerations, numbers=body.numbers)
         made = self._rows(kernel, self.in_space(x), self.input_in_space(u))
         return made[..., self._half_places]
 
     def inverse_dynamics(self, x: Array, joint_acceleration: Array, body: Body = NOMINAL) -> Array:
-        """The input (..., nu) under which MuJoCo's joints have q'' (..., nj) at x: the body is fully actuated."""
+        """Input (..., nu) [N, N m] under which MuJoCo's joints have q'' (..., nj) at x (..., nx): the body is fully
+        actuated.
+        """
         kernel = partial(kernels.inverse_dynamics, numbers=body.numbers)
         wanted = _spread(joint_acceleration, self._half_places, len(_JOINTS))
         return self._rows(kernel, self.in_space(x), wanted)[..., self._input_places]
 
     def rate(self, x: Array, u: Array, body: Body = NOMINAL) -> Array:
-        """x' (..., nx); ``dynamics`` in numpy."""
+        """Rate x' (..., nx) at x (..., nx) under u (..., nu) [N, N m]; ``dynamics`` in numpy."""
         kernel = partial(kernels.rates, numbers=body.numbers)
         made = self._rows(kernel, self.in_space(x), self.input_in_space(u))
         return made[..., self._state_places]
 
     def flow(self, x: Array, u: Array, dt: float, body: Body = NOMINAL) -> Array:
-        """The state (nx,) after the input u (nu,) was held for dt [s] from x (nx,)."""
+        """State (nx,) after the input u (nu,) [N, N m] was held for dt [s] from x (nx,)."""
         after = kernels.flow(self.in_space(x), self.input_in_space(u), float(dt), body.numbers, STEP)
         return after[self._state_places]
 
     def state_at(self, plan: Plan, t: float | Array, body: Body = NOMINAL) -> Array:
-        """The state of a plan at absolute time t [s]: (nx,) for a number, (n, nx) for an array (n,).
+        """State of a plan at absolute time t [s]: (nx,) for a number, (n, nx) for an array (n,).
 
         Within an arc the body flies on from the arc's first state. Before the plan starts it is its first state; its
         last arc goes on after its end.
@@ -145,7 +149,7 @@ class Coordinates:
         return states if isinstance(t, np.ndarray) else states[0]
 
     def input_at(self, plan: Plan, t: float) -> Array:
-        """The input (nu,) of a plan from time t [s] on: that of its first arc before, of its last one after."""
+        """Input (nu,) [N, N m] of a plan from time t [s] on: that of its first arc before, of its last one after."""
         arc = int(plan.t.searchsorted(t + TIME_TOLERANCE, side="right")) - 1
         held: Array = plan.u[min(max(arc, 0), len(plan.u) - 1)].copy()
         return held

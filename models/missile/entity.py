@@ -17,6 +17,7 @@ from mathnavi.models.composer_and_mjcf import composer, mjcf
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
 from mathnavi.models.vehicle_names import check_vehicle_name
+from mathnavi.sim.interfaces.errors import FieldError
 
 GROUND = 4000.0  # [m] half the side of the ground that is drawn
 SQUARE = 50.0  # [m] of the pattern on the ground
@@ -39,7 +40,7 @@ class Missile(composer.Entity):
         check_vehicle_name(name)
         for factor, what in ((force_factor, "force_factor"), (moment_factor, "moment_factor")):
             if not (math.isfinite(factor) and factor > 0.0):
-                raise ValueError(f"{what} = {factor!r}; allowed: a finite value > 0")
+                raise FieldError(f"{what} = {factor!r}; allowed: a finite value > 0")
         self._model = mjcf.from_path(str(_HERE / "missile.xml"))
         self._model.model = name
         self._model.option.gravity = (0.0, 0.0, -body.gravity)
@@ -55,13 +56,14 @@ class Missile(composer.Entity):
                 continue
             limit = input_max[coordinates.inputs.index(motor.name)]
             if not limit > 0.0:
-                raise ValueError(f"input_max of {motor.name} = {limit!r}; allowed: > 0")
+                raise FieldError(f"input_max of {motor.name} = {limit!r}; allowed: > 0")
             if math.isfinite(limit):
                 motor.ctrlrange = (-limit, limit)
             motor.gear = motor.gear * (force_factor if motor.name.startswith("F") else moment_factor)
 
     @property
     def mjcf_model(self) -> Any:
+        """MJCF model of the missile."""
         return self._model
 
 
@@ -115,7 +117,7 @@ def build_spec(
     factors are what the thrusters give of what they are asked for. The body is the true one.
     """
     if len(input_max) != coordinates.input_size:
-        raise ValueError(f"input_max has {len(input_max)} numbers; allowed: {coordinates.input_size}")
+        raise FieldError(f"input_max has {len(input_max)} numbers; allowed: {coordinates.input_size}")
     arena = MissileRange(body.gravity)
     arena.attach(Missile(name, coordinates, body, input_max, force_factor, moment_factor))
     root = arena.mjcf_model

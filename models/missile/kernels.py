@@ -50,7 +50,7 @@ def _rate(x: Array, u: Array, numbers: Numbers, out: Array) -> None:
 
 @njit(cache=True, nogil=True)
 def rates(x: Array, u: Array, numbers: Numbers) -> Array:
-    """x' (n, 10) at states (n, 10) and inputs (n, 5)."""
+    """Rates x' (n, 10) at states x (n, 10) under inputs u (n, 5) [N, N m]."""
     out = np.empty_like(x)
     for k in range(len(x)):
         _rate(x[k], u[k], numbers, out[k])
@@ -59,7 +59,9 @@ def rates(x: Array, u: Array, numbers: Numbers) -> Array:
 
 @njit(cache=True, nogil=True)
 def flow(x: Array, u: Array, dt: float, numbers: Numbers, step: float) -> Array:
-    """The state (10,) after the input (5,) was held for dt [s]: Runge-Kutta steps of at most ``step`` [s]."""
+    """State (10,) after the input u (5,) [N, N m] was held for dt [s] from x (10,): Runge-Kutta steps of at most
+    ``step`` [s].
+    """
     now = x.copy()
     count = max(1, math.ceil(abs(dt) / step - TIME_TOLERANCE))
     h = dt / count
@@ -91,7 +93,7 @@ def states_on(t: Array, x: Array, u: Array, times: Array, numbers: Numbers, step
 
 @njit(cache=True, nogil=True)
 def to_joints(x: Array) -> Array:
-    """Joint coordinates and rates (n, 10) of states (n, 10)."""
+    """Joint coordinates and rates (n, 10) of states x (n, 10)."""
     out = np.empty_like(x)
     for k in range(len(x)):
         u, v, w, q, r, theta, psi = x[k, :7]
@@ -105,7 +107,7 @@ def to_joints(x: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def from_joints(j: Array) -> Array:
-    """States (n, 10) of joint coordinates and rates (n, 10)."""
+    """States (n, 10) of joint coordinates and rates j (n, 10)."""
     out = np.empty_like(j)
     for k in range(len(j)):
         theta, psi = j[k, 3], j[k, 4]
@@ -119,7 +121,7 @@ def from_joints(j: Array) -> Array:
 
 @njit(cache=True, nogil=True)
 def joint_accelerations(x: Array, u: Array, numbers: Numbers) -> Array:
-    """(x'', y'', z'', theta'', psi'') (n, 5) at states (n, 10) under inputs (n, 5)."""
+    """Joint accelerations (x'', y'', z'', theta'', psi'') (n, 5) at states x (n, 10) under inputs u (n, 5) [N, N m]."""
     m, I_y, I_x, g = numbers
     out = np.empty((len(x), 5))
     for k in range(len(x)):
@@ -139,7 +141,7 @@ def joint_accelerations(x: Array, u: Array, numbers: Numbers) -> Array:
 
 @njit(cache=True, nogil=True)
 def inverse_dynamics(x: Array, a: Array, numbers: Numbers) -> Array:
-    """The inputs (n, 5) that give the joint accelerations a (n, 5) at states (n, 10)."""
+    """Inputs (n, 5) [N, N m] that give the joint accelerations a (n, 5) at states x (n, 10)."""
     m, I_y, I_x, g = numbers
     out = np.empty((len(x), 5))
     for k in range(len(x)):

@@ -14,7 +14,8 @@ import numpy as np
 
 from mathnavi.models.missile.coordinates import PLANAR, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, TICK, Body
-from mathnavi.models.missile.sensors import FullStateSensor, StateNoise
+from mathnavi.models.missile.sensors import MissileStateSensor, StateNoise
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 Place = tuple[float, float, float]
@@ -66,14 +67,14 @@ CASES = {
 
 @dataclass(frozen=True)
 class Target:
-    """Where a target is at time ``t``, and how it moves from then on as far as is known."""
+    """Target: its place at time ``t``, and its velocity from then on as far as is known."""
 
     place: Place  # [m] Earth frame
     velocity: Place = (0.0, 0.0, 0.0)  # [m/s] Earth frame
     t: float = 0.0  # [s]
 
     def at(self, t: float) -> Array:
-        """(3,) [m] Earth frame at time t [s]."""
+        """Place (3,) [m] in the Earth frame at time t [s]."""
         return np.array(self.place) + (t - self.t) * np.array(self.velocity)
 
 
@@ -90,7 +91,10 @@ class GustStrength:
 
 @dataclass(frozen=True)
 class MissileMission:
-    """From ``start`` at t = 0 to ``target``, there with nose and velocity at ``aspect_angle`` and psi = 0."""
+    """From ``start`` at t = 0 to ``target``, there with nose and velocity at ``aspect_angle`` and psi = 0.
+
+    Raises MissionError for a start or limits of another size, and for limits that are not positive.
+    """
 
     start: tuple[float, ...]  # (nx,) the thesis' state
     target: Target  # as it is known at the start
@@ -108,34 +112,38 @@ class MissileMission:
         for name, size in sizes.items():
             given = getattr(self, name)
             if len(given) != size and not (name == "input_max" and not given):
-                raise ValueError(f"{name} has {len(given)} numbers; allowed: {size} in {self.coordinates.name} flight")
+                raise MissionError(
+                    f"{name} has {len(given)} numbers; allowed: {size} in {self.coordinates.name} flight"
+                )
         if not self.input_max:
             object.__setattr__(self, "input_max", (math.inf,) * self.coordinates.input_size)
         if not all(limit > 0.0 for limit in self.input_max):  # NaN too
-            raise ValueError(f"input_max = {self.input_max!r}; allowed: numbers > 0, infinity for none")
+            raise MissionError(f"input_max = {self.input_max!r}; allowed: numbers > 0, infinity for none")
 
     @property
     def start_state(self) -> Array:
-        """(nx,) the state at t = 0."""
+        """State (nx,) at t = 0."""
         return np.array(self.start)
 
     @property
     def final_direction(self) -> Array:
-        """(3,) unit vector of the Earth frame along which the nose and the velocity shall point at the target."""
+        """Unit vector (3,) of the Earth frame along which nose and velocity shall point at the target."""
         return np.array([math.cos(self.aspect_angle), 0.0, -math.sin(self.aspect_angle)])
 
     # ---- what an estimator needs to know of the vehicle, of any kind of mission
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """The state (nx,) after the input u (nu,) was held for dt [s] from x (nx,), as far as it is declared."""
+        """State (nx,) after the input u (nu,) [N, N m], clipped to its limits, was held for dt [s] from x (nx,), as
+        declared.
+        """
         return self.coordinates.flow(x, np.clip(u, -np.array(self.input_max), self.input_max), dt, self.body)
 
-    def full_state_sensor(self, rate: float | None) -> FullStateSensor:
-        """Reads the whole state ``rate`` times a second, or whenever the loop looks."""
-        return FullStateSensor(self.coordinates, self.noise, rate)
+    def full_state_sensor(self, rate: float | None) -> MissileStateSensor:
+        """Sensor that reads the whole state ``rate`` times a second, or at every control step if it is None."""
+        return MissileStateSensor(self.coordinates, self.noise, rate)
 
     def full_state_covariance(self, age: float) -> Array:
-        """(nx, nx) of a reading that was carried on for ``age`` [s]; a gust that stays as it is bounds every other."""
+        """Covariance (nx, nx) of a reading propagated for ``age`` [s]; a constant gust bounds every other."""
         kick = {  # rates of the velocities that a gust gives
             **dict.fromkeys(("u", "v", "w"), self.gust.force / self.body.mass),
             **dict.fromkeys(("q", "r"), self.gust.moment / self.body.inertia),
@@ -144,8 +152,10 @@ class MissileMission:
             **dict.fromkeys(("x_e", "y_e", "z_e"), kick["u"]),
             **dict.fromkeys(("theta", "psi"), kick["q"]),
         }
-        off = [kick[name] * age if name in kick else drift[name] * 0.5 * age * age for name in self.coordinates.states]
-        return np.diag(self.noise.deviations(self.coordinates) ** 2 + np.square(off))
+        deviations = [
+            kick[name] * age if name in kick else drift[name] * 0.5 * age * age for name in self.coordinates.states
+        ]
+        return np.diag(self.noise.deviations(self.coordinates) ** 2 + np.square(deviations))
 
     def full_state_quality(self) -> Any:
         """The covariance of a reading: nothing is certified from it."""

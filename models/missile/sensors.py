@@ -32,22 +32,24 @@ class StateNoise:
 
 
 @dataclass(frozen=True)
-class FullStateSensor:
+class MissileStateSensor:
     """The thesis' state (nx,) with Gaussian noise."""
 
     coordinates: Coordinates
     noise: StateNoise = StateNoise()
-    rate: float | None = None  # [Hz]; None: whenever the loop looks
+    rate: float | None = None  # [Hz]; None: every control step
     name: str = "full_state"
 
     @property
     def size(self) -> int:
+        """Number nx of states."""
         return self.coordinates.state_size
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        """Read the thesis' state (nx,) of ``motion``; ``rng`` draws the noise."""
         x = self.coordinates.from_joints(motion.x)
         deviations = self.noise.deviations(self.coordinates)
         if not deviations.any():
             return x
-        off: Array = deviations * rng.standard_normal(len(x))
-        return x + off
+        noise: Array = deviations * rng.standard_normal(len(x))
+        return x + noise

@@ -19,7 +19,9 @@ class TargetMotion:
 
     @staticmethod
     def along(place: Place, velocity: Place, changes: Sequence[tuple[float, Place]] = ()) -> TargetMotion:
-        """From ``place`` (3,) [m] with ``velocity`` (3,) [m/s], and from each time [s] on with another velocity."""
+        """Motion from ``place`` (3,) [m] with ``velocity`` (3,) [m/s], Earth frame; ``changes`` hold times [s] and new
+        velocities.
+        """
         legs = [Target(place, velocity)]
         for t, after in sorted(changes):
             x, y, z = legs[-1].at(t).tolist()
@@ -27,15 +29,15 @@ class TargetMotion:
         return TargetMotion(tuple(legs))
 
     def leg(self, t: float) -> Target:
-        """The leg at time t [s]."""
+        """Leg at time t [s]."""
         return [leg for leg in self.legs if leg.t <= max(t, 0.0)][-1]
 
     def at(self, t: float | Array) -> Array:
-        """(3,) or (n, 3) [m] Earth frame at time t [s], a number or an array (n,)."""
+        """Place (3,) or (n, 3) [m] in the Earth frame at time t [s], a number or an array (n,)."""
         if isinstance(t, np.ndarray):
             return np.array([self.at(float(each)) for each in t]).reshape(-1, 3)
         return self.leg(t).at(t)
 
     def velocity(self, t: float) -> Array:
-        """(3,) [m/s] Earth frame."""
+        """Velocity (3,) [m/s] in the Earth frame at time t [s]."""
         return np.array(self.leg(t).velocity)

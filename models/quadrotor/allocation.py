@@ -23,7 +23,9 @@ _ROUNDING = 1e-9
 
 @njit(cache=True, nogil=True)
 def allocated(wrench: Array, inverse: Array, thrust_max: float) -> Array:
-    """The thrusts (4,) [N] for a ``wrench`` (4,) (T, tau) [N, N m]; ``inverse`` (4, 4) is that of the allocation."""
+    """Allocate a ``wrench`` (4,) (T, tau) [N, N m] to the thrusts (4,) [N]; ``inverse`` (4, 4) is that of the
+    allocation.
+    """
     turning, yawing = np.empty(4), np.empty(4)
     for i in range(4):
         turning[i] = inverse[i, 1] * wrench[1] + inverse[i, 2] * wrench[2]

@@ -72,24 +72,24 @@ class Quadrotor:
 
     @property
     def hover_thrust(self) -> float:
-        """[N] of each rotor in hover."""
+        """Thrust [N] of each rotor in hover."""
         return self.mass * self.gravity / ROTOR_COUNT
 
     @property
     def places(self) -> Array:
-        """(4, 2) [m] of the hubs, x_i and y_i, in the order of ``ROTORS``."""
+        """Places x_i, y_i (4, 2) [m] of the hubs in the body frame, in the order of ``ROTORS``."""
         places: Array = self.arm / math.sqrt(2.0) * _SIDES
         return places
 
     @cached_property
     def allocation(self) -> Array:
-        """(4, 4) from the thrusts of the rotors [N] to (T, tau) [N, N m]."""
+        """Matrix (4, 4) from the thrusts of the rotors [N] to (T, tau) [N, N m]."""
         x, y = self.places.T
         return np.array([np.ones(ROTOR_COUNT), y, -x, self.moment_ratio * _SENSES])
 
     @property
     def moments(self) -> Array:
-        """(4,) [m] s_i kappa."""
+        """Moment per thrust s_i kappa (4,) [m] of the rotors."""
         moments: Array = self.moment_ratio * _SENSES
         return moments
 
@@ -137,9 +137,10 @@ def rotation(q: casadi.SX) -> casadi.SX:
 
 
 def flow(vehicle: Quadrotor, x: Array, thrusts: Array, dt: float) -> Array:
-    """The state (13,) after the rotors pushed with ``thrusts`` (4,) [N] for dt [s], by Runge and Kutta's fourth order.
+    """State (13,) after the rotors pushed with ``thrusts`` (4,) [N] for dt [s] from x (13,), by Runge-Kutta steps of
+    order 4.
 
-    What lies between a thrust asked for and the one that acts is left out: whoever carries an estimate on does not know
+    What lies between a thrust asked for and the one that acts is left out: whoever propagates an estimate does not know
     the rotors' thrusts at its time.
     """
     f = rigid_dynamics(vehicle)
@@ -156,5 +157,5 @@ def flow(vehicle: Quadrotor, x: Array, thrusts: Array, dt: float) -> Array:
 
 
 def at_rest(position: Array) -> Array:
-    """(13,) the state of rest at a point (3,) [m], level, the nose to the east."""
+    """State (13,) of rest at a ``position`` (3,) [m], level, the nose to the east."""
     return np.array([*position, 1.0, *np.zeros(9)])

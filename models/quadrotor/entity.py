@@ -20,6 +20,7 @@ from mathnavi.models.aerial.entity import TerrainArena
 from mathnavi.models.quadrotor.dynamics import NOMINAL, ROTOR_COUNT, ROTORS, Quadrotor
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.vehicle_names import check_vehicle_names
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 _XML = Path(__file__).parent / "quadrotor.xml"
@@ -43,7 +44,7 @@ def build_spec(
     each = {name: vehicles if isinstance(vehicles, Quadrotor) else vehicles[name] for name in names}
     gravities = {vehicle.gravity for vehicle in each.values()}
     if len(gravities) > 1:
-        raise ValueError(f"gravity = {sorted(gravities)}; allowed: the same for every vehicle of a model")
+        raise FieldError(f"gravity = {sorted(gravities)}; allowed: the same for every vehicle of a model")
     root = TerrainArena(height_field).mjcf_model
     spec = mujoco.MjSpec.from_string(root.to_xml_string(), assets=root.get_assets())
     spec.option.gravity = (0.0, 0.0, -gravities.pop())
@@ -110,10 +111,11 @@ class RotorDrive:
     input_size: int = ROTOR_COUNT
 
     def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
+        """Write the thrusts u (4,) [N], clipped to their bounds, to the model's controls, which count from hover."""
         control[:ROTOR_COUNT] = np.clip(u, 0.0, self.vehicle.thrust_max) - self.vehicle.hover_thrust
 
 
 def tilt(quaternion: Array) -> float:
-    """[rad] between the thrust and the vertical at an attitude (4,)."""
+    """Angle [rad] between the thrust and the vertical at an attitude (4,), scalar first."""
     _, x, y, _ = quaternion
     return math.acos(min(1.0, max(-1.0, 1.0 - 2.0 * float(x * x + y * y))))

@@ -22,14 +22,14 @@ _STIFF = 1e-2  # [rad, rad/s] by which attitude and rate of a reading carried on
 
 @dataclass(frozen=True)
 class QuadrotorStateSensor:
-    """The state (13,) of ``mathnavi.models.quadrotor.dynamics``: the position off by a noise uniform in a cube, the
-    rest exact.
+    """State (13,) of ``mathnavi.models.quadrotor.dynamics``: the position with a noise uniform in a cube, the rest
+    exact.
 
     Section A.7 of the thesis draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
     """
 
     position_noise: float = 0.0  # [m] standard deviation on each axis
-    rate: float | None = None  # [Hz]; None: whenever the loop looks
+    rate: float | None = None  # [Hz]; None: every control step
     name: str = "full_state"
     size: int = STATE_SIZE
 
@@ -37,6 +37,7 @@ class QuadrotorStateSensor:
         check(self.position_noise, f"{self.name} sensor: position_noise", 0.0)
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        """Read the state (13,) of ``motion``; ``rng`` draws the noise."""
         x = motion.x
         if self.position_noise > 0.0:
             half_width = math.sqrt(3.0) * self.position_noise
@@ -46,20 +47,19 @@ class QuadrotorStateSensor:
 
 @dataclass(frozen=True, eq=False)
 class QuadrotorMission:
-    """A flight mission for a point mass that has a quadrotor beneath it; ``mathnavi.estimators.full_state.Mission``
-    too."""
+    """Flight mission of a point mass that a quadrotor flies; a ``FullStateMission`` (``estimators.full_state``) too."""
 
     flight: FlightMission
     vehicle: Quadrotor = NOMINAL  # as it is believed to be
 
     @property
     def control_period(self) -> float:
-        """[s] of estimator and tracker."""
+        """Period [s] of estimator and tracker."""
         return self.flight.control_period
 
     @property
     def start_state(self) -> Array:
-        """(13,) the state at t = 0: at rest, level, the nose towards the target."""
+        """State (13,) at t = 0: at rest, level, the nose towards the target."""
         x = at_rest(np.array(self.flight.start))
         east, north = (b - a for a, b in zip(self.flight.start[:2], self.flight.target[:2], strict=True))
         half = 0.5 * math.atan2(north, east)
@@ -67,15 +67,15 @@ class QuadrotorMission:
         return x
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """The state (13,) after the thrusts u (4,) [N] acted for dt [s] from x (13,), in still air."""
+        """State (13,) after the thrusts u (4,) [N] acted for dt [s] from x (13,), in still air."""
         return flow(self.vehicle, x, u, dt)
 
     def full_state_sensor(self, rate: float | None) -> QuadrotorStateSensor:
-        """Reads the whole state ``rate`` times a second, or whenever the loop looks."""
+        """Sensor that reads the whole state ``rate`` times a second, or at every control step if it is None."""
         return QuadrotorStateSensor(self.flight.position_noise, rate)
 
     def full_state_covariance(self, age: float) -> Array:
-        """(13, 13) of a reading that was carried on for ``age`` [s]: the point mass', and a little of the rest."""
+        """Covariance (13, 13) of a reading propagated for ``age`` [s]: the point mass', and a little of the rest."""
         point = self.flight.full_state_covariance(age)
         covariance = np.zeros((STATE_SIZE, STATE_SIZE))
         place = [0, 1, 2, 7, 8, 9]
@@ -85,5 +85,5 @@ class QuadrotorMission:
         return covariance
 
     def full_state_quality(self) -> EstimateQuality:
-        """That of the point mass."""
+        """Quality of the readings of the point mass."""
         return self.flight.full_state_quality()

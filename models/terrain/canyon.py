@@ -27,6 +27,7 @@ from scipy.ndimage import zoom
 from scipy.spatial import cKDTree
 
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.signals import Array
 
 _SIDE, _SPACING = 640.0, 4.0  # [m]
@@ -38,7 +39,7 @@ _CLIMB = 0.62  # share of the way along the branch after which its floor climbs 
 
 @dataclass(frozen=True)
 class Canyon:
-    """What the ground follows from; lengths in metres."""
+    """Parameters from which the ground follows; lengths in metres."""
 
     number: int
     y_0: float
@@ -53,7 +54,7 @@ class Canyon:
 
     @staticmethod
     def drawn(number: int, rng: np.random.Generator) -> Canyon:
-        """The one of a number."""
+        """Draw the canyon of a number."""
         west = float(rng.uniform(1205.0, 1215.0))
         return Canyon(
             number=number,
@@ -69,25 +70,28 @@ class Canyon:
         )
 
     def middle(self, x: Array) -> Array:
-        """y [m] of the gorge's middle at x [m]."""
+        """Ordinate y (n,) [m] of the gorge's middle at x (n,) [m]."""
         y = np.full_like(x, self.y_0)
         for amplitude, length, phase in zip(self.amplitudes, self.lengths, self.phases, strict=True):
             y += amplitude * np.sin(2.0 * math.pi * x / length + phase)
         return y
 
     def branch(self) -> Array:
-        """(n, 2) [m] the middle of the branch, from the gorge to its end."""
+        """Middle (n, 2) [m] of the branch, from the gorge to its end."""
         s = np.linspace(0.0, 1.0, 200)
         foot = float(self.middle(np.array([self.fork]))[0])
         north = foot + s * (0.97 * _SIDE - foot)
-        bend = 0.16 * _SIDE * s + 26.0 * np.sin(2.0 * math.pi * 1.3 * s) * np.minimum(1.0, 4.0 * s)
-        return np.column_stack([self.fork + bend, north])
+        offset = 0.16 * _SIDE * s + 26.0 * np.sin(2.0 * math.pi * 1.3 * s) * np.minimum(1.0, 4.0 * s)
+        return np.column_stack([self.fork + offset, north])
 
 
 def canyon(number: int = 0) -> HeightField:
-    """The canyon of a number: 161 x 161 nodes at 4 m, walls of some 100 m. ValueError for a negative number."""
+    """Canyon of a number: 161 x 161 nodes at 4 m, walls of some 100 m.
+
+    Raises TerrainError for a negative number.
+    """
     if number < 0:
-        raise ValueError(f"canyon number = {number}; allowed: a whole number >= 0")
+        raise TerrainError(f"canyon number = {number}; allowed: a whole number >= 0")
     rng = np.random.default_rng([number, 0xCA])
     plan = Canyon.drawn(number, rng)
     count = round(_SIDE / _SPACING) + 1
@@ -135,8 +139,8 @@ def _smooth(s: Array) -> Array:
 
 def _distance(curve: Array, x: Array, y: Array) -> tuple[Array, Array]:
     """[m] from each node to a curve (n, 2), and the share of the way along it, 0 to 1, at which it is nearest."""
-    away, nearest = cKDTree(curve).query(np.stack([x, y], axis=-1).reshape(-1, 2))
-    return away.reshape(x.shape), nearest.reshape(x.shape) / (len(curve) - 1.0)
+    distance, nearest = cKDTree(curve).query(np.stack([x, y], axis=-1).reshape(-1, 2))
+    return distance.reshape(x.shape), nearest.reshape(x.shape) / (len(curve) - 1.0)
 
 
 def _noise(rng: np.random.Generator, count: int, cells: int) -> Array:

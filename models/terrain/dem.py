@@ -33,6 +33,7 @@ from PIL import Image, UnidentifiedImageError
 from scipy.ndimage import map_coordinates
 
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.signals import Array
 
 HGT_NODES = (1201, 3601)
@@ -67,7 +68,9 @@ class Raster:
 
 
 def metres_per_degree(latitude: float) -> tuple[float, float]:
-    """(north, east) [m] that one degree of latitude and of longitude measure on the WGS84 ellipsoid at ``latitude``."""
+    """Lengths (north, east) [m] of one degree of latitude and of longitude on the WGS84 ellipsoid at ``latitude``
+    [degrees].
+    """
     sine, cosine = math.sin(math.radians(latitude)), math.cos(math.radians(latitude))
     w = math.sqrt(1.0 - WGS84_ECCENTRICITY_SQUARED * sine**2)
     north = WGS84_RADIUS * (1.0 - WGS84_ECCENTRICITY_SQUARED) / w**3  # radius of curvature of the meridian
@@ -76,10 +79,10 @@ def metres_per_degree(latitude: float) -> tuple[float, float]:
 
 
 def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
-    """``raster`` in metres with equal steps ``spacing`` both ways; without one, the steps north are kept.
+    """Resample ``raster`` to metres with equal steps ``spacing`` [m] both ways; without one, the steps north are kept.
 
     Bilinear from the south-west node on, so the result ends less than one step short of the north and east borders. A
-    node next to a void is void.
+    node next to a void is void. Raises TerrainError for a spacing that leaves fewer than 2 x 2 nodes.
     """
     to_north, to_east = (1.0, 1.0) if raster.latitude is None else metres_per_degree(raster.latitude)
     step_north, step_east = raster.step_north * to_north, raster.step_east * to_east
@@ -92,7 +95,7 @@ def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
         for count, step in zip(raster.z.shape, (step_north, step_east), strict=True)
     )
     if min(rows, columns) < 2:
-        raise ValueError(
+        raise TerrainError(
             f"{raster.name}: spacing is {spacing} m, which leaves {rows} x {columns} nodes; allowed: at least 2 x 2"
         )
     row = np.minimum(np.arange(rows) * (spacing / step_north), raster.z.shape[0] - 1)
@@ -102,11 +105,14 @@ def square_grid(raster: Raster, spacing: float | None = None) -> Raster:
 
 
 def height_field(raster: Raster) -> HeightField:
-    """The map of a square grid in metres; a ValueError if it still has voids."""
+    """Height field of a square grid in metres.
+
+    Raises TerrainError if it still has voids.
+    """
     void = np.isnan(raster.z)
     if void.any():
         row, column = np.argwhere(void)[0]
-        raise ValueError(
+        raise TerrainError(
             f"{raster.name}: {np.count_nonzero(void)} heights are void or NaN, the first at row {row} from the south, "
             f"column {column} from the west; crop them away or fill them"
         )
@@ -114,43 +120,48 @@ def height_field(raster: Raster) -> HeightField:
 
 
 def read_npz(path: str | Path) -> HeightField:
-    """The map in an ``.npz`` file."""
+    """Read the map in an ``.npz`` file.
+
+    Raises TerrainError for a file that is malformed, FileNotFoundError for none.
+    """
     path = _existing(path)
     try:
         with path.open("rb") as file, np.lib.npyio.NpzFile(file, allow_pickle=False) as archive:
             entries = {name: archive[name] for name in ("z", "meta") if name in archive}
     except (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError, EOFError, OSError) as error:
-        raise ValueError(f"{path}: not a readable .npz file ({error})") from None
+        raise TerrainError(f"{path}: not a readable .npz file ({error})") from None
     for name in ("z", "meta"):
         if name not in entries:
-            raise ValueError(f"{path}: {name} is missing; a map has z (rows, cols) [m] and meta (JSON with spacing_m)")
+            raise TerrainError(
+                f"{path}: {name} is missing; a map has z (rows, cols) [m] and meta (JSON with spacing_m)"
+            )
     z = entries["z"]
     if z.dtype.kind not in "fiu":
-        raise ValueError(f"{path}: z has the type {z.dtype}; allowed: real numbers, float32 as a rule")
+        raise TerrainError(f"{path}: z has the type {z.dtype}; allowed: real numbers, float32 as a rule")
     try:
         meta = json.loads(str(entries["meta"]))
     except json.JSONDecodeError as error:
-        raise ValueError(f"{path}: meta is not JSON ({error})") from None
+        raise TerrainError(f"{path}: meta is not JSON ({error})") from None
     if not isinstance(meta, dict) or "spacing_m" not in meta:
-        raise ValueError(f"{path}: meta has no spacing_m, the distance between neighbouring nodes in metres")
+        raise TerrainError(f"{path}: meta has no spacing_m, the distance between neighbouring nodes in metres")
     spacing = meta["spacing_m"]
     if isinstance(spacing, bool) or not isinstance(spacing, int | float):
-        raise ValueError(f"{path}: spacing_m is {spacing!r}; allowed: a number above 0")
+        raise TerrainError(f"{path}: spacing_m is {spacing!r}; allowed: a number above 0")
     texts = {key: meta.get(key, default) for key, default in (("name", path.stem), ("source", ""), ("licence", ""))}
     for key, text in texts.items():
         if not isinstance(text, str):
-            raise ValueError(f"{path}: {key} is {text!r}; allowed: a text")
+            raise TerrainError(f"{path}: {key} is {text!r}; allowed: a text")
     try:
         return HeightField(z, spacing, **texts)
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise TerrainError(f"{path}: {error}") from None
 
 
 def write_npz(terrain: HeightField, path: str | Path) -> None:
     """Write ``terrain`` as an ``.npz`` file, heights in float32; a file appears only when it is whole."""
     path = Path(path)
     if path.suffix != ".npz":
-        raise ValueError(f"{path}: a map is written as .npz")
+        raise TerrainError(f"{path}: a map is written as .npz")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
     meta = {
@@ -169,26 +180,26 @@ def write_npz(terrain: HeightField, path: str | Path) -> None:
 
 
 def read_png(path: str | Path, spacing: float, scale: float) -> Raster:
-    """A 16-bit grey picture whose pixels are nodes ``spacing`` [m] apart, ``scale`` [m] per unit; row 0 is north."""
+    """Read a 16-bit grey picture: nodes ``spacing`` [m] apart, ``scale`` [m] per unit; row 0 is north."""
     path = _existing(path)
     spacing, scale = _positive("spacing", spacing, "m"), _positive("scale", scale, "m per unit")
     image, values = _decode(path)
     if image.mode not in ("I;16", "I;16B", "I;16L"):
-        raise ValueError(f"{path}: the picture has the mode {image.mode}; allowed: 16-bit grey (I;16)")
+        raise TerrainError(f"{path}: the picture has the mode {image.mode}; allowed: 16-bit grey (I;16)")
     return Raster(path.stem, scale * values[::-1], spacing, spacing)
 
 
 def read_hgt(path: str | Path) -> Raster:
-    """An SRTM tile; its name states the south-west corner."""
+    """Read an SRTM tile; its name states the south-west corner."""
     path = _existing(path)
     corner = re.fullmatch(r"([NS])(\d{2})([EW])(\d{3})", path.stem, re.IGNORECASE)
     if corner is None:
-        raise ValueError(f"{path}: the name must state the south-west corner, as N42E080.hgt does")
+        raise TerrainError(f"{path}: the name must state the south-west corner, as N42E080.hgt does")
     size = path.stat().st_size
     nodes = next((count for count in HGT_NODES if 2 * count**2 == size), None)
     if nodes is None:
         allowed = " or ".join(f"{2 * count**2} ({count} x {count})" for count in HGT_NODES)
-        raise ValueError(f"{path}: {size} bytes are not a whole square tile; allowed: {allowed}")
+        raise TerrainError(f"{path}: {size} bytes are not a whole square tile; allowed: {allowed}")
     values = np.fromfile(path, dtype=">i2").reshape(nodes, nodes)
     z = np.where(values == HGT_VOID, np.nan, values.astype(np.float64))[::-1]
     latitude = int(corner[2]) * (1 if corner[1].upper() == "N" else -1) + 0.5
@@ -197,7 +208,7 @@ def read_hgt(path: str | Path) -> Raster:
 
 
 def read_geotiff(path: str | Path) -> Raster:
-    """A GeoTIFF with one band of heights in metres."""
+    """Read a GeoTIFF with one band of heights in metres."""
     path = _existing(path)
     if importlib.util.find_spec("rasterio") is not None:
         return _read_with_rasterio(path)
@@ -222,24 +233,24 @@ def import_dem(
     suffix = path.suffix.lower()
     if suffix == ".png":
         if spacing is None or scale is None:
-            raise ValueError(f"{path}: a PNG needs both spacing [m] and scale [m per unit], it states neither")
+            raise TerrainError(f"{path}: a PNG needs both spacing [m] and scale [m per unit], it states neither")
         raster = read_png(path, spacing, scale)
     elif suffix == ".hgt":
         if scale is not None:
-            raise ValueError(f"{path}: scale is {scale}; an .hgt file is in metres and takes none")
+            raise TerrainError(f"{path}: scale is {scale}; an .hgt file is in metres and takes none")
         raster = read_hgt(path)
     elif suffix in (".tif", ".tiff"):
         raster = read_geotiff(path)
         raster = replace(raster, z=raster.z * (1.0 if scale is None else _positive("scale", scale, "m per unit")))
     elif suffix == ".npz":
         if scale is not None:
-            raise ValueError(f"{path}: scale is {scale}; an .npz map is in metres and takes none")
+            raise TerrainError(f"{path}: scale is {scale}; an .npz map is in metres and takes none")
         terrain = read_npz(path)
         raster = Raster(
             terrain.name, terrain.z, terrain.spacing, terrain.spacing, source=terrain.source, licence=terrain.licence
         )
     else:
-        raise ValueError(f"{path}: the ending {suffix!r} is not known; allowed: .png, .hgt, .tif, .tiff, .npz")
+        raise TerrainError(f"{path}: the ending {suffix!r} is not known; allowed: .png, .hgt, .tif, .tiff, .npz")
     raster = square_grid(raster, spacing)
     if crop is not None:
         raster = replace(raster, z=_cropped(raster, crop))
@@ -251,7 +262,7 @@ def _cropped(raster: Raster, crop: tuple[int, int, int]) -> Array:
     row, column, size = crop
     rows, columns = raster.z.shape
     if size < 2 or row < 0 or column < 0 or row + size > rows or column + size > columns:
-        raise ValueError(
+        raise TerrainError(
             f"{raster.name}: crop (row {row}, column {column}, size {size}) is not within {rows} rows and "
             f"{columns} columns; allowed sizes are 2 to {min(rows, columns)}"
         )
@@ -267,15 +278,15 @@ def _read_with_rasterio(path: Path) -> Raster:
             bands, transform, crs = dataset.count, dataset.transform, dataset.crs
             values = dataset.read(1, masked=True)
     except rasterio.errors.RasterioError as error:
-        raise ValueError(f"{path}: not a readable GeoTIFF ({error})") from None
+        raise TerrainError(f"{path}: not a readable GeoTIFF ({error})") from None
     if bands != 1:
-        raise ValueError(f"{path}: {bands} bands; allowed: one, the heights")
+        raise TerrainError(f"{path}: {bands} bands; allowed: one, the heights")
     if crs is None:
-        raise ValueError(f"{path}: no coordinate system; allowed: degrees (geographic) and metres (projected)")
+        raise TerrainError(f"{path}: no coordinate system; allowed: degrees (geographic) and metres (projected)")
     if transform.b or transform.d or transform.e >= 0.0:
-        raise ValueError(f"{path}: the picture is rotated or its row 0 is not north; bring it north-up with gdalwarp")
+        raise TerrainError(f"{path}: the picture is rotated or its row 0 is not north; bring it north-up with gdalwarp")
     if not crs.is_geographic and crs.linear_units_factor[1] != 1.0:
-        raise ValueError(f"{path}: projected in {crs.linear_units}; allowed: metres, re-projected with gdalwarp")
+        raise TerrainError(f"{path}: projected in {crs.linear_units}; allowed: metres, re-projected with gdalwarp")
     z = np.ma.filled(values.astype(np.float64), np.nan)[::-1]
     latitude = transform.f + 0.5 * z.shape[0] * transform.e if crs.is_geographic else None
     return Raster(path.stem, z, -transform.e, transform.a, latitude)
@@ -286,29 +297,29 @@ def _read_with_pillow(path: Path) -> Raster:
     try:
         image, values = _decode(path)
     except ValueError as error:
-        raise ValueError(f"{error}; rasterio may: {advice}") from None
+        raise TerrainError(f"{error}; rasterio may: {advice}") from None
     if not image.mode.startswith(("I", "F")):
-        raise ValueError(f"{path}: the picture has the mode {image.mode}; allowed: one band of heights")
+        raise TerrainError(f"{path}: the picture has the mode {image.mode}; allowed: one band of heights")
     tags: dict[int, Any] = dict(image.getexif())
     if tags.get(TIFF_SAMPLES_PER_PIXEL, 1) != 1:
-        raise ValueError(f"{path}: {tags[TIFF_SAMPLES_PER_PIXEL]} bands; allowed: one, the heights")
+        raise TerrainError(f"{path}: {tags[TIFF_SAMPLES_PER_PIXEL]} bands; allowed: one, the heights")
     if TIFF_PIXEL_SCALE not in tags or TIFF_TIE_POINT not in tags or TIFF_GEO_KEYS not in tags:
-        raise ValueError(f"{path}: no pixel scale, tie point and coordinate system that pillow could read; {advice}")
+        raise TerrainError(f"{path}: no pixel scale, tie point and coordinate system that pillow could read; {advice}")
     # A header of 4 numbers, then 4 for each key: (key, where it is stored, count, value).
     directory = np.asarray(tags[TIFF_GEO_KEYS], dtype=np.int64)[4:].reshape(-1, 4)
     keys = {int(key): int(value) for key, _, _, value in directory}
     model = keys.get(KEY_MODEL_TYPE)
     if model not in (MODEL_PROJECTED, MODEL_GEOGRAPHIC):
-        raise ValueError(f"{path}: model type {model}; allowed: 1 (projected) and 2 (geographic)")
+        raise TerrainError(f"{path}: model type {model}; allowed: 1 (projected) and 2 (geographic)")
     unit = keys.get(KEY_LINEAR_UNIT)
     if model == MODEL_PROJECTED and unit != UNIT_METRE:
-        raise ValueError(f"{path}: projected in the unit {unit}; allowed: {UNIT_METRE}, metres; {advice}")
+        raise TerrainError(f"{path}: projected in the unit {unit}; allowed: {UNIT_METRE}, metres; {advice}")
     if TIFF_NODATA in tags:
         text = str(tags[TIFF_NODATA]).strip("\0 ")
         try:
             nodata = float(text)
         except ValueError:
-            raise ValueError(f"{path}: the no-data value is {text!r}; allowed: a number") from None
+            raise TerrainError(f"{path}: the no-data value is {text!r}; allowed: a number") from None
         values = np.where(values == nodata, np.nan, values)
     step_east, step_north = (float(step) for step in tags[TIFF_PIXEL_SCALE][:2])
     tie_row, tie_north = float(tags[TIFF_TIE_POINT][1]), float(tags[TIFF_TIE_POINT][4])
@@ -329,7 +340,7 @@ def _decode(path: Path) -> tuple[Image.Image, Array]:
         with warnings.catch_warnings(action="ignore"), Image.open(path) as image:
             image.load()
     except (UnidentifiedImageError, Image.DecompressionBombError, OSError, SyntaxError, ValueError) as error:
-        raise ValueError(f"{path}: pillow cannot read it ({error})") from None
+        raise TerrainError(f"{path}: pillow cannot read it ({error})") from None
     return image, np.asarray(image).astype(np.float64)
 
 
@@ -342,5 +353,5 @@ def _existing(path: str | Path) -> Path:
 
 def _positive(name: str, value: float, unit: str) -> float:
     if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} is {value} {unit}; allowed: a finite number above 0")
+        raise TerrainError(f"{name} is {value} {unit}; allowed: a finite number above 0")
     return float(value)

@@ -17,12 +17,16 @@ from numpy.typing import ArrayLike
 
 from mathnavi.models.terrain import kernels
 from mathnavi.models.terrain.kernels import Booleans, arc_clearance
+from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True, eq=False)
 class HeightField:
-    """A rectangular map of heights on a square grid, linear on each triangle."""
+    """A rectangular map of heights on a square grid, linear on each triangle.
+
+    Raises TerrainError for heights or a spacing that make no map.
+    """
 
     z: Array = field(repr=False)  # (rows, cols) [m] above sea level; row 0 south, column 0 west; read-only
     spacing: float  # [m] between neighbouring nodes, both ways
@@ -34,18 +38,18 @@ class HeightField:
         try:
             z = np.array(self.z, dtype=np.float64, order="C")
         except (TypeError, ValueError) as error:
-            raise ValueError(f"terrain {self.name!r}: z is not a rectangle of numbers ({error})") from None
+            raise TerrainError(f"terrain {self.name!r}: z is not a rectangle of numbers ({error})") from None
         if z.ndim != 2 or min(z.shape) < 2:
-            raise ValueError(f"terrain {self.name!r}: z has shape {z.shape}; allowed: (rows, cols), each at least 2")
+            raise TerrainError(f"terrain {self.name!r}: z has shape {z.shape}; allowed: (rows, cols), each at least 2")
         if not np.isfinite(z).all():
             row, column = np.argwhere(~np.isfinite(z))[0]
-            raise ValueError(
+            raise TerrainError(
                 f"terrain {self.name!r}: {np.count_nonzero(~np.isfinite(z))} heights are not finite, "
                 f"the first is {z[row, column]} at row {row}, column {column}"
             )
         spacing = float(self.spacing)
         if not (math.isfinite(spacing) and spacing > 0.0):
-            raise ValueError(f"terrain {self.name!r}: spacing is {spacing} m; allowed: a finite number above 0")
+            raise TerrainError(f"terrain {self.name!r}: spacing is {spacing} m; allowed: a finite number above 0")
         z.setflags(write=False)
         object.__setattr__(self, "z", z)
         object.__setattr__(self, "spacing", spacing)
@@ -56,12 +60,12 @@ class HeightField:
 
     @property
     def width(self) -> float:
-        """[m] from west to east."""
+        """Extent [m] from west to east."""
         return float((self.z.shape[1] - 1) * self.spacing)
 
     @property
     def depth(self) -> float:
-        """[m] from south to north."""
+        """Extent [m] from south to north."""
         return float((self.z.shape[0] - 1) * self.spacing)
 
     @cached_property
@@ -71,25 +75,25 @@ class HeightField:
         return hashlib.sha256(shape_and_spacing + self.z.astype("<f8").tobytes()).hexdigest()
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Height of the ground [m] at x, y [m] (any shapes that broadcast); NaN off the map."""
+        """Height of the ground (...,) [m] at x, y (...,) [m], map frame, any shapes that broadcast; NaN off the map."""
         return self._surface(x, y)[..., 0]
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """(..., 2) dH/dx and dH/dy of the triangle at x, y [m]; NaN off the map.
+        """Slopes dH/dx and dH/dy (..., 2) of the triangle at x, y (...,) [m]; NaN off the map.
 
         On a diagonal it is the triangle south-east of it, on another edge the one to the east or north.
         """
         return self._surface(x, y)[..., 1:]
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """(..., 3) unit normal of the triangle at x, y [m], upwards; NaN off the map."""
+        """Unit normal (..., 3) of the triangle at x, y (...,) [m], upwards; NaN off the map."""
         gradient = self.gradient(x, y)
         upward = np.concatenate([-gradient, np.ones((*gradient.shape[:-1], 1))], axis=-1)
         normal: Array = upward / np.linalg.norm(upward, axis=-1, keepdims=True)
         return normal
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> Booleans:
-        """Whether x, y [m] lie on the map, its border included."""
+        """True (...,) where x, y (...,) [m] lie on the map, its border included."""
         east, north = np.asarray(x, np.float64), np.asarray(y, np.float64)
         inside: Booleans = (east >= 0.0) & (east <= self.width) & (north >= 0.0) & (north <= self.depth)
         return inside
@@ -97,13 +101,14 @@ class HeightField:
     def arc_clearance(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, duration: float) -> float:
         """Least height above ground [m] of the arc p + v t + a t^2 / 2, 0 <= t <= duration [s]; exact.
 
-        -inf if the arc leaves the map anywhere, or if an argument is not finite.
+        p (3,) [m], v (3,) [m/s], a (3,) [m/s^2], map frame. -inf if the arc leaves the map anywhere, or if an argument
+        is not finite. Raises ValueError for another shape.
         """
-        (px, py, pz), (vx, vy, vz), (ax, ay, az) = _vector("p", p), _vector("v", v), _vector("a", a)
-        return arc_clearance(self.z, self.spacing, px, py, pz, vx, vy, vz, ax, ay, az, float(duration))
+        p, v, a = _vector("p", p), _vector("v", v), _vector("a", a)
+        return arc_clearance(self.z, self.spacing, p, v, a, float(duration))
 
     def path_clearance(self, p: ArrayLike, v: ArrayLike, a: ArrayLike, duration: ArrayLike) -> Array:
-        """(K,) ``arc_clearance`` of K arcs: p, v, a (K, 3), duration (K,)."""
+        """``arc_clearance`` (K,) [m] of K arcs: p (K, 3) [m], v (K, 3) [m/s], a (K, 3) [m/s^2], duration (K,) [s]."""
         p, v, a = _rows("p", p), _rows("v", v), _rows("a", a)
         times = np.array(duration, dtype=np.float64, order="C")
         if not times.shape == p.shape[:1] == v.shape[:1] == a.shape[:1]:
@@ -114,25 +119,25 @@ class HeightField:
         return result
 
     def line_of_sight(self, p: ArrayLike, q: ArrayLike) -> bool:
-        """Whether the straight segment between p and q (3,) [m] is clear of the ground; symmetric in p and q.
+        """True if the straight segment between p and q (3,) [m] is clear of the ground; symmetric in p and q.
 
         A segment that touches the ground within a micrometre is clear, so that a point resting on the ground can see
         and be seen. A segment that leaves the map is not clear: what stands there is not known.
         """
-        (px, py, pz), (qx, qy, qz) = _vector("p", p), _vector("q", q)
-        return kernels.sight(self.z, self.spacing, px, py, pz, qx, qy, qz)
+        return kernels.sight(self.z, self.spacing, _vector("p", p), _vector("q", q))
 
     def visible(self, p: ArrayLike, points: ArrayLike) -> Booleans:
-        """(n,) ``line_of_sight`` between p (3,) and each of the points (n, 3) [m]."""
-        px, py, pz = _vector("p", p)
-        return kernels.sights(self.z, self.spacing, px, py, pz, _rows("points", points))
+        """``line_of_sight`` (n,) between p (3,) [m] and each of the points (n, 3) [m]."""
+        return kernels.sights(self.z, self.spacing, _vector("p", p), _rows("points", points))
 
     def inflated(self, horizontal: float, vertical: float) -> HeightField:
-        """Ground that lies ``vertical`` above the highest ground within ``horizontal`` [m] of each point, or higher.
+        """Ground that lies ``vertical`` [m] above the highest ground within ``horizontal`` [m] of each point, or
+        higher.
 
         Every node is raised by vertical + horizontal * G, G the steepest triangle in the (2n + 2) x (2n + 2) cells
-        around the node, n = ceil(horizontal / spacing), at least 1. The corners of a triangle then agree on the
-        (2n + 1) x (2n + 1) cells around its cell, which contain every point within n spacings.
+        around the node, n = ceil(horizontal / spacing), at least 1. The corners of a triangle then agree on the (2n +
+        1) x (2n + 1) cells around its cell, which contain every point within n spacings. Raises ValueError for a
+        negative margin.
         """
         if not (math.isfinite(horizontal) and horizontal >= 0.0):
             raise ValueError(f"horizontal is {horizontal} m; allowed: a finite number of at least 0")
@@ -159,11 +164,11 @@ class HeightField:
         return points.reshape(*east.shape, 3)
 
 
-def _vector(name: str, value: ArrayLike) -> tuple[float, float, float]:
-    vector = np.asarray(value, dtype=np.float64)
+def _vector(name: str, value: ArrayLike) -> Array:
+    vector = np.array(value, dtype=np.float64, order="C")
     if vector.shape != (3,):
         raise ValueError(f"{name} has shape {vector.shape}; allowed: (3,)")
-    return float(vector[0]), float(vector[1]), float(vector[2])
+    return vector
 
 
 def _rows(name: str, value: ArrayLike) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.errors import TerrainError
 
 _LARGEST = 1e6
 
@@ -34,7 +35,10 @@ class Hill:
 
 @lru_cache(maxsize=4)
 def with_hills(terrain: HeightField, hills: tuple[Hill, ...]) -> HeightField:
-    """The terrain with hills on it; itself without any. ValueError for a hill whose top is off the map."""
+    """Terrain with hills set on it; the same object without any.
+
+    Raises TerrainError for a hill whose top is off the map.
+    """
     if not hills:
         return terrain
     rows, columns = terrain.z.shape
@@ -42,15 +46,15 @@ def with_hills(terrain: HeightField, hills: tuple[Hill, ...]) -> HeightField:
     z = terrain.z.copy()
     for hill in hills:
         if not terrain.contains(hill.x, hill.y):
-            raise ValueError(
+            raise TerrainError(
                 f"hill: ({hill.x}, {hill.y}) m is not on the terrain {terrain.name!r}; "
                 f"allowed: 0 to {terrain.width:g} m east and 0 to {terrain.depth:g} m north"
             )
-        away = np.minimum(np.hypot(x - hill.x, y - hill.y) / hill.radius, 1.0)
-        z += 0.5 * hill.height * (1.0 + np.cos(np.pi * away))
+        distance = np.minimum(np.hypot(x - hill.x, y - hill.y) / hill.radius, 1.0)
+        z += 0.5 * hill.height * (1.0 + np.cos(np.pi * distance))
     return HeightField(z, terrain.spacing, terrain.name, terrain.source, terrain.licence)
 
 
 def hills_of(rows: Sequence[Sequence[float]]) -> tuple[Hill, ...]:
-    """From the numbers x, y, radius and height [m] of each."""
+    """Hills from rows of x, y, radius and height [m]."""
     return tuple(Hill(*map(float, row)) for row in rows)

@@ -14,6 +14,7 @@ Every function takes plain arrays and scalars, so that other compiled code can c
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,6 +26,21 @@ Booleans = NDArray[np.bool_]
 
 SIGHT_TOLERANCE = 1e-6
 """[m] A sight line is blocked where it lies deeper than this: a point that rests on the ground can be seen."""
+
+
+class Arc(NamedTuple):
+    """The arc p + v t + a t^2 / 2 over 0 <= t <= duration, in the map frame."""
+
+    px: float  # [m]
+    py: float
+    pz: float
+    vx: float  # [m/s]
+    vy: float
+    vz: float
+    ax: float  # [m/s^2]
+    ay: float
+    az: float
+    duration: float  # [s]
 
 
 @njit(cache=True, error_model="numpy")
@@ -48,7 +64,7 @@ def _last(nodes: int, spacing: float) -> float:
 
 @njit(cache=True, error_model="numpy")
 def surface_at(z: Array, spacing: float, x: float, y: float) -> tuple[float, float, float]:
-    """Height [m] and gradient (dH/dx, dH/dy) of the ground at (x, y) [m]; NaN off the map."""
+    """Height [m] and gradient (dH/dx, dH/dy) of the ground z (rows, cols) [m] at (x, y) [m]; NaN off the map."""
     x_cells = x / spacing
     y_cells = y / spacing
     if not (0.0 <= x_cells <= _last(z.shape[1], spacing) and 0.0 <= y_cells <= _last(z.shape[0], spacing)):
@@ -60,14 +76,14 @@ def surface_at(z: Array, spacing: float, x: float, y: float) -> tuple[float, flo
 
 @njit(cache=True, error_model="numpy")
 def height_at(z: Array, spacing: float, x: float, y: float) -> float:
-    """Height of the ground at (x, y) [m]; NaN off the map."""
+    """Height [m] of the ground z (rows, cols) [m] at (x, y) [m]; NaN off the map."""
     height, _, _ = surface_at(z, spacing, x, y)
     return height
 
 
 @njit(cache=True, error_model="numpy")
 def surface(z: Array, spacing: float, x: Array, y: Array) -> Array:
-    """(n, 3) height and gradient at each of the points x, y (n,) [m]."""
+    """Height [m] and gradient (n, 3) of the ground z (rows, cols) [m] at each of the points x, y (n,) [m]."""
     result = np.empty((x.size, 3))
     for n in range(x.size):
         result[n, 0], result[n, 1], result[n, 2] = surface_at(z, spacing, x[n], y[n])
@@ -75,8 +91,8 @@ def surface(z: Array, spacing: float, x: Array, y: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def _turning_time(b: float, a: float, duration: float) -> float:
-    """Where c + b t + a t^2 turns, clipped to [0, duration]; ``duration`` if it never does."""
+def _vertex_time(b: float, a: float, duration: float) -> float:
+    """Time of the vertex of c + b t + a t^2, clipped to [0, duration]; ``duration`` if there is none."""
     if a == 0.0:
         return duration
     return min(max(-b / (2.0 * a), 0.0), duration)
@@ -91,10 +107,10 @@ def _crossing_times(times: Array, count: int, c: float, b: float, a: float, dura
     """
     if a == 0.0 and b == 0.0:
         return count  # along an edge or not moving: one triangle, either one on the edge
-    turn = _turning_time(b, a, duration)
+    vertex = _vertex_time(b, a, duration)
     for part in range(2):
-        begin = 0.0 if part == 0 else turn
-        end = turn if part == 0 else duration
+        begin = 0.0 if part == 0 else vertex
+        end = vertex if part == 0 else duration
         if end <= begin:
             continue
         f_begin = c + begin * (b + a * begin)
@@ -123,38 +139,25 @@ def _crossing_times(times: Array, count: int, c: float, b: float, a: float, dura
 @njit(cache=True, error_model="numpy")
 def _crossing_bound(c: float, b: float, a: float, duration: float) -> int:
     """An upper bound of the number of times that ``_crossing_times`` appends."""
-    turn = _turning_time(b, a, duration)
-    f_turn = c + turn * (b + a * turn)
+    vertex = _vertex_time(b, a, duration)
+    f_vertex = c + vertex * (b + a * vertex)
     f_end = c + duration * (b + a * duration)
-    return int(abs(f_turn - c)) + int(abs(f_end - f_turn)) + 4
+    return int(abs(f_vertex - c)) + int(abs(f_end - f_vertex)) + 4
 
 
 @njit(cache=True, error_model="numpy")
 def _stays_within(c: float, b: float, a: float, duration: float, limit: float) -> bool:
     """Whether 0 <= c + b t + a t^2 <= limit over all of [0, duration]."""
-    turn = _turning_time(b, a, duration)
-    f_turn = c + turn * (b + a * turn)
+    vertex = _vertex_time(b, a, duration)
+    f_vertex = c + vertex * (b + a * vertex)
     f_end = c + duration * (b + a * duration)
-    return min(c, f_turn, f_end) >= 0.0 and max(c, f_turn, f_end) <= limit
+    return min(c, f_vertex, f_end) >= 0.0 and max(c, f_vertex, f_end) <= limit
 
 
 @njit(cache=True, error_model="numpy")
-def _least_clearance(
-    z: Array,
-    spacing: float,
-    px: float,
-    py: float,
-    pz: float,
-    vx: float,
-    vy: float,
-    vz: float,
-    ax: float,
-    ay: float,
-    az: float,
-    duration: float,
-    stop_below: float,
-) -> float:
+def _least_clearance(z: Array, spacing: float, arc: Arc, stop_below: float) -> float:
     """``arc_clearance``, which may return early with any clearance of the arc that is less than ``stop_below``."""
+    px, py, pz, vx, vy, vz, ax, ay, az, duration = arc
     if not (math.isfinite(px + py + pz + vx + vy + vz + ax + ay + az + duration) and duration >= 0.0):
         return -math.inf
     # X(t) = x0 + x1 t + x2 t^2 and likewise Y, in cells; the height above sea level is pz + vz t + h2 t^2, in metres.
@@ -212,54 +215,45 @@ def _least_clearance(
 
 
 @njit(cache=True, error_model="numpy")
-def arc_clearance(
-    z: Array,
-    spacing: float,
-    px: float,
-    py: float,
-    pz: float,
-    vx: float,
-    vy: float,
-    vz: float,
-    ax: float,
-    ay: float,
-    az: float,
-    duration: float,
-) -> float:
+def arc_clearance(z: Array, spacing: float, p: Array, v: Array, a: Array, duration: float) -> float:
     """Least height above ground [m] of p + v t + a t^2 / 2 over 0 <= t <= duration [s].
 
-    -inf if the arc leaves the map, if an argument is not finite or if the duration is negative.
+    p (3,) [m], v (3,) [m/s] and a (3,) [m/s^2] are in the map frame. -inf if the arc leaves the map, if an argument is
+    not finite or if the duration is negative.
     """
-    return _least_clearance(z, spacing, px, py, pz, vx, vy, vz, ax, ay, az, duration, -math.inf)
+    arc = Arc(p[0], p[1], p[2], v[0], v[1], v[2], a[0], a[1], a[2], duration)
+    return _least_clearance(z, spacing, arc, -math.inf)
 
 
 @njit(cache=True, error_model="numpy")
 def path_clearance(z: Array, spacing: float, p: Array, v: Array, a: Array, duration: Array) -> Array:
-    """(K,) ``arc_clearance`` of the K arcs that start at p (K, 3) [m] with v (K, 3), a (K, 3), duration (K,)."""
+    """(K,) [m] ``arc_clearance`` of K arcs: p (K, 3) [m], v (K, 3) [m/s], a (K, 3) [m/s^2], duration (K,) [s]."""
     result = np.empty(duration.size)
     for k in range(duration.size):
-        result[k] = arc_clearance(
-            z, spacing, p[k, 0], p[k, 1], p[k, 2], v[k, 0], v[k, 1], v[k, 2], a[k, 0], a[k, 1], a[k, 2], duration[k]
-        )
+        arc = Arc(p[k, 0], p[k, 1], p[k, 2], v[k, 0], v[k, 1], v[k, 2], a[k, 0], a[k, 1], a[k, 2], duration[k])
+        result[k] = _least_clearance(z, spacing, arc, -math.inf)
     return result
 
 
 @njit(cache=True, error_model="numpy")
-def sight(z: Array, spacing: float, px: float, py: float, pz: float, qx: float, qy: float, qz: float) -> bool:
-    """Whether the segment from p to q [m] lies on the map and nowhere deeper than ``SIGHT_TOLERANCE`` under ground.
+def sight(z: Array, spacing: float, p: Array, q: Array) -> bool:
+    """True if the segment from p (3,) to q (3,) [m] lies on the map, nowhere deeper than ``SIGHT_TOLERANCE``.
 
     The ends are put in one order first, so that rounding cannot make p see q but not q see p.
     """
+    px, py, pz = p[0], p[1], p[2]
+    qx, qy, qz = q[0], q[1], q[2]
     if px > qx or (px == qx and (py > qy or (py == qy and pz > qz))):
         px, py, pz, qx, qy, qz = qx, qy, qz, px, py, pz
-    least = _least_clearance(z, spacing, px, py, pz, qx - px, qy - py, qz - pz, 0.0, 0.0, 0.0, 1.0, -SIGHT_TOLERANCE)
+    segment = Arc(px, py, pz, qx - px, qy - py, qz - pz, 0.0, 0.0, 0.0, 1.0)
+    least = _least_clearance(z, spacing, segment, -SIGHT_TOLERANCE)
     return least >= -SIGHT_TOLERANCE
 
 
 @njit(cache=True, error_model="numpy")
-def sights(z: Array, spacing: float, px: float, py: float, pz: float, points: Array) -> Booleans:
-    """(n,) ``sight`` from p to each of the points (n, 3) [m]."""
+def sights(z: Array, spacing: float, p: Array, points: Array) -> Booleans:
+    """(n,) ``sight`` from p (3,) [m] to each of the points (n, 3) [m]."""
     result = np.empty(points.shape[0], np.bool_)
     for n in range(points.shape[0]):
-        result[n] = sight(z, spacing, px, py, pz, points[n, 0], points[n, 1], points[n, 2])
+        result[n] = sight(z, spacing, p, points[n])
     return result

@@ -16,6 +16,7 @@ import numpy as np
 from mathnavi.models.terrain.dem import Raster, height_field, read_npz, read_png, square_grid
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.checks import allowed_for
+from mathnavi.sim.interfaces.errors import TerrainError
 
 GROUP = "mathnavi.terrains"
 DATA = Path(__file__).parent / "data"
@@ -46,14 +47,14 @@ def jacksboro() -> HeightField:
 
 
 def terrain_names() -> tuple[str, ...]:
-    """The names of the terrains that are installed, in order."""
+    """Names of the installed terrains, sorted."""
     return tuple(sorted(_installed()))
 
 
 def load_terrain(name_or_path: str | Path) -> HeightField:
-    """A terrain by its name, or name and number, or the map in an ``.npz`` file; each is loaded once.
+    """Load a terrain by its name, or name and number, or the map in an ``.npz`` file; each is loaded once.
 
-    ValueError for a name or a number that is not known, FileNotFoundError for a file that is not there.
+    Raises TerrainError for a name or a number that is not known, FileNotFoundError for a file that is not there.
     """
     installed = _installed()
     name, _, number = str(name_or_path).partition(":")
@@ -62,11 +63,11 @@ def load_terrain(name_or_path: str | Path) -> HeightField:
     path = Path(name_or_path)
     if path.suffix == ".npz":
         return _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_npz(path)
-    raise ValueError(f"terrain = {name!r}: not known; {allowed_for(name, sorted(installed), 'or an .npz')}")
+    raise TerrainError(f"terrain = {name!r}: not known; {allowed_for(name, sorted(installed), 'or an .npz')}")
 
 
 def place_of(name_or_path: str) -> str:
-    """What loads the same terrain from any folder: a name stays, a path becomes whole."""
+    """Name or path that loads the same terrain from any folder: a name stays, a path becomes absolute."""
     installed = name_or_path.partition(":")[0] in _installed()
     return name_or_path if installed else str(Path(name_or_path).resolve())
 
@@ -82,13 +83,15 @@ def _load(point: EntryPoint, number: str) -> HeightField:
     if number and not (
         number.isdecimal() and number.isascii() and len(number) <= _DIGITS and signature(made).parameters
     ):
-        raise ValueError(
+        raise TerrainError(
             f"terrain '{point.name}:{number}': allowed: a whole number of at most {_DIGITS} digits after a terrain "
             "that is made from one, as canyon:3"
         )
     terrain = made(int(number)) if number else made()
     if not isinstance(terrain, HeightField):
-        raise ValueError(f"terrain {point.name!r}: {point.value} returned {type(terrain).__name__}, not a HeightField")
+        raise TerrainError(
+            f"terrain {point.name!r}: {point.value} returned {type(terrain).__name__}, not a HeightField"
+        )
     return terrain
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.kernels import Booleans
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -35,16 +36,22 @@ class Radar:
                 raise ValueError(f"radar: {name} is {getattr(self, name)}; allowed: a number from 0 to 1e6")
 
     def position(self, terrain: HeightField) -> Array:
-        """(3,) [m] where the antenna stands on ``terrain``."""
+        """Position (3,) [m] of the antenna on ``terrain``, map frame.
+
+        Raises MissionError for a radar off the map.
+        """
         if not terrain.contains(self.x, self.y):
-            raise ValueError(
+            raise MissionError(
                 f"radar: ({self.x}, {self.y}) m is not on the terrain {terrain.name!r}; "
                 f"allowed: 0 to {terrain.width} m east and 0 to {terrain.depth} m north"
             )
         return np.array([self.x, self.y, float(terrain.height(self.x, self.y)) + self.mast])
 
     def exposed(self, terrain: HeightField, points: ArrayLike) -> Booleans:
-        """(n,) whether each of the points (n, 3) [m] is within the radius and in line of sight."""
+        """True (n,) where points (n, 3) [m] are within the radius and in line of sight.
+
+        Raises ValueError for another shape.
+        """
         antenna = self.position(terrain)
         positions = np.asarray(points, dtype=np.float64)
         if positions.ndim != 2 or positions.shape[1] != 3:
@@ -70,22 +77,22 @@ class RadarTrack:
             raise ValueError(f"radar: velocity is {self.velocity}; allowed: two finite numbers")
 
     def at(self, t: float, terrain: HeightField) -> Radar | None:
-        """The radar at ``t`` [s]; None while it is off. Where it reaches the edge of the map it stays."""
+        """Radar at ``t`` [s]; None while it is off. Where it reaches the edge of the map it stays."""
         if not self.time <= t < self.until:
             return None
-        away = t - self.time
+        elapsed = t - self.time
         for place, velocity, side in zip(
             (self.radar.x, self.radar.y), self.velocity, (terrain.width, terrain.depth), strict=True
         ):
             if velocity != 0.0:
-                away = min(away, ((side if velocity > 0.0 else 0.0) - place) / velocity)
+                elapsed = min(elapsed, ((side if velocity > 0.0 else 0.0) - place) / velocity)
         east, north = self.velocity
-        x = min(max(self.radar.x + east * away, 0.0), terrain.width)  # but for rounding on it already
-        y = min(max(self.radar.y + north * away, 0.0), terrain.depth)
+        x = min(max(self.radar.x + east * elapsed, 0.0), terrain.width)  # but for rounding on it already
+        y = min(max(self.radar.y + north * elapsed, 0.0), terrain.depth)
         return replace(self.radar, x=x, y=y)
 
     def exposed(self, terrain: HeightField, t: Array, points: Array) -> Booleans:
-        """(n,) whether points (n, 3) [m] are exposed at times (n,) [s]; a radar that drives moves once a second."""
+        """True (n,) where points (n, 3) [m] are exposed at times t (n,) [s]; a driving radar moves once a second."""
         exposed = np.zeros(len(t), dtype=bool)
         seconds = np.floor(t) if any(self.velocity) else np.full(len(t), self.time)
         on = (t >= self.time) & (t < self.until)

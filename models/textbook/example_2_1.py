@@ -17,6 +17,7 @@ from mathnavi.models.textbook.system import System
 
 
 def f(x: casadi.SX, u: casadi.SX) -> casadi.SX:
+    """Rate x' (2,) of x (2,) under u (1,)."""
     x_1, x_2 = casadi.vertsplit(x)
     return casadi.vertcat(
         -x_1 + u * x_2**3,
@@ -25,6 +26,7 @@ def f(x: casadi.SX, u: casadi.SX) -> casadi.SX:
 
 
 def h(x: casadi.SX, u: casadi.SX) -> casadi.SX:
+    """Output y (1,) of x (2,)."""
     return x[0]
 
 

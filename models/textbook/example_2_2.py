@@ -26,6 +26,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 def f(x: casadi.SX, u: casadi.SX) -> casadi.SX:
+    """Rate x' (3,) of x (3,) under u (1,)."""
     x_1, x_2, x_3 = casadi.vertsplit(x)
     return casadi.vertcat(
         u,
@@ -35,11 +36,12 @@ def f(x: casadi.SX, u: casadi.SX) -> casadi.SX:
 
 
 def h(x: casadi.SX, u: casadi.SX) -> casadi.SX:
+    """Output y (1,) of x (3,)."""
     return x[1]
 
 
 def observer(x_hat: casadi.SX, u: casadi.SX, y: casadi.SX, alpha: float, beta: float) -> casadi.SX:
-    """x^' (3,)."""
+    """Rate x^' (3,) of the observer at x^ (3,) under u (1,) with the output y (1,) and its gains."""
     x_1, x_2, x_3 = casadi.vertsplit(x_hat)
     return casadi.vertcat(
         u + alpha * (y - x_2),

@@ -19,6 +19,7 @@ C, D = 0.2, 0.1  # [1/s], [s]
 
 
 def f(x: casadi.SX, u: casadi.SX) -> casadi.SX:
+    """Rate x' (2,) of x (2,); there is no input."""
     x_1, x_2 = casadi.vertsplit(x)
     return casadi.vertcat(
         x_2,
@@ -27,6 +28,7 @@ def f(x: casadi.SX, u: casadi.SX) -> casadi.SX:
 
 
 def h(x: casadi.SX, u: casadi.SX) -> casadi.SX:
+    """Output y (1,) of x (2,)."""
     return x[0]
 
 

@@ -26,6 +26,7 @@ MU = 1.0
 
 
 def f(x: casadi.SX, u: casadi.SX) -> casadi.SX:
+    """Rate x' (2,) of x (2,) under u (1,)."""
     x_1, x_2 = casadi.vertsplit(x)
     return casadi.vertcat(
         x_2,
@@ -34,24 +35,29 @@ def f(x: casadi.SX, u: casadi.SX) -> casadi.SX:
 
 
 def h(x: casadi.SX, u: casadi.SX) -> casadi.SX:
+    """Output y (1,) of x (2,)."""
     return casadi.sinh(x[0])
 
 
 def transformed(x: casadi.SX) -> casadi.SX:
+    """Coordinates T_1(x) (2,) of x (2,)."""
     x_1, x_2 = casadi.vertsplit(x)
     return casadi.vertcat(x_1, x_2 - MU * (x_1 - x_1**3 / 3.0))
 
 
 def transformed_back(z: casadi.SX) -> casadi.SX:
+    """State (2,) with the coordinates z (2,): the inverse of T_1."""
     z_1, z_2 = casadi.vertsplit(z)
     return casadi.vertcat(z_1, z_2 + MU * (z_1 - z_1**3 / 3.0))
 
 
 def output_transformed(y: casadi.SX) -> casadi.SX:
+    """Coordinate T_2(y) (1,) of the output y (1,)."""
     return casadi.asinh(y)
 
 
 def g(y: casadi.SX, u: casadi.SX) -> casadi.SX:
+    """Output injection g(y, u) (2,) of the output y (1,) and the input u (1,)."""
     seen = output_transformed(y)
     return casadi.vertcat(-MU * (seen - seen**3 / 3.0), seen - u)
 

@@ -15,14 +15,15 @@ _LEAST = 1e-3  # share of a step below which it gives up
 
 
 def of_numbers(expression: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array], Array]:
-    """An expression of (n,) as a function of numbers, with a flat value."""
+    """Turn an expression of (n,) into a function of numbers (n,) with a flat value."""
     x = casadi.SX.sym("x", n)
     function = casadi.Function("f", [x], [expression(x)])
     return lambda at: np.array(function(at)).ravel()
 
 
 def inverse(T: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array, Array], Array | None]:
-    """(z, near) -> the x (n,) with T(x) = z that Newton's method finds from an x near by; None where it finds none.
+    """Invert T by Newton's method: (z (n,), near (n,)) -> the x (n,) with T(x) = z found from ``near``; None where none
+    is.
 
     A step that does not bring T(x) nearer to z is halved until it does.
     """
@@ -31,13 +32,13 @@ def inverse(T: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array, Arr
 
     def found(z: Array, near: Array) -> Array | None:
         at, share = np.array(near, dtype=np.float64), 1.0
-        off, slope = _residual(value_and_slope, at, z)
+        residual, slope = _residual(value_and_slope, at, z)
         for _ in range(_STEPS):
-            size = float(np.abs(off).max())
+            size = float(np.abs(residual).max())
             if size <= _EXACT * (1.0 + float(np.abs(z).max())):
                 return at
             try:
-                step = np.linalg.solve(slope, off)
+                step = np.linalg.solve(slope, residual)
             except np.linalg.LinAlgError:
                 return None
             share = min(1.0, 2.0 * share)
@@ -48,7 +49,7 @@ def inverse(T: Callable[[casadi.SX], casadi.SX], n: int) -> Callable[[Array, Arr
                 share *= 0.5
             else:
                 return None
-            at, off, slope = at + share * step, after, after_slope
+            at, residual, slope = at + share * step, after, after_slope
         return None
 
     return found

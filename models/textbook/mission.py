@@ -9,6 +9,7 @@ import numpy as np
 
 from mathnavi.models.textbook.sensors import OutputSensor
 from mathnavi.models.textbook.system import System
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 TICK = 1e-3
@@ -17,7 +18,10 @@ TICK = 1e-3
 
 @dataclass(frozen=True)
 class TextbookMission:
-    """Find the state of a system from its outputs. It holds no truth of a run."""
+    """Mission: find the state of a system from its outputs. It holds no truth of a run.
+
+    Raises MissionError for a start or deviations of another size.
+    """
 
     system: System
     start: tuple[float, ...]  # (n,) x^(0)
@@ -30,14 +34,16 @@ class TextbookMission:
         for name in ("start", "deviation"):
             given = getattr(self, name)
             if len(given) != n or not all(map(math.isfinite, given)):
-                raise ValueError(f"{name} = {given!r}; allowed: {n} finite numbers, of {', '.join(self.system.states)}")
+                raise MissionError(
+                    f"{name} = {given!r}; allowed: {n} finite numbers, of {', '.join(self.system.states)}"
+                )
 
     @property
     def start_state(self) -> Array:
-        """(n,) x^(0)."""
+        """Believed start x^(0) (n,)."""
         return np.array(self.start)
 
     @property
     def sensor(self) -> OutputSensor:
-        """What reads y."""
+        """Sensor of the output y."""
         return OutputSensor(len(self.system.outputs), 1.0 / self.period, self.noise, self.system.output_max)

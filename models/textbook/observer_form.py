@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import casadi
 import numpy as np
 
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -31,7 +32,10 @@ class ObserverForm:
     g: Callable[[casadi.SX, casadi.SX], casadi.SX]  # (y (1,), u (p,)) -> (n,)
 
     def gain(self, poles: Sequence[float]) -> Array:
-        """L (n, 1) with which A - L C has these eigenvalues, by Ackermann's formula; ValueError for another number."""
+        """Gain L (n, 1) with which A - L C has these eigenvalues [1/s], by Ackermann's formula.
+
+        Raises FieldError for poles that are not n different numbers < 0.
+        """
         n = len(self.A)
         check_poles(poles, n)
         observability = np.vstack([self.C @ np.linalg.matrix_power(self.A, k) for k in range(n)])
@@ -43,7 +47,7 @@ class ObserverForm:
 
 
 def check_poles(poles: Sequence[float], n: int) -> None:
-    """n different real numbers < 0; ValueError for others."""
+    """Raise FieldError unless the poles are n different real numbers < 0."""
     apart = len(set(poles)) == len(poles) == n
     if not (apart and all(np.isfinite(pole) and pole < 0.0 for pole in poles)):
-        raise ValueError(f"poles = {tuple(poles)!r}; allowed: {n} different finite numbers < 0")
+        raise FieldError(f"poles = {tuple(poles)!r}; allowed: {n} different finite numbers < 0")

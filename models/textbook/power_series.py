@@ -26,6 +26,7 @@ import numpy as np
 
 from mathnavi.models.textbook.observer_form import check_poles
 from mathnavi.models.textbook.system import System
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array, Integers
 
 _SINGULAR = 1e12  # condition number
@@ -50,17 +51,17 @@ class PowerSeries:
 
 
 def solved(system: System, poles: Sequence[float], order: int) -> PowerSeries:
-    """T to the order N for A = diag(poles).
+    """Solve for T to the order N with A = diag(poles).
 
-    ValueError for a system with inputs or without rest at the origin, and for poles that are not n different numbers
-    < 0 or are sums of eigenvalues of the linearisation.
+    Raises ValueError for a system with inputs or without rest at the origin, FieldError for poles that are not n
+    different numbers < 0 or are sums of eigenvalues of the linearisation.
     """
     n = len(system.states)
     if system.inputs or len(system.outputs) != 1:
         raise ValueError(f"system = {system.name!r}; allowed: one without inputs and with a single output")
     check_poles(poles, n)
     if not 1 <= order <= 15:
-        raise ValueError(f"order = {order!r}; allowed: 1 to 15")
+        raise FieldError(f"order = {order!r}; allowed: 1 to 15")
     nothing = casadi.SX.zeros(0)
     F = _taylor(lambda x: system.f(x, nothing), n, n, order)
     h = _taylor(lambda x: system.h(x, nothing), n, 1, order)
@@ -79,7 +80,7 @@ def solved(system: System, poles: Sequence[float], order: int) -> PowerSeries:
     for pole in poles:
         matrix = carried - pole * np.eye(len(indices))
         if np.linalg.cond(matrix) > _SINGULAR:
-            raise ValueError(f"poles: {pole!r} is a sum of eigenvalues of the linearisation; allowed: one that is not")
+            raise FieldError(f"poles: {pole!r} is a sum of eigenvalues of the linearisation; allowed: one that is not")
         coefficients.append(np.linalg.solve(matrix, right))
     return PowerSeries(np.array(indices, dtype=np.int64), np.array(coefficients))
 

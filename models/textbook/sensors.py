@@ -22,6 +22,7 @@ class OutputSensor:
     name: ClassVar[str] = "output"
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the output y (m,) of ``motion``; ``rng`` draws the noise."""
         y = motion.sensed(self.name)
         seen = np.abs(y) <= self.largest  # not where it is NaN
         read: Array = np.where(seen, y + self.noise * rng.standard_normal(self.size), np.nan)

@@ -41,19 +41,22 @@ class System:
 
     @cached_property
     def flow(self) -> Flow:
-        """Where x leads with u held."""
+        """Flow of the system: integrates x with u held."""
         return Flow(self.f, len(self.states), len(self.inputs))
 
     def reach(self, x: Array, u: Array, dt: float) -> tuple[Array, float]:
-        """The state (n,) after dt [s], and dt; a shorter time if the solution escapes before."""
+        """Integrate x (n,) over dt [s] with u (p,) held.
+
+        Returns the state (n,) and dt, or a shorter time [s] if the solution escapes before.
+        """
         return self.flow.reach(x, u, dt)
 
     def rate(self, x: Array, u: Array) -> Array:
-        """x' (n,)."""
+        """Rate x' (n,) at x (n,) under u (p,)."""
         return np.array(self._numbers(x, u)[0]).ravel()
 
     def output(self, x: Array, u: Array) -> Array:
-        """y (m,)."""
+        """Output y (m,) at x (n,) under u (p,)."""
         return np.array(self._numbers(x, u)[1]).ravel()
 
     @cached_property
@@ -62,8 +65,8 @@ class System:
         return casadi.Function("system", [x, u], [self.f(x, u), self.h(x, u)])
 
     def difference(self, a: Array, b: Array) -> Array:
-        """a - b (..., n), angles within half a turn."""
-        off = np.array(a - b, dtype=np.float64)
+        """Difference a - b (..., n) of states a, b (..., n), angles wrapped."""
+        difference = np.array(a - b, dtype=np.float64)
         for k in self.angles:
-            off[..., k] = wrapped(off[..., k])
-        return off
+            difference[..., k] = wrapped(difference[..., k])
+        return difference

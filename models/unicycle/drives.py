@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 
 WHEEL_RADIUS = 0.05  # [m] r
@@ -26,13 +26,13 @@ _INPUTS = np.linalg.inv(_RATES)
 
 
 def wheel_rates(u: Array) -> Array:
-    """(omega_l, omega_r) [rad/s] under an input u (2,)."""
+    """Rates (omega_l, omega_r) (2,) [rad/s] of the wheels under an input u (2,) [m/s, rad/s]."""
     rates: Array = _RATES @ u
     return rates
 
 
 def inputs_of(rates: Array) -> Array:
-    """u (2,) of wheels that turn at (omega_l, omega_r) [rad/s] and do not slip."""
+    """Input u (2,) [m/s, rad/s] of wheels that turn at rates (omega_l, omega_r) (2,) [rad/s] and do not slip."""
     u: Array = _INPUTS @ rates
     return u
 
@@ -44,7 +44,8 @@ class IdealDrive:
     input_size: int = 2
 
     def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
-        v[:3] = (moved(q[:3], float(u[0]), float(u[1]), dt) - q[:3]) / dt
+        """Set the joint rates v (5,) so that over dt [s] the robot moves along the exact arc of u (2,) [m/s, rad/s]."""
+        v[:3] = (integrate(q[:3], float(u[0]), float(u[1]), dt) - q[:3]) / dt
         v[3:] = wheel_rates(u)
 
 
@@ -58,5 +59,6 @@ class DifferentialDrive:
     input_size: int = 2
 
     def act(self, u: Array, q: Array, v: Array, control: Array, dt: float) -> None:
+        """Move the servos' set rates in ``control`` (2,) [rad/s] towards those of u (2,) [m/s, rad/s] for dt [s]."""
         step = RIM_ACCELERATION / WHEEL_RADIUS * dt
         control += np.clip(wheel_rates(u) - control, -step, step)

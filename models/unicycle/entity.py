@@ -14,6 +14,7 @@ from mathnavi.models.field.arena import SENSOR_HEIGHT, FieldArena
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.mission import TICK
 from mathnavi.models.vehicle_names import check_vehicle_name
+from mathnavi.sim.interfaces.errors import FieldError
 
 DriveName = Literal["ideal", "differential"]
 
@@ -35,7 +36,7 @@ class Unicycle(composer.Entity):
     def _build(self, name: str, angles: Sequence[float], drive: DriveName, friction: float) -> None:
         check_vehicle_name(name)
         if not (math.isfinite(friction) and friction > 0.0):
-            raise ValueError(f"friction = {friction!r}; allowed: a finite value > 0")
+            raise FieldError(f"friction = {friction!r}; allowed: a finite value > 0")
         self._model = mjcf.from_path(str(_HERE / "unicycle.xml"))
         self._model.model = name
         chassis = self._model.find("body", "chassis")
@@ -61,6 +62,7 @@ class Unicycle(composer.Entity):
 
     @property
     def mjcf_model(self) -> Any:
+        """MJCF model of the robot."""
         return self._model
 
 

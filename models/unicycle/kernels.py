@@ -17,33 +17,33 @@ from mathnavi.sim.interfaces.signals import Array
 
 @njit(cache=True, nogil=True)
 def sinc(a: float) -> float:
-    """sin a / a."""
+    """sin a / a of an angle a [rad]."""
     return 1.0 - a * a / 6.0 + a**4 / 120.0 if abs(a) < 1e-3 else math.sin(a) / a
 
 
 @njit(cache=True, nogil=True)
-def sinc_slope(a: float) -> float:
-    """The derivative of sin a / a."""
+def sinc_derivative(a: float) -> float:
+    """Derivative of sin a / a by a [rad]."""
     return -a / 3.0 + a**3 / 30.0 if abs(a) < 1e-3 else (math.cos(a) - math.sin(a) / a) / a
 
 
 @njit(cache=True, nogil=True)
-def moved(pose: Array, u_1: float, u_2: float, dt: float) -> Array:
-    """The pose (3,) [m, m, rad] after the inputs [m/s, rad/s] were held for dt [s]."""
+def integrate(pose: Array, u_1: float, u_2: float, dt: float) -> Array:
+    """Pose (3,) [m, m, rad] after the inputs u_1 [m/s], u_2 [rad/s] were held for dt [s] from ``pose`` (3,)."""
     a = 0.5 * u_2 * dt
     chord, direction = u_1 * dt * sinc(a), pose[2] + a
     return np.array([pose[0] + chord * math.cos(direction), pose[1] + chord * math.sin(direction), pose[2] + u_2 * dt])
 
 
 @njit(cache=True, nogil=True)
-def moved_slopes(pose: Array, u_1: float, u_2: float, dt: float) -> tuple[Array, Array]:
-    """F (3, 3) and G (3, 2): the derivatives of ``moved`` by the pose and by the inputs."""
+def integrate_jacobians(pose: Array, u_1: float, u_2: float, dt: float) -> tuple[Array, Array]:
+    """Derivatives of ``integrate`` by the pose, F (3, 3), and by the inputs, G (3, 2)."""
     a = 0.5 * u_2 * dt
     chord, direction = u_1 * dt * sinc(a), pose[2] + a
     c, s = math.cos(direction), math.sin(direction)
     F, G = np.eye(3), np.zeros((3, 2))
     F[0, 2], F[1, 2] = -chord * s, chord * c
-    per_speed, per_turn = dt * sinc(a), 0.5 * u_1 * dt * dt * sinc_slope(a)
+    per_speed, per_turn = dt * sinc(a), 0.5 * u_1 * dt * dt * sinc_derivative(a)
     G[0, 0], G[1, 0] = per_speed * c, per_speed * s
     G[0, 1] = per_turn * c - 0.5 * dt * chord * s
     G[1, 1] = per_turn * s + 0.5 * dt * chord * c
@@ -53,5 +53,5 @@ def moved_slopes(pose: Array, u_1: float, u_2: float, dt: float) -> tuple[Array,
 
 @njit(cache=True, nogil=True)
 def wrapped(angle: float) -> float:
-    """The angle in [-pi, pi)."""
+    """Wrap an angle [rad] into [-pi, pi)."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi

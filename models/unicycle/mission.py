@@ -1,8 +1,8 @@
 """The task of a unicycle robot with range sensors: to find itself within a wall that it knows (thesis C.4).
 
-A mission is what everybody may know: the wall, where the sensors point, how good they are, what the wheels can do, and
-what is known of the start. It holds no truth of a run. A pose is x = (x_1, x_2, phi) [m, m, rad], an input
-u = (u_1, u_2), the speed [m/s] and the turn rate [rad/s].
+A mission is what everybody may know: the wall, the directions and the quality of the sensors, what the wheels can do,
+and what is known of the start. It holds no truth of a run. A pose is x = (x_1, x_2, phi) [m, m, rad], an input u =
+(u_1, u_2), the speed [m/s] and the turn rate [rad/s].
 """
 
 from __future__ import annotations
@@ -14,8 +14,10 @@ import numpy as np
 
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
+from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 TICK = 0.01
@@ -26,37 +28,10 @@ _SAME = 1e-9  # [rad]
 
 
 @dataclass(frozen=True)
-class RangeQuality:
-    """How a range errs: by a Gaussian of variance (relative rho)^2 + absolute^2, and now and then wholly."""
-
-    relative: float = 0.0  # of the range
-    absolute: float = 0.0  # [m]
-    dropout: float = 0.0  # fraction of single ranges that are lost, NaN in the reading
-    outliers: float = 0.0  # fraction of single ranges that are any value up to the longest in sight
-
-
-@dataclass(frozen=True)
-class OdometryQuality:
-    """How what the wheels say errs: u_measured = (1 + bias) u + noise, per reading."""
-
-    noise: tuple[float, float] = (0.0, 0.0)  # [m/s, rad/s] standard deviations
-    bias: float = 0.0  # relative, of both; an estimator does not know its sign
-    slip: tuple[float, float] = (0.0, 0.0)  # [m/s, rad/s] standard deviations of what wheels miss, as declared
-
-
-@dataclass(frozen=True)
-class KnownStart:
-    """A pose that estimators are told at t = 0, and how far it may be off."""
-
-    pose: tuple[float, float, float]  # [m, m, rad]
-    deviation: tuple[float, float, float] = (0.3, 0.3, 0.3)  # standard deviations
-
-
-@dataclass(frozen=True)
 class RangingMission:
     """A robot within ``curve`` with range sensors at ``angles`` (l,) [rad] off its heading.
 
-    Raises ValueError without sensors, with two at the same angle, or with a known start that is not within the wall.
+    Raises MissionError without sensors, with two at the same angle, or with a known start that is not within the wall.
     """
 
     curve: Curve
@@ -71,23 +46,23 @@ class RangingMission:
 
     def __post_init__(self) -> None:
         if not self.angles:
-            raise ValueError("angles = (); allowed: one sensor or more")
+            raise MissionError("angles = (); allowed: one sensor or more")
         if not all(math.isfinite(angle) for angle in self.angles):
-            raise ValueError(f"angles = {self.angles!r}; allowed: finite numbers")
+            raise MissionError(f"angles = {self.angles!r}; allowed: finite numbers")
         turned = sorted(angle % (2.0 * math.pi) for angle in self.angles)
         turned.append(turned[0] + 2.0 * math.pi)
         if len(self.angles) > 1 and min(np.diff(turned)) < _SAME:
-            raise ValueError(f"angles = {self.angles!r} holds one direction twice; allowed: different directions")
+            raise MissionError(f"angles = {self.angles!r} holds one direction twice; allowed: different directions")
         if self.start is not None and not self.curve.contains(np.array(self.start.pose)):
-            raise ValueError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
+            raise MissionError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
 
     @property
     def sensors(self) -> int:
-        """l."""
+        """Number l of range sensors."""
         return len(self.angles)
 
     def sensors_carried(self) -> tuple[RangeSensor, WheelOdometry]:
-        """Fresh sensors for one run, of readings "ranges" (l,) and "odometry" (2,), that err as the mission has it."""
+        """Make the sensors of one run, of readings "ranges" (l,) [m] and "odometry" (2,) [m/s, rad/s]."""
         corners = self.curve.polyline[:-1:8]
         longest = float(np.linalg.norm(corners[:, None] - corners, axis=2).max())
         rate = 1.0 / self.period
@@ -95,43 +70,43 @@ class RangingMission:
 
     @property
     def alpha(self) -> Array:
-        """(l,) [rad]."""
+        """Angles (l,) [rad] of the sensors off the heading."""
         return np.array(self.angles)
 
     @property
     def start_pose(self) -> Array:
-        """(3,) what is known of the start; the centre of the wall where nothing is."""
+        """Pose (3,) [m, m, rad] that is known of the start; the centre of the wall where nothing is."""
         if self.start is not None:
             return np.array(self.start.pose)
         return np.array([*self.curve.centre, 0.0])
 
     def flow(self, x: Array, u: Array, dt: float) -> Array:
-        """The pose (3,) after the input u (2,) was held for dt [s] from x (3,)."""
-        after: Array = moved(np.asarray(x, np.float64), float(u[0]), float(u[1]), dt)
+        """Pose (3,) [m, m, rad] after the input u (2,) [m/s, rad/s] was held for dt [s] from x (3,)."""
+        after: Array = integrate(np.asarray(x, np.float64), float(u[0]), float(u[1]), dt)
         return after
 
     def difference(self, x: Array, truth: Array) -> Array:
-        """(3,) [m, m, rad] an estimate (3,) less the truth (3,), modulo the symmetry of the wall.
+        """Estimate x (3,) less the truth (3,) [m, m, rad], modulo the symmetry of the wall.
 
         Of the poses that are indistinguishable from the truth the nearest one counts. In a circle, where they are a
         continuum, that is the one in the direction of the estimate from the centre.
         """
         truth, centre = np.asarray(truth, np.float64), self.curve.centre
         if self.curve.symmetry == 0:
-            turn = _direction(x, centre) - _direction(truth, centre)
-            c, s = math.cos(turn), math.sin(turn)
+            rotation = _direction(x, centre) - _direction(truth, centre)
+            c, s = math.cos(rotation), math.sin(rotation)
             offset = truth[:2] - centre
             offset = np.array([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1]])
-            truth = np.array([*(centre + offset), truth[2] + turn])
-        away = x - self.curve.images(truth)
-        away[:, 2] = wrapped(away[:, 2])
-        nearest: Array = away[int(np.argmin(np.square(away).sum(axis=1)))]
+            truth = np.array([*(centre + offset), truth[2] + rotation])
+        differences = x - self.curve.images(truth)
+        differences[:, 2] = wrapped(differences[:, 2])
+        nearest: Array = differences[int(np.argmin(np.square(differences).sum(axis=1)))]
         return nearest
 
     def error(self, x: Array, truth: Array) -> tuple[float, float]:
-        """[m] and [rad]: how long the two parts of ``difference`` are."""
-        away = self.difference(x, truth)
-        return math.hypot(away[0], away[1]), abs(float(away[2]))
+        """Lengths [m] and [rad] of the two parts of ``difference`` between x (3,) and the truth (3,)."""
+        differences = self.difference(x, truth)
+        return math.hypot(differences[0], differences[1]), abs(float(differences[2]))
 
 
 def _direction(pose: Array, centre: Array) -> float:

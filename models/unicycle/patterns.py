@@ -11,12 +11,13 @@ _CLOSED = float(jn_zeros(0, 1)[0])
 
 
 def circle(t: float, speed: float, turn_rate: float) -> tuple[float, float]:
-    """u at t [s]: a circle of radius speed / turn_rate."""
+    """Input u [m/s, rad/s] at t [s]: a circle of radius speed / turn_rate."""
     return speed, turn_rate
 
 
 def figure_eight(t: float, speed: float, period: float) -> tuple[float, float]:
-    """u at t [s]: a closed figure of eight, phi = phi_0 + A sin(2 pi t / period), with A the first zero of J_0.
+    """Input u [m/s, rad/s] at t [s]: a closed figure of eight, phi = phi_0 + A sin(2 pi t / period), A the first zero
+    of J_0.
 
     It starts at one of its ends, across its axis, which points to the left; it is 0.375 speed x period long and 0.139
     wide.
@@ -26,5 +27,5 @@ def figure_eight(t: float, speed: float, period: float) -> tuple[float, float]:
 
 
 def straight(t: float, speed: float, period: float) -> tuple[float, float]:
-    """u at t [s]: forth and back along a line, speed x period / 4 to either side of the start."""
+    """Input u [m/s, rad/s] at t [s]: forth and back along a line, speed x period / 4 to either side of the start."""
     return (-speed if 0.25 <= (t / period) % 1.0 < 0.75 else speed), 0.0

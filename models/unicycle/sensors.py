@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mathnavi.models.unicycle.drives import inputs_of
+from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.protocols import StateView
 from mathnavi.sim.interfaces.signals import Array
-
-if TYPE_CHECKING:  # a mission makes its own sensors
-    from mathnavi.models.unicycle.mission import OdometryQuality, RangeQuality
 
 
 @dataclass(frozen=True)
@@ -27,10 +24,11 @@ class RangeSensor:
     size: int  # l
     quality: RangeQuality
     longest: float  # [m] that can be in sight
-    rate: float | None  # [Hz]; None: whenever the loop looks
+    rate: float | None  # [Hz]; None: every control step
     name: str = "ranges"
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
+        """Read the ranges (l,) [m] of ``motion``; ``rng`` draws noise, outliers and losses."""
         quality = self.quality
         rho = np.array([motion.sensed(f"range_{i}")[0] for i in range(self.size)])
         rho[rho < 0.0] = np.nan  # MuJoCo's word for a ray that meets nothing
@@ -43,7 +41,7 @@ class RangeSensor:
 
 @dataclass
 class WheelOdometry:
-    """What the wheels say of the mean input (u_1, u_2) over the last period, (2,) [m/s, rad/s], if they do not slip.
+    """Mean input (u_1, u_2) (2,) [m/s, rad/s] over the last period by the wheels, if they do not slip.
 
     A reading is (1 + bias) u + noise, the sign of the bias drawn once a run. The first one only notes where the wheels
     are, so there is none of it. It remembers the wheels: it belongs to one vehicle and one run.
@@ -57,6 +55,7 @@ class WheelOdometry:
     _bias: float = field(default=0.0, init=False, repr=False)
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array | None:
+        """Read the mean input (2,) [m/s, rad/s] of ``motion`` since the last reading; None for the first."""
         wheels = np.concatenate([motion.sensed("wheel_left"), motion.sensed("wheel_right")])
         before, self._before = self._before, wheels
         if before is None:

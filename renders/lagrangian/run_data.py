@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere
 from mathnavi.models.manifold.manifold import CutLocusError, Manifold
@@ -108,7 +108,7 @@ class LagrangianRun(LoggedRun):
         fields = self.log.config["estimator"]["fields"]
         if not {"bandwidth", "gains"} <= set(fields):
             return None
-        return Gains(float(fields["bandwidth"]), law=fields["gains"]).velocity()
+        return IntrinsicGains(float(fields["bandwidth"]), law=fields["gains"]).velocity()
 
     @cached_property
     def magnification(self) -> float:

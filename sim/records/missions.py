@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from mathnavi.models.missile.mission import Case, Target
 from mathnavi.models.unicycle.entity import DriveName
-from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.fields import instance
 
 Point = tuple[float, float, float]

@@ -20,7 +20,8 @@ from mathnavi.models.field.curve import Curve
 from mathnavi.models.sensor_faults import Outage
 from mathnavi.models.unicycle.drives import DifferentialDrive, IdealDrive
 from mathnavi.models.unicycle.entity import FLOOR, RADIUS, DriveName, build_model
-from mathnavi.models.unicycle.mission import KnownStart, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.interfaces.errors import MissionError

@@ -12,7 +12,8 @@ import numpy as np
 
 from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
 from mathnavi.models.unicycle.entity import RADIUS, DriveName
-from mathnavi.models.unicycle.mission import TICK, OdometryQuality, RangeQuality
+from mathnavi.models.unicycle.mission import TICK
+from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.number_lists import NumberList
 

@@ -41,8 +41,9 @@ from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.unicycle.drives import wheel_rates
 from mathnavi.models.unicycle.mission import TICK as RANGING_TICK
-from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.interfaces.observer_properties import ObserverProperties
 from mathnavi.sim.interfaces.protocols import Estimator, EstimatorPlugin, StateView

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
 from mathnavi.estimators.riemannian.contraction import SasakiMetric, largest_eigenvalue
-from mathnavi.estimators.riemannian.gains import CurvatureName, Gains
+from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.tangent_bundle import TangentBundle, bracket
 from mathnavi.models.manifold.two_point import TwoPoint
@@ -88,7 +88,7 @@ def worst_eigenvalue(theta: float, speed: float, term: CurvatureName, directions
     xi = space.origin
     pair = TwoPoint(space, space.exp(xi, space.vector(xi, np.array([theta, 0.0, 0.0]))), xi)
     angles = np.linspace(0.0, math.pi, directions)
-    gains = Gains(math.sqrt(A_AND_B), 0.5 * math.sqrt(A_AND_B), "constant", term, space.kappa)
+    gains = IntrinsicGains(math.sqrt(A_AND_B), 0.5 * math.sqrt(A_AND_B), "constant", term, space.kappa)
     etas = [space.vector(xi, speed * np.array([math.cos(a), math.sin(a), 0.0])) for a in angles]
     return max(largest_eigenvalue(pair, eta, gains, _METRIC) for eta in etas)
 

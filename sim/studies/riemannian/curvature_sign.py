@@ -15,8 +15,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mathnavi.estimators.riemannian.gains import CurvatureName, Gains
-from mathnavi.estimators.riemannian.sampled import SampledObserver
+from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
+from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.systems import PointSystem, linear
@@ -78,11 +78,13 @@ def errors_left(run: Forced) -> list[list[float]]:
     motion = [system.state(p, run.speed * OMEGA * space.draw_vector(rng, p))]
     for _ in range(round(DURATION / STEP)):
         motion.append(system.reach(motion[-1], u, STEP)[0])
-    gains = (Gains(OMEGA, 1.0, "constant", term, space.kappa) for term in run.terms)
-    return [_followed(SampledObserver(system, each, p), space, motion, run.speed * OMEGA) for each in gains]
+    gains = (IntrinsicGains(OMEGA, 1.0, "constant", term, space.kappa) for term in run.terms)
+    return [_followed(SampledIntrinsicObserver(system, each, p), space, motion, run.speed * OMEGA) for each in gains]
 
 
-def _followed(observer: SampledObserver, space: ConstantCurvature, motion: Sequence[Array], v0: float) -> list[float]:
+def _followed(
+    observer: SampledIntrinsicObserver, space: ConstantCurvature, motion: Sequence[Array], v0: float
+) -> list[float]:
     left, n, u = [1.0], space.size, np.zeros(space.size)
     for k, x in enumerate(motion[1:], 1):
         try:

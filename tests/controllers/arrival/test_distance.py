@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.controllers.arrival.distance import Trajectory, clear, least_distance
+from mathnavi.controllers.arrival.distance import PlannedTrajectory, clear, least_distance
 from mathnavi.sim.interfaces.signals import Plan, Status
 from tests.controllers.arrival.flights import arcs, hover, sampled_distances, straight
 
@@ -41,7 +41,7 @@ def test_it_is_never_above_sampling_and_below_by_no_more_than_the_motion_in_betw
     least = least_distance(a, b, t)
     times, distances = sampled_distances(a, b, t, 2000)
     sampled = float(distances.min())
-    speed = Trajectory.of(a).speed + Trajectory.of(b).speed
+    speed = PlannedTrajectory.of(a).speed + PlannedTrajectory.of(b).speed
     assert least <= sampled * (1.0 + 1e-6) + 1e-12 * scale
     # A jump into rest at the end, which these plans make, is not in position.
     assert least >= sampled - 0.5 * speed * float(np.diff(times).max(initial=0.0)) - 1e-9 * scale
@@ -131,7 +131,7 @@ def test_what_is_no_plan_is_refused_by_name() -> None:
 
 def test_a_trajectory_is_its_own() -> None:
     plan = straight((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
-    held = Trajectory.of(plan)
+    held = PlannedTrajectory.of(plan)
     plan.x[:] = 7.0
     assert held.x[0, 3] == 1.0
     assert not held.x.flags.writeable

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from mathnavi.controllers.arrival.distance import Trajectory
-from mathnavi.controllers.arrival.separation import TOPIC, Answer, Proposal, Separation
+from mathnavi.controllers.arrival.distance import PlannedTrajectory
+from mathnavi.controllers.arrival.separation import TOPIC, Proposal, Separation, SeparationReply
 from mathnavi.controllers.arrival.zone import Zone, checked_start
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
@@ -234,10 +234,12 @@ def test_copies_get_the_same_answer_and_old_ones_none() -> None:
     vehicles["v0"].propose(across(0, 1))
     new = proposal_of(vehicles["v0"], 0.1)["v1"]
     once = vehicles["v1"].exchange(0.2, [new, new])
-    assert [message.payload for _, message in once] == [Answer(2, True)]
+    assert [message.payload for _, message in once] == [SeparationReply(2, True)]
     vehicles["v1"].propose(rise(1))  # in its way
     again = vehicles["v1"].exchange(0.3, [old, new, old])
-    assert [message.payload for _, message in again if isinstance(message.payload, Answer)] == [Answer(2, True)]
+    assert [message.payload for _, message in again if isinstance(message.payload, SeparationReply)] == [
+        SeparationReply(2, True)
+    ]
 
 
 def test_a_plan_in_the_way_of_what_is_flown_or_admitted_is_refused() -> None:
@@ -281,7 +283,7 @@ def test_what_is_not_admitted_by_its_start_is_withdrawn() -> None:
     vehicle = lanes(2)["v0"]
     vehicle.propose(ahead(0))
     assert proposal_of(vehicle, 5.0)
-    late = Message(4.0, "v1", TOPIC, Answer(1, True))
+    late = Message(4.0, "v1", TOPIC, SeparationReply(1, True))
     assert vehicle.exchange(5.1, [late]) == []
     assert not vehicle.admitted(1)
     assert [each.kind for each in vehicle.events] == ["separation-late"]
@@ -291,9 +293,9 @@ def test_what_cannot_be_is_ignored_and_recorded() -> None:
     vehicle = lanes(2)["v0"]
     vehicle.propose(ahead(0))
     for message in (
-        Message(0.0, "stranger", TOPIC, Answer(1, True)),
-        Message(9.0, "v1", TOPIC, Answer(1, True)),
-        Message(np.nan, "v1", TOPIC, Answer(1, True)),
+        Message(0.0, "stranger", TOPIC, SeparationReply(1, True)),
+        Message(9.0, "v1", TOPIC, SeparationReply(1, True)),
+        Message(np.nan, "v1", TOPIC, SeparationReply(1, True)),
         Message(0.0, "v1", TOPIC, "yes"),
     ):
         vehicle.exchange(1.0, [message])
@@ -347,8 +349,11 @@ def test_a_start_that_is_not_separated_names_who_how_far_and_what_is_allowed() -
 
 def test_a_plan_faster_than_allowed_brings_its_own_speed_into_the_zone() -> None:
     zone = Zone(10.0, bound=1.0, speed_max=50.0, clock_error=0.01)
-    slow, fast = Trajectory.of(hover(lane(0))), Trajectory.of(straight((0.0, 13.5, 0.0), (100.0, 0.0, 0.0), 1.0))
+    slow, fast = (
+        PlannedTrajectory.of(hover(lane(0))),
+        PlannedTrajectory.of(straight((0.0, 13.5, 0.0), (100.0, 0.0, 0.0), 1.0)),
+    )
     assert zone.required == zone.between(slow, slow) == pytest.approx(13.0)
     assert zone.between(slow, fast) == zone.between(fast, slow) == pytest.approx(14.0)
     assert not zone.kept(slow, fast, 0.0)
-    assert zone.kept(slow, Trajectory.of(hover(np.array([0.0, 13.5, 0.0]))), 0.0)
+    assert zone.kept(slow, PlannedTrajectory.of(hover(np.array([0.0, 13.5, 0.0]))), 0.0)

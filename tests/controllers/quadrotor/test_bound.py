@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.flight.completion import ArcList
-from mathnavi.controllers.quadrotor.bound import Loop, tracking_bound
+from mathnavi.controllers.quadrotor.bound import AxisLoop, tracking_bound
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission, GustModel
@@ -30,8 +30,8 @@ def mission(**fields: object) -> FlightMission:
 
 @pytest.mark.parametrize(("axis", "share"), [(0, 0.1), (2, 0.15)])
 def test_a_step_of_force_is_answered_as_the_linear_loop_answers(axis: int, share: float) -> None:
-    loop = (Loop.along if axis == 2 else Loop.across)(CONFIG, NOMINAL, PERIOD)
-    _, steps = loop.peaks
+    loop = (AxisLoop.along if axis == 2 else AxisLoop.across)(CONFIG, NOMINAL, PERIOD)
+    _, steps = loop.peak_gains
     _, off, _ = flown(hovering(), 2.5, disturbance=ConstantWrench(NOMINAL.mass * np.eye(3)[axis], np.zeros(3)))
     assert np.abs(off[:, axis]).max() == pytest.approx(steps[0], rel=share)
     assert np.abs(off[:, 3 + axis]).max() == pytest.approx(steps[1], rel=share)
@@ -40,7 +40,7 @@ def test_a_step_of_force_is_answered_as_the_linear_loop_answers(axis: int, share
 def test_the_spread_under_gusts_is_that_of_flights() -> None:
     """The standard deviation of 25 s in gusts that no limit clips."""
     gust = GustModel(0.4, 1.0, 9.0)
-    expected = Loop.across(CONFIG, NOMINAL, PERIOD).deviations(mission(gust=gust))[0]
+    expected = AxisLoop.across(CONFIG, NOMINAL, PERIOD).deviations(mission(gust=gust))[0]
     m = NOMINAL.mass
     gusts = Gusts(m * gust.rms, gust.time_constant, m * gust.limit, np.random.default_rng(1))
     _, off, _ = flown(hovering(), 25.0, disturbance=gusts)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.estimators.observability.region import Criterion, converges, exact_run, region_of_convergence
+from mathnavi.estimators.observability.region import ConvergenceCriterion, converges, exact_run, region_of_convergence
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from tests.estimators.observability.fields import ELLIPSE
@@ -18,7 +18,7 @@ from tests.ranging import driven, eight
 
 MISSION = RangingMission(ELLIPSE, (-1.0, 1.0))
 TOLD = (0.5, 0.5, 0.5)
-WITHIN = Criterion(position=0.3, heading=0.2, last=0.25)
+WITHIN = ConvergenceCriterion(position=0.3, heading=0.2, last=0.25)
 START = np.array([0.4, 0.1, 0.3])
 
 

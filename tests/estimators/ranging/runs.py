@@ -10,8 +10,9 @@ import numpy as np
 
 from mathnavi.estimators.ranging.kalman_kernels import expected_ranges
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import moved
-from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.protocols import Estimator
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from tests.estimators.ranging.walls import FIELD, SENSORS
@@ -88,7 +89,7 @@ def reference(task: RangingMission, step: Step, x: Array, P: Array) -> tuple[Arr
 
     def motion(at: Array, v: Array) -> Array:
         u_1, u_2 = (1.0 - at[3]) * u + v
-        return np.array([*moved(at[:3], u_1, u_2, task.period), at[3]])
+        return np.array([*integrate(at[:3], u_1, u_2, task.period), at[3]])
 
     if step.t > 0.0:
         u, still = readings["odometry"], np.zeros(2)
@@ -96,7 +97,7 @@ def reference(task: RangingMission, step: Step, x: Array, P: Array) -> tuple[Arr
         G = np.array([(motion(x, e) - motion(x, -e)) / (2.0 * h) for e in h * np.eye(2)]).T
         W = np.diag(np.square(odometry.noise) + np.square(odometry.slip))
         x, P = motion(x, still), A @ P @ A.T + G @ W @ G.T
-    rho, H = expected_ranges(task.curve.table, task.curve.polyline, x[:3], task.alpha)
+    rho, H = expected_ranges(task.curve.wall, x[:3], task.alpha)
     H = np.column_stack((H, np.zeros(len(H))))
     S = H @ P @ H.T + np.diag(np.square(quality.relative * rho) + quality.absolute**2)
     nu = readings["ranges"] - rho

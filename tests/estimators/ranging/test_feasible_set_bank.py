@@ -13,7 +13,8 @@ import pytest
 from mathnavi.estimators.ranging.bank_kernels import condition_each, drop
 from mathnavi.estimators.ranging.feasible_set_bank import FeasibleSetBank, FeasibleSetBankConfig
 from mathnavi.models.field.curve import BEAN, Curve
-from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from tests.estimators.ranging.runs import with_ranges
 from tests.estimators.ranging.walls import FIELD, SENSORS
@@ -206,10 +207,11 @@ def test_hypotheses_fade_until_one_is_left() -> None:
 def test_twins_under_the_symmetry_of_the_wall_are_one() -> None:
     x = np.array([[0.5, 0.2, 0.3, 0.0], [-0.5, -0.2, 0.3 + math.pi, 0.0], [0.5, -0.2, 0.3, 0.0], [1.0, 0.2, 0.3, 0.0]])
     P, score = np.tile(1e-4 * np.eye(4), (4, 1, 1)), np.array([0.0, -1.0, -1.0, -30.0])
-    drop(x, P, score, 0, -20.0, 1.0, FIELD.symmetry, *FIELD.centre)
+    scoring, centre = (0.995, 0.98, -20.0, 1.0), FIELD.centre
+    drop((x, P, score, np.ones(4)), 0, scoring, (FIELD.symmetry, *centre))
     np.testing.assert_array_equal(np.isnan(score), [False, True, False, True])
     score = np.array([0.0, -1.0, -1.0, -3.0])
-    drop(x, P, score, 0, -20.0, 1.0, 1, *FIELD.centre)
+    drop((x, P, score, np.ones(4)), 0, scoring, (1, *centre))
     assert np.isfinite(score).all()
 
 
@@ -217,8 +219,9 @@ def test_scores_are_how_likely_the_hypotheses_are() -> None:
     alpha, truth = np.array([-1.0, 0.0, 1.0]), np.array([0.5, 0.2, 0.3, 0.0])
     x = np.array([[0.8, 0.2, 0.3, 0.0], truth, truth])
     P, score, misfit = np.tile(1e-2 * np.eye(4), (3, 1, 1)), np.array([0.0, 0.0, np.nan]), np.ones(3)
-    z, wall = FIELD.ranges(truth[:3], alpha)[0], (FIELD.table, FIELD.polyline)
-    best, nis, rays = condition_each(x, P, score, misfit, 0, z, *wall, alpha, 0.05, 1e-4, 15.0, 0.995, 0.98)
+    z, sensors = FIELD.ranges(truth[:3], alpha)[0], (alpha, 0.05, 1e-4, 15.0)
+    bank, scoring = (x, P, score, misfit), (0.995, 0.98, -20.0, 1.0)
+    best, nis, rays = condition_each(bank, 0, z, FIELD.wall, sensors, scoring)
     assert (best, rays) == (1, 3)
     assert nis == pytest.approx(0.0, abs=1e-9)
     assert score[1] == 0.0

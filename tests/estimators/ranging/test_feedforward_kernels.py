@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from mathnavi.estimators.ranging.feedforward_kernels import LEAST_DENOMINATOR, rho_dot_rate, s_rate, stay
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import (
     FIELD,
@@ -43,18 +43,18 @@ def test_a_period_on_the_truth_ends_on_the_truth(curve: Curve, alpha: tuple[floa
     """manifold to round-off, s and rho_dot to what Heun's method leaves of a period."""
     rng, at = np.random.default_rng(seed), np.array(alpha)
     pose, u = clear_pose(curve, at, rng), rng.uniform((-1.0, -2.0), (1.0, 2.0))
-    here, there = readings(curve, at, pose, u), readings(curve, at, moved(pose, *u, DT), u)
+    here, there = readings(curve, at, pose, u), readings(curve, at, integrate(pose, *u, DT), u)
     z = np.append(curve.ranges(pose, at)[1], pose[2])
-    after = np.append(curve.ranges(moved(pose, *u, DT), at)[1], pose[2] + DT * u[1])
+    after = np.append(curve.ranges(integrate(pose, *u, DT), at)[1], pose[2] + DT * u[1])
     allowed: dict[FeedForward, float] = {"s": 5e-4, "rho_dot": 5e-4, "manifold": 1e-11}
     for name, atol in allowed.items():
-        off = FEED_FORWARDS[name](curve.table, curve.polyline, at, z, here, there, u, DT) - after
+        off = FEED_FORWARDS[name](curve.wall, at, z, here, there, u, DT) - after
         assert np.abs((off + np.pi) % (2.0 * np.pi) - np.pi).max() <= atol
 
 
 def test_the_print_has_none() -> None:
     z, nothing = np.array([1.0, 2.0, 3.0]), np.zeros((2, 2))
-    after = stay(FIELD.table, FIELD.polyline, np.zeros(2), z, nothing, nothing, np.ones(2), DT)
+    after = stay(FIELD.wall, np.zeros(2), z, nothing, nothing, np.ones(2), DT)
     np.testing.assert_array_equal(after, z)
     assert after is not z
 

@@ -13,7 +13,8 @@ from mathnavi.estimators.ranging.extended import RangeEkf
 from mathnavi.estimators.ranging.particle import RangeParticle
 from mathnavi.estimators.ranging.unscented import RangeUkf
 from mathnavi.models.field.curve import BEAN
-from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.protocols import Estimator
 from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 from tests.estimators.ranging.runs import (

@@ -17,7 +17,7 @@ from mathnavi.estimators.ranging.kalman_kernels import (
     step_within,
 )
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, angles, clear_pose, seeds, walls
 
@@ -28,7 +28,7 @@ RELATIVE, ABSOLUTE = 0.05, 0.01
 def second_derivative(curve: Curve, pose: Array, alpha: float) -> tuple[float, Array, Array]:
     """h, H (3,) and h'' (3, 3) of a ray."""
     H, D, heading = np.empty(3), np.empty(3), np.array([0.0, 0.0, 1.0])
-    h, B, C = expected_range(curve.table, curve.polyline, pose[0], pose[1], pose[2] + alpha, H, D)
+    h, B, C = expected_range(curve.wall, pose[0], pose[1], pose[2] + alpha, H, D)
     turned = np.outer(H, heading)
     return h, H, C * np.outer(D, D) - B * (turned + turned.T) + h * np.outer(heading, heading)
 
@@ -59,7 +59,7 @@ def test_the_trace_is_that_of_the_matrices(curve: Curve, seed: int) -> None:
     rng = np.random.default_rng(seed)
     pose, P = clear_pose(curve, np.zeros(1), rng), any_covariance(rng, 0.3)
     H, D = np.empty(3), np.empty(3)
-    h, B, C = expected_range(curve.table, curve.polyline, *pose, H, D)
+    h, B, C = expected_range(curve.wall, *pose, H, D)
     second = second_derivative(curve, pose, 0.0)[2] @ P[:3, :3]
     assert _square_trace(P, D, h, B, C, H) == pytest.approx(np.trace(second @ second), rel=1e-9)
 
@@ -71,13 +71,13 @@ def test_a_prediction_carries_the_covariance_on_by_the_jacobian_of_the_motion(se
     x, P, u, W = np.array([0.2, -0.1, 3.0, 0.02]), any_covariance(rng, 0.2), rng.normal(size=2), np.array([0.3, 0.2])
 
     def motion(at: Array, v: Array) -> Array:
-        return np.array([*moved(at[:3], *((1.0 - at[3]) * u + v), dt), at[3]])
+        return np.array([*integrate(at[:3], *((1.0 - at[3]) * u + v), dt), at[3]])
 
     h = 1e-6
     A = np.array([(motion(x + e, np.zeros(2)) - motion(x - e, np.zeros(2))) / (2.0 * h) for e in h * np.eye(4)]).T
     G = np.array([(motion(x, e) - motion(x, -e)) / (2.0 * h) for e in h * np.eye(2)]).T
     after, covariance = x.copy(), P.copy()
-    predict(after, covariance, u, W, FIELD.table, FIELD.polyline, dt)
+    predict(after, covariance, u, W, FIELD.wall, dt)
     expected = motion(x, np.zeros(2))
     np.testing.assert_allclose(after[[0, 1, 3]], expected[[0, 1, 3]], atol=1e-12)
     assert math.remainder(after[2] - expected[2], 2.0 * math.pi) == pytest.approx(0.0, abs=1e-12)
@@ -102,12 +102,12 @@ def test_rays_one_after_the_other_are_the_update_with_all_of_them(
     K = P @ H.T @ np.linalg.inv(S)
 
     after, covariance = x.copy(), P.copy()
-    wall = (curve.table, curve.polyline)
-    nis, log_det, told, used = condition(after, covariance, h + nu, *wall, np.array(alpha), RELATIVE, ABSOLUTE, OPEN)
+    wall = curve.wall
+    nis, log_det, told, used = condition(after, covariance, h + nu, wall, (np.array(alpha), RELATIVE, ABSOLUTE, OPEN))
     assert (told, used) == (len(h), len(h))
     assert nis == pytest.approx(nu @ np.linalg.solve(S, nu), rel=1e-6)
     assert log_det == pytest.approx(np.linalg.slogdet(S)[1], rel=1e-6, abs=1e-6)
-    step = step_within(*wall, *x[:2], *(K @ nu)[:2])
+    step = step_within(wall, *x[:2], *(K @ nu)[:2])
     assert math.remainder(after[2] - x[2] - step * (K @ nu)[2], 2.0 * math.pi) == pytest.approx(0.0, abs=1e-6)
     np.testing.assert_allclose((after - x)[[0, 1, 3]], step * (K @ nu)[[0, 1, 3]], atol=1e-6)
     np.testing.assert_allclose(covariance, P - K @ S @ K.T, atol=1e-6 * np.abs(P).max())
@@ -116,11 +116,11 @@ def test_rays_one_after_the_other_are_the_update_with_all_of_them(
 def test_a_lost_ray_is_as_if_there_were_no_sensor() -> None:
     pose, alpha = np.array([0.5, 0.2, 0.3]), np.array([-1.0, 0.0, 1.0])
     z = 1.02 * FIELD.ranges(pose, alpha)[0]
-    wall, results = (FIELD.table, FIELD.polyline), []
-    for readings, sensors in ((np.where([0, 1, 0], np.nan, z), alpha), (z[[0, 2]], alpha[[0, 2]])):
+    wall, results = FIELD.wall, []
+    for readings, angles_of in ((np.where([0, 1, 0], np.nan, z), alpha), (z[[0, 2]], alpha[[0, 2]])):
         x, P = np.array([*pose, 0.0]), 0.01 * np.eye(4)
-        told = condition(x, P, readings, *wall, sensors, RELATIVE, ABSOLUTE, OPEN)
-        results.append((*told, *x, *P.ravel()))
+        found = condition(x, P, readings, wall, (angles_of, RELATIVE, ABSOLUTE, OPEN))
+        results.append((*found, *x, *P.ravel()))
     np.testing.assert_array_equal(*results)
 
 
@@ -128,7 +128,7 @@ def test_a_ray_beyond_the_gate_changes_nothing_and_counts_as_one_at_the_gate() -
     pose, alpha, gate = np.array([0.5, 0.2, 0.3]), np.array([0.7]), 9.0
     z = FIELD.ranges(pose, alpha)[0]
     x, P = np.array([*pose, 0.0]), 1e-4 * np.eye(4)
-    nis, _, told, used = condition(x, P, 2.0 * z, FIELD.table, FIELD.polyline, alpha, RELATIVE, ABSOLUTE, gate)
+    nis, _, told, used = condition(x, P, 2.0 * z, FIELD.wall, (alpha, RELATIVE, ABSOLUTE, gate))
     assert (nis, told, used) == (gate, 1, 0)
     np.testing.assert_allclose(x, [*pose, 0.0], rtol=1e-14)
     np.testing.assert_array_equal(P, 1e-4 * np.eye(4))
@@ -138,17 +138,17 @@ def test_a_ray_beyond_the_gate_changes_nothing_and_counts_as_one_at_the_gate() -
 @given(walls, angles, seeds)
 def test_whatever_is_read_the_estimate_stays_within_the_wall(curve: Curve, alpha: tuple[float, ...], seed: int) -> None:
     rng = np.random.default_rng(seed)
-    wall = (curve.table, curve.polyline)
+    wall = curve.wall
     x, P = np.array([*curve.draw(rng), 0.0]), any_covariance(rng, 1.0)
     for _ in range(10):
-        predict(x, P, rng.normal(scale=30.0, size=2), np.ones(2), *wall, 0.1)
+        predict(x, P, rng.normal(scale=30.0, size=2), np.ones(2), wall, 0.1)
         assert curve.contains(x[:2])
-        condition(x, P, rng.uniform(0.01, 20.0, len(alpha)), *wall, np.array(alpha), RELATIVE, ABSOLUTE, OPEN)
+        condition(x, P, rng.uniform(0.01, 20.0, len(alpha)), wall, (np.array(alpha), RELATIVE, ABSOLUTE, OPEN))
         assert curve.contains(x[:2])
         assert np.isfinite(P).all()
 
 
 def test_a_ray_that_grazes_the_wall_tells_nothing() -> None:
-    h, H = expected_ranges(FIELD.table, FIELD.polyline, np.array([3.763 - 1e-9, 0.0, 0.5 * math.pi]), np.zeros(1))
+    h, H = expected_ranges(FIELD.wall, np.array([3.763 - 1e-9, 0.0, 0.5 * math.pi]), np.zeros(1))
     assert np.isnan(h).all()
     assert np.isnan(H).all()

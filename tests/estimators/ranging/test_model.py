@@ -15,7 +15,8 @@ from mathnavi.estimators.ranging.model import (
     chi_square_gate,
 )
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.interfaces.signals import Measurement
 from tests.estimators.ranging.walls import FIELD, WALLS
 

@@ -65,7 +65,7 @@ def test_the_compiled_descent_is_what_casadi_derives(curve: Curve, alpha: tuple[
     u, (k_V, k_Q) = rng.uniform(-2.0, 2.0, 2), rng.uniform(0.1, 10.0, 2)
     V, r, J_v = (np.array(value) for value in feasibility(curve, alpha)(z, rho))
     Q, J_q = (np.array(value) for value in output_flow(curve, alpha)(z, rho, rho_dot, u))
-    gradient, H, value, squares = descent(curve.table, np.array(alpha), z, rho, rho_dot, u, k_V, k_Q)
+    gradient, H, value, squares = descent(curve.table, np.array(alpha), z, rho, rho_dot, u, (k_V, k_Q))
     size = np.abs(H).max()
     np.testing.assert_allclose(gradient, (2.0 * k_V * J_v.T @ r + k_Q * J_q.T @ Q).ravel(), rtol=0, atol=1e-11 * size)
     np.testing.assert_allclose(H, 2.0 * k_V * J_v.T @ J_v + k_Q * J_q.T @ J_q, rtol=0, atol=1e-12 * size)
@@ -82,8 +82,8 @@ def test_a_lost_ray_is_as_if_it_were_not_carried(curve: Curve, seed: int) -> Non
     z, rho, rho_dot = rng.uniform(-4.0, 4.0, 5), rng.uniform(0.1, 5.0, 4), rng.uniform(-2.0, 2.0, 4)
     u, kept = np.array([0.5, 1.0]), np.append(there, True)
     rho[~there] = np.nan
-    gradient, H, V, squares = descent(curve.table, alpha, z, rho, rho_dot, u, 2.0, 3.0)
-    fewer = descent(curve.table, alpha[there], z[kept], rho[there], rho_dot[there], u, 2.0, 3.0)
+    gradient, H, V, squares = descent(curve.table, alpha, z, rho, rho_dot, u, (2.0, 3.0))
+    fewer = descent(curve.table, alpha[there], z[kept], rho[there], rho_dot[there], u, (2.0, 3.0))
     np.testing.assert_allclose(gradient[kept], fewer[0], rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(H[np.ix_(kept, kept)], fewer[1], rtol=1e-10, atol=1e-10)
     assert (V, squares) == pytest.approx(fewer[2:])
@@ -100,7 +100,7 @@ def test_a_step_stays_finite_whatever_it_is_given() -> None:
         ((np.nan, np.nan), (np.nan, np.nan), (0.0, 0.0)),
     ):
         z, _, _ = corrected(
-            FIELD.table, alpha, np.zeros(3), np.array(rho), np.array(rho_dot), np.array(u), 5.0, 1.0, 0.01
+            FIELD.table, alpha, np.zeros(3), np.array(rho), np.array(rho_dot), np.array(u), (5.0, 1.0), 0.01
         )
         assert np.isfinite(z).all()
         assert np.abs(z).max() <= 0.5
@@ -114,10 +114,10 @@ def test_the_step_is_stable_where_an_explicit_one_is_not() -> None:
     z_0, still = np.append(s, pose[2]), np.zeros(2)
     for k_V, k_Q in ((5.0, 1.0), (300.0, 300.0)):
         z = z_0 + 0.02 * np.array([1.0, -1.0, 1.0, -1.0])
-        _, H, before, _ = descent(FIELD.table, alpha, z, rho, np.zeros(3), still, k_V, k_Q)
+        _, H, before, _ = descent(FIELD.table, alpha, z, rho, np.zeros(3), still, (k_V, k_Q))
         assert 0.01 * np.linalg.eigvalsh(H).max() > 2.0  # an explicit step of .01 s would blow up
         for _ in range(200):
-            z, after, _ = corrected(FIELD.table, alpha, z, rho, np.zeros(3), still, k_V, k_Q, 0.01)
+            z, after, _ = corrected(FIELD.table, alpha, z, rho, np.zeros(3), still, (k_V, k_Q), 0.01)
             assert after <= before + 1e-20
             before = after
         assert after <= 1e-6
@@ -125,7 +125,7 @@ def test_the_step_is_stable_where_an_explicit_one_is_not() -> None:
 
 def rank(alpha: Array, z: Array, rho: Array, rho_dot: Array, u: tuple[float, float]) -> int:
     """Of [J_v; J_q], which is that of H."""
-    _, H, _, _ = descent(FIELD.table, alpha, z, rho, rho_dot, np.array(u), 1.0, 1.0)
+    _, H, _, _ = descent(FIELD.table, alpha, z, rho, rho_dot, np.array(u), (1.0, 1.0))
     return int(np.linalg.matrix_rank(H, hermitian=True))
 
 

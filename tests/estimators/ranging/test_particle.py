@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.ranging.particle import RangeParticle, RangeParticleConfig
-from mathnavi.models.unicycle.mission import OdometryQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import OdometryQuality
 from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.runs import START, Run, mission, steps_of, told
 

@@ -12,15 +12,11 @@ from hypothesis import strategies as st
 
 from mathnavi.estimators.ranging.particle_kernels import mode, propagate, resampled, roughen, weigh
 from mathnavi.models.field.curve import BEAN, Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, angles, seeds, walls
 
 RADIUS, STARTS = 0.4, 16
-
-
-def wall_of(curve: Curve) -> tuple[Array, Array]:
-    return curve.table, curve.polyline
 
 
 def around(pose: tuple[float, float, float], count: int, rng: np.random.Generator, deviation: float = 0.05) -> Array:
@@ -29,7 +25,7 @@ def around(pose: tuple[float, float, float], count: int, rng: np.random.Generato
 
 
 def mode_of(x: Array, w: Array, before: Array, curve: Curve = FIELD) -> tuple[Array, Array]:
-    mean, P = mode(x, w, before, RADIUS, STARTS, *wall_of(curve))
+    mean, P = mode(x, w, before, RADIUS, STARTS, curve.wall)
     return mean, P
 
 
@@ -39,8 +35,8 @@ def mode_of(x: Array, w: Array, before: Array, curve: Curve = FIELD) -> tuple[Ar
 def test_without_errors_every_particle_moves_as_the_robot_does_with_its_own_scale() -> None:
     rng, u, dt = np.random.default_rng(0), np.array([0.8, -1.3]), 0.1
     x = around((0.5, 0.2, 3.1), 50, rng, 0.1)
-    expected = [[*moved(each[:3], (1.0 - each[3]) * u[0], (1.0 - each[3]) * u[1], dt), each[3]] for each in x]
-    propagate(x, u, np.zeros(2), *wall_of(FIELD), dt, rng)
+    expected = [[*integrate(each[:3], (1.0 - each[3]) * u[0], (1.0 - each[3]) * u[1], dt), each[3]] for each in x]
+    propagate(x, u, np.zeros(2), FIELD.wall, dt, rng)
     off = x - expected
     off[:, 2] = np.remainder(off[:, 2] + math.pi, 2.0 * math.pi) - math.pi
     np.testing.assert_allclose(off, 0.0, atol=1e-12)
@@ -50,7 +46,7 @@ def test_without_errors_every_particle_moves_as_the_robot_does_with_its_own_scal
 def test_particles_part_by_what_odometry_errs() -> None:
     rng, dt = np.random.default_rng(0), 0.1
     x = np.zeros((20_000, 4))
-    propagate(x, np.zeros(2), np.array([0.5, 0.2]), *wall_of(FIELD), dt, rng)
+    propagate(x, np.zeros(2), np.array([0.5, 0.2]), FIELD.wall, dt, rng)
     np.testing.assert_allclose(x[:, [0, 2]].std(axis=0), [0.05, 0.02], rtol=0.03)
     assert abs(np.corrcoef(x[:, 0], x[:, 2])[0, 1]) < 0.03
     assert np.abs(x[:, :3].mean(axis=0)).max() < 0.002
@@ -63,9 +59,9 @@ def test_no_particle_leaves_the_wall(curve: Curve, seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = np.array([[*curve.draw(rng), 0.0] for _ in range(30)])
     for _ in range(3):
-        propagate(x, np.array([5.0, 1.0]), np.array([5.0, 5.0]), *wall_of(curve), 0.2, rng)
+        propagate(x, np.array([5.0, 1.0]), np.array([5.0, 5.0]), curve.wall, 0.2, rng)
         assert all(curve.contains(each) for each in x)
-        roughen(x, 2.0, *wall_of(curve), rng)
+        roughen(x, 2.0, curve.wall, rng)
         assert all(curve.contains(each) for each in x)
 
 
@@ -88,7 +84,7 @@ def test_weights_are_the_likelihoods_of_what_was_read(curve: Curve, alpha: tuple
     expected = before * np.exp(log - log.max())
     expected /= expected.sum()
     w = before.copy()
-    effective = weigh(x, w, z, *wall_of(curve), np.array(alpha), relative, absolute, gate)
+    effective = weigh(x, w, z, curve.wall, (np.array(alpha), relative, absolute, gate))
     np.testing.assert_allclose(w, expected, rtol=1e-9, atol=1e-15)
     assert effective == pytest.approx(1.0 / np.square(expected).sum(), rel=1e-9)
 
@@ -97,7 +93,7 @@ def test_particles_that_all_are_impossible_are_all_alike() -> None:
     """Their weights sum to one and are finite, however unlikely what was read is."""
     x = around((0.5, 0.2, 0.3), 10, np.random.default_rng(0), 0.1)
     w = np.full(10, 0.1)
-    effective = weigh(x, w, np.array([50.0]), *wall_of(FIELD), np.zeros(1), 1e-9, 1e-9, 1e300)
+    effective = weigh(x, w, np.array([50.0]), FIELD.wall, (np.zeros(1), 1e-9, 1e-9, 1e300))
     assert np.isfinite(w).all()
     assert w.sum() == pytest.approx(1.0)
     assert 1.0 <= effective <= 10.0
@@ -134,7 +130,7 @@ def test_roughening_has_the_deviation_that_it_says() -> None:
     N, kappa, rng = 10_000, 0.1, np.random.default_rng(0)
     x = np.column_stack([rng.uniform(-width, width, N) for width in (0.5, 0.3, 0.4, 0.02)])
     before, extent = x.copy(), np.ptp(x, axis=0)
-    roughen(x, kappa, *wall_of(FIELD), rng)
+    roughen(x, kappa, FIELD.wall, rng)
     added, deviation = x - before, kappa * extent * N**-0.25
     np.testing.assert_allclose(added.std(axis=0), deviation, rtol=0.04)
     assert (np.abs(added.mean(axis=0)) < 4.0 * deviation / math.sqrt(N)).all()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mathnavi.estimators.ranging.range_rate import Window, check_window, savitzky_golay, spread
 from mathnavi.estimators.ranging.range_rate_kernels import centre_fit, innovated, measured
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 from tests.estimators.ranging.walls import FIELD, WALLS
 
@@ -70,10 +70,10 @@ def test_the_innovation_of_a_robot_that_knows_where_it_is_is_nought(curve: Curve
     ranges = np.array([curve.ranges(pose, ALPHA)[0] for pose in poses])
     m = window // 2
     pose, u = poses[m], 0.5 * (inputs[m - 1] + inputs[m])
-    arguments = (DT, curve.table, curve.polyline, ALPHA, pose, inputs, u)
-    readings = innovated(ranges, savitzky_golay(window, 1), spread(window), *arguments)
+    fit = (savitzky_golay(window, 1), spread(window), DT)
+    readings = innovated(ranges, inputs, u, fit, curve.wall, ALPHA, pose)
     h = 1e-4
-    ahead, behind = (curve.ranges(moved(pose, *u, way), ALPHA)[0] for way in (h, -h))
+    ahead, behind = (curve.ranges(integrate(pose, *u, way), ALPHA)[0] for way in (h, -h))
     np.testing.assert_allclose(readings[0], ranges[m], rtol=0, atol=error)
     np.testing.assert_allclose(readings[1], (ahead - behind) / (2.0 * h), rtol=0, atol=error + 1e-6)
 
@@ -83,10 +83,10 @@ def test_a_robot_that_is_elsewhere_sees_it_in_the_innovation() -> None:
     poses = travelled(np.array([0.3, -0.2, 0.4]), inputs)
     ranges = np.array([FIELD.ranges(pose, ALPHA)[0] for pose in poses])
     supposed = poses[50] + np.array([0.05, 0.03, 0.03])
-    arguments = (DT, FIELD.table, FIELD.polyline, ALPHA, supposed, inputs, inputs[0])
-    rho, rho_dot = innovated(ranges, savitzky_golay(101, 3), spread(101), *arguments)
+    fit = (savitzky_golay(101, 3), spread(101), DT)
+    rho, rho_dot = innovated(ranges, inputs, inputs[0], fit, FIELD.wall, ALPHA, supposed)
     h = 1e-4
-    ahead, behind = (FIELD.ranges(moved(poses[50], *inputs[0], way), ALPHA)[0] for way in (h, -h))
+    ahead, behind = (FIELD.ranges(integrate(poses[50], *inputs[0], way), ALPHA)[0] for way in (h, -h))
     np.testing.assert_allclose(rho, ranges[50], rtol=0, atol=1e-2)
     np.testing.assert_allclose(rho_dot, (ahead - behind) / (2.0 * h), rtol=0, atol=0.1)
     assert np.abs(FIELD.ranges(supposed, ALPHA)[0] - ranges[50]).max() > 5e-2
@@ -113,5 +113,5 @@ def test_a_window_that_cannot_be_is_refused(window: int, order: int) -> None:
 def travelled(pose: Array, inputs: Array) -> list[Array]:
     poses = [pose]
     for u in inputs:
-        poses.append(moved(poses[-1], u[0], u[1], DT))
+        poses.append(integrate(poses[-1], u[0], u[1], DT))
     return poses

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 
 FIELD = ellipse(3.763, math.sqrt(2.0))
@@ -35,7 +35,7 @@ def clear_pose(curve: Curve, alpha: Array, rng: np.random.Generator, margin: flo
 
 def ranges_around(curve: Curve, alpha: Array, pose: Array, u: Array, h: float) -> tuple[Array, Array]:
     """rho (5, l) and s (5, l), continuous, at -2 h, ..., 2 h [s] of a motion with u (2,) through ``pose`` (3,)."""
-    seen = [curve.ranges(moved(pose, u[0], u[1], k * h), alpha) for k in (-2, -1, 0, 1, 2)]
+    seen = [curve.ranges(integrate(pose, u[0], u[1], k * h), alpha) for k in (-2, -1, 0, 1, 2)]
     return np.array([rho for rho, _ in seen]), np.unwrap(np.array([s for _, s in seen]), axis=0)
 
 

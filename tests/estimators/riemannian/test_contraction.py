@@ -11,7 +11,7 @@ from scipy.linalg import eigh
 
 from mathnavi.estimators.riemannian.continuous import rates
 from mathnavi.estimators.riemannian.contraction import SasakiMetric, largest_eigenvalue, lie_derivative, linearised
-from mathnavi.estimators.riemannian.gains import CurvatureName, Gains
+from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, sphere
 from mathnavi.models.manifold.tangent_bundle import TangentBundle
 from mathnavi.models.manifold.tangent_bundle import lie_derivative as lie_derivative_of
@@ -28,7 +28,7 @@ WEIGHTS, STEP = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0), 0.005
 def test_it_is_the_derivative_of_the_observer(kappa: float, law: str, curvature: str) -> None:
     """Along a motion of (xi, eta) the rates change by [M N; P Q], and D_t b has R(xi', a) eta beside."""
     space, rng = ConstantCurvature(3, kappa), np.random.default_rng(4)
-    gains = Gains(2.0, 0.7, law, curvature, kappa)  # type: ignore[arg-type]
+    gains = IntrinsicGains(2.0, 0.7, law, curvature, kappa)  # type: ignore[arg-type]
     x = space.draw(rng)
     xi = space.exp(x, 0.8 * space.draw_vector(rng, x))
     eta, F = 1.7 * space.draw_vector(rng, xi), 2.0 * space.draw_vector(rng, x)
@@ -53,7 +53,7 @@ def on_sphere(theta: float, speed: float, angle: float) -> float:
     xi = space.origin
     x = space.exp(xi, space.vector(xi, np.array([theta, 0.0, 0.0])))
     eta = space.vector(xi, speed * np.array([math.cos(angle), math.sin(angle), 0.0]))
-    gains = Gains(math.sqrt(3.0), 0.5 * math.sqrt(3.0), "constant", "minus-one", 1.0)
+    gains = IntrinsicGains(math.sqrt(3.0), 0.5 * math.sqrt(3.0), "constant", "minus-one", 1.0)
     return largest_eigenvalue(TwoPoint(space, x, xi), eta, gains, SasakiMetric())
 
 
@@ -74,7 +74,7 @@ def test_the_lie_derivative_is_symmetric() -> None:
     space, rng = sphere(2), np.random.default_rng(0)
     x = space.draw(rng)
     xi = space.exp(x, 0.3 * space.draw_vector(rng, x))
-    L = lie_derivative(TwoPoint(space, x, xi), space.draw_vector(rng, xi), Gains(2.0), SasakiMetric())
+    L = lie_derivative(TwoPoint(space, x, xi), space.draw_vector(rng, xi), IntrinsicGains(2.0), SasakiMetric())
     assert L.shape == (4, 4)
     assert pytest.approx(L.T) == L
 
@@ -83,7 +83,11 @@ def test_the_lie_derivative_is_symmetric() -> None:
 @pytest.mark.parametrize("curvature", ["minus-one", "none", "plus-one"])
 def test_it_is_the_lie_derivative_of_the_sasaki_metric(kappa: float, curvature: CurvatureName) -> None:
     """L_X of the metric on TX along the field X of (D.6), in a stereographic chart, has the same eigenvalues."""
-    rng, gains, metric = np.random.default_rng(3), Gains(2.0, 0.7, "constant", curvature, kappa), SasakiMetric()
+    rng, gains, metric = (
+        np.random.default_rng(3),
+        IntrinsicGains(2.0, 0.7, "constant", curvature, kappa),
+        SasakiMetric(),
+    )
     space = ConstantCurvature(2, kappa)
     x = space.draw(rng)
     z, v = rng.uniform(-0.4, 0.4, 2), rng.standard_normal(2)
@@ -106,7 +110,7 @@ def on_chart(kappa: float, z: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
 
 
 def observer_in_chart(
-    bundle: TangentBundle, space: ConstantCurvature, gains: Gains, x: Array, z: casadi.SX, v: casadi.SX
+    bundle: TangentBundle, space: ConstantCurvature, gains: IntrinsicGains, x: Array, z: casadi.SX, v: casadi.SX
 ) -> casadi.SX:
     """(z', v') of (D.6) without a force."""
     kappa, (point, slope) = space.kappa, on_chart(space.kappa, z)

@@ -1,4 +1,4 @@
-"""Gains: where their poles are, and that their slopes are those of the functions."""
+"""IntrinsicGains: where their poles are, and that their slopes are those of the functions."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import IntrinsicGains
 
 LAWS = [
-    Gains(2.0, 0.7),
-    Gains(2.0, 1.0, "printed"),
-    Gains(2.0, 1.0, "constant", "matched", 1.0),
-    Gains(2.0, 1.0, "constant", "matched", -1.0),
+    IntrinsicGains(2.0, 0.7),
+    IntrinsicGains(2.0, 1.0, "printed"),
+    IntrinsicGains(2.0, 1.0, "constant", "matched", 1.0),
+    IntrinsicGains(2.0, 1.0, "constant", "matched", -1.0),
 ]
 
 
 @given(st.floats(0.01, 1e4), st.floats(0.1, 30.0), st.floats(1e-4, 0.5))
 def test_constant_gains_put_the_poles_of_the_sampled_error(omega: float, zeta: float, h: float) -> None:
     """(e_x, e_v) -> [[1 - alpha, (1 - alpha) h], [-beta, 1 - beta h]] (e_x, e_v) on R."""
-    alpha, beta = Gains(omega, zeta).weights(0.0, h)
+    alpha, beta = IntrinsicGains(omega, zeta).weights(0.0, h)
     matrix = np.array([[1.0 - alpha, (1.0 - alpha) * h], [-beta, 1.0 - beta * h]])
     poles = np.exp(np.roots([1.0, 2.0 * zeta * omega, omega**2]).astype(complex) * h)
     assert np.trace(matrix) == pytest.approx(poles.sum().real, abs=1e-9)
@@ -29,7 +29,7 @@ def test_constant_gains_put_the_poles_of_the_sampled_error(omega: float, zeta: f
 
 @given(st.floats(0.1, 100.0), st.floats(1e-3, 0.1))
 def test_with_a_disturbance_three_poles_are_one(omega: float, h: float) -> None:
-    alpha, beta, gamma = Gains(omega).disturbed_weights(h)
+    alpha, beta, gamma = IntrinsicGains(omega).disturbed_weights(h)
     predict = np.array([[1.0, h, 0.5 * h * h], [0.0, 1.0, h], [0.0, 0.0, 1.0]])
     correct = np.eye(3) - np.outer([alpha, beta, gamma], [1.0, 0.0, 0.0])
     polynomial = np.poly(correct @ predict)
@@ -38,7 +38,7 @@ def test_with_a_disturbance_three_poles_are_one(omega: float, h: float) -> None:
 
 @pytest.mark.parametrize("gains", LAWS, ids=lambda gains: f"{gains.law} {gains.curvature} {gains.kappa:g}")
 @pytest.mark.parametrize("theta", [1e-3, 0.2, 1.1])
-def test_slopes_are_those_of_the_gains(gains: Gains, theta: float) -> None:
+def test_slopes_are_those_of_the_gains(gains: IntrinsicGains, theta: float) -> None:
     S, step = 0.5 * theta**2, 1e-4 * 0.5 * theta**2
 
     def at(value: float) -> float:
@@ -51,7 +51,7 @@ def test_slopes_are_those_of_the_gains(gains: Gains, theta: float) -> None:
 
 def test_the_curvature_term_of_theorem_d_2_is_minus_one_at_the_truth() -> None:
     for kappa in (1.0, -1.0):
-        matched = Gains(2.0, 1.0, "constant", "matched", kappa)
+        matched = IntrinsicGains(2.0, 1.0, "constant", "matched", kappa)
         assert matched.curved(0.0) == -1.0
         assert matched.curved(1e-3) == pytest.approx(-1.0, abs=1e-6)
         assert (matched.curved(1.0) < -1.0) == (kappa > 0.0)

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.estimators.riemannian.plugin import RiemannianObserver
-from mathnavi.estimators.riemannian.sampled import SampledObserver
+from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import POSITION
 from mathnavi.models.mechanism.entity import build_model
@@ -51,7 +51,7 @@ def errors(truth: Run, model: mujoco.MjModel, bits: int = 0, *, disturbed: bool 
     """(n,) |eta - v| of an observer that believes in ``model``."""
     system = MechanismSystem(model)
     y = [system.manifold.rounded(x, bits) for x in truth.x]
-    observer = SampledObserver(system, Gains(bandwidth=OMEGA), y[0], disturbed=disturbed)
+    observer = SampledIntrinsicObserver(system, IntrinsicGains(bandwidth=OMEGA), y[0], disturbed=disturbed)
     found = []
     for u, reading, v in zip(truth.u, y[1:], truth.v[1:], strict=True):
         observer.predict(PERIOD, u, reading)

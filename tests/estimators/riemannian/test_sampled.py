@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mathnavi.estimators.riemannian.continuous import ContinuousObserver
-from mathnavi.estimators.riemannian.gains import CurvatureName, Gains
-from mathnavi.estimators.riemannian.sampled import SampledObserver
+from mathnavi.estimators.riemannian.gains import CurvatureName, IntrinsicGains
+from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
 from mathnavi.models.manifold.systems import PointSystem, linear
 from mathnavi.sim.interfaces.signals import Array
@@ -27,12 +27,12 @@ def begun(space: ConstantCurvature, speed: float, seed: int = 0) -> tuple[PointS
 
 
 def errors(
-    space: ConstantCurvature, gains: Gains, eta: float, *, steps: int, h: float = H, seed: int = 0
+    space: ConstantCurvature, gains: IntrinsicGains, eta: float, *, steps: int, h: float = H, seed: int = 0
 ) -> list[tuple[float, Array, float, Array]]:
     """After each reading, of an observer that starts on the point with a share ``eta`` of its velocity."""
     system, x = begun(space, 2.0, seed)
     n, u = space.size, np.zeros(space.size)
-    observer = SampledObserver(system, gains, x[:n])
+    observer = SampledIntrinsicObserver(system, gains, x[:n])
     observer.eta = eta * x[n:]
     found = []
     for _ in range(steps):
@@ -47,7 +47,7 @@ def errors(
 def test_started_on_the_truth_it_stays_there_to_the_second_order(space: ConstantCurvature) -> None:
     """Property D.1."""
     worst = [
-        max(error for _, _, error, _ in errors(space, Gains(5.0), 1.0, steps=round(2.0 / h), h=h))
+        max(error for _, _, error, _ in errors(space, IntrinsicGains(5.0), 1.0, steps=round(2.0 / h), h=h))
         for h in (0.01, 0.005)
     ]
     assert worst[0] < 2e-3
@@ -57,14 +57,14 @@ def test_started_on_the_truth_it_stays_there_to_the_second_order(space: Constant
 @spaces
 @pytest.mark.parametrize("curvature", ["minus-one", "matched"])
 def test_from_rest_it_finds_the_velocity(space: ConstantCurvature, curvature: CurvatureName) -> None:
-    found = errors(space, Gains(5.0, 1.0, "constant", curvature, space.kappa), 0.0, steps=800)
+    found = errors(space, IntrinsicGains(5.0, 1.0, "constant", curvature, space.kappa), 0.0, steps=800)
     assert found[0][2] > 1.5
     assert found[-1][2] < 1e-3
     assert found[-1][0] < 1e-4
 
 
 def test_with_the_printed_gains_the_velocity_error_is_frozen() -> None:
-    found = errors(sphere(3), Gains(5.0, 1.0, "printed"), 0.0, steps=800)
+    found = errors(sphere(3), IntrinsicGains(5.0, 1.0, "printed"), 0.0, steps=800)
     assert found[-1][0] < 0.02
     assert found[-1][2] > 0.9 * found[0][2]
 
@@ -72,7 +72,7 @@ def test_with_the_printed_gains_the_velocity_error_is_frozen() -> None:
 def test_w_falls_along_the_repaired_observer() -> None:
     """|Delta v|^2 / 2 + 3/2 B |s|^2 - sqrt(B) <s, Delta v>, for |v| <= 3.1 sqrt(B)."""
     B = 25.0
-    rows = np.array([row[3] for row in errors(sphere(3), Gains(5.0), 0.0, steps=400)])
+    rows = np.array([row[3] for row in errors(sphere(3), IntrinsicGains(5.0), 0.0, steps=400)])
     W = rows[:, 0] + 3.0 * B * rows[:, 1] - math.sqrt(B) * rows[:, 2]
     large = 1e-5 * W[0] < W
     assert (np.diff(W)[large[1:]] < 0.0).all()
@@ -84,7 +84,7 @@ def test_with_gaps_the_curvature_term_does_not_throw_it_off() -> None:
     system = PointSystem(space, linear(0.0, 0))
     o = space.origin
     x = system.state(o, space.vector(o, np.array([4.0, 0.0])))
-    observer = SampledObserver(system, Gains(5.0), o)
+    observer = SampledIntrinsicObserver(system, IntrinsicGains(5.0), o)
     observer.eta = space.vector(o, np.array([4.0, 0.05]))
     for _ in range(8):
         x, _ = system.reach(x, none, h)
@@ -96,7 +96,7 @@ def test_with_gaps_the_curvature_term_does_not_throw_it_off() -> None:
 
 def test_a_reading_beyond_its_share_of_the_injectivity_radius_is_refused() -> None:
     system, x = begun(sphere(3), 1.0)
-    observer = SampledObserver(system, Gains(5.0), x[:4], share=0.9)
+    observer = SampledIntrinsicObserver(system, IntrinsicGains(5.0), x[:4], share=0.9)
     before = observer.xi.copy()
     found = observer.correct(-x[:4], H)
     assert not found.accepted
@@ -112,8 +112,8 @@ def test_a_force_that_the_model_lacks_is_found(space: ConstantCurvature) -> None
     believed, rng = PointSystem(space, linear(2.0, 0)), np.random.default_rng(1)
     truth, p = PointSystem(space, linear(4.0, 0)), space.draw(rng)
     x, n, u = truth.state(p, space.draw_vector(rng, p)), space.size, np.zeros(space.size)
-    observer = SampledObserver(believed, Gains(60.0), x[:n], disturbed=True)
-    plain = SampledObserver(believed, Gains(60.0), x[:n])
+    observer = SampledIntrinsicObserver(believed, IntrinsicGains(60.0), x[:n], disturbed=True)
+    plain = SampledIntrinsicObserver(believed, IntrinsicGains(60.0), x[:n])
     off = []
     for _ in range(1500):
         x, _ = truth.reach(x, u, 0.002)
@@ -134,11 +134,11 @@ def test_a_force_that_the_model_lacks_is_found(space: ConstantCurvature) -> None
 @pytest.mark.parametrize("space", SPACES[:2], ids=lambda space: space.name)
 def test_readings_without_end_make_it_the_continuous_observer(space: ConstantCurvature) -> None:
     """Sampled every h it is (D.6) to the first order in h."""
-    gains, n = Gains(4.0, 0.8, "constant", "minus-one", space.kappa), space.size
+    gains, n = IntrinsicGains(4.0, 0.8, "constant", "minus-one", space.kappa), space.size
     apart = []
     for h in (0.004, 0.002):
         system, x = begun(space, 2.0)
-        sampled, u = SampledObserver(system, gains, x[:n]), np.zeros(n)
+        sampled, u = SampledIntrinsicObserver(system, gains, x[:n]), np.zeros(n)
         continuous = ContinuousObserver(space, gains, x[:n], np.zeros(n))
         for _ in range(round(0.5 / h)):
             middle, _ = system.reach(x, u, 0.5 * h)

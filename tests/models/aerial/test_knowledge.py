@@ -25,20 +25,20 @@ def told(topic: str, payload: Any) -> Message:
 def test_a_message_replaces_all_that_was_known_of_its_topic() -> None:
     other = Radar(1000.0, 1000.0, 500.0, 1.0)
     higher = HeightField(KNOWN.terrain.z + 5.0, KNOWN.terrain.spacing)
-    now = KNOWN.updated([told(RADARS, (other,)), told(TARGET, (1.0, 2.0, 3.0)), told(TERRAIN, higher)])
+    now = KNOWN.updated_with([told(RADARS, (other,)), told(TARGET, (1.0, 2.0, 3.0)), told(TERRAIN, higher)])
     assert now == Knowledge(higher, (1.0, 2.0, 3.0), (other,))
-    assert now.updated([told(RADARS, ())]).radars == ()
+    assert now.updated_with([told(RADARS, ())]).radars == ()
 
 
 def test_a_message_again_or_of_another_topic_tells_nothing_new() -> None:
     again = told(RADARS, (RADAR,)), told(TARGET, KNOWN.target), told(TERRAIN, KNOWN.terrain), told("weather", 3.0)
-    assert KNOWN.updated(again) is KNOWN
+    assert KNOWN.updated_with(again) is KNOWN
     assert not any(KNOWN.complaint(message) for message in again)
 
 
 @pytest.mark.parametrize("place", [(10, 20, 30), [10.0, 20.0, 30.0], np.array([10.0, 20.0, 30.0])])
 def test_a_place_may_be_any_three_numbers(place: Any) -> None:
-    target = KNOWN.updated([told(TARGET, place)]).target
+    target = KNOWN.updated_with([told(TARGET, place)]).target
     assert target == (10.0, 20.0, 30.0)
     assert all(type(each) is float for each in target)
 
@@ -65,4 +65,4 @@ def test_a_place_may_be_any_three_numbers(place: Any) -> None:
 def test_what_cannot_be_is_left_out_and_says_why(topic: str, payload: Any, complaint: str) -> None:
     message = told(topic, payload)
     assert complaint in KNOWN.complaint(message)
-    assert KNOWN.updated([message]) is KNOWN
+    assert KNOWN.updated_with([message]) is KNOWN

@@ -13,7 +13,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from mathnavi.models.field.curve import BEAN, EGG, Coefficients, Curve, ellipse
-from mathnavi.models.field.kernels import curve_bend, curve_point, curve_tangent, range_gradient
+from mathnavi.models.field.kernels import curve_point, curve_second_derivative, curve_tangent, range_gradient
 from mathnavi.sim.interfaces.signals import Array
 
 STANDARD = ellipse(3.763, math.sqrt(2.0))
@@ -106,8 +106,8 @@ def test_derivatives_are_those_of_casadi(curve: Curve) -> None:
     for at in np.linspace(0.0, 2.0 * math.pi, 50):
         expected = [np.array(value).ravel() for value in symbolic(at)]
         for found in (
-            [curve.points(at), curve.tangent(at), curve.bend(at)],
-            [kernel(curve.table, at) for kernel in (curve_point, curve_tangent, curve_bend)],
+            [curve.points(at), curve.tangent(at), curve.second_derivative(at)],
+            [kernel(curve.table, at) for kernel in (curve_point, curve_tangent, curve_second_derivative)],
         ):
             np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-14)
 

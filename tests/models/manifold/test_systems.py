@@ -9,7 +9,7 @@ import pytest
 
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, flat_space, hyperbolic_space, sphere
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.models.manifold.sensors import PositionQuality, PositionSensor
+from mathnavi.models.manifold.sensors import ManifoldPositionSensor, PositionQuality
 from mathnavi.models.manifold.systems import PointSystem, RigidBody, chart, linear, printed
 from mathnavi.sim.interfaces.signals import Array
 
@@ -96,7 +96,7 @@ class Still:
 @spaces
 def test_noise_is_that_of_the_coordinates(space: ConstantCurvature) -> None:
     rng, p = np.random.default_rng(3), space.draw(np.random.default_rng(0))
-    sensor = PositionSensor(space, PositionQuality(noise=0.02), 1000.0)
+    sensor = ManifoldPositionSensor(space, PositionQuality(noise=0.02), 1000.0)
     motion = Still(np.concatenate([p, np.zeros(space.size)]))
     drawn = [sensor.read(motion, rng) for _ in range(2000)]
     off = np.array([space.coordinates(p, y) for y in drawn if y is not None])
@@ -110,7 +110,7 @@ def test_what_is_drawn_does_not_depend_on_how_large_errors_are() -> None:
 
     def first(**quality: float) -> Array | None:
         rng = np.random.default_rng(5)
-        sensor = PositionSensor(space, PositionQuality(**quality), None)  # type: ignore[arg-type]
+        sensor = ManifoldPositionSensor(space, PositionQuality(**quality), None)  # type: ignore[arg-type]
         sensor.read(motion, rng)
         return sensor.read(motion, rng)
 
@@ -125,7 +125,7 @@ def test_what_is_drawn_does_not_depend_on_how_large_errors_are() -> None:
 
 
 def test_where_there_are_no_encoders_none_can_round() -> None:
-    sensor = PositionSensor(sphere(2), PositionQuality(resolution=12), None)
+    sensor = ManifoldPositionSensor(sphere(2), PositionQuality(resolution=12), None)
     with pytest.raises(ValueError, match="resolution = 12; allowed on S\\^2, which has no encoders: 0"):
         sensor.read(Still(np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])), np.random.default_rng(0))
 

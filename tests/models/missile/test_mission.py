@@ -10,7 +10,7 @@ import pytest
 
 from mathnavi.models.missile.coordinates import COORDINATES, PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.mission import CASES, GustStrength, MissileMission, Target
-from mathnavi.models.missile.sensors import FullStateSensor, StateNoise
+from mathnavi.models.missile.sensors import MissileStateSensor, StateNoise
 from mathnavi.models.missile.target import TargetMotion
 from mathnavi.sim.interfaces.signals import Array
 from tests.models.missile.test_dynamics import drawn
@@ -66,13 +66,13 @@ def test_a_target_that_turns_stays_where_it_is() -> None:
 def test_a_reading_without_noise_is_the_state(coordinates: Coordinates) -> None:
     x = drawn(coordinates, 1, 1)[0][0]
     motion = Moving(coordinates.to_joints(x), np.zeros(len(coordinates.joints)))
-    reading = FullStateSensor(coordinates).read(motion, np.random.default_rng(0))
+    reading = MissileStateSensor(coordinates).read(motion, np.random.default_rng(0))
     np.testing.assert_allclose(reading, x, rtol=1e-12, atol=1e-10)
 
 
 def test_readings_scatter_as_declared() -> None:
     noise = StateNoise(position=2.0, velocity=0.5, angle=0.01, rate=0.02)
-    sensor, rng = FullStateSensor(SPATIAL, noise), np.random.default_rng(0)
+    sensor, rng = MissileStateSensor(SPATIAL, noise), np.random.default_rng(0)
     motion = Moving(np.zeros(10), np.zeros(5))
     spread = np.std([sensor.read(motion, rng) for _ in range(4000)], axis=0)
     np.testing.assert_allclose(spread, noise.deviations(SPATIAL), rtol=0.06)

@@ -171,10 +171,10 @@ def test_an_arc_that_leaves_the_map_only_at_its_vertex_is_refused() -> None:
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("place", range(10))
 def test_what_is_not_finite_has_no_clearance(bad: float, place: int) -> None:
-    arguments = [300.0, 300.0, 900.0, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 2.0]
-    arguments[place] = bad
+    arc = np.array([300.0, 300.0, 900.0, 1.0, 1.0, 1.0, 0.1, 0.1, 0.1, 2.0])
+    arc[place] = bad
     terrain = rough()
-    assert arc_clearance(terrain.z, terrain.spacing, *arguments) == -math.inf
+    assert arc_clearance(terrain.z, terrain.spacing, arc[:3], arc[3:6], arc[6:9], float(arc[9])) == -math.inf
 
 
 def test_a_negative_duration_has_no_clearance() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.models.unicycle.drives import RIM_ACCELERATION, TRACK, WHEEL_RADIUS, inputs_of, wheel_rates
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.patterns import figure_eight
 from mathnavi.sim.engine.plant import MujocoPlant
 from mathnavi.sim.interfaces.signals import Array
@@ -43,7 +43,7 @@ def test_the_ideal_robot_moves_along_the_exact_arcs_of_its_inputs() -> None:
     for _ in range(500):
         u = rng.uniform([-0.5, -3.0], [0.5, 3.0])
         plant.step({"robot": u})
-        x, wheels = moved(x, *u, plant.dt), wheels + wheel_rates(u) * plant.dt
+        x, wheels = integrate(x, *u, plant.dt), wheels + wheel_rates(u) * plant.dt
     np.testing.assert_allclose(plant.state("robot")[:3], x, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(plant.state("robot")[3:5], wheels, rtol=0.0, atol=1e-12)
 

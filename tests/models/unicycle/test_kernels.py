@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from mathnavi.models.unicycle.kernels import moved, moved_slopes, sinc, sinc_slope, wrapped
+from mathnavi.models.unicycle.kernels import integrate, integrate_jacobians, sinc, sinc_derivative, wrapped
 from mathnavi.models.unicycle.patterns import circle, figure_eight
 from mathnavi.sim.interfaces.signals import Array
 
@@ -25,28 +25,28 @@ def test_it_moves_as_the_differential_equation_has_it(x: Array, u_1: float, u_2:
     path = solve_ivp(
         lambda t, x: [u_1 * math.cos(x[2]), u_1 * math.sin(x[2]), u_2], (0.0, dt), x, rtol=1e-10, atol=1e-12
     )
-    np.testing.assert_allclose(moved(x, u_1, u_2, dt), path.y[:, -1], rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(integrate(x, u_1, u_2, dt), path.y[:, -1], rtol=0.0, atol=1e-8)
 
 
 @given(poses, speeds, rates, times, st.floats(0.01, 0.99))
 def test_two_parts_of_a_motion_are_the_whole(x: Array, u_1: float, u_2: float, dt: float, share: float) -> None:
-    halfway = moved(x, u_1, u_2, share * dt)
+    halfway = integrate(x, u_1, u_2, share * dt)
     np.testing.assert_allclose(
-        moved(halfway, u_1, u_2, (1.0 - share) * dt), moved(x, u_1, u_2, dt), rtol=0.0, atol=1e-12
+        integrate(halfway, u_1, u_2, (1.0 - share) * dt), integrate(x, u_1, u_2, dt), rtol=0.0, atol=1e-12
     )
 
 
 @given(poses, speeds, rates, times)
 def test_the_derivatives_are_those_of_differences(x: Array, u_1: float, u_2: float, dt: float) -> None:
-    F, G = moved_slopes(x, u_1, u_2, dt)
+    F, G = integrate_jacobians(x, u_1, u_2, dt)
     step = 1e-6
     for i in range(3):
         d = step * np.eye(3)[i]
-        slope = (moved(x + d, u_1, u_2, dt) - moved(x - d, u_1, u_2, dt)) / (2.0 * step)
+        slope = (integrate(x + d, u_1, u_2, dt) - integrate(x - d, u_1, u_2, dt)) / (2.0 * step)
         np.testing.assert_allclose(F[:, i], slope, rtol=0.0, atol=1e-8)
     for j in range(2):
         d = step * np.eye(2)[j]
-        slope = (moved(x, u_1 + d[0], u_2 + d[1], dt) - moved(x, u_1 - d[0], u_2 - d[1], dt)) / (2.0 * step)
+        slope = (integrate(x, u_1 + d[0], u_2 + d[1], dt) - integrate(x, u_1 - d[0], u_2 - d[1], dt)) / (2.0 * step)
         np.testing.assert_allclose(G[:, j], slope, rtol=0.0, atol=1e-8)
 
 
@@ -54,9 +54,9 @@ def test_the_derivatives_are_those_of_differences(x: Array, u_1: float, u_2: flo
 def test_the_series_about_nought_join_the_formulas(sign: float) -> None:
     below, above = sign * 0.999999e-3, sign * 1.000001e-3
     assert sinc(below) == pytest.approx(sinc(above), abs=1e-14 + 2e-9 * 4e-4)
-    assert sinc_slope(below) == pytest.approx(sinc_slope(above), abs=1e-9)
+    assert sinc_derivative(below) == pytest.approx(sinc_derivative(above), abs=1e-9)
     assert sinc(0.0) == 1.0
-    assert sinc_slope(0.0) == 0.0
+    assert sinc_derivative(0.0) == 0.0
 
 
 @given(st.floats(-100.0, 100.0))
@@ -74,7 +74,7 @@ def driven(pattern: str, speed: float, period: float) -> Array:
     for k in range(round(period / dt)):
         t = (k + 0.5) * dt
         u = figure_eight(t, speed, period) if pattern == "eight" else circle(t, speed, 2.0 * math.pi / period)
-        x = moved(x, *u, dt)
+        x = integrate(x, *u, dt)
         path.append(x)
     return np.array(path)
 

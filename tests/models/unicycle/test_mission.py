@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.models.field.curve import BEAN, ellipse
-from mathnavi.models.unicycle.mission import KnownStart, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.interfaces.signals import Array
 from tests.unicycle import STANDARD
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
 from mathnavi.sim.studies.ranging.range_observer import runs
 from mathnavi.sim.studies.ranging.range_observer.claims import Evidence, falls
@@ -28,7 +28,7 @@ STEP = 1e-4  # [s]
 def test_the_complex_step_is_the_derivative_of_what_rays_read(sensors: str, seed: int) -> None:
     rng, alpha = np.random.default_rng(seed), np.radians(SENSORS[sensors])
     x, u = STANDARD.draw(rng, 0.3), rng.uniform((-1.0, -2.0), (1.0, 2.0))
-    (rho_0, s_0), (rho_1, s_1) = (STANDARD.ranges(moved(x, u[0], u[1], t), alpha) for t in (-STEP, STEP))
+    (rho_0, s_0), (rho_1, s_1) = (STANDARD.ranges(integrate(x, u[0], u[1], t), alpha) for t in (-STEP, STEP))
     rho_dot, s_dot = complex_step(x, u, alpha)
     turned = (s_1 - s_0 + math.pi) % (2.0 * math.pi) - math.pi
     np.testing.assert_allclose(rho_dot, (rho_1 - rho_0) / (2.0 * STEP), rtol=0, atol=1e-4)

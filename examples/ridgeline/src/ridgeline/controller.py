@@ -61,7 +61,7 @@ class RoadmapPlanner:
         self._settled = False  # whether the plan being flown was made with it
 
     def plan(self, request: PlanRequest) -> Plan:
-        known = self._knowledge.updated(request.messages)
+        known = self._knowledge.updated_with(request.messages)
         if known is not self._knowledge:
             self._certificate = self._certificate.told(request.messages)
             self._knowledge, self._routes, self._settled = known, None, False

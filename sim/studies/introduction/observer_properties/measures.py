@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from mathnavi.estimators.observability.region import exact_run
-from mathnavi.models.unicycle.mission import KnownStart, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.interfaces.fields import instance, with_fields
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.plugin.registry import load

@@ -22,10 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mathnavi.estimators.observability.range_outputs import Input, RangeOutputs, motion_under
-from mathnavi.estimators.observability.region import Criterion, exact_run, region_of_convergence
+from mathnavi.estimators.observability.region import ConvergenceCriterion, exact_run, region_of_convergence
 from mathnavi.models.field.curve import Coefficients, Curve, ellipse
-from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
+from mathnavi.models.unicycle.quality import RangeQuality
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.ranging import HEADING, LAST, POSITION
 from mathnavi.sim.plugin.registry import load
@@ -43,8 +44,8 @@ SENSORS: dict[str, tuple[float, ...]] = {
 }
 """directions of the sensors off the heading [deg]"""
 
-CONVERGED = Criterion(POSITION, HEADING, LAST)
-EXACT = Criterion(1e-3, 1e-3, LAST)  # of an observer that has found the state, not only come near
+CONVERGED = ConvergenceCriterion(POSITION, HEADING, LAST)
+EXACT = ConvergenceCriterion(1e-3, 1e-3, LAST)  # of an observer that has found the state, not only come near
 NEAR = (0.03, 0.03, 0.03)  # [m, m, rad] standard deviations of a first estimate that is nearly right
 FIRST_ESTIMATES = 3  # that are tried at a pose to be found exactly
 MARGIN = 0.3  # [m] that a run keeps from the wall
@@ -208,7 +209,7 @@ def _found(
     seconds: float,
     estimates: Sequence[Array],
     deviation: tuple[float, float, float],
-    criterion: Criterion,
+    criterion: ConvergenceCriterion,
 ) -> NDArray[np.bool_]:
     """(n,) whether an estimator finds the state of a run from each of the first estimates (n, 3)."""
     name, fields, told = ESTIMATORS[estimator]

@@ -29,6 +29,8 @@ from mathnavi.sim.studies.ranging.range_convergence.runs import noisy_run, told_
 
 START = (1.0, 0.2, 0.5 * math.pi)  # from where the figure of eight stays within the standard field
 
+_MEMORY = 0.98  # of the misfit, which costs the same whatever it is
+
 BANK_LOOP, ALL_ALIVE, EKF_LOOP, PARTICLE_LOOP = "bank", "bank, whole", "one EKF", "1000 particles"
 PLUGINS = {
     "feasible_set_bank": FeasibleSetBank,
@@ -100,20 +102,15 @@ def _bank(readings: Readings, count: int, lowest: float, twin: float) -> Callabl
     poses = made.extra["hypotheses"][np.isfinite(made.extra["scores"])][:count]
     x, P = np.zeros((len(poses), STATES)), np.tile(model.covariance(config.deviation), (len(poses), 1, 1))
     x[:, :3] = poses
-    z, u, errors = readings.ranges[n:], readings.inputs[n:], (model.W, model.relative, model.absolute)
-    gate, symmetry, (c_1, c_2) = chi_square_gate(config.gate), mission.curve.symmetry, mission.curve.centre
-    return lambda: int(
-        bank_updates(
-            x, P, z, u, *errors, *model.wall, model.angles, gate, config.forgetting, lowest, twin, symmetry, c_1, c_2,
-            period,
-        )
-    )  # fmt: skip
+    z, u, sensors = readings.ranges[n:], readings.inputs[n:], model.sensors(chi_square_gate(config.gate))
+    scoring = (config.forgetting, _MEMORY, lowest, twin)
+    symmetry = (mission.curve.symmetry, *mission.curve.centre)
+    return lambda: int(bank_updates(x, P, z, u, model.W, model.wall, sensors, scoring, symmetry, period))
 
 
 def _particles(readings: Readings) -> Callable[[], int]:
     """Updates of a particle filter that starts anywhere."""
     config, model, rng = RangeParticleConfig(), RangeModel(readings.mission), np.random.default_rng(0)
     x, z, u, period = model.particles(config.particles, rng), readings.ranges, readings.inputs, readings.mission.period
-    errors = (np.sqrt(model.W), model.relative, model.absolute)
-    limits = (chi_square_gate(config.gate), config.roughening)
-    return lambda: int(particle_updates(x, z, u, *errors, *model.wall, model.angles, *limits, period, rng))
+    deviation, sensors = np.sqrt(model.W), model.sensors(chi_square_gate(config.gate))
+    return lambda: int(particle_updates(x, z, u, deviation, model.wall, sensors, config.roughening, period, rng))

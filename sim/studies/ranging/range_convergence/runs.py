@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.estimators.observability.region import Criterion, ExactRun, exact_run, region_of_convergence
+from mathnavi.estimators.observability.region import ConvergenceCriterion, ExactRun, exact_run, region_of_convergence
 from mathnavi.models.field.curve import Curve
-from mathnavi.models.unicycle.mission import KnownStart, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.quality import KnownStart
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 from mathnavi.sim.metrics.consistency import normalised_error_squared
 from mathnavi.sim.metrics.ranging import HEADING, LAST, POSITION
@@ -141,7 +142,7 @@ def observer_converges(attempt: ExactAttempt) -> bool:
     start, estimate = drawn_start(curve, rng), curve.draw(rng)
     mission = RangingMission(curve, tuple(math.radians(angle) for angle in SENSORS[attempt.sensors]))
     run, plugin = exact_run(mission, start, driving, attempt.seconds), load("estimators", "range_observer")
-    config, criterion = plugin.Config(feedforward="manifold"), Criterion(POSITION, HEADING, LAST)
+    config, criterion = plugin.Config(feedforward="manifold"), ConvergenceCriterion(POSITION, HEADING, LAST)
     return bool(region_of_convergence(plugin, config, run, estimate[None], spread(curve), criterion)[0])
 
 

@@ -16,7 +16,7 @@ from mathnavi.estimators.ranging.feedforward_kernels import LEAST_DENOMINATOR, r
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS
 from mathnavi.estimators.ranging.symbolic_output_flow import output_flow
 from mathnavi.models.angles import wrapped
-from mathnavi.models.unicycle.kernels import moved
+from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.studies.ranging.observability.maps import HALF_AXES, SENSORS, STANDARD
 
@@ -47,19 +47,19 @@ def identities(asked: tuple[str, int, int]) -> list[Identities]:
 
 def _at(sensors: str, x: Array, u: Array) -> Identities:
     alpha = np.radians(SENSORS[sensors])
-    table, polyline = STANDARD.table, STANDARD.polyline
+    table, wall = STANDARD.table, STANDARD.wall
     rho, s = STANDARD.ranges(x, alpha)
     rho_dot, s_dot = complex_step(x, u, alpha)
     z, rate = np.append(s, x[2]), np.append(s_dot, u[1])
     Q, _ = output_flow(STANDARD, tuple(alpha.tolist()))(z, rho, rho_dot, u)
-    after = moved(x, u[0], u[1], PERIOD)
+    after = integrate(x, u[0], u[1], PERIOD)
     is_clear = _least_denominator(x, alpha) >= LEAST_DENOMINATOR
     ends = dict.fromkeys(FEED_FORWARDS, math.nan)
     if is_clear and STANDARD.contains(after[:2]) and _least_denominator(after, alpha) >= LEAST_DENOMINATOR:
         z_after = np.append(STANDARD.ranges(after, alpha)[1], after[2])
         there = np.stack([STANDARD.ranges(after, alpha)[0], complex_step(after, u, alpha)[0]])
         for name, forward in FEED_FORWARDS.items():
-            reached = forward(table, polyline, alpha, z, np.stack([rho, rho_dot]), there, u, PERIOD)
+            reached = forward(wall, alpha, z, np.stack([rho, rho_dot]), there, u, PERIOD)
             off = wrapped(reached - z_after)
             ends[name] = float(np.abs(off).max())
     return Identities(

@@ -16,8 +16,9 @@ import numpy as np
 
 from mathnavi.estimators.observability.region import ExactRun, exact_run
 from mathnavi.estimators.ranging.observer import FeedForward, RangeObserverConfig
-from mathnavi.models.unicycle.mission import KnownStart, RangeQuality, RangingMission
+from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import circle, figure_eight
+from mathnavi.models.unicycle.quality import KnownStart, RangeQuality
 from mathnavi.sim.interfaces.signals import Array, Measurement
 from mathnavi.sim.metrics.ranging import rms
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD, drawn_start, driving

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mathnavi.estimators.riemannian.continuous import rates
-from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature
 from mathnavi.models.manifold.two_point import TwoPoint
 from mathnavi.sim.interfaces.signals import Array
@@ -23,7 +23,7 @@ FINE = 0.001  # [s] likewise, along the motion of system and observer
 OUTER = 0.012  # likewise, of differences of differences
 FARTHEST = 2.0  # [-] between x and xi
 _WEIGHTS = (3.0 / 4.0, -3.0 / 20.0, 1.0 / 60.0)
-_GAINS = Gains(2.0, 0.8, "constant", "matched")
+_GAINS = IntrinsicGains(2.0, 0.8, "constant", "matched")
 
 
 @dataclass(frozen=True)
@@ -156,8 +156,8 @@ class _Tried:
         return _difference(back, step)
 
 
-def _gains(space: ConstantCurvature) -> Gains:
-    return Gains(_GAINS.bandwidth, _GAINS.damping, "constant", "matched", space.kappa)
+def _gains(space: ConstantCurvature) -> IntrinsicGains:
+    return IntrinsicGains(_GAINS.bandwidth, _GAINS.damping, "constant", "matched", space.kappa)
 
 
 def _curvature(space: ConstantCurvature, a: Array, b: Array, c: Array) -> Array:

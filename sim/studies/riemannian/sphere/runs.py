@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.estimators.riemannian.continuous import ContinuousObserver, Instant
-from mathnavi.estimators.riemannian.gains import Gains
+from mathnavi.estimators.riemannian.gains import IntrinsicGains
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space, sphere
 from mathnavi.models.manifold.systems import PointSystem, chart, linear, printed
@@ -50,7 +50,7 @@ def flown(run: ContinuousRun) -> dict[str, Array]:
     system, start = _system(run.space)
     space, n = system.manifold, system.manifold.size
     fields = _GAINS[run.gains]
-    gains = Gains(
+    gains = IntrinsicGains(
         fields.get("bandwidth", 1.0), fields.get("damping", 1.0), fields.get("gains", "constant"), "minus-one",
         space.kappa,
     )  # fmt: skip

@@ -1,0 +1,21 @@
+"""Extended Kalman filter (filterpy's) with external prediction: the predicted state is given, not F x."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def external_prediction_ekf(states: int, readings: int) -> Any:
+    """Build the filter for n ``states`` and m ``readings``.
+
+    Its ``predict(x)`` takes the predicted state x (n,), from the equations of motion, and propagates the covariance:
+    P <- F P F' + Q with its ``F`` (n, n) and ``Q`` (n, n). States and readings must be flat arrays: filterpy makes a
+    square of a flat one and a column.
+    """
+    from filterpy.kalman import ExtendedKalmanFilter  # takes .7 s to import
+
+    class ExternalPredictionEkf(ExtendedKalmanFilter):
+        def predict_x(self, u: Any) -> None:
+            self.x = u
+
+    return ExternalPredictionEkf(states, readings)

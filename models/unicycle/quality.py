@@ -1,0 +1,32 @@
+"""Declared quality of a unicycle's sensors, and what is known of its start: shared by its mission and its sensors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class RangeQuality:
+    """Declared errors of a range: Gaussian of variance (relative rho)^2 + absolute^2, losses and outliers."""
+
+    relative: float = 0.0  # of the range
+    absolute: float = 0.0  # [m]
+    dropout: float = 0.0  # fraction of single ranges that are lost, NaN in the reading
+    outliers: float = 0.0  # fraction of single ranges that are any value up to the longest in sight
+
+
+@dataclass(frozen=True)
+class OdometryQuality:
+    """Declared errors of odometry: u_measured = (1 + bias) u + noise, per reading."""
+
+    noise: tuple[float, float] = (0.0, 0.0)  # [m/s, rad/s] standard deviations
+    bias: float = 0.0  # relative, of both; an estimator does not know its sign
+    slip: tuple[float, float] = (0.0, 0.0)  # [m/s, rad/s] standard deviations of what wheels miss, as declared
+
+
+@dataclass(frozen=True)
+class KnownStart:
+    """A pose that estimators are given at t = 0, and its standard deviations."""
+
+    pose: tuple[float, float, float]  # [m, m, rad]
+    deviation: tuple[float, float, float] = (0.3, 0.3, 0.3)  # standard deviations

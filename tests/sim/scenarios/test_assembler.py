@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from mathnavi.models.unicycle.mission import KnownStart, OdometryQuality, RangeQuality
+from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.sim.engine.faults import Disturbance
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.fields import plain

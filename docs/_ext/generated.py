@@ -29,7 +29,8 @@ from mathnavi.sim.commands import cli, opengl
 from mathnavi.sim.commands.completion import OWN
 from mathnavi.sim.commands.run_request import CommonOptions
 from mathnavi.sim.plugin.field_help import field_help
-from mathnavi.sim.plugin.registry import GROUPS, load, names
+from mathnavi.sim.plugin.groups import GROUPS
+from mathnavi.sim.plugin.registry import load, names
 
 ROOT = Path(__file__).resolve().parents[2]
 COLUMNS = "88"  # of the terminal that helps are printed for

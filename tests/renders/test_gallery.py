@@ -14,8 +14,8 @@ from mathnavi.renders import clip, video
 from mathnavi.renders.gallery import __main__ as program
 from mathnavi.renders.gallery.table import HERE, MATHNAVI, README, Command, Entry, chosen, entries
 from mathnavi.sim.commands.arguments import FlagGroup, parse
-from mathnavi.sim.commands.render import Options as RenderOptions
-from mathnavi.sim.commands.run import Options as RunOptions
+from mathnavi.sim.commands.render import RenderOptions
+from mathnavi.sim.commands.run import RunOptions
 from mathnavi.sim.commands.run_request import read_request
 from mathnavi.sim.plugin.registry import names
 

@@ -51,7 +51,7 @@ def parse(argv: Sequence[str], prog: str, description: str, *groups: FlagGroup) 
         for group in groups
         for leaf in leaves_of(group.schema, group.prefix, filled=group.default is not None)
     }
-    words = _Words(argv, list(leaves.values())).assigned()
+    words = _Words(argv, list(leaves.values())).by_path()
     parsed = tuple(_built(group, leaves, words, argv, list(known)) for group in groups)
     for group, value in zip(groups, parsed, strict=True):
         _check_finite(value, group.prefix)
@@ -97,7 +97,7 @@ class _Words:
         self._places_only = False  # since "--"
         self._required = [leaf for leaf in leaves if leaf.required]
 
-    def assigned(self) -> dict[str, list[list[str]]]:
+    def by_path(self) -> dict[str, list[list[str]]]:
         """The words of each leaf that is given, one list for each time, by the path of the leaf.
 
         Raises BadInputError where words are missing, are not among the choices, or are left over.
@@ -134,10 +134,8 @@ class _Words:
         if missing := [leaf for leaf in self._required if leaf.path not in given]:
             raise BadInputError("; ".join(f"{leaf.place} is missing; allowed: {leaf.wanted}" for leaf in missing))
         if left_over:
-            allowed = "allowed: flags, each followed by its values"
-            raise BadInputError(
-                f"{', '.join(word or repr(word) for word in left_over)}: nothing is known to do with this; {allowed}"
-            )
+            named = ", ".join(word or repr(word) for word in left_over)
+            raise BadInputError(f"{named}: nothing is known to do with this; {_FLAGS_ALLOWED}")
         return given
 
     def _value(self, leaf: Leaf) -> list[str]:
@@ -180,19 +178,16 @@ def _built(
     """The dataclass of a group: each field from its words, or as the default has it."""
 
     def built(schema: type, prefix: str, default: Any) -> Any:
-        values: dict[str, Any] = {}
+        hints, values = get_type_hints(schema), {}
         for entry in dataclasses.fields(schema):
-            path = joined(prefix, entry.name)
             if not entry.init:
                 continue
+            path, hint, value = joined(prefix, entry.name), hints[entry.name], _default(entry, default)
             if path in words:
-                values[entry.name] = _converted(leaves[path], words[path], _default(entry, default), argv)
-            elif path in leaves:
-                values[entry.name] = _default(entry, default)
-            else:
-                part = _default(entry, default)
-                nested = type(part) if dataclasses.is_dataclass(part) else get_type_hints(schema)[entry.name]
-                values[entry.name] = built(nested, path, part)
+                value = _converted(leaves[path], words[path], value, argv)
+            elif isinstance(hint, type) and dataclasses.is_dataclass(hint):
+                value = built(type(value) if isinstance(value, hint) else hint, path, value)
+            values[entry.name] = value
         try:
             return schema(**values)
         except ValueError as error:

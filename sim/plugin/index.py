@@ -176,7 +176,7 @@ def _described_apart(values: Sequence[str]) -> list[Plain]:
     folder = os.getcwd()
     request = {"path": [*sys.path, *[folder] * (folder not in sys.path)], "values": list(values)}
     done = subprocess.run(
-        [sys.executable, "-c", _CHILD],
+        [sys.executable, "-P", "-c", _CHILD],  # -P: no file of this folder stands before a module
         input=json.dumps(request),
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

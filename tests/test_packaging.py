@@ -14,7 +14,7 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-PACKAGES = ("models", "sim", "controllers", "estimators", "renders")
+FOLDERS = ("models", "sim", "controllers", "estimators", "renders")
 ENTRY_POINTS = [
     EntryPoint(name, value, group)
     for group, members in {**PROJECT["entry-points"], "console_scripts": PROJECT["scripts"]}.items()
@@ -22,18 +22,18 @@ ENTRY_POINTS = [
 ]
 
 
-def test_every_package_is_imported_from_this_repository(tmp_path: Path) -> None:
-    """PyPI has strangers of the same names, which would win if they were installed.
-
-    A fresh interpreter in another folder, so that neither pytest nor the working directory helps.
-    """
-    script = f"import importlib, json; print(json.dumps([importlib.import_module(p).__file__ for p in {PACKAGES}]))"
+def test_every_folder_is_imported_from_this_repository(tmp_path: Path) -> None:
+    """A fresh interpreter in another folder, so that neither pytest nor the working directory helps."""
+    script = (
+        "import importlib, json; from pathlib import Path; print(json.dumps([str(Path(importlib.import_module("
+        f"'mathnavi.' + f).__file__).resolve()) for f in {FOLDERS}]))"
+    )
     shown = subprocess.check_output([sys.executable, "-P", "-c", script], cwd=tmp_path, text=True)
-    assert [Path(file) for file in json.loads(shown)] == [ROOT / package / "__init__.py" for package in PACKAGES]
+    assert [Path(file) for file in json.loads(shown)] == [ROOT / folder / "__init__.py" for folder in FOLDERS]
 
 
-def test_packages_add_nothing_of_their_own() -> None:
-    assert not [package for package in PACKAGES if (ROOT / package / "__init__.py").read_text(encoding="utf-8").strip()]
+def test_folders_add_nothing_of_their_own() -> None:
+    assert not [folder for folder in FOLDERS if (ROOT / folder / "__init__.py").read_text(encoding="utf-8").strip()]
 
 
 @pytest.mark.parametrize("entry_point", ENTRY_POINTS, ids=lambda e: f"{e.group}:{e.name}")

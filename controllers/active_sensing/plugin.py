@@ -1,4 +1,4 @@
-"""The plug-in ``exciting``: drives a robot with range sensors so that its estimator learns where it is."""
+"""The plug-in ``active_sensing``: drives a robot with range sensors so that its estimator learns where it is."""
 
 from __future__ import annotations
 

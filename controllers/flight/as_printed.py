@@ -1,4 +1,4 @@
-"""The plug-in ``literal``: the planner of the print to the letter, for comparison. It carries no certificate.
+"""The plug-in ``as_printed``: the planner of the thesis as printed, to the letter, for comparison. It carries no certificate.
 
 At each step the NLP (A.2), in its form (A.3), over the accelerations a_1 ... a_N:
 

@@ -112,9 +112,9 @@ def spelt_out(kind: ast.expr, module: str) -> tuple[ast.expr, str]:
 
 
 def is_dataclass(made: Definition) -> bool:
-    """Whether a class is decorated as one."""
+    """True for a class that is decorated as a dataclass or as a configuration, which is one."""
     calls = (entry.func if isinstance(entry, ast.Call) else entry for entry in made.node.decorator_list)
-    return any(ast.unparse(entry).rpartition(".")[2] == "dataclass" for entry in calls)
+    return any(ast.unparse(entry).rpartition(".")[2] in ("dataclass", "configuration") for entry in calls)
 
 
 def _is_field(kind: ast.expr) -> bool:

@@ -47,7 +47,7 @@ class RangeLocalisation:
     """A robot with range sensors finds itself within a wall that it knows."""
 
     Config = RangeLocalisationConfig
-    controller = "exciting"
+    controller = "active_sensing"
     estimator = "feasible_set_bank"
 
     @staticmethod

@@ -243,7 +243,7 @@ def numbers(config: type[Any]) -> list[tuple[type[Any], str, bool]]:
 
 
 def test_there_are_planners() -> None:
-    assert {"flight", "literal", "missile", "exciting", "input_signal", "quadrotor"} <= PLUGINS.keys()
+    assert {"flight", "as_printed", "missile", "active_sensing", "input_signal", "quadrotor"} <= PLUGINS.keys()
 
 
 def test_conforms_to_the_protocol(planner: Planner) -> None:

@@ -28,8 +28,8 @@ from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, check_counts, ends, heights, track
 
 LOW = (0.5, 30.0)  # [m] above h_min at both ends of a mission
-PLANNERS = ("literal", "flight")
-COLOURS = {"literal": "#c2183b", "flight": "#1a9850"}
+PLANNERS = ("as_printed", "flight")
+COLOURS = {"as_printed": "#c2183b", "flight": "#1a9850"}
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class AsPrintedStudy:
         of = {planner: [records[planner, seed] for seed in range(config.seeds)] for planner in PLANNERS}
         rows = [_row(planner, of[planner]) for planner in PLANNERS]
         literal = rows[0]
-        crashed = [seed for seed in range(config.seeds) if records["literal", seed].summary["ground_contacts"]]
+        crashed = [seed for seed in range(config.seeds) if records["as_printed", seed].summary["ground_contacts"]]
         shown = {planner: setup.flown(trials[planner, crashed[0] if crashed else 0]) for planner in PLANNERS}
         collisions = rate(literal["on_ground"], literal["missions"])
         return StudyResult(
@@ -88,7 +88,7 @@ class AsPrintedStudy:
                 ),
             ),
             tracks=[track(planner, shown[planner], COLOURS[planner]) for planner in PLANNERS],
-            places=ends(shown["literal"]),
+            places=ends(shown["as_printed"]),
         )  # fmt: skip
 
 

@@ -44,7 +44,11 @@ H = 2.0  # [s] = 10 s / (6 - 1)
 PRINTED = {0: (0.0, None, 4.88), 37: (0.01, 2.5, 4.98), 184: (0.05, 10.8, 7.94), 367: (0.1, 20.3, 15.12),
            734: (0.2, 29.6, 17.32), 1101: (0.3, 36.0, 30.48), 1835: (0.5, 42.4, 48.73)}  # fmt: skip
 MARGIN, MARGIN_GROWTH = 25.0, 2.5
-PLANNERS = {"flight, wide margin": ("flight", MARGIN_GROWTH), "flight": ("flight", 0.0), "literal": ("literal", None)}
+PLANNERS = {
+    "flight, wide margin": ("flight", MARGIN_GROWTH),
+    "flight": ("flight", 0.0),
+    "as_printed": ("as_printed", None),
+}
 MAIN = "flight, wide margin"
 HEIGHTS, ARRIVAL = (2000.0, 3000.0), 2000.0  # [m]
 COLOURS = {0: "#2f3b46", 184: "#1a9850", 734: "#e08214", 1835: "#c2183b"}

@@ -1,4 +1,4 @@
-"""A robot within a wall that the parts of ``exciting`` drive, with an estimator of one's choice, without MuJoCo."""
+"""A robot within a wall that the parts of ``active_sensing`` drive, with an estimator of one's choice, without MuJoCo."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from tests.controllers.active_sensing.robots import mission
 
 
 def test_it_is_installed() -> None:
-    assert load("controllers", "exciting") is ActiveSensing
+    assert load("controllers", "active_sensing") is ActiveSensing
 
 
 def test_every_mode_is_a_pattern_or_a_criterion() -> None:

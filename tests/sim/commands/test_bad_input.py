@@ -97,7 +97,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--seed -1", ["--seed", "-1", ">= 0"]),
         ("--terrain atlantis", ["terrain", "atlantis", "jacksboro", "tian_shan", ".npz"]),
         ("--terrain atlantis.npz", ["--terrain", "atlantis.npz", "no such file"]),
-        ("--controller autopilot", ["--controller", "autopilot", "flight", "literal", "package.module:Class"]),
+        ("--controller autopilot", ["--controller", "autopilot", "flight", "as_printed", "package.module:Class"]),
         ("--estimator oracle", ["--estimator", "oracle", "full_state", "kalman", "package.module:Class"]),
         ("--controller nowhere:Planner", ["--controller", "nowhere:Planner", "cannot be imported"]),
         ("--controller mathnavi.controllers.flight.planner:RecedingHorizon", ["--controller", "no frozen dataclass"]),
@@ -112,7 +112,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--noise.position-rate 11 --noise.position_rate 12", ["--noise.position-rate", "2 times", "once"]),
         ("--video --video", ["--video", "2 times", "once"]),
         ("--seed", ["--seed: its value is missing", "1 value"]),
-        ("--controller=", ["--controller", "''", "flight", "literal"]),
+        ("--controller=", ["--controller", "''", "flight", "as_printed"]),
         ("--estimator=", ["--estimator", "''", "full_state", "kalman"]),
         ("--seed 3 4", ["4"]),
         ("--controller", ["--controller", "value"]),
@@ -269,7 +269,7 @@ def test_a_controller_that_builds_the_wrong_thing_is_named(
 @pytest.mark.parametrize(
     ("scenario", "flag", "name", "fitting"),
     [
-        ("safe-flight", "--controller", "missile", "flight, literal"),
+        ("safe-flight", "--controller", "missile", "flight, as_printed"),
         ("missile-guidance", "--controller", "flight", "missile"),
         ("missile-guidance", "--estimator", "kalman", "full_state, missile_kalman"),
         ("safe-flight", "--estimator", "missile_kalman", "full_state, kalman"),

@@ -55,8 +55,8 @@ def test_commands_plugins_flags_and_values_are_completed() -> None:
     assert candidates(["run", "safe-flight", "--estimator", "=", "quad"]) == ["quadrotor_state"]  # as bash splits it
     assert candidates(["run", "safe-flight", "--planner.backend", ""]) == ["condensed", "ipopt", "fatrop"]
     assert "--planner.nodes" in candidates(["run", "safe-flight", "--planner."])
-    chosen = ["run", "safe-flight", "--controller", "literal", "--planner."]
-    assert set(candidates(chosen)) == {flag for flag, _ in flags(load("controllers", "literal").Config, "planner")}
+    chosen = ["run", "safe-flight", "--controller", "as_printed", "--planner."]
+    assert set(candidates(chosen)) == {flag for flag, _ in flags(load("controllers", "as_printed").Config, "planner")}
     assert candidates(["run", "safe-flight", "--out", ""]) == []  # a folder is for the shell to complete
 
 

@@ -229,8 +229,8 @@ def test_a_planner_that_always_raises_arrives_by_the_stored_plan(terrain: str) -
     assert kinds(outcome)["raised"] == outcome.summary["replans"] - 1
 
 
-def test_the_literal_planner_flies_without_a_certificate(terrain: str) -> None:
-    outcome = flown(terrain, controller="literal", target=NEAR)
+def test_the_planner_as_printed_flies_without_a_certificate(terrain: str) -> None:
+    outcome = flown(terrain, controller="as_printed", target=NEAR)
     assert outcome.summary["plans_adopted"] > 1
     assert outcome.summary["tracking_error_max_m"] <= outcome.summary["tracking_bound_m"]
     assert not {"wrong-start", "deadline", "bounds"} & kinds(outcome).keys()

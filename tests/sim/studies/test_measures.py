@@ -10,7 +10,8 @@ import pytest
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.signals import Phase, Plan
-from mathnavi.sim.studies import cost_to_go, literal_planner, run_time, study, threat
+from mathnavi.sim.studies.flight import as_printed, cost_to_go, run_time, threat
+from mathnavi.sim.studies.framework import study
 
 SPIKE = HeightField(np.pad([[400.0]], 10), 100.0, "spike")  # in the middle of 2 km of plain
 
@@ -26,7 +27,7 @@ def outcome(x: Any, t: Any, plans: Any = (), **mission: Any) -> Any:
 
 @pytest.fixture(autouse=True)
 def on_the_spike(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (study, literal_planner):
+    for module in (study, as_printed):
         monkeypatch.setattr(module, "load_terrain", lambda path: SPIKE)
 
 
@@ -34,14 +35,14 @@ def test_an_arc_between_two_clear_nodes_is_found_to_dip() -> None:
     """Level flight at 300 m over a spike of 400 m: the ends are 300 m above the plain, the middle is under ground."""
     x = np.array([[500.0, 1000.0, 300.0, 100.0, 0.0, 0.0], [1500.0, 1000.0, 300.0, 100.0, 0.0, 0.0]])
     plan = Plan(np.array([0.0, 10.0]), x, np.zeros((1, 3)), np.array([int(Phase.OPTIMISED)]))
-    found = literal_planner.arcs(outcome(x, [0.0, 10.0], [(0.0, plan)], clearance_min=50.0))
+    found = as_printed.arcs(outcome(x, [0.0, 10.0], [(0.0, plan)], clearance_min=50.0))
     assert found == {"arcs": 1, "arcs_dipping": 1, "arcs_under_ground": 1, "deepest_m": pytest.approx(150.0)}
 
 
 def test_an_arc_whose_end_is_too_low_is_not_the_nodes_fault() -> None:
     x = np.array([[500.0, 1000.0, 40.0, 100.0, 0.0, 0.0], [1500.0, 1000.0, 40.0, 100.0, 0.0, 0.0]])
     plan = Plan(np.array([0.0, 10.0]), x, np.zeros((1, 3)), np.array([int(Phase.OPTIMISED)]))
-    found = literal_planner.arcs(outcome(x, [0.0, 10.0], [(0.0, plan)], clearance_min=50.0))
+    found = as_printed.arcs(outcome(x, [0.0, 10.0], [(0.0, plan)], clearance_min=50.0))
     assert (found["arcs"], found["arcs_dipping"]) == (1, 0)
 
 

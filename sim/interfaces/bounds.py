@@ -53,15 +53,13 @@ class Allowed:
 
 
 class Each:
-    """Bounds that hold for every item of a tuple; a message shows the item."""
+    """Bounds that hold for every item of a tuple.
 
-    def __init__(self, *bounds: Any) -> None:
-        self.bounds = bounds
+    A message shows the item; with words of its own for what is allowed it shows the whole tuple.
+    """
 
-
-def all_finite(values: Iterable[float]) -> bool:
-    """True if none of the values is infinite or not a number."""
-    return all(map(math.isfinite, values))
+    def __init__(self, *bounds: Any, allowed: str = "") -> None:
+        self.bounds, self.allowed = bounds, allowed
 
 
 def whole_ticks(tick: float) -> Condition:
@@ -99,9 +97,9 @@ Count = Annotated[int, Ge(1)]
 CountInMemory = Annotated[int, Interval(ge=1, le=MOST_IN_MEMORY)]
 NonNegativeInt = Annotated[int, Ge(0)]
 
-FINITE_NUMBERS = Condition(all_finite, "finite numbers")
-TWO_FINITE_NUMBERS = Condition(all_finite, "two finite numbers")
-THREE_FINITE_NUMBERS = Condition(all_finite, "three finite numbers")
+FINITE_NUMBERS = Each(FINITE, allowed="finite numbers")
+TWO_FINITE_NUMBERS = Each(FINITE, allowed="two finite numbers")
+THREE_FINITE_NUMBERS = Each(FINITE, allowed="three finite numbers")
 
 
 @typing.overload
@@ -213,7 +211,11 @@ def _marked(kind: Any, marks: Sequence[Any]) -> Iterator[tuple[bool, Condition]]
             yield False, mark
         elif isinstance(mark, Each):
             for _, condition in _marked(float, mark.bounds):
-                yield True, condition
+                yield (False, _of_all(condition, mark.allowed)) if mark.allowed else (True, condition)
+
+
+def _of_all(condition: Condition, allowed: str) -> Condition:
+    return Condition(lambda values: all(map(condition.holds, values)), allowed)
 
 
 def _flat(marks: Iterable[Any]) -> Iterator[Any]:

@@ -26,12 +26,12 @@ from mathnavi.estimators.ranging.model import STATES, RangeModel, chi_square_gat
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
 from mathnavi.sim.interfaces.bounds import (
-    Allowed,
     CountInMemory,
     Each,
     NonNegativeInt,
     Positive,
     Probability,
+    Within,
     configuration,
 )
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -66,7 +66,7 @@ class FeasibleSetBankConfig:
     """what is left of a score after an update"""
     lowest: Annotated[float, Lt(0.0)] = -20.0
     """score beside the best one's at which a hypothesis is dropped"""
-    misfit: Annotated[float, Gt(1.0), Allowed("a value > 1, the mean of one that fits")] = 4.0
+    misfit: Annotated[float, Within(Gt(1.0), allowed="a value > 1, the mean of one that fits")] = 4.0
     """mean of NIS per ray, beside what outliers are declared, from which the best hypothesis is not believed"""
     gate: Probability = 1e-4
     """probability with which a good range is refused"""

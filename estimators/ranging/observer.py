@@ -27,7 +27,7 @@ from mathnavi.estimators.ranging.readings import measured_input, usable_ranges
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.kernels import moved
 from mathnavi.models.unicycle.mission import RangeQuality, RangingMission
-from mathnavi.sim.interfaces.bounds import FINITE_NUMBERS, Allowed, Positive, configuration
+from mathnavi.sim.interfaces.bounds import FINITE_NUMBERS, Positive, Within, configuration
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -44,7 +44,9 @@ FEED_FORWARDS: Mapping[FeedForward, Callable[..., Array]] = {
 }
 
 _LARGEST_GAIN = 1e6
-Gain = Annotated[float, Interval(ge=0.0, le=_LARGEST_GAIN), Allowed(f"a finite value from 0 to {_LARGEST_GAIN:g}")]
+Gain = Annotated[
+    float, Within(Interval(ge=0.0, le=_LARGEST_GAIN), allowed=f"a finite value from 0 to {_LARGEST_GAIN:g}")
+]
 
 
 @configuration

@@ -10,7 +10,7 @@ import casadi
 from annotated_types import Interval
 
 from mathnavi.models.textbook.mission import TextbookMission
-from mathnavi.sim.interfaces.bounds import Allowed, Each
+from mathnavi.sim.interfaces.bounds import Each, Within
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.signals import Array
 
@@ -18,7 +18,7 @@ LARGEST_RATE = 1e4  # [1/s] of a gain or a pole: to follow faster ones would tak
 _ALLOWED = f"finite values from -{LARGEST_RATE:g} to {LARGEST_RATE:g}"
 _RATES = Interval(ge=-LARGEST_RATE, le=LARGEST_RATE)
 
-RateOfError = Annotated[float, _RATES, Allowed(_ALLOWED)]
+RateOfError = Annotated[float, Within(_RATES, allowed=_ALLOWED)]
 Poles = Annotated[NumberList, Each(_RATES, allowed=_ALLOWED)]
 
 

@@ -45,11 +45,14 @@ class Condition:
     allowed: str
 
 
-@dataclass(frozen=True)
-class Allowed:
-    """Words for the interval in the same ``Annotated``, where those made from its numbers do not fit."""
+class Within(GroupedMetadata):
+    """Bounds that are checked after those that stand alone, if need be with words of their own for what is allowed."""
 
-    words: str
+    def __init__(self, *bounds: Any, allowed: str = "") -> None:
+        self.bounds, self.allowed = bounds, allowed
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.bounds)
 
 
 class Each:
@@ -92,7 +95,9 @@ Positive = Annotated[float, Gt(0.0), FINITE]
 NonNegative = Annotated[float, Ge(0.0), FINITE]
 Fraction = Annotated[float, Interval(ge=0.0, le=1.0), FINITE]
 PositiveFraction = Annotated[float, Interval(gt=0.0, le=1.0), FINITE]
-Probability = Annotated[float, Interval(gt=0.0, lt=1.0), Allowed("between 0 and 1")]  # neither impossible nor certain
+Probability = Annotated[
+    float, Within(Interval(gt=0.0, lt=1.0), allowed="between 0 and 1")
+]  # neither impossible nor certain
 Count = Annotated[int, Ge(1)]
 CountInMemory = Annotated[int, Interval(ge=1, le=MOST_IN_MEMORY)]
 NonNegativeInt = Annotated[int, Ge(0)]
@@ -198,17 +203,21 @@ def _is_optional(hint: Any) -> bool:
 
 
 def _marked(kind: Any, marks: Sequence[Any]) -> Iterator[tuple[bool, Condition]]:
-    """Conditions in the metadata of one ``Annotated``: that of the interval first."""
+    """Conditions in the metadata of one ``Annotated``, each with whether it is of every item: the interval first."""
     flat = list(_flat(marks))
-    order = [mark for mark in flat if isinstance(mark, (Gt, Ge, Lt, Le))]
-    if order or FINITE in flat:
-        tests = [test for mark in order for test in _tests(mark)] + [math.isfinite] * (FINITE in flat)
-        words = [mark.words for mark in flat if isinstance(mark, Allowed)]
-        allowed = words[0] if words else _words(kind, order, FINITE in flat)
-        yield False, Condition(lambda value: all(test(value) for test in tests), allowed)
+    limits = [
+        (name, getattr(mark, name)) for mark in flat for name, order in _ORDER.items() if isinstance(mark, order.mark)
+    ]
+    finite = FINITE in flat
+    if limits or finite:
+        tests = [partial(_ORDER[name].compared, limit) for name, limit in limits] + [math.isfinite] * finite
+        yield False, Condition(lambda value: all(test(value) for test in tests), _words(kind, limits, finite))
     for mark in flat:
         if isinstance(mark, Condition):
             yield False, mark
+        elif isinstance(mark, Within):
+            for each, condition in _marked(kind, mark.bounds):
+                yield each, Condition(condition.holds, mark.allowed or condition.allowed)
         elif isinstance(mark, Each):
             for _, condition in _marked(float, mark.bounds):
                 yield (False, _of_all(condition, mark.allowed)) if mark.allowed else (True, condition)
@@ -220,31 +229,33 @@ def _of_all(condition: Condition, allowed: str) -> Condition:
 
 def _flat(marks: Iterable[Any]) -> Iterator[Any]:
     for mark in marks:
-        if isinstance(mark, GroupedMetadata):
+        if isinstance(mark, GroupedMetadata) and not isinstance(mark, Within):
             yield from _flat(mark)
         else:
             yield mark
 
 
-_ORDER: dict[str, tuple[Callable[[Any, Any], bool], str]] = {
-    "gt": (operator.lt, ">"), "ge": (operator.le, ">="), "lt": (operator.gt, "<"), "le": (operator.ge, "<="),
-}  # fmt: skip
+class _Order(NamedTuple):
+    mark: type[Any]
+    compared: Callable[[Any, Any], bool]  # (limit, value): false of a value that is not a number
+    sign: str
 
 
-def _tests(mark: Any) -> Iterator[Callable[[Any], bool]]:
-    for name, (compared, _) in _ORDER.items():
-        if hasattr(mark, name):
-            yield partial(compared, getattr(mark, name))  # limit < value, for one: false of what is not a number
+_ORDER = {
+    "gt": _Order(Gt, operator.lt, ">"),
+    "ge": _Order(Ge, operator.le, ">="),
+    "lt": _Order(Lt, operator.gt, "<"),
+    "le": _Order(Le, operator.ge, "<="),
+}
 
 
-def _words(kind: Any, order: Sequence[Any], finite: bool) -> str:
+def _words(kind: Any, limits: Sequence[tuple[str, Any]], finite: bool) -> str:
     """Words for an interval: "a finite value > 0 and <= 1", "a whole number from 1 to 60"."""
-    limits = {name: getattr(mark, name) for mark in order for name in _ORDER if hasattr(mark, name)}
     if kind is int and not finite:
-        if set(limits) == {"ge", "le"}:
-            return f"a whole number from {limits['ge']} to {limits['le']}"
-        return "a whole number " + " and ".join(f"{_ORDER[name][1]} {limit}" for name, limit in limits.items())
+        if [name for name, _ in limits] == ["ge", "le"]:
+            return f"a whole number from {limits[0][1]} to {limits[1][1]}"
+        return "a whole number " + " and ".join(f"{_ORDER[name].sign} {limit}" for name, limit in limits)
     if not limits:
         return "a finite number"
     value = "a finite value" if finite else "a value"
-    return f"{value} " + " and ".join(f"{_ORDER[name][1]} {limit:g}" for name, limit in limits.items())
+    return f"{value} " + " and ".join(f"{_ORDER[name].sign} {limit:g}" for name, limit in limits)

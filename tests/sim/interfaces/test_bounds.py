@@ -18,7 +18,6 @@ from mathnavi.sim.interfaces.bounds import (
     FINITE,
     FINITE_NUMBERS,
     MOST_IN_MEMORY,
-    Allowed,
     Count,
     CountInMemory,
     Each,
@@ -30,6 +29,7 @@ from mathnavi.sim.interfaces.bounds import (
     PositiveFraction,
     Probability,
     TickRate,
+    Within,
     configuration,
     declared,
     whole_ticks,
@@ -46,7 +46,8 @@ class Gains:
     form: Literal["x", "z"] = "x"
     weights: Annotated[tuple[float, ...], Each(Ge(0.0), FINITE)] = ()
     start: Annotated[tuple[float, ...], FINITE_NUMBERS] = ()
-    share: Annotated[float, Lt(0.5), Allowed("less than a half")] = 0.1
+    periods: Annotated[Count, Within(Interval(ge=3, le=9))] = 5
+    share: Annotated[float, Within(Lt(0.5), allowed="less than a half")] = 0.1
     anything: object = math.inf
 
 
@@ -103,6 +104,8 @@ class Plain(Scaled):
         (Gains, {"form": "y"}, "form = 'y'; allowed: x, z"),
         (Gains, {"weights": (1.0, -2.0)}, "weights = -2.0; allowed: a finite value >= 0"),
         (Gains, {"start": (1.0, math.nan)}, "start = (1.0, nan); allowed: finite numbers"),
+        (Gains, {"periods": 0}, "periods = 0; allowed: a whole number >= 1"),
+        (Gains, {"periods": 2}, "periods = 2; allowed: a whole number from 3 to 9"),
         (Gains, {"share": 0.5}, "share = 0.5; allowed: less than a half"),
         (Gains, {"nodes": 0, "k_p": 0.0}, "k_p = 0.0; allowed: a finite value > 0"),  # the first that is declared
         (Sensor, {"noise": -1.0}, "position sensor: noise = -1.0; allowed: a finite value >= 0"),

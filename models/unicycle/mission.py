@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
@@ -16,9 +17,12 @@ from mathnavi.models.angles import wrapped
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import moved
 from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
+from mathnavi.sim.interfaces.bounds import FINITE_NUMBERS, Condition, configuration
+from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 TICK = 0.01
+SensorAngles = Annotated[tuple[float, ...], Condition(bool, "one sensor or more"), FINITE_NUMBERS]
 """[s] of the ideal robot; its motion under inputs that are held is exact whatever the tick"""
 
 LEAST_NOISE = 1e-4  # [m] that an estimator may trust a range with, however good it is said to be
@@ -52,7 +56,7 @@ class KnownStart:
     deviation: tuple[float, float, float] = (0.3, 0.3, 0.3)  # standard deviations
 
 
-@dataclass(frozen=True)
+@configuration
 class RangingMission:
     """A robot within ``curve`` with range sensors at ``angles`` (l,) [rad] off its heading.
 
@@ -60,7 +64,7 @@ class RangingMission:
     """
 
     curve: Curve
-    angles: tuple[float, ...]  # (l,) [rad] alpha_i, counter-clockwise from the heading
+    angles: SensorAngles  # (l,) [rad] alpha_i, counter-clockwise from the heading
     ranging: RangeQuality = field(default_factory=RangeQuality)
     odometry: OdometryQuality = field(default_factory=OdometryQuality)
     start: KnownStart | None = None  # None: anywhere within the wall
@@ -70,16 +74,12 @@ class RangingMission:
     period: float = TICK  # [s] of sensors, estimator and tracker
 
     def __post_init__(self) -> None:
-        if not self.angles:
-            raise ValueError("angles = (); allowed: one sensor or more")
-        if not all(math.isfinite(angle) for angle in self.angles):
-            raise ValueError(f"angles = {self.angles!r}; allowed: finite numbers")
         turned = sorted(angle % (2.0 * math.pi) for angle in self.angles)
         turned.append(turned[0] + 2.0 * math.pi)
         if len(self.angles) > 1 and min(np.diff(turned)) < _SAME:
-            raise ValueError(f"angles = {self.angles!r} holds one direction twice; allowed: different directions")
+            raise FieldError(f"angles = {self.angles!r} holds one direction twice; allowed: different directions")
         if self.start is not None and not self.curve.contains(np.array(self.start.pose)):
-            raise ValueError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
+            raise MissionError(f"start = {self.start.pose!r} is outside the {self.curve.name}; allowed: within it")
 
     @property
     def sensors(self) -> int:

@@ -30,7 +30,7 @@ import math
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Interval
+from annotated_types import Le
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.quadrotor.kernels import (
@@ -44,7 +44,7 @@ from mathnavi.controllers.quadrotor.kernels import (
 from mathnavi.controllers.quadrotor.reference import ReferenceFilter
 from mathnavi.models.quadrotor.allocation import allocated
 from mathnavi.models.quadrotor.dynamics import Quadrotor
-from mathnavi.sim.interfaces.bounds import FINITE, Fraction, Positive, configuration
+from mathnavi.sim.interfaces.bounds import Fraction, NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
@@ -81,9 +81,9 @@ class TrackerConfig:
     """greatest k_p e_p + k_v e_v [m/s^2]"""
     reference_bandwidth: Positive = 6.0
     """omega of the reference filter [rad/s]"""
-    preview: Annotated[float, Interval(ge=0.0, le=2.0), FINITE] = 0.37
+    preview: Annotated[NonNegative, Le(2.0)] = 0.37
     """how long before a turn of the plan the reference begins it [s]"""
-    tilt_max: Annotated[float, Interval(gt=0.0, le=80.0), FINITE] = 60.0
+    tilt_max: Annotated[Positive, Le(80.0)] = 60.0
     """greatest tilt that is asked for [degrees]"""
     turn_max: Positive = 1.5
     """greatest rate of the nose [rad/s]"""

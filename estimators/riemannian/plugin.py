@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Interval
+from annotated_types import Le
 
 from mathnavi.estimators.riemannian.gains import CurvatureName, GainName, Gains
 from mathnavi.estimators.riemannian.sampled import SampledObserver
 from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.bounds import FINITE, Positive, PositiveFraction, configuration
+from mathnavi.sim.interfaces.bounds import Positive, PositiveFraction, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -25,7 +25,7 @@ _FASTEST = 1e4  # [1/s]
 class RiemannianObserverConfig:
     """Fields of ``--estimator``."""
 
-    bandwidth: Annotated[float, Interval(gt=0.0, le=_FASTEST), FINITE] = 10.0
+    bandwidth: Annotated[Positive, Le(_FASTEST)] = 10.0
     """omega of the constant gains A = 2 zeta omega and B = omega^2 [1/s]"""
     damping: Positive = 1.0
     """zeta"""

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from annotated_types import Interval
+from annotated_types import Interval, Le
 
 from mathnavi.models.manifold.manifold import Manifold
-from mathnavi.sim.interfaces.bounds import FINITE, Fraction, configuration
+from mathnavi.sim.interfaces.bounds import FINITE, Fraction, NonNegative, configuration
 from mathnavi.sim.interfaces.protocols import StateView
 from mathnavi.sim.interfaces.signals import Array
 
@@ -22,10 +22,10 @@ class PositionQuality:
     """How a position errs, in the coordinates of the manifold about the truth: joint by joint, for a mechanism."""
 
     noise: Fraction = 0.0  # [rad, m] standard deviation of each coordinate
-    resolution: EncoderBits = 0  # over a turn, or over a metre; 0: it does not round
+    resolution: EncoderBits = 0  # bits of an encoder over a turn, or over a metre; 0: it does not round
     dropout: Fraction = 0.0  # fraction of readings that are lost
     jump: Fraction = 0.0  # fraction of readings that are off by ``jump_size`` in every coordinate
-    jump_size: Annotated[float, Interval(ge=0.0, le=10.0), FINITE] = 0.0  # [rad, m]
+    jump_size: Annotated[NonNegative, Le(10.0)] = 0.0  # [rad, m]
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Interval
+from annotated_types import Le
 
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.bounds import FINITE, Finite, configuration
+from mathnavi.sim.interfaces.bounds import Finite, Positive, configuration
 
 _LARGEST = 1e6
 
@@ -21,8 +21,8 @@ class Hill:
 
     x: Finite  # [m] east, map frame
     y: Finite  # [m] north, map frame
-    radius: Annotated[float, Interval(gt=0.0, le=_LARGEST), FINITE]  # [m]
-    height: Annotated[float, Interval(gt=0.0, le=_LARGEST), FINITE]  # [m]
+    radius: Annotated[Positive, Le(_LARGEST)]  # [m]
+    height: Annotated[Positive, Le(_LARGEST)]  # [m]
 
 
 @lru_cache(maxsize=4)

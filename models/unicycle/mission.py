@@ -22,11 +22,12 @@ from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.signals import Array
 
 TICK = 0.01
-SensorAngles = Annotated[tuple[float, ...], Condition(bool, "one sensor or more"), FINITE_NUMBERS]
 """[s] of the ideal robot; its motion under inputs that are held is exact whatever the tick"""
 
 LEAST_NOISE = 1e-4  # [m] that an estimator may trust a range with, however good it is said to be
 _SAME = 1e-9  # [rad]
+
+SensorAngles = Annotated[tuple[float, ...], Condition(bool, "one sensor or more"), FINITE_NUMBERS]
 
 
 @dataclass(frozen=True)

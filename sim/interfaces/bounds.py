@@ -171,12 +171,18 @@ class Declared(NamedTuple):
 
 @cache
 def declared(config: Any) -> tuple[Declared, ...]:
-    """Bounds that a dataclass declares, in the order of its fields."""
-    hints = get_type_hints(config, include_extras=True)
+    """Bounds that a dataclass declares, in the order of its fields.
+
+    A field that a subclass declares anew, with another default say, keeps the bounds that it has in the base class.
+    """
+    bases = [base for base in reversed(config.__mro__) if "__dataclass_fields__" in vars(base)]
+    hints = [(vars(base).get("__annotations__", ()), get_type_hints(base, include_extras=True)) for base in bases]
     return tuple(
         Declared(entry.name, optional, each, condition.holds, condition.allowed)
         for entry in dataclasses.fields(config)
-        for optional, each, condition in _conditions(hints[entry.name])
+        for own, resolved in hints
+        if entry.name in own
+        for optional, each, condition in _conditions(resolved[entry.name])
     )
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
+from annotated_types import Interval, Le
 
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified
@@ -22,7 +22,16 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.faults import CorruptedPlan, Delayed, FailingSolver
 from mathnavi.sim.engine.input_bounds import input_bound
-from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.interfaces.bounds import (
+    FINITE,
+    THREE_FINITE_NUMBERS,
+    Condition,
+    Fraction,
+    NonNegative,
+    Positive,
+    TickRate,
+    configuration,
+)
 from mathnavi.sim.interfaces.protocols import Planner, Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_quality, checked_sensors
@@ -32,52 +41,51 @@ LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, an
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
 
 Point = tuple[float, float, float]
+FinitePoint = Annotated[Point, THREE_FINITE_NUMBERS]
+Magnitude = Annotated[NonNegative, Le(LARGEST)]
+PositiveMagnitude = Annotated[Positive, Le(LARGEST)]
 
 
-@dataclass(frozen=True)
+def drawn_between(largest: float) -> Condition:
+    """Condition for the two ends, 0 <= low <= high <= ``largest``, that something is drawn between."""
+    return Condition(
+        lambda ends: 0.0 <= ends[0] <= ends[1] <= largest,
+        f"two finite numbers, 0 <= low <= high <= {largest:g}",
+    )
+
+
+@configuration(prefix="noise.")
 class Noise:
     """How the sensors err."""
 
-    position: float = 0.0
+    position: Magnitude = 0.0
     """standard deviation of a position reading on each axis [m]"""
-    position_rate: float = 10.0
+    position_rate: Annotated[float, TickRate(TICK)] = 10.0
     """position fixes a second [Hz]"""
 
-    def __post_init__(self) -> None:
-        check(self.position, "noise.position", 0.0, LARGEST)
-        check_rate(self.position_rate, "noise.position_rate", TICK)
 
-
-@dataclass(frozen=True)
+@configuration(prefix="faults.")
 class Faults:
     """What goes wrong on purpose."""
 
-    solver_failure_rate: float = 0.0
+    solver_failure_rate: Fraction = 0.0
     """fraction of the requests on which the solver gives up"""
-    corrupted_plan_rate: float = 0.0
+    corrupted_plan_rate: Fraction = 0.0
     """fraction of the requests answered with NaN"""
-    late_plan_rate: float = 0.0
+    late_plan_rate: Fraction = 0.0
     """fraction of the requests answered too late to be of use"""
-    late_plan_latency: float = 2.0
+    late_plan_latency: Magnitude = 2.0
     """simulated time that a late answer takes [s]"""
-    position_jump: float = 0.0
+    position_jump: Magnitude = 0.0
     """half-width w of the jump p := p + w once a planning period [m] (Table A.3); carries no guarantee"""
-    gust_rms: float = 0.0
+    gust_rms: Magnitude = 0.0
     """force per mass on each axis [m/s^2]"""
-    gust_time_constant: float = 3.0
+    gust_time_constant: Annotated[float, Interval(ge=TICK, le=LARGEST), FINITE] = 3.0
     """of the gusts' first-order model [s]"""
-    gust_limit: float = 4.0
+    gust_limit: PositiveMagnitude = 4.0
     """longest gust [m/s^2]"""
-    dropout_rate: float = 0.0
+    dropout_rate: Fraction = 0.0
     """fraction of the sensors' readings that are lost"""
-
-    def __post_init__(self) -> None:
-        for name in ("solver_failure_rate", "corrupted_plan_rate", "late_plan_rate", "dropout_rate"):
-            check(getattr(self, name), f"faults.{name}", 0.0, 1.0)
-        for name in ("late_plan_latency", "position_jump", "gust_rms"):
-            check(getattr(self, name), f"faults.{name}", 0.0, LARGEST)
-        check(self.gust_time_constant, "faults.gust_time_constant", TICK, LARGEST)
-        check(self.gust_limit, "faults.gust_limit", 0.0, LARGEST, open_low=True)
 
 
 def wants_certificate(controller: PluginSpec) -> bool:

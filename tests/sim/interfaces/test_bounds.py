@@ -87,6 +87,14 @@ class Named(Scaled):
         super().__post_init__()
 
 
+@configuration
+class Narrower(Scaled):
+    """Another default and another bound for fields of the base."""
+
+    low: float = -1.0
+    scale: Annotated[float, Le(0.5)] = 0.25
+
+
 class Plain(Scaled):
     """Not even that."""
 
@@ -115,6 +123,9 @@ class Plain(Scaled):
         (Scaled, {"low": 2.0, "scale": 0.0}, "scale = 0.0; allowed: a finite value > 0"),
         (Scaled, {"low": 2.0, "scale": 9.0}, "high = 1.0; allowed: >= 2"),
         (Scaled, {"scale": 9.0}, "scale = 9.0; allowed: <= 1"),
+        (Narrower, {"low": math.nan}, "low = nan; allowed: a finite number"),
+        (Narrower, {"scale": 0.0}, "scale = 0.0; allowed: a finite value > 0"),
+        (Narrower, {"scale": 0.75}, "scale = 0.75; allowed: a value <= 0.5"),
         (Named, {"scale": -1.0}, "scale = -1.0; allowed: a finite value > 0"),
         (Plain, {"scale": -1.0}, "scale = -1.0; allowed: a finite value > 0"),
     ],
@@ -127,7 +138,7 @@ def test_a_field_out_of_its_bounds_is_named_with_its_value_and_what_is_allowed(
     assert str(refused.value) == message
 
 
-@pytest.mark.parametrize("made", [Gains, Sensor, Ordered, Scaled, Named, Plain])
+@pytest.mark.parametrize("made", [Gains, Sensor, Ordered, Scaled, Narrower, Named, Plain])
 def test_a_configuration_is_a_frozen_dataclass(made: Any) -> None:
     assert "__dataclass_fields__" in vars(made.__mro__[-2])
     one: Any = made()
@@ -242,3 +253,13 @@ def test_whole_ticks(ticks: int, tick: float) -> None:
 def test_a_value_of_numpy_is_shown_as_it_is() -> None:
     with pytest.raises(FieldError, match=r"k_p = np.float64\(-1.0\); allowed: "):
         Gains(k_p=np.float64(-1.0))
+
+
+@dataclass(frozen=True)
+class Nothing(Scaled):
+    """No fields of its own."""
+
+
+def test_a_subclass_without_fields_of_its_own_keeps_the_bounds() -> None:
+    with pytest.raises(FieldError, match="scale = 0.0; allowed: a finite value > 0"):
+        Nothing(scale=0.0)

@@ -33,9 +33,10 @@ from mathnavi.models.terrain.visibility import Radar
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.renders.terrain_view import Track
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 
 GRIDS = ((33, 5), (65, 9))
 PLANNERS_GRID = GRIDS[1]
@@ -49,19 +50,16 @@ MOST_STUCK = 0.005  # of the target, with a radar
 SHOWN = 12  # flow lines in the 3-D view
 
 
-@dataclass(frozen=True)
+@configuration
 class CostToGoConfig:
     """How much is measured."""
 
-    targets: int = 10
+    targets: Count = 10
     """targets, each with a radar of its own"""
-    starts: int = 200
+    starts: Count = 200
     """random starts of the gradient flow to each target"""
-    repetitions: int = 7
+    repetitions: Count = 7
     """times that each cost is built"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class CostToGo:

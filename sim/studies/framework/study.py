@@ -79,14 +79,6 @@ class Setup:
         return mission.flown()
 
 
-def check_counts(config: Any) -> None:
-    """Every field of a study's configuration is how many of something; ValueError for none."""
-    for entry in fields(config):
-        count = getattr(config, entry.name)
-        if count < 1:
-            raise ValueError(f"{entry.name} = {count}; allowed: a whole number >= 1")
-
-
 @dataclass(frozen=True)
 class StudyResult:
     """What came out."""

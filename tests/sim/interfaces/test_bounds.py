@@ -261,5 +261,5 @@ class Nothing(Scaled):
 
 
 def test_a_subclass_without_fields_of_its_own_keeps_the_bounds() -> None:
-    with pytest.raises(FieldError, match="scale = 0.0; allowed: a finite value > 0"):
+    with pytest.raises(FieldError, match=r"scale = 0\.0; allowed: a finite value > 0"):
         Nothing(scale=0.0)

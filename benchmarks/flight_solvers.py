@@ -28,8 +28,12 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 from unittest import mock
+
+from annotated_types import Ge
+
+from mathnavi.sim.interfaces.bounds import Within, configuration
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
@@ -57,23 +61,18 @@ OURS, IPOPT, DO_MPC = "condensed", "ipopt, VM", "do-mpc"
 AT_LEAST = {(IPOPT, "mean"): 30.0, (DO_MPC, "mean"): 40.0, (DO_MPC, "median"): 40.0}  # times our time
 
 
-@dataclass(frozen=True)
+@configuration
 class Arguments:
     """Measure the flight planner's solvers side by side."""
 
     terrain: str = "tian_shan"
     """name of a terrain, or an .npz file"""
-    problems: int = 600
+    problems: Annotated[int, Within(Ge(1), allowed=">= 1")] = 600
     """how many problems to record at least"""
-    repetitions: int = 5
+    repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
     """solves of each problem by each solver"""
     out: Path = Path("renders/out/flight_solvers.json")
     """where the figures go"""
-
-    def __post_init__(self) -> None:
-        for name in ("problems", "repetitions"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}; allowed: >= 1")
 
 
 Recorded = list[tuple[Problem, Array]]  # each with its guess

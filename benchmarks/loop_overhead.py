@@ -21,7 +21,11 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
+
+from annotated_types import Ge
+
+from mathnavi.sim.interfaces.bounds import Within, configuration
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
@@ -50,7 +54,7 @@ AT_MOST = 1.5  # times the bare steps
 Made = TypeVar("Made")
 
 
-@dataclass(frozen=True)
+@configuration
 class Arguments:
     """Measure what the closed loop costs beside the physics in it."""
 
@@ -58,14 +62,10 @@ class Arguments:
     """name of a terrain, or an .npz file"""
     seconds: float = 120.0
     """simulated time of a run, less if the flight ends before [s]"""
-    repetitions: int = 11
+    repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 11
     """runs of each"""
     out: Path = Path("renders/out/loop_overhead.json")
     """where the figures go"""
-
-    def __post_init__(self) -> None:
-        if self.repetitions < 1:
-            raise ValueError(f"repetitions = {self.repetitions}; allowed: >= 1")
 
 
 class IdlePlanner:

@@ -20,10 +20,11 @@ from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
+from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
@@ -34,6 +35,8 @@ from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
 from mathnavi.controllers.ocp.solution import Outcome, Solution
 from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.studies.nodes.ocp_problems import ADAPTIVE, Method
 
@@ -50,22 +53,20 @@ Solve = Callable[[], float | None]  # J, None where there is no solution
 Prepare = Callable[[OptimalControlProblem], Solve]
 
 
-@dataclass(frozen=True)
+@configuration
 class Arguments:
     """Measure our optimal control methods beside MAPTOR and dymos."""
 
     problems: tuple[str, ...] = DEFAULT
     """names of problems"""
-    repetitions: int = 3
+    repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
     """runs of each"""
     out: Path = Path("renders/out/ocp_peers.json")
     """where the figures go"""
 
     def __post_init__(self) -> None:
-        if self.repetitions < 1:
-            raise ValueError(f"repetitions = {self.repetitions}; allowed: >= 1")
         if unknown := [name for name in self.problems if name not in PROBLEMS]:
-            raise ValueError(f"problems = {', '.join(unknown)}; allowed: {', '.join(PROBLEMS)}")
+            raise FieldError(f"problems = {', '.join(unknown)}; allowed: {', '.join(PROBLEMS)}")
 
 
 @dataclass(frozen=True)

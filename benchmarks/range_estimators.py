@@ -13,14 +13,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
+from annotated_types import Ge, Interval
 from rich.console import Console
 
 from benchmarks.comparison import Comparison, Ratio, alone
 from benchmarks.progress import progress
+from mathnavi.sim.interfaces.bounds import Within, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.studies.ranging.range_convergence.costs import (
     ALL_ALIVE,
@@ -36,22 +38,16 @@ FILTERPY = {"range_ekf": "filterpy EKF", "range_ukf": "filterpy UKF", "range_par
 AT_LEAST = 20.0  # times cheaper than the particle filter, both compiled
 
 
-@dataclass(frozen=True)
+@configuration
 class Arguments:
     """Measure what an update of each range estimator costs."""
 
-    seconds: float = 20.0
+    seconds: Annotated[float, Within(Interval(ge=1.0, le=3600.0), allowed="1 to 3600")] = 20.0
     """of readings, 100 a second [s]"""
-    repetitions: int = 7
+    repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 7
     """runs of each"""
     out: Path = Path("renders/out/range_estimators.json")
     """where the figures go"""
-
-    def __post_init__(self) -> None:
-        if not 1.0 <= self.seconds <= 3600.0:
-            raise ValueError(f"seconds = {self.seconds!r}; allowed: 1 to 3600")
-        if self.repetitions < 1:
-            raise ValueError(f"repetitions = {self.repetitions}; allowed: >= 1")
 
 
 @dataclass(frozen=True, eq=False)

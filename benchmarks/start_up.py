@@ -20,15 +20,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import tyro
+from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
 
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
+from mathnavi.sim.interfaces.bounds import Within, configuration
 
 ROOT = Path(__file__).parents[1]
 DROP = Path("/proc/sys/vm/drop_caches")
@@ -52,13 +54,13 @@ Tree = Literal["here", "before"]
 State = Literal["cold", "warm"]
 
 
-@dataclass(frozen=True)
+@configuration
 class Arguments:
     """Measure how long commands take to begin."""
 
     before: str = ""
     """an earlier commit that is measured beside this tree"""
-    repetitions: int = 5
+    repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 5
     """of each command in each state"""
     drop: bool = False
     """whether a cold start also finds no file in memory; it slows down whatever else runs on the machine, needs root"""
@@ -66,10 +68,6 @@ class Arguments:
     """whether a first flight is one of the commands"""
     out: Path = Path("renders/out/start_up.json")
     """where the figures go"""
-
-    def __post_init__(self) -> None:
-        if self.repetitions < 1:
-            raise ValueError(f"repetitions = {self.repetitions}; allowed: >= 1")
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,13 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 from unittest import mock
+
+from annotated_types import Ge
+
+from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 
 os.environ.setdefault("MUJOCO_GL", "disable")
 
@@ -43,7 +48,7 @@ Kind = tuple[str, int]  # what runs a sweep, and with how many workers
 Seconds = dict[Kind, Array]  # (R,) [s] of every kind
 
 
-@dataclass(frozen=True)
+@configuration
 class Arguments:
     """Measure how a sweep gains from more processes."""
 
@@ -51,17 +56,16 @@ class Arguments:
     """name of a terrain, or an .npz file"""
     trials: int = 40
     """flights of a sweep"""
-    workers: int = 2
+    workers: Annotated[int, Within(Ge(2), allowed=">= 2")] = 2
     """processes, beside one"""
-    repetitions: int = 3
+    repetitions: Annotated[int, Within(Ge(1), allowed=">= 1")] = 3
     """sweeps of each kind"""
     out: Path = Path("renders/out/sweep_scaling.json")
     """where the figures go"""
 
     def __post_init__(self) -> None:
-        for name, least in (("workers", 2), ("repetitions", 1), ("trials", 3 * self.workers)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name} = {getattr(self, name)}; allowed: >= {least}")
+        if self.trials < 3 * self.workers:
+            raise FieldError(f"trials = {self.trials}; allowed: >= {3 * self.workers}")
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,16 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
+from annotated_types import Ge
 from rich.console import Console
 from rich.table import Table
+
+from mathnavi.sim.interfaces.bounds import Within, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 
 SWEEP = (
     "safe-flight", "--terrain", "jacksboro", "--drawn-separation", "0.2", "0.3", "--drawn-heights", "0.5", "60",
@@ -38,13 +42,13 @@ CLUSTER = "Dask, 2 workers"
 STORES = {ALONE: "processes-1.db", UNDISTURBED: "processes-2.db", CLUSTER: "dask.db", KILLED: "killed.db"}
 
 
-@dataclass(frozen=True)
+@configuration
 class Arguments:
     """Kill a sweep, and compare what it leaves."""
 
-    trials: int = 2000
+    trials: Annotated[int, Within(Ge(1), allowed=">= 1")] = 2000
     """missions of each sweep"""
-    kills: int = 10
+    kills: Annotated[int, Within(Ge(1), allowed=">= 1")] = 10
     """times that the sweep is killed"""
     folder: Path = Path("renders/out/survival")
     """where the stores go; none may be there"""
@@ -54,12 +58,9 @@ class Arguments:
     """whether Dask is among the workers"""
 
     def __post_init__(self) -> None:
-        for name in ("trials", "kills"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}; allowed: >= 1")
         for store in STORES.values():
             if (self.folder / store).exists():
-                raise ValueError(f"folder = {self.folder}: {store} is there already; allowed: a folder without it")
+                raise FieldError(f"folder = {self.folder}: {store} is there already; allowed: a folder without it")
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
@@ -50,15 +49,12 @@ class FullStateMission(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@configuration
 class FullStateConfig:
     """Fields of the command line."""
 
-    rate: float | None = None  # [Hz] of the readings; that of the estimates if not given
-    timeout: float = 0.5  # [s] without a reading after which the estimate is lost
-
-    def __post_init__(self) -> None:
-        check_positive(self, "rate", "timeout")
+    rate: Positive | None = None  # [Hz] of the readings; that of the estimates if not given
+    timeout: Positive = 0.5  # [s] without a reading after which the estimate is lost
 
 
 class FullState:

@@ -26,7 +26,7 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from mathnavi.models.aerial.sensors import PositionSensor
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
@@ -34,18 +34,15 @@ _H = np.array([[1.0, 0.0, 0.0]])  # a fix reads the position
 _EYE = np.eye(3)
 
 
-@dataclass(frozen=True)
+@configuration
 class KalmanConfig:
     """Fields of the command line."""
 
-    timeout: float = 1.0  # [s] without a fix after which the estimate is lost
-    start_position_std: float = 5.0  # [m] of the start as the mission states it, per axis
-    start_velocity_std: float = 1.0  # [m/s]
-    noise_floor: float = 0.1  # [m] least standard deviation that a fix is trusted with: R stays positive
-    gust_floor: float = 0.05  # [m/s^2] least gust assumed: without any the filter would stop listening to its fixes
-
-    def __post_init__(self) -> None:
-        check_positive(self, "timeout", "start_position_std", "start_velocity_std", "noise_floor", "gust_floor")
+    timeout: Positive = 1.0  # [s] without a fix after which the estimate is lost
+    start_position_std: Positive = 5.0  # [m] of the start as the mission states it, per axis
+    start_velocity_std: Positive = 1.0  # [m/s]
+    noise_floor: Positive = 0.1  # [m] least standard deviation that a fix is trusted with: R stays positive
+    gust_floor: Positive = 0.05  # [m/s^2] least gust assumed: without any the filter would stop listening to its fixes
 
 
 @dataclass(frozen=True, eq=False)

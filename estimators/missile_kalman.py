@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi
@@ -28,29 +27,26 @@ from mathnavi.models.missile.dynamics import Body, rotation
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.runge_kutta import classical_step
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 
-@dataclass(frozen=True)
+@configuration
 class MissileKalmanConfig:
     """Fields of the command line."""
 
-    rate: float | None = None  # [Hz] of the readings; that of the estimates if not given
-    timeout: float = 0.5  # [s] without a reading after which the estimate is lost
-    start_position_std: float = 1.0  # [m] of the start as the mission states it, per axis
-    start_velocity_std: float = 1.0  # [m/s] per axis
-    start_angle_std: float = 0.02  # [rad]
-    start_rate_std: float = 0.02  # [rad/s]
-    force_std: float = 500.0  # [N] sigma of the disturbance on each axis, beside the declared gusts
-    moment_std: float = 30.0  # [N m] sigma, likewise
-    time_constant: float = 5.0  # [s] tau
-    noise_floor: float = 1e-3  # [m, m/s, rad, rad/s] least standard deviation that a reading is trusted with
-
-    def __post_init__(self) -> None:
-        check_positive(self, *vars(self))
+    rate: Positive | None = None  # [Hz] of the readings; that of the estimates if not given
+    timeout: Positive = 0.5  # [s] without a reading after which the estimate is lost
+    start_position_std: Positive = 1.0  # [m] of the start as the mission states it, per axis
+    start_velocity_std: Positive = 1.0  # [m/s] per axis
+    start_angle_std: Positive = 0.02  # [rad]
+    start_rate_std: Positive = 0.02  # [rad/s]
+    force_std: Positive = 500.0  # [N] sigma of the disturbance on each axis, beside the declared gusts
+    moment_std: Positive = 30.0  # [N m] sigma, likewise
+    time_constant: Positive = 5.0  # [s] tau
+    noise_floor: Positive = 1e-3  # [m, m/s, rad, rad/s] least standard deviation that a reading is trusted with
 
 
 class MissileKalman:

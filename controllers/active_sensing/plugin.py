@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Interval, Le
 
 from mathnavi.controllers.active_sensing.belief import BeliefFromEstimates
 from mathnavi.controllers.active_sensing.candidate_search import CandidateSearch, Containment
@@ -30,7 +30,7 @@ from mathnavi.controllers.active_sensing.policies import (
 from mathnavi.controllers.active_sensing.then_track import ReferencePath, ThenTrack
 from mathnavi.controllers.active_sensing.tracker import PathTracker
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.bounds import Count, NonNegative, Positive, Within, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array
@@ -38,12 +38,13 @@ from mathnavi.sim.interfaces.signals import Array
 ModeName = Literal["active", "singular-value", "random", "figure-eight", "circle", "straight", "still"]
 ReferenceName = Literal["none", "figure-eight", "circle"]
 
-_LONGEST = 600.0  # [s] of a cycle or a horizon
+_LONGEST = 600.0  # [s]
 _MOST_NODES = 1000
+Duration = Annotated[Positive, Within(Le(_LONGEST), allowed=f"at most {_LONGEST:g} s")]  # of a cycle or a horizon
 _FASTEST = 0.2  # bandwidth times control period
 
 
-@dataclass(frozen=True)
+@configuration
 class ActiveSensingConfig:
     """Fields of ``--planner``."""
 
@@ -51,48 +52,34 @@ class ActiveSensingConfig:
     """how the estimator is excited: by the input that teaches it most, or by a pattern"""
     then: ReferenceName = "none"
     """the path about the field's centre that is kept as soon as the estimate is sure"""
-    speed: float = 0.5
+    speed: Positive = 0.5
     """of a pattern or path [m/s]"""
-    cycle: float = 8.0
+    cycle: Duration = 8.0
     """once through a pattern or path [s]"""
-    period: float = 0.2
+    period: Positive = 0.2
     """from one decision to the next [s]"""
-    horizon: float = 1.0
+    horizon: Duration = 1.0
     """how far ahead a decision looks [s]"""
-    nodes: int = 10
+    nodes: Annotated[int, Within(Interval(ge=1, le=_MOST_NODES), allowed=f"1 to {_MOST_NODES}")] = 10
     """of the horizon, at which ranges are expected and the wall is kept away from"""
-    deviations: float = 3.0
+    deviations: NonNegative = 3.0
     """standard deviations of the estimate that are kept from the wall beside the margin"""
-    deviation: float = 0.1
+    deviation: Positive = 0.1
     """least standard deviation in every direction of an estimate that does not say its own [m, rad]"""
-    sure_position: float = 0.05
+    sure_position: Positive = 0.05
     """largest standard deviation of the position of a sure estimate [m]"""
-    sure_heading: float = 0.05
+    sure_heading: Positive = 0.05
     """standard deviation of the heading of a sure estimate [rad]"""
-    bandwidth: float = 2.0
+    bandwidth: Positive = 2.0
     """of the tracker on a path [rad/s]"""
-    seed: int = 1
+    seed: Count = 1
     """of random inputs"""
 
     def __post_init__(self) -> None:
-        check_positive(
-            self, "speed", "cycle", "period", "horizon", "deviation", "sure_position", "sure_heading", "bandwidth"
-        )
-        for name in ("cycle", "horizon"):
-            if getattr(self, name) > _LONGEST:
-                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: at most {_LONGEST:g} s")
-        check(self.deviations, "deviations", 0.0)
-        if not 1 <= self.nodes <= _MOST_NODES:
-            raise ValueError(f"nodes = {self.nodes!r}; allowed: 1 to {_MOST_NODES}")
-        if self.seed < 1:
-            raise ValueError(f"seed = {self.seed!r}; allowed: a whole number >= 1")
         if self.period > self.horizon:
-            raise ValueError(f"period = {self.period!r}; allowed: at most the horizon, {self.horizon:g} s")
-        for name, kind in (("mode", ModeName), ("then", ReferenceName)):
-            if getattr(self, name) not in get_args(kind):
-                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: {', '.join(get_args(kind))}")
+            raise FieldError(f"period = {self.period!r}; allowed: at most the horizon, {self.horizon:g} s")
         if self.then != "none" and self.mode not in CRITERIA:
-            raise ValueError(
+            raise FieldError(
                 f"then = {self.then!r} with mode = {self.mode!r}, which looks at nothing; allowed with a mode that "
                 f"keeps inside: {', '.join(CRITERIA)}"
             )

@@ -31,31 +31,30 @@ from typing import Any
 from mathnavi.controllers.arrival.inbox import Inbox, edge_weight, finite
 from mathnavi.models.fleet.graph import Node
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import Message
 
 
-@dataclass(frozen=True)
+@configuration
 class ClockConfig:
     """Fields of the plug-in."""
 
-    scaling: float = 20.0
+    scaling: Positive = 20.0
     """s, of the corrections' protocol [1/s]"""
-    rate_scaling: float = 0.0
+    rate_scaling: NonNegative = 0.0
     """s_y, of the rates' protocol [1/s]; 0: rates are not agreed upon"""
-    period: float = 1.0 / 60.0
+    period: Positive = 1.0 / 60.0
     """between two rounds [s]"""
     memory: float = 0.25
     """longest round trip that is used, and after which what a neighbour sent counts no longer [s]"""
-    baseline: float = 2.0
+    baseline: Positive = 2.0
     """over which a rate is measured [s]"""
-    apart: float = 60.0
+    apart: Positive = 60.0
     """by which two clocks may differ [s]; a message that is further ahead is from the future"""
 
     def __post_init__(self) -> None:
-        check_positive(self, "scaling", "period", "baseline", "apart")
-        check(self.rate_scaling, "rate_scaling", 0.0)
         check(self.memory, "memory", 2.0 * self.period)
 
 

@@ -18,14 +18,13 @@ optimised part is over is taken from where the vehicle is.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from mathnavi.controllers.flight.certificate import pass_time
 from mathnavi.models.aerial.dynamics import state_at
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.signals import Array, Phase, Plan
 
 SpeedName = Literal["max", "mean", "largest"]
@@ -33,19 +32,14 @@ SpeedName = Literal["max", "mean", "largest"]
 _SLOWEST = 1e-3  # [m/s] below which a plan tells no time
 
 
-@dataclass(frozen=True)
+@configuration
 class ArrivalEstimate:
     """The time of arrival of plans to one target."""
 
     length_to_go: Callable[[Array], Array]  # (n, 3) [m] -> (n,) [m]
     target: Array  # (3,) [m]
-    speed_max: float  # [m/s] v_max
+    speed_max: Positive  # [m/s] v_max
     speed: SpeedName = "max"
-
-    def __post_init__(self) -> None:
-        check(self.speed_max, "speed_max", 0.0, open_low=True)
-        if self.speed not in get_args(SpeedName):
-            raise ValueError(f"speed = {self.speed!r}; allowed: {', '.join(get_args(SpeedName))}")
 
     def __call__(self, plan: Plan, t: float) -> float:
         """[s] when a vehicle on ``plan`` arrives, as it knows at t [s]; infinite for a plan that does not move on."""

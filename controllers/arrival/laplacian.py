@@ -31,39 +31,35 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 from mathnavi.controllers.arrival.inbox import ConsensusPayload, Inbox, edge_weight
 from mathnavi.controllers.arrival.outlier import DELTA, is_outlier
 from mathnavi.models.fleet.graph import Node
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.bounds import Positive, PositiveFraction, configuration
+from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import Message
 
 
-@dataclass(frozen=True)
+@configuration
 class LaplacianConfig:
     """Fields of the plug-in."""
 
-    scaling: float = 20.0
+    scaling: Positive = 20.0
     """s, of the protocol [1/s]"""
-    period: float = 1.0 / 60.0
+    period: Positive = 1.0 / 60.0
     """h, between two rounds [s]"""
     memory: float = 0.25
     """after which what a neighbour sent counts no longer [s]"""
     own: Literal["now", "then"] = "now"
     """what of itself a vehicle compares with what it hears: its value now, or when that was sent"""
-    delta: float = DELTA
+    delta: PositiveFraction = DELTA
     """of the outlier detection rule (A.14)"""
 
     def __post_init__(self) -> None:
-        check_positive(self, "scaling", "period")
         check(self.memory, "memory", self.period)
-        check(self.delta, "delta", 0.0, 1.0, open_low=True)
-        if self.own not in ("now", "then"):
-            raise ValueError(f"own = {self.own!r}; allowed: now, then")
 
 
 class Laplacian:

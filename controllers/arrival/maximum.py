@@ -12,24 +12,20 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from mathnavi.controllers.arrival.inbox import ConsensusPayload, Inbox
 from mathnavi.models.fleet.graph import Node
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import Message
 
 
-@dataclass(frozen=True)
+@configuration
 class MaximumConfig:
     """Fields of the plug-in."""
 
-    period: float = 1.0 / 60.0
+    period: Positive = 1.0 / 60.0
     """between two rounds [s]"""
-
-    def __post_init__(self) -> None:
-        check_positive(self, "period")
 
 
 class Maximum:

@@ -12,31 +12,25 @@ apart at equal times.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
 from mathnavi.controllers.arrival.distance import PlannedTrajectory, clear, least_distance
 from mathnavi.models.aerial.kernels import state_on
-from mathnavi.sim.interfaces.checks import check, check_names
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.sim.interfaces.checks import check_names
 from mathnavi.sim.interfaces.signals import Array, Plan
 
 
-@dataclass(frozen=True)
+@configuration
 class Zone:
     """What every vehicle keeps free around itself; all of a fleet have the same."""
 
-    distance: float  # [m] d_s, between vehicles
-    bound: float = 0.0  # [m] r, of a vehicle from its plan
-    speed_max: float = 0.0  # [m/s] v_max
-    clock_error: float = 0.0  # [s] epsilon, of a vehicle's clock
-
-    def __post_init__(self) -> None:
-        check(self.distance, "distance", 0.0, open_low=True)
-        check(self.bound, "bound", 0.0)
-        check(self.speed_max, "speed_max", 0.0)
-        check(self.clock_error, "clock_error", 0.0)
+    distance: Positive  # [m] d_s, between vehicles
+    bound: NonNegative = 0.0  # [m] r, of a vehicle from its plan
+    speed_max: NonNegative = 0.0  # [m/s] v_max
+    clock_error: NonNegative = 0.0  # [s] epsilon, of a vehicle's clock
 
     @property
     def required(self) -> float:

@@ -32,12 +32,14 @@ import math
 import time
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Annotated
 
 import daqp
 import numpy as np
+from annotated_types import Interval
 
+from mathnavi.controllers.flight.bounds import GridLayers, GridNodes
 from mathnavi.controllers.flight.certificate import TrackingBound
-from mathnavi.controllers.flight.checks import check_fields
 from mathnavi.controllers.flight.completion import ArcList, complete
 from mathnavi.controllers.flight.cost_to_go import REFERENCE_SPEED, TrilinearCost, trilinear_cost
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
@@ -45,6 +47,7 @@ from mathnavi.models.aerial.dynamics import flow, input_at, state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.sim.interfaces.bounds import Positive, Within, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array, Phase, Plan, PlanRequest, Status
 
@@ -55,27 +58,24 @@ _ITERATIONS = 60
 _UNBOUNDED = 1e30
 
 
-@dataclass(frozen=True)
+@configuration
 class AsPrintedConfig:
     """Fields of ``--planner``."""
 
-    nodes: int = 13
-    """N, nodes of the horizon"""
-    horizon: float | None = None
+    nodes: Annotated[int, Within(Interval(ge=3, le=121), allowed="3 to 121")] = 13
+    """N, nodes of the horizon"""  # by Euler, a_1 moves p_3 first
+    horizon: Positive | None = None
     """T_p [s]; (nodes - 1) 5/3 if not given"""
-    beta: float = 100.0
+    beta: Positive = 100.0
     """cost of a second against a squared acceleration [m^2/s^4]"""
-    epsilon: float = 0.01
+    epsilon: Positive = 0.01
     """what a step must gain (Definition A.1), as a fraction of h beta"""
-    grid_nodes: int = 33
+    grid_nodes: GridNodes = 33
     """rows and columns of the cost-to-go's grid"""
-    grid_layers: int = 5
+    grid_layers: GridLayers = 5
     """its layers"""
-    bandwidth: float = 0.8
+    bandwidth: Positive = 0.8
     """of the tracker [rad/s]"""
-
-    def __post_init__(self) -> None:
-        check_fields(self, 3, ("horizon", "beta", "bandwidth", "epsilon"))  # by Euler, a_1 moves p_3 first
 
     @property
     def h(self) -> float:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
+from mathnavi.controllers.flight.bounds import GridLayers, GridNodes, Nodes
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
-from mathnavi.controllers.flight.checks import check_fields
 from mathnavi.controllers.flight.cost_to_go import FactoredCost, factored_cost
 from mathnavi.controllers.flight.planner import Incorporation, RecedingHorizon, Solver
 from mathnavi.controllers.flight.problem import Parameters, proportional
@@ -17,7 +16,8 @@ from mathnavi.controllers.flight.sqp import CondensedSqp
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 
 _INSIDE = 1.0 - 1e-4  # the solver aims this far inside the bounds, so that its tolerance does not cost a plan
@@ -25,51 +25,44 @@ _UNEQUAL = 1000.0  # how many times as long as another an arc may be
 _ROUNDING = 0.01  # of a control period: a period may be written with five digits
 
 
-@dataclass(frozen=True)
+@configuration
 class RecedingHorizonConfig:
     """Fields of the planner, over whatever tracker."""
 
-    nodes: int = 13
+    nodes: Nodes = 13
     """N, nodes of the horizon"""
-    horizon: float | None = None
+    horizon: Positive | None = None
     """T_p [s]; (nodes - 1) 5/3 if not given"""
     stretch: float = 1.0
     """ratio of each arc's length to the one before"""
     period: float | None = None
     """between two replans [s]; the first arc's length, to whole control periods, if not given"""
-    beta: float = 100.0
+    beta: Positive = 100.0
     """cost of a second against a squared acceleration [m^2/s^4]"""
-    margin: float = 25.0
+    margin: NonNegative = 25.0
     """what the optimiser keeps above h_min, softly [m]"""
     backend: Literal["condensed", "ipopt", "fatrop"] = "condensed"
     """solver of the optimisation problem"""
-    tolerance: float = 1e-6
+    tolerance: Positive = 1e-6
     """relative gain at which the solver stops"""
-    grid_nodes: int = 65
+    grid_nodes: GridNodes = 65
     """rows and columns of the cost-to-go's grid"""
-    grid_layers: int = 9
+    grid_layers: GridLayers = 9
     """its layers"""
     incorporation: Incorporation = "schedule"
     """how a time of arrival that is asked for enters: as a schedule, as the constraint (A.13), or as its penalty"""
-    arrival_weight: float = 1000.0
+    arrival_weight: Positive = 1000.0
     """of that penalty, for a squared second [m^2/s^5]"""
 
     def __post_init__(self) -> None:
-        check_fields(self, 2, ("horizon", "beta", "tolerance"))
-        check(self.margin, "margin", 0.0)
-        if self.incorporation not in get_args(Incorporation):
-            raise ValueError(f"incorporation = {self.incorporation!r}; allowed: {', '.join(get_args(Incorporation))}")
-        check(self.arrival_weight, "arrival_weight", 0.0, open_low=True)
-        if self.backend not in ("condensed", "ipopt", "fatrop"):
-            raise ValueError(f"backend = {self.backend!r}; allowed: condensed, ipopt, fatrop")
         widest = _UNEQUAL ** (1.0 / max(1, self.nodes - 2))
         if not 1.0 / widest <= self.stretch <= widest:
-            raise ValueError(
+            raise FieldError(
                 f"stretch = {self.stretch!r}; allowed at nodes = {self.nodes}: {1.0 / widest:.4g} to {widest:.4g}, so "
                 f"that no arc is more than {_UNEQUAL:g} times as long as another"
             )
         if self.period is not None and not 0.0 < self.period <= self.duration:
-            raise ValueError(
+            raise FieldError(
                 f"period = {self.period!r}; allowed: > 0 and at most the horizon of {self.duration:g} s, beyond which "
                 "nothing is optimised"
             )
@@ -96,16 +89,12 @@ class RecedingHorizonConfig:
         return ticks * control_period
 
 
-@dataclass(frozen=True)
+@configuration
 class FlightConfig(RecedingHorizonConfig):
     """Fields of ``--planner``."""
 
-    bandwidth: float = 0.8
+    bandwidth: Positive = 0.8
     """of the tracker [rad/s]"""
-
-    def __post_init__(self) -> None:
-        RecedingHorizonConfig.__post_init__(self)
-        check_positive(self, "bandwidth")
 
 
 class SafeFlight:

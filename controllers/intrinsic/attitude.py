@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Le
 
 from mathnavi.controllers.intrinsic.law import TrackingGains
 from mathnavi.controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array
 
@@ -19,23 +20,18 @@ _RATIOS = np.array([1.0, 0.8, 0.6])  # of the frequencies about the axes of the 
 _PHASES = np.array([0.0, 2.0, 4.0])  # [rad]
 
 
-@dataclass(frozen=True)
+@configuration
 class AttitudeTrackingConfig:
     """Fields of ``--planner``."""
 
-    k_p: float = 9.0
+    k_p: Positive = 9.0
     """of the attitude [1/s^2]"""
-    k_d: float = 6.0
+    k_d: Positive = 6.0
     """of the rate [1/s]"""
-    rate: float = 1.0
+    rate: Annotated[NonNegative, Le(_FASTEST)] = 1.0
     """of the reference about every axis, at most; nought: it stays at the attitude (1, 0, 0, 0) [rad/s]"""
-    frequency: float = 1.5
+    frequency: Annotated[Positive, Le(_FASTEST)] = 1.5
     """with which the rate about the first axis goes to and fro [rad/s]"""
-
-    def __post_init__(self) -> None:
-        TrackingGains(self.k_p, self.k_d)
-        check(self.rate, "rate", 0.0, _FASTEST)
-        check(self.frequency, "frequency", 0.0, _FASTEST, open_low=True)
 
 
 class AttitudeTracking:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Le
 
 from mathnavi.controllers.intrinsic.law import TrackingGains
 from mathnavi.controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array
 
@@ -19,23 +20,18 @@ _LARGEST = 10.0  # [rad, m]
 _SPREAD = 0.37  # of the frequency, by which the last joint's is above the first one's
 
 
-@dataclass(frozen=True)
+@configuration
 class JointTrackingConfig:
     """Fields of ``--planner``."""
 
-    k_p: float = 100.0
+    k_p: Positive = 100.0
     """of the position [1/s^2]"""
-    k_d: float = 20.0
+    k_d: Positive = 20.0
     """of the velocity [1/s]"""
-    amplitude: float = 0.8
+    amplitude: Annotated[NonNegative, Le(_LARGEST)] = 0.8
     """of every joint [rad, m]"""
-    frequency: float = 2.5
+    frequency: Annotated[Positive, Le(_FASTEST)] = 2.5
     """of the first joint; those after it are faster [rad/s]"""
-
-    def __post_init__(self) -> None:
-        TrackingGains(self.k_p, self.k_d)
-        check(self.amplitude, "amplitude", 0.0, _LARGEST)
-        check(self.frequency, "frequency", 0.0, _FASTEST, open_low=True)
 
 
 class JointTracking:

@@ -10,28 +10,23 @@ many inputs as dimensions invertible.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.system import LagrangianSystem
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.signals import Array
 
 _SINGULAR = 1e-9  # of the largest singular value of the inputs' effect
 _PROBE = 1e-3  # of each input, that its effect is seen by: within the ranges that actuators may have
 
 
-@dataclass(frozen=True)
+@configuration
 class TrackingGains:
     """Of the position and of the velocity."""
 
-    k_p: float  # [1/s^2]
-    k_d: float  # [1/s]
-
-    def __post_init__(self) -> None:
-        check_positive(self, "k_p", "k_d")
+    k_p: Positive  # [1/s^2]
+    k_d: Positive  # [1/s]
 
 
 class InverseForce:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Annotated, Literal
+
+from annotated_types import Interval
 
 from mathnavi.controllers.compilation import compiler
 from mathnavi.controllers.missile.autopilot import Autopilot, OpenLoop
@@ -17,7 +18,7 @@ from mathnavi.controllers.ocp.backend import Backend
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.models.missile.coordinates import PLANAR
 from mathnavi.models.missile.mission import MissileMission
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, Within, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 
 AutopilotName = Literal["feedback-linearisation", "tvlqr", "open-loop"]
@@ -29,43 +30,30 @@ _FASTEST = 0.2  # bandwidth times control period
 _MOST_NODES = 200
 
 
-@dataclass(frozen=True)
+@configuration
 class MissileConfig:
     """Fields of ``--planner``."""
 
     autopilot: AutopilotName = "feedback-linearisation"
     """what flies the plan"""
-    bandwidth: float = 8.0
+    bandwidth: Positive = 8.0
     """omega_n of the feedback linearisation [rad/s]"""
-    replan_period: float = 0.1
+    replan_period: Positive = 0.1
     """from one plan to the next [s], in whole control periods; if longer than the flight, only one is flown"""
-    commit: float = 0.3
+    commit: Positive = 0.3
     """time to go below which the last plan is flown out [s]; replan_period if that is longer"""
     lead: bool = True
     """whether to aim at where the target will be, and not at where it is"""
-    nodes: int = 25
+    nodes: Annotated[int, Within(Interval(ge=4, le=_MOST_NODES), allowed=f"4 to {_MOST_NODES}")] = 25
     """N"""
     grid: GridName = "uniform"
     """nodes at equal times, or equidistributed in scaled arclength as part of the optimisation"""
     spatial: SpatialName = "pitch-and-yaw"
     """flight in space by a pitch planner and a yaw planner together, or as one problem in all states"""
-    reserve: float = 0.1
+    reserve: Annotated[float, Within(Interval(ge=0.0, lt=1.0), allowed="0 <= reserve < 1")] = 0.1
     """share of the thrusters' limits that is left to the autopilot"""
     backend: BackendName = "auto"
     """solver; auto is FATROP, compiled where there is a C compiler named cc"""
-
-    def __post_init__(self) -> None:
-        check_positive(self, "bandwidth", "replan_period", "commit")
-        if not 0.0 <= self.reserve < 1.0:
-            raise ValueError(f"reserve = {self.reserve!r}; allowed: 0 <= reserve < 1")
-        if not 4 <= self.nodes <= _MOST_NODES:
-            raise ValueError(f"nodes = {self.nodes!r}; allowed: 4 to {_MOST_NODES}")
-        names: dict[str, Any] = {
-            "autopilot": AutopilotName, "grid": GridName, "spatial": SpatialName, "backend": BackendName
-        }  # fmt: skip
-        for name, kind in names.items():
-            if getattr(self, name) not in get_args(kind):
-                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: {', '.join(get_args(kind))}")
 
 
 class MissileGuidance:

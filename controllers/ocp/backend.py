@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from mathnavi.controllers.nlp_solver import (
     ipopt_settings,
 )
 from mathnavi.controllers.ocp.nlp import Programme
+from mathnavi.sim.interfaces.bounds import Count, Probability, configuration
 from mathnavi.sim.interfaces.signals import Array
 
 Backend = Literal["ipopt", "fatrop", "fatrop-compiled", "ipopt-compiled"]
@@ -26,7 +27,7 @@ _FATROP_WARM = {"mu_init": 1e-5}
 _RESULTS = ("x", "f", "g", "lam_x", "lam_g")
 
 
-@dataclass(frozen=True)
+@configuration
 class Options:
     """Options of a solve.
 
@@ -35,17 +36,9 @@ class Options:
     """
 
     backend: Backend = "ipopt"
-    tolerance: float = 1e-9  # of the scaled optimality conditions
-    iterations: int = 500
+    tolerance: Probability = 1e-9  # of the scaled optimality conditions
+    iterations: Count = 500
     warm: bool = False  # whether guesses are near solutions: start close to the bounds, with a small barrier
-
-    def __post_init__(self) -> None:
-        if self.backend not in get_args(Backend):
-            raise ValueError(f"backend = {self.backend!r}; allowed: {', '.join(get_args(Backend))}")
-        if not 0.0 < self.tolerance < 1.0:
-            raise ValueError(f"tolerance = {self.tolerance!r}; allowed: between 0 and 1")
-        if self.iterations < 1:
-            raise ValueError(f"iterations = {self.iterations!r}; allowed: a whole number >= 1")
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ import numpy as np
 
 from mathnavi.controllers.ocp.mesh import Mesh
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, Monitor
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
@@ -87,7 +87,7 @@ class Free:
         return _anywhere(nodes)
 
 
-@dataclass(frozen=True)
+@configuration
 class Equidistributed:
     """EP of B.3: every interval holds the same share s of the monitor function.
 
@@ -96,12 +96,11 @@ class Equidistributed:
     """
 
     monitor: Monitor = ARCLENGTH
-    epsilon: float = 0.01
+    epsilon: Positive = 0.01
     moving: bool = True
     constants: int = 1
 
     def __post_init__(self) -> None:
-        check_positive(self, "epsilon")
         self.monitor.check_measure()
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
@@ -114,7 +113,7 @@ class Equidistributed:
         return _anywhere(nodes)
 
 
-@dataclass(frozen=True)
+@configuration
 class FunctionalMinimised:
     """FM of B.3: ``weight`` / (N - 1) Σ m_i^2 is added to J, m_i the interval's share of the monitor function.
 
@@ -122,13 +121,12 @@ class FunctionalMinimised:
     """
 
     monitor: Monitor = ARCLENGTH
-    weight: float = 3e-3
-    epsilon: float = 0.01
+    weight: Positive = 3e-3
+    epsilon: Positive = 0.01
     moving: bool = True
     constants: int = 0
 
     def __post_init__(self) -> None:
-        check_positive(self, "weight", "epsilon")
         self.monitor.check_measure()
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
@@ -141,7 +139,7 @@ class FunctionalMinimised:
         return _anywhere(nodes)
 
 
-@dataclass(frozen=True)
+@configuration
 class EquidistantHorizon:
     """Example B.1: I = Σ d_i - ε ln d_i with Σ d_i at most the longest final time.
 
@@ -149,12 +147,9 @@ class EquidistantHorizon:
     distribution of time only where J leaves the final time free.
     """
 
-    epsilon: float  # [s]
+    epsilon: Positive  # [s]
     moving: bool = True
     constants: int = 0
-
-    def __post_init__(self) -> None:
-        check_positive(self, "epsilon")
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
         return ca.SX(0, 1)
@@ -167,7 +162,7 @@ class EquidistantHorizon:
         return _anywhere(nodes)
 
 
-@dataclass(frozen=True)
+@configuration
 class FrontLoaded:
     """Example B.2: a share ε_1 of the intervals in the first share ε_2 of the time.
 
@@ -175,15 +170,10 @@ class FrontLoaded:
     ``equal_steps`` the steps within each part are equal, s = (D of the first part, D of the second).
     """
 
-    share_of_nodes: float = 0.5  # ε_1
-    share_of_time: float = 0.3  # ε_2
+    share_of_nodes: Probability = 0.5  # ε_1
+    share_of_time: Probability = 0.3  # ε_2
     equal_steps: bool = True
     moving: bool = True
-
-    def __post_init__(self) -> None:
-        for name in ("share_of_nodes", "share_of_time"):
-            if not 0.0 < getattr(self, name) < 1.0:
-                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: between 0 and 1")
 
     @property
     def constants(self) -> int:

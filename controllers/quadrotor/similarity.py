@@ -11,7 +11,6 @@ the mission's v_max becomes the 300 m/s of the thesis.
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -23,7 +22,7 @@ from mathnavi.models.aerial.knowledge import RADARS, TARGET, TERRAIN, place_in
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 
@@ -31,15 +30,12 @@ _TIME = 10.0 / 3.0  # mu
 _SPEED = 300.0  # [m/s] of the thesis
 
 
-@dataclass(frozen=True)
+@configuration
 class Similarity:
     """Lengths times ``length``, times times ``time``; ``magnified`` leads to the planner, ``shrunk`` back."""
 
-    length: float  # lambda
-    time: float  # mu
-
-    def __post_init__(self) -> None:
-        check_positive(self, "length", "time")
+    length: Positive  # lambda
+    time: Positive  # mu
 
     @staticmethod
     def of(mission: FlightMission) -> Similarity:

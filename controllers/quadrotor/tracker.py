@@ -27,9 +27,10 @@ The estimate is x = (p, v) with extra["attitude"], the quaternion (4,), and extr
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Le
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.quadrotor.kernels import (
@@ -43,7 +44,8 @@ from mathnavi.controllers.quadrotor.reference import ReferenceFilter
 from mathnavi.models.quadrotor.allocation import allocated
 from mathnavi.models.quadrotor.dynamics import Quadrotor
 from mathnavi.models.quaternion import rotation
-from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.bounds import Fraction, NonNegative, Positive, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 LEAST_THRUST = 0.15
@@ -57,51 +59,42 @@ _MISSING = np.empty(0)
 _VERTICAL = np.array([0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True)
+@configuration
 class TrackerConfig:
     """Gains of the tracker, as natural frequencies [rad/s] and damping ratios, and its limits."""
 
-    position_bandwidth: float = 3.0
+    position_bandwidth: Positive = 3.0
     """omega_p [rad/s]"""
-    position_damping: float = 0.9
+    position_damping: Positive = 0.9
     """zeta_p"""
-    attitude_bandwidth: float = 14.0
+    attitude_bandwidth: Positive = 14.0
     """omega_R about the axes that tilt the thrust [rad/s]"""
-    attitude_damping: float = 0.8
+    attitude_damping: Positive = 0.8
     """zeta_R"""
-    yaw_bandwidth: float = 4.0
+    yaw_bandwidth: Positive = 4.0
     """omega_R about the axis of the thrust [rad/s]"""
-    disturbance_bandwidth: float = 6.0
+    disturbance_bandwidth: Positive = 6.0
     """omega_d of the observer of unknown forces [rad/s]"""
-    disturbance_max: float = 5.0
+    disturbance_max: Positive = 5.0
     """greatest unknown force per mass that is made up for [m/s^2]"""
-    feedback_max: float = 8.0
+    feedback_max: Positive = 8.0
     """greatest k_p e_p + k_v e_v [m/s^2]"""
-    reference_bandwidth: float = 6.0
+    reference_bandwidth: Positive = 6.0
     """omega of the reference filter [rad/s]"""
-    preview: float = 0.37
+    preview: Annotated[NonNegative, Le(2.0)] = 0.37
     """how long before a turn of the plan the reference begins it [s]"""
-    tilt_max: float = 60.0
+    tilt_max: Annotated[Positive, Le(80.0)] = 60.0
     """greatest tilt that is asked for [degrees]"""
-    turn_max: float = 1.5
+    turn_max: Positive = 1.5
     """greatest rate of the nose [rad/s]"""
-    mass_tolerance: float = 0.1
+    mass_tolerance: Fraction = 0.1
     """share by which the mass may be greater than is believed: what the bound allows for"""
-    drag_tolerance: float = 0.25
+    drag_tolerance: Fraction = 0.25
     """share by which the drag may differ, likewise"""
 
     def __post_init__(self) -> None:
-        for name in (
-            "position_bandwidth", "position_damping", "attitude_bandwidth", "attitude_damping", "yaw_bandwidth",
-            "disturbance_bandwidth", "disturbance_max", "feedback_max", "reference_bandwidth", "turn_max",
-        ):  # fmt: skip
-            check_positive(self, name)
-        check(self.preview, "preview", 0.0, 2.0)
-        check(self.mass_tolerance, "mass_tolerance", 0.0, 1.0)
-        check(self.drag_tolerance, "drag_tolerance", 0.0, 1.0)
-        check(self.tilt_max, "tilt_max", 0.0, 80.0, open_low=True)
         if not self.position_bandwidth <= 0.5 * self.attitude_bandwidth:
-            raise ValueError(
+            raise FieldError(
                 f"position_bandwidth = {self.position_bandwidth!r}; allowed: at most half of attitude_bandwidth = "
                 f"{self.attitude_bandwidth!r}, or position and attitude fight each other"
             )

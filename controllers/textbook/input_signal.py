@@ -14,7 +14,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
@@ -61,7 +61,7 @@ class DrivenMission(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@configuration
 class InputSignalConfig:
     """Fields of ``--planner``."""
 
@@ -69,11 +69,8 @@ class InputSignalConfig:
     """of each input; the system's own if not given"""
     amplitude: NumberList = ()
     """of the sine on each input; the system's own if not given"""
-    frequency: float = 1.0
+    frequency: Positive = 1.0
     """of the sine [rad/s]"""
-
-    def __post_init__(self) -> None:
-        check_positive(self, "frequency")
 
 
 class InputSignal:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from mathnavi.estimators.observability.kernels import fit_pose, outputs_along
 from mathnavi.models.angles import wrapped
 from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
+from mathnavi.sim.interfaces.bounds import Condition, configuration
 from mathnavi.sim.interfaces.signals import Array
 
 Input = Callable[[float], tuple[float, float]]
@@ -32,16 +33,12 @@ _FIT_STEPS = 60
 _FITTED = 1e-9  # [m] of the largest residual
 
 
-@dataclass(frozen=True)
+@configuration
 class RangeOutputs:
     """h for sensors at ``angles`` (l,) [rad] off the heading within a wall."""
 
     curve: Curve
-    angles: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        if not self.angles:
-            raise ValueError("angles = (); allowed: one sensor or more")
+    angles: Annotated[tuple[float, ...], Condition(bool, "one sensor or more")]
 
     @property
     def sensors(self) -> int:

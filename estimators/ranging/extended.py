@@ -7,7 +7,6 @@ nothing of. Where the start is unknown it begins at the centre with the covarian
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,24 +17,20 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.checks import check_positive, check_probability
+from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 
-@dataclass(frozen=True)
+@configuration
 class RangeEkfConfig:
     """Fields of the command line."""
 
-    gate: float = 1e-4
+    gate: Probability = 1e-4
     """probability with which a good range is refused"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a range after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        check_probability(self, "gate")
-        check_positive(self, "timeout")
 
 
 class RangeEkf:

@@ -14,9 +14,10 @@ new ones, which the old one has to beat. The status of that estimate is ``INITIA
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Gt, Interval, Lt
 from scipy.special import chdtri
 
 from mathnavi.estimators.ranging.bank_kernels import condition_each, drop, predict_each
@@ -25,7 +26,15 @@ from mathnavi.estimators.ranging.model import STATES, RangeModel, chi_square_gat
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.checks import check_counts, check_positive, check_probability
+from mathnavi.sim.interfaces.bounds import (
+    CountInMemory,
+    Each,
+    NonNegativeInt,
+    Positive,
+    Probability,
+    Within,
+    configuration,
+)
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
@@ -38,46 +47,34 @@ _REMEMBERED = 0.5  # [s] over which the misfit is averaged
 _TWIN = 1.0  # d' P^-1 d below which two hypotheses are the same
 
 
-@dataclass(frozen=True)
+@configuration
 class FeasibleSetBankConfig:
     """Fields of the command line."""
 
-    hypotheses: int = 16
+    hypotheses: CountInMemory = 16
     """at most so many"""
-    candidates: int = 300
+    candidates: CountInMemory = 300
     """random poses that are projected onto the feasible set"""
-    readings: int = 10
+    readings: CountInMemory = 10
     """that are averaged for it"""
-    projections: int = 3
+    projections: CountInMemory = 3
     """steps of the projection"""
-    deviation: tuple[float, float, float] = (0.6, 0.4, 0.5)
+    deviation: Annotated[
+        tuple[float, float, float], Each(Interval(gt=0.0, le=100.0), allowed="three values > 0 and <= 100")
+    ] = (0.6, 0.4, 0.5)
     """standard deviations of a hypothesis at the start, X Y HEADING [m, m, rad]"""
-    forgetting: float = 0.995
+    forgetting: Probability = 0.995
     """what is left of a score after an update"""
-    lowest: float = -20.0
+    lowest: Annotated[float, Lt(0.0)] = -20.0
     """score beside the best one's at which a hypothesis is dropped"""
-    misfit: float = 4.0
+    misfit: Annotated[float, Within(Gt(1.0), allowed="a value > 1, the mean of one that fits")] = 4.0
     """mean of NIS per ray, beside what outliers are declared, from which the best hypothesis is not believed"""
-    gate: float = 1e-4
+    gate: Probability = 1e-4
     """probability with which a good range is refused"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a range after which the estimate is lost [s]"""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """of the random poses"""
-
-    def __post_init__(self) -> None:
-        check_counts(self, "hypotheses", "candidates", "readings", "projections")
-        check_positive(self, "timeout")
-        check_probability(self, "forgetting", "gate")
-        for value in self.deviation:
-            if not 0.0 < value <= 100.0:
-                raise ValueError(f"deviation = {self.deviation!r}; allowed: three values > 0 and <= 100")
-        if not self.lowest < 0.0:
-            raise ValueError(f"lowest = {self.lowest!r}; allowed: a value < 0")
-        if not self.misfit > 1.0:
-            raise ValueError(f"misfit = {self.misfit!r}; allowed: a value > 1, the mean of one that fits")
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed!r}; allowed: a whole number >= 0")
 
 
 class FeasibleSetBank:

@@ -12,12 +12,11 @@ taken from that motion too.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Interval
 
 from mathnavi.estimators.ranging.feedforward_kernels import forward_manifold, forward_rho_dot, forward_s, stay
 from mathnavi.estimators.ranging.model import FROM_WHERE
@@ -35,7 +34,7 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import FINITE_NUMBERS, Positive, Within, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -53,17 +52,20 @@ FEED_FORWARDS: Mapping[FeedForward, Callable[..., Array]] = {
 }
 
 _LARGEST_GAIN = 1e6
+Gain = Annotated[
+    float, Within(Interval(ge=0.0, le=_LARGEST_GAIN), allowed=f"a finite value from 0 to {_LARGEST_GAIN:g}")
+]
 
 
-@dataclass(frozen=True)
+@configuration
 class RangeObserverConfig:
     """Fields of the command line."""
 
     feedforward: FeedForward = "s"
     """what feeds z forward: none (as printed), s, rho_dot or manifold"""
-    k_v: float = 1.0
+    k_v: Gain = 1.0
     """k_V, gain of V_rho [1/(m^2 s)]"""
-    k_q: float = 1.0
+    k_q: Gain = 1.0
     """k_Q, gain of |Q|^2 / 2 [s/m^4]"""
     fitted: Fitted | None = None
     """what range rates are fitted to: the innovation, or as printed the ranges, if not given"""
@@ -71,19 +73,12 @@ class RangeObserverConfig:
     """readings to a fit; 101, or 3 of ranges that the mission says are exact, if not given"""
     order: int | None = None
     """of the polynomial; 1 for the innovation and 3, or 2 with a window of 3, for ranges, if not given"""
-    z_0: NumberList = ()
+    z_0: Annotated[NumberList, FINITE_NUMBERS] = ()
     """S_1 ... S_L PHI [rad] at the start; from what the mission says of the start if not given"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a range after which the estimate is lost [s]"""
 
     def __post_init__(self) -> None:
-        for name in ("k_v", "k_q"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= _LARGEST_GAIN:
-                raise ValueError(f"{name} = {value!r}; allowed: a finite value from 0 to {_LARGEST_GAIN:g}")
-        check_positive(self, "timeout")
-        if not all(math.isfinite(value) for value in self.z_0):
-            raise ValueError(f"z_0 = {self.z_0!r}; allowed: finite numbers")
         for exact in (False, True):
             check_window(*self.fit(exact))
 

@@ -9,7 +9,6 @@ where there are most.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from mathnavi.estimators.ranging.particle_kernels import mode, propagate, roughe
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.checks import check_counts, check_positive, check_probability
+from mathnavi.sim.interfaces.bounds import CountInMemory, NonNegativeInt, Positive, Probability, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Integers, Measurement
@@ -27,27 +26,20 @@ _RADIUS = 0.4  # [m, rad] of the particles that count as one place
 _STARTS = 16  # places that are looked at
 
 
-@dataclass(frozen=True)
+@configuration
 class RangeParticleConfig:
     """Fields of the command line."""
 
-    particles: int = 1000
+    particles: CountInMemory = 1000
     """N"""
-    roughening: float = 0.1
+    roughening: Positive = 0.1
     """kappa: standard deviation of what is added after resampling, over the particles' extent and N^(-1/4)"""
-    gate: float = 1e-4
+    gate: Probability = 1e-4
     """probability of a good range beyond which no range is thought less likely"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a range after which the estimate is lost [s]"""
-    seed: int = 0
+    seed: NonNegativeInt = 0
     """of the particles"""
-
-    def __post_init__(self) -> None:
-        check_counts(self, "particles")
-        check_positive(self, "roughening", "timeout")
-        check_probability(self, "gate")
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed!r}; allowed: a whole number >= 0")
 
 
 class RangeParticle:

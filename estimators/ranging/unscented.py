@@ -9,7 +9,6 @@ not. Where the start is unknown the filter begins at the centre with the covaria
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,32 +20,31 @@ from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.kernels import integrate_jacobians, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
-from mathnavi.sim.interfaces.checks import check_positive, check_probability
+from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 
-@dataclass(frozen=True)
+@configuration
 class RangeUkfConfig:
     """Fields of the command line."""
 
-    alpha: float = 0.5
+    alpha: Positive = 0.5
     """spread of the sigma points, of van der Merwe's scaled set"""
     beta: float = 2.0
     """2 for a Gaussian"""
     kappa: float = 0.0
     """secondary scaling"""
-    gate: float = 1e-4
+    gate: Probability = 1e-4
     """probability with which a good range is refused"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a range after which the estimate is lost [s]"""
 
     def __post_init__(self) -> None:
-        check_positive(self, "alpha", "timeout")
-        check_probability(self, "gate")
         if not self.beta >= 0.0 or not self.kappa > -STATES:
-            raise ValueError(f"beta = {self.beta!r}, kappa = {self.kappa!r}; allowed: beta >= 0 and kappa > -{STATES}")
+            raise FieldError(f"beta = {self.beta!r}, kappa = {self.kappa!r}; allowed: beta >= 0 and kappa > -{STATES}")
 
 
 class RangeUkf:

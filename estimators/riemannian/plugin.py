@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import get_args
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Le
 
 from mathnavi.estimators.riemannian.gains import CurvatureName, GainName, IntrinsicGains
 from mathnavi.estimators.riemannian.sampled import SampledIntrinsicObserver
 from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.bounds import Positive, PositiveFraction, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -21,13 +21,13 @@ from mathnavi.sim.interfaces.signals import Array
 _FASTEST = 1e4  # [1/s]
 
 
-@dataclass(frozen=True)
+@configuration
 class RiemannianObserverConfig:
     """Fields of ``--estimator``."""
 
-    bandwidth: float = 10.0
+    bandwidth: Annotated[Positive, Le(_FASTEST)] = 10.0
     """omega of the constant gains A = 2 zeta omega and B = omega^2 [1/s]"""
-    damping: float = 1.0
+    damping: Positive = 1.0
     """zeta"""
     gains: GainName = "constant"
     """constant, or as the example of D.5 prints them"""
@@ -35,20 +35,14 @@ class RiemannianObserverConfig:
     """C: -1, that of Theorem D.2, none or 1"""
     disturbance: bool = False
     """whether a force that the model lacks is estimated too, and transported"""
-    share: float = 0.9
+    share: PositiveFraction = 0.9
     """of the injectivity radius, within which readings are used"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a usable reading after which the estimate is lost [s]"""
 
     def __post_init__(self) -> None:
-        check_positive(self, "damping", "timeout")
-        check(self.bandwidth, "bandwidth", 0.0, _FASTEST, open_low=True)
-        check(self.share, "share", 0.0, 1.0, open_low=True)
-        for name, kind in (("gains", GainName), ("curvature", CurvatureName)):
-            if getattr(self, name) not in get_args(kind):
-                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: {', '.join(get_args(kind))}")
         if self.disturbance and (self.gains != "constant" or self.damping != 1.0):
-            raise ValueError(
+            raise FieldError(
                 f"disturbance = True with gains = {self.gains} and damping = {self.damping:g}; allowed: with constant "
                 "gains and damping = 1"
             )

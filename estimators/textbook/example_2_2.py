@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi
 
-from mathnavi.estimators.textbook.law import ObserverLaw, check_rates, check_system, identity
+from mathnavi.estimators.textbook.law import ObserverLaw, RateOfError, check_system, identity
 from mathnavi.estimators.textbook.sampled_observer import SampledObserver
 from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, observer
 from mathnavi.models.textbook.mission import TextbookMission
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 
 
-@dataclass(frozen=True)
+@configuration
 class Example22Config:
     """Fields of ``--estimator``."""
 
-    alpha: float = 2.0
+    alpha: RateOfError = 2.0
     """of the correction of x_1; it converges for alpha > 0 and beta > 0"""
-    beta: float = 3.0
+    beta: RateOfError = 3.0
     """of the correction of x_2"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a reading after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        check_rates((self.alpha,), "alpha")
-        check_rates((self.beta,), "beta")
-        check_positive(self, "timeout")
 
 
 class Example22:

@@ -11,7 +11,6 @@ is lost until one can be.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi
@@ -23,7 +22,7 @@ from mathnavi.models.runge_kutta import dormand_prince
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.textbook.system import System
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.bounds import Count, NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
@@ -31,24 +30,18 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 _SETTLED = 1e-10  # change of the estimate below which a linearisation is kept
 
 
-@dataclass(frozen=True)
+@configuration
 class TextbookEkfConfig:
     """Fields of ``--estimator``."""
 
-    process: float = 0.01
+    process: NonNegative = 0.01
     """square root of the intensity of w on each component, in its unit a square root of a second"""
-    noise_floor: float = 1e-3
+    noise_floor: Positive = 1e-3
     """least standard deviation that a reading is trusted with"""
-    iterations: int = 10
+    iterations: Count = 10
     """linearisations of h for one reading, at most; 1 is the plain filter"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a reading after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        check(self.process, "process", 0.0)
-        if self.iterations < 1:
-            raise ValueError(f"iterations = {self.iterations!r}; allowed: a whole number >= 1")
-        check_positive(self, "noise_floor", "timeout")
 
 
 class TextbookEkf:

@@ -16,19 +16,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import casadi
 import numpy as np
 
-from mathnavi.estimators.textbook.law import ObserverLaw, check_rates, identity
+from mathnavi.estimators.textbook.law import ObserverLaw, Poles, identity
 from mathnavi.estimators.textbook.sampled_observer import SampledObserver
 from mathnavi.models.textbook.maps import inverse, of_numbers
 from mathnavi.models.textbook.mission import TextbookMission
 from mathnavi.models.textbook.power_series import solved
 from mathnavi.models.textbook.system import System
-from mathnavi.sim.interfaces.checks import check_positive
-from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array
@@ -36,24 +35,18 @@ from mathnavi.sim.interfaces.signals import Array
 Form = Literal["z", "corrected", "printed"]
 
 
-@dataclass(frozen=True)
+@configuration
 class KazantzisKravarisConfig:
     """Fields of ``--estimator``."""
 
     form: Form = "z"
     """in the coordinates x~, or (2.4) with its sign put right, or as printed"""
-    poles: NumberList = (-2.0, -3.0)
+    poles: Poles = (-2.0, -3.0)
     """eigenvalues of A [1/s]"""
     order: int = 9
     """of the power series of T, where T is not known exactly"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a reading after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        if self.form not in get_args(Form):
-            raise ValueError(f"form = {self.form!r}; allowed: {', '.join(get_args(Form))}")
-        check_rates(self.poles, "poles")
-        check_positive(self, "timeout")
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import casadi
+from annotated_types import Interval
 
 from mathnavi.models.textbook.mission import TextbookMission
+from mathnavi.sim.interfaces.bounds import Each, Within
 from mathnavi.sim.interfaces.errors import FieldError
+from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.signals import Array
 
-LARGEST_RATE = 1e4  # [1/s] of a gain or a pole
+LARGEST_RATE = 1e4  # [1/s] of a gain or a pole: to follow faster ones would take for ever
+_ALLOWED = f"finite values from -{LARGEST_RATE:g} to {LARGEST_RATE:g}"
+_RATES = Interval(ge=-LARGEST_RATE, le=LARGEST_RATE)
+
+RateOfError = Annotated[float, Within(_RATES, allowed=_ALLOWED)]
+Poles = Annotated[NumberList, Each(_RATES, allowed=_ALLOWED)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +42,3 @@ def check_system(fits: bool, mission: TextbookMission, allowed: str) -> None:
     """Raise FieldError for a system that an observer is not made for."""
     if not fits:
         raise FieldError(f"system = {mission.system.name!r}; allowed with this observer: {allowed}")
-
-
-def check_rates(values: Sequence[float], name: str) -> None:
-    """Raise FieldError for gains or poles so fast that to follow them would take for ever."""
-    if not all(abs(value) <= LARGEST_RATE for value in values):
-        allowed = f"finite values from -{LARGEST_RATE:g} to {LARGEST_RATE:g}"
-        raise FieldError(f"{name} = {tuple(values)!r}; allowed: {allowed}")

@@ -5,35 +5,28 @@ z' = A z - g(y, u) + L (y~ - C z),   x^ = T_1^{-1}(z),      d/dt (z - x~) = (A -
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi
 import numpy as np
 
-from mathnavi.estimators.textbook.law import ObserverLaw, check_rates, check_system
+from mathnavi.estimators.textbook.law import ObserverLaw, Poles, check_system
 from mathnavi.estimators.textbook.sampled_observer import SampledObserver
 from mathnavi.models.textbook.library import SYSTEMS
 from mathnavi.models.textbook.maps import of_numbers
 from mathnavi.models.textbook.mission import TextbookMission
-from mathnavi.sim.interfaces.checks import check_positive
-from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array
 
 
-@dataclass(frozen=True)
+@configuration
 class OutputInjectionConfig:
     """Fields of ``--estimator``."""
 
-    poles: NumberList = (-2.0, -3.0)
+    poles: Poles = (-2.0, -3.0)
     """eigenvalues of A - L C [1/s]"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a reading after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        check_rates(self.poles, "poles")
-        check_positive(self, "timeout")
 
 
 class OutputInjection:

@@ -6,14 +6,13 @@ The covariance is propagated by P = A P A', A the Jacobian of where an error lea
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from mathnavi.estimators.velocity.error_state import ErrorStateFilter, FilterModel, filter_properties
 from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.checks import check_positive, check_probability
+from mathnavi.sim.interfaces.bounds import Positive, Probability, configuration
 from mathnavi.sim.interfaces.observer_properties import ObserverProperties
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array
@@ -21,22 +20,18 @@ from mathnavi.sim.interfaces.signals import Array
 _STEP = 1e-6  # of an error, in its unit
 
 
-@dataclass(frozen=True)
+@configuration
 class LagrangianEkfConfig:
     """Fields of ``--estimator``."""
 
-    acceleration: float = 0.1
+    acceleration: Positive = 0.1
     """square root of the density of the acceleration that the model lacks, per coordinate [rad/s^1.5, m/s^1.5]"""
-    noise_floor: float = 1e-4
+    noise_floor: Positive = 1e-4
     """least standard deviation that a reading is trusted with [rad, m]"""
-    gate: float = 1e-4
+    gate: Probability = 1e-4
     """probability with which a good reading is refused"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a reading after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        check_positive(self, "acceleration", "noise_floor", "timeout")
-        check_probability(self, "gate")
 
 
 class LagrangianEkf:

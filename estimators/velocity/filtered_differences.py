@@ -11,7 +11,6 @@ Positions are the newest reading, moved on with v while it is old, but not beyon
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import butter, sosfilt
@@ -19,7 +18,7 @@ from scipy.signal import butter, sosfilt
 from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -28,18 +27,14 @@ from mathnavi.sim.interfaces.signals import NOTHING, Array
 _ORDER = 2
 
 
-@dataclass(frozen=True)
+@configuration
 class FilteredDifferencesConfig:
     """Fields of ``--estimator``."""
 
-    cutoff: float = 20.0
+    cutoff: NonNegative = 20.0
     """where the filter's gain is 1 / sqrt(2) [Hz]; 0: the differences as they are"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a reading after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        check(self.cutoff, "cutoff", 0.0)
-        check_positive(self, "timeout")
 
 
 class FilteredDifferences:

@@ -18,7 +18,6 @@ derivative of the change of coordinates.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.estimators.velocity.readings import OutlierCounter, SpeedGate, innovation
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import NOTHING, Array
@@ -35,17 +34,14 @@ from mathnavi.sim.interfaces.signals import NOTHING, Array
 _STEP = 1e-6  # [rad, m] of the difference that stands for a derivative
 
 
-@dataclass(frozen=True)
+@configuration
 class HighGainConfig:
     """Fields of ``--estimator``."""
 
-    bandwidth: float = 10.0
+    bandwidth: Positive = 10.0
     """omega, of the double pole at -omega [1/s]"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a reading after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        check_positive(self, "bandwidth", "timeout")
 
 
 class HighGain:

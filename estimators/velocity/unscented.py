@@ -8,15 +8,16 @@ weight of the covariance is negative, and it stays positive definite by itself.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 
 from mathnavi.estimators.covariance import square_root
 from mathnavi.estimators.velocity.error_state import ErrorStateFilter, FilterModel, filter_properties
 from mathnavi.estimators.velocity.position_observer import PositionObserver
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.checks import check, check_positive, check_probability
+from mathnavi.sim.interfaces.bounds import FINITE, Positive, Probability, configuration
 from mathnavi.sim.interfaces.observer_properties import ObserverProperties
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array
@@ -26,25 +27,20 @@ _KAPPA = 0.0  # secondary scaling
 _LEAST_ALPHA = 0.52  # above sqrt(2 - sqrt(3)), where the weight 4 - 1 / alpha^2 - alpha^2 of the centre is zero
 
 
-@dataclass(frozen=True)
+@configuration
 class LagrangianUkfConfig:
     """Fields of ``--estimator``."""
 
-    acceleration: float = 0.1
+    acceleration: Positive = 0.1
     """square root of the density of the acceleration that the model lacks, per coordinate [rad/s^1.5, m/s^1.5]"""
-    alpha: float = 0.6
+    alpha: Annotated[float, Interval(ge=_LEAST_ALPHA, le=1.0), FINITE] = 0.6
     """spread of the sigma points"""
-    noise_floor: float = 1e-4
+    noise_floor: Positive = 1e-4
     """least standard deviation that a reading is trusted with [rad, m]"""
-    gate: float = 1e-4
+    gate: Probability = 1e-4
     """probability with which a good reading is refused"""
-    timeout: float = 0.5
+    timeout: Positive = 0.5
     """without a reading after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        check_positive(self, "acceleration", "noise_floor", "timeout")
-        check(self.alpha, "alpha", _LEAST_ALPHA, 1.0)
-        check_probability(self, "gate")
 
 
 class LagrangianUkf:

@@ -7,29 +7,25 @@ reads it ``rate`` times a second, or at every control step where ``rate`` is Non
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import NonNegative, configuration
 from mathnavi.sim.interfaces.protocols import StateView
 from mathnavi.sim.interfaces.signals import Array
 
 
-@dataclass(frozen=True)
+@configuration(prefix="{name} sensor: ")
 class FullStateSensor:
     """Position and velocity, (6,) [m, m/s], map frame: the position with a noise uniform in a cube, the velocity exact.
 
     Section A.7 of the thesis draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
     """
 
-    position_noise: float = 0.0  # [m] standard deviation on each axis
+    position_noise: NonNegative = 0.0  # [m] standard deviation on each axis
     rate: float | None = None  # [Hz]; None: every control step
     name: str = "full_state"
     size: int = 6
-
-    def __post_init__(self) -> None:
-        check(self.position_noise, f"{self.name} sensor: position_noise", 0.0)
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         """Read the state (6,) [m, m/s] of ``motion``; ``rng`` draws the noise."""
@@ -40,17 +36,14 @@ class FullStateSensor:
         return motion.x + noise
 
 
-@dataclass(frozen=True)
+@configuration(prefix="{name} sensor: ")
 class PositionSensor:
     """Position fixes, (3,) [m], with Gaussian noise."""
 
-    noise: float = 0.0  # [m] standard deviation on each axis
+    noise: NonNegative = 0.0  # [m] standard deviation on each axis
     rate: float | None = 10.0  # [Hz]; None: every control step
     name: str = "position"
     size: int = 3
-
-    def __post_init__(self) -> None:
-        check(self.noise, f"{self.name} sensor: noise", 0.0)
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         """Read the position (3,) [m] of ``motion``; ``rng`` draws the noise."""
@@ -58,17 +51,14 @@ class PositionSensor:
         return position + self.noise * rng.standard_normal(3) if self.noise > 0.0 else position.copy()
 
 
-@dataclass(frozen=True)
+@configuration(prefix="{name} sensor: ")
 class AccelerationSensor:
     """Net acceleration over the last tick, gusts included, (3,) [m/s^2], with Gaussian noise."""
 
-    noise: float = 0.0  # [m/s^2] standard deviation on each axis
+    noise: NonNegative = 0.0  # [m/s^2] standard deviation on each axis
     rate: float | None = None  # [Hz]; None: every control step
     name: str = "acceleration"
     size: int = 3
-
-    def __post_init__(self) -> None:
-        check(self.noise, f"{self.name} sensor: noise", 0.0)
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         """Read the acceleration (3,) [m/s^2] of ``motion``; ``rng`` draws the noise."""

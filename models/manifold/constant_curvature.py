@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from mathnavi.models.manifold import kernels
 from mathnavi.models.manifold.manifold import CutLocusError, unrounded
+from mathnavi.sim.interfaces.bounds import Condition, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 _OFF = 1e-6  # of |<p, p> - kappa| that is rounding, a float's at the worst
 
 
-@dataclass(frozen=True)
+@configuration
 class ConstantCurvature:
     """A ``Manifold`` whose points and vectors are ambient, see ``kernels``: ``size`` is n + 1, or n where kappa = 0.
 
@@ -22,14 +24,12 @@ class ConstantCurvature:
     """
 
     dimension: int  # n
-    kappa: float  # 1, -1 or 0
+    kappa: Annotated[float, Condition((-1.0, 0.0, 1.0).__contains__, "-1, 0 or 1")]  # 1, -1 or 0
 
     def __post_init__(self) -> None:
-        if self.kappa not in (-1.0, 0.0, 1.0):
-            raise ValueError(f"kappa = {self.kappa!r}; allowed: -1, 0 or 1")
         least = 2 if self.kappa else 1
         if self.dimension < least:
-            raise ValueError(f"dimension = {self.dimension!r}; allowed with kappa = {self.kappa:g}: at least {least}")
+            raise FieldError(f"dimension = {self.dimension!r}; allowed with kappa = {self.kappa:g}: at least {least}")
 
     @property
     def name(self) -> str:

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
+from typing import Annotated
 
 import numpy as np
 
 from mathnavi.models.manifold.sensors import ManifoldPositionSensor, PositionQuality, StateSensor
 from mathnavi.models.manifold.system import LagrangianSystem
-from mathnavi.sim.interfaces.checks import check_positive
-from mathnavi.sim.interfaces.errors import MissionError
+from mathnavi.sim.interfaces.bounds import Condition, Positive, configuration
 from mathnavi.sim.interfaces.signals import Array
 
 
-@dataclass(frozen=True, eq=False)
+def _divides_a_second(period: float) -> bool:
+    return math.isclose(1.0 / period, round(1.0 / period), rel_tol=1e-6)
+
+
+Period = Annotated[Positive, Condition(_divides_a_second, "1 s over a whole number")]
+
+
+@configuration(eq=False)
 class LagrangianMission:
     """Mission: find the velocity of a system from its position and its input. It holds no truth of a run.
 
@@ -26,13 +33,8 @@ class LagrangianMission:
 
     system: LagrangianSystem
     reading: PositionQuality = field(default_factory=PositionQuality)
-    period: float = 1e-3  # [s] of readings, estimates and commands
-    speed_max: float = 10.0  # sup |v|_g (Theorem D.2)
-
-    def __post_init__(self) -> None:
-        check_positive(self, "period", "speed_max")
-        if not math.isclose(1.0 / self.period, round(1.0 / self.period), rel_tol=1e-6):
-            raise MissionError(f"period = {self.period!r}; allowed: 1 s over a whole number")
+    period: Period = 1e-3  # [s] of readings, estimates and commands
+    speed_max: Positive = 10.0  # sup |v|_g (Theorem D.2)
 
     @property
     def sensor(self) -> ManifoldPositionSensor:

@@ -3,34 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Interval, Le
 
 from mathnavi.models.manifold.manifold import Manifold
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import FINITE, Fraction, NonNegative, configuration
 from mathnavi.sim.interfaces.protocols import StateView
 from mathnavi.sim.interfaces.signals import Array
 
 POSITION = "position"  # the name of their readings
+EncoderBits = Annotated[int, Interval(ge=0, le=32), FINITE]
 
 
-@dataclass(frozen=True)
+@configuration
 class PositionQuality:
     """Errors of a position reading, in coordinates of the manifold about the truth: of each joint, for a mechanism."""
 
-    noise: float = 0.0  # [rad, m] standard deviation of each coordinate
-    resolution: int = 0  # bits of an encoder over a turn, or over a metre; 0: it does not round
-    dropout: float = 0.0  # fraction of readings that are lost
-    jump: float = 0.0  # fraction of readings that are off by ``jump_size`` in every coordinate
-    jump_size: float = 0.0  # [rad, m]
-
-    def __post_init__(self) -> None:
-        check(self.noise, "noise", 0.0, 1.0)
-        check(self.resolution, "resolution", 0, 32)
-        check(self.dropout, "dropout", 0.0, 1.0)
-        check(self.jump, "jump", 0.0, 1.0)
-        check(self.jump_size, "jump_size", 0.0, 10.0)
+    noise: Fraction = 0.0  # [rad, m] standard deviation of each coordinate
+    resolution: EncoderBits = 0  # bits of an encoder over a turn, or over a metre; 0: it does not round
+    dropout: Fraction = 0.0  # fraction of readings that are lost
+    jump: Fraction = 0.0  # fraction of readings that are off by ``jump_size`` in every coordinate
+    jump_size: Annotated[NonNegative, Le(10.0)] = 0.0  # [rad, m]
 
 
 @dataclass(frozen=True)

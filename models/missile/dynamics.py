@@ -32,13 +32,13 @@ At psi = r = v = y_e = 0 and F_y = N = 0 that is the pitch plane. The tests hold
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import casadi
 
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 
 TICK = 1e-3
 """[s] of the missile's physics"""
@@ -57,7 +57,7 @@ UNITS = {
 }
 
 
-@dataclass(frozen=True)
+@configuration
 class Body:
     """Parameters of a missile in its equations of motion.
 
@@ -65,15 +65,14 @@ class Body:
     both, and its inertia about the long axis is the default here; in the pitch plane it does not matter.
     """
 
-    mass: float = 204.02  # [kg] m
-    inertia: float = 247.437  # [kg m^2] I_y = I_z
-    axial_inertia: float = 1.3327  # [kg m^2] I_x
-    gravity: float = 9.8  # [m/s^2] g
+    mass: Positive = 204.02  # [kg] m
+    inertia: Positive = 247.437  # [kg m^2] I_y = I_z
+    axial_inertia: Positive = 1.3327  # [kg m^2] I_x
+    gravity: Positive = 9.8  # [m/s^2] g
 
     def __post_init__(self) -> None:
-        check_positive(self, "mass", "inertia", "axial_inertia", "gravity")  # the cost weighs forces against the weight
         if self.axial_inertia > 2.0 * self.inertia:
-            raise ValueError(
+            raise FieldError(
                 f"axial_inertia = {self.axial_inertia!r}; no body has more than twice inertia = {self.inertia!r}"
             )
 

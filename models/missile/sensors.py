@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mathnavi.models.missile.coordinates import Coordinates
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import NonNegative, configuration
 from mathnavi.sim.interfaces.protocols import StateView
 from mathnavi.sim.interfaces.signals import Array
 
 
-@dataclass(frozen=True)
+@configuration(prefix="full_state sensor: ")
 class StateNoise:
     """Standard deviations of a full-state reading, independent on each axis and from reading to reading."""
 
-    position: float = 0.0  # [m]
-    velocity: float = 0.0  # [m/s] on the axes of the body frame
-    angle: float = 0.0  # [rad]
-    rate: float = 0.0  # [rad/s]
-
-    def __post_init__(self) -> None:
-        for name in ("position", "velocity", "angle", "rate"):
-            check(getattr(self, name), f"full_state sensor: {name}", 0.0)
+    position: NonNegative = 0.0  # [m]
+    velocity: NonNegative = 0.0  # [m/s] on the axes of the body frame
+    angle: NonNegative = 0.0  # [rad]
+    rate: NonNegative = 0.0  # [rad/s]
 
     def deviations(self, coordinates: Coordinates) -> Array:
         """(nx,) of the components of the state, in their units."""
@@ -36,7 +32,7 @@ class MissileStateSensor:
     """The thesis' state (nx,) with Gaussian noise."""
 
     coordinates: Coordinates
-    noise: StateNoise = StateNoise()
+    noise: StateNoise = field(default_factory=StateNoise)
     rate: float | None = None  # [Hz]; None: every control step
     name: str = "full_state"
 

@@ -21,15 +21,17 @@ accelerated, its gyroscopic moment, and the ground effect.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Annotated
 
 import casadi
 import numpy as np
+from annotated_types import Ge, Gt
 
 from mathnavi.models.quaternion import symbolic_rotation
 from mathnavi.models.runge_kutta import classical_step
-from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.bounds import FINITE, Condition, Each, Positive, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 
 ROTORS = ("front_left", "rear_left", "rear_right", "front_right")
@@ -41,32 +43,29 @@ _SIDES = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])  # of th
 _SENSES = np.array([-1.0, 1.0, -1.0, 1.0])  # s_i: the front left rotor turns counter-clockwise
 _STEP = 1.0 / 300.0  # [s] at most, of ``flow``
 
+_Diagonal = Annotated[tuple[float, float, float], Condition(lambda values: len(values) == 3, "three numbers")]
+PositiveDiagonal = Annotated[_Diagonal, Each(Gt(0.0), FINITE)]
+NonNegativeDiagonal = Annotated[_Diagonal, Each(Ge(0.0), FINITE)]
 
-@dataclass(frozen=True)
+
+@configuration
 class Quadrotor:
     """The parameters: of the vehicle that flies, or of the one that a controller believes to fly."""
 
-    mass: float = 1.2  # [kg] m
-    inertia: tuple[float, float, float] = (0.0115, 0.0115, 0.0205)  # [kg m^2] the diagonal of J
-    arm: float = 0.2  # [m] from the centre to a hub
-    moment_ratio: float = 0.016  # [m] kappa
-    thrust_max: float = 9.0  # [N] of each rotor; a rotor cannot pull down
-    motor_lag: float = 0.03  # [s] tau_m
-    drag: tuple[float, float, float] = (0.25, 0.25, 0.1)  # [N s/m] the diagonal of D
-    gravity: float = 9.81  # [m/s^2] g
+    mass: Positive = 1.2  # [kg] m
+    inertia: PositiveDiagonal = (0.0115, 0.0115, 0.0205)  # [kg m^2] the diagonal of J
+    arm: Positive = 0.2  # [m] from the centre to a hub
+    moment_ratio: Positive = 0.016  # [m] kappa
+    thrust_max: Positive = 9.0  # [N] of each rotor; a rotor cannot pull down
+    motor_lag: Positive = 0.03  # [s] tau_m
+    drag: NonNegativeDiagonal = (0.25, 0.25, 0.1)  # [N s/m] the diagonal of D
+    gravity: Positive = 9.81  # [m/s^2] g
 
     def __post_init__(self) -> None:
-        check_positive(self, "mass", "arm", "moment_ratio", "thrust_max", "motor_lag", "gravity")
-        for name, least, is_open in (("inertia", 0.0, True), ("drag", 0.0, False)):
-            values = getattr(self, name)
-            if len(values) != 3:
-                raise ValueError(f"{name} = {values!r}; allowed: three numbers")
-            for value in values:
-                check(value, name, least, open_low=is_open)
         if 2.0 * max(self.inertia) > sum(self.inertia):
-            raise ValueError(f"inertia = {self.inertia!r}; allowed: none greater than the two others together")
+            raise FieldError(f"inertia = {self.inertia!r}; allowed: none greater than the two others together")
         if ROTOR_COUNT * self.thrust_max <= self.mass * self.gravity:
-            raise ValueError(
+            raise FieldError(
                 f"thrust_max = {self.thrust_max!r} does not lift mass = {self.mass!r} kg; "
                 f"allowed: > {self.hover_thrust:.4g} N"
             )

@@ -13,14 +13,14 @@ import numpy as np
 
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, STATE_SIZE, Quadrotor, at_rest, flow
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import NonNegative, configuration
 from mathnavi.sim.interfaces.protocols import StateView
 from mathnavi.sim.interfaces.signals import Array
 
 _STIFF = 1e-2  # [rad, rad/s] by which attitude and rate of a reading carried on are taken to be off, each second
 
 
-@dataclass(frozen=True)
+@configuration(prefix="{name} sensor: ")
 class QuadrotorStateSensor:
     """State (13,) of ``mathnavi.models.quadrotor.dynamics``: the position with a noise uniform in a cube, the rest
     exact.
@@ -28,13 +28,10 @@ class QuadrotorStateSensor:
     Section A.7 of the thesis draws the position noise from U(-w, w) on each axis; w = sqrt(3) position_noise.
     """
 
-    position_noise: float = 0.0  # [m] standard deviation on each axis
+    position_noise: NonNegative = 0.0  # [m] standard deviation on each axis
     rate: float | None = None  # [Hz]; None: every control step
     name: str = "full_state"
     size: int = STATE_SIZE
-
-    def __post_init__(self) -> None:
-        check(self.position_noise, f"{self.name} sensor: position_noise", 0.0)
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
         """Read the state (13,) of ``motion``; ``rng`` draws the noise."""

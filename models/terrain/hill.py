@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Le
 
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import Finite, Positive, configuration
 from mathnavi.sim.interfaces.errors import TerrainError
 
 _LARGEST = 1e6
 
 
-@dataclass(frozen=True)
+@configuration(prefix="hill: ")
 class Hill:
     """The ground is raised by ``height`` (1 + cos(pi r / ``radius``)) / 2 at a distance r < ``radius`` of its top."""
 
-    x: float  # [m] east, map frame
-    y: float  # [m] north, map frame
-    radius: float  # [m]
-    height: float  # [m]
-
-    def __post_init__(self) -> None:
-        for name in ("x", "y"):
-            if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"hill: {name} = {getattr(self, name)!r}; allowed: a finite number")
-        for name in ("radius", "height"):
-            check(getattr(self, name), f"hill: {name}", 0.0, _LARGEST, open_low=True)
+    x: Finite  # [m] east, map frame
+    y: Finite  # [m] north, map frame
+    radius: Annotated[Positive, Le(_LARGEST)]  # [m]
+    height: Annotated[Positive, Le(_LARGEST)]  # [m]
 
 
 @lru_cache(maxsize=4)

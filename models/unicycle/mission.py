@@ -8,7 +8,8 @@ and what is known of the start. It holds no truth of a run. A pose is x = (x_1, 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
+from typing import Annotated
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from mathnavi.models.field.curve import Curve
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.quality import KnownStart, OdometryQuality, RangeQuality
 from mathnavi.models.unicycle.sensors import RangeSensor, WheelOdometry
+from mathnavi.sim.interfaces.bounds import FINITE_NUMBERS, Condition, configuration
 from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array
 
@@ -26,8 +28,10 @@ TICK = 0.01
 LEAST_NOISE = 1e-4  # [m] that an estimator may trust a range with, however good it is said to be
 _SAME = 1e-9  # [rad]
 
+SensorAngles = Annotated[tuple[float, ...], Condition(bool, "one sensor or more"), FINITE_NUMBERS]
 
-@dataclass(frozen=True)
+
+@configuration
 class RangingMission:
     """A robot within ``curve`` with range sensors at ``angles`` (l,) [rad] off its heading.
 
@@ -35,7 +39,7 @@ class RangingMission:
     """
 
     curve: Curve
-    angles: tuple[float, ...]  # (l,) [rad] alpha_i, counter-clockwise from the heading
+    angles: SensorAngles  # (l,) [rad] alpha_i, counter-clockwise from the heading
     ranging: RangeQuality = field(default_factory=RangeQuality)
     odometry: OdometryQuality = field(default_factory=OdometryQuality)
     start: KnownStart | None = None  # None: anywhere within the wall
@@ -45,10 +49,6 @@ class RangingMission:
     period: float = TICK  # [s] of sensors, estimator and tracker
 
     def __post_init__(self) -> None:
-        if not self.angles:
-            raise MissionError("angles = (); allowed: one sensor or more")
-        if not all(math.isfinite(angle) for angle in self.angles):
-            raise MissionError(f"angles = {self.angles!r}; allowed: finite numbers")
         turned = sorted(angle % (2.0 * math.pi) for angle in self.angles)
         turned.append(turned[0] + 2.0 * math.pi)
         if len(self.angles) > 1 and min(np.diff(turned)) < _SAME:

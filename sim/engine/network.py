@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.bounds import NonNegative, configuration
 from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.signals import Message
 
@@ -106,16 +107,15 @@ class LossyLinks:
         return self._network.receive(receiver, t)
 
 
-@dataclass(frozen=True)
+@configuration
 class Partition:
     """From ``begin`` to ``end`` [s] nothing passes between those named and all others."""
 
-    begin: float
+    begin: NonNegative
     end: float
     apart: frozenset[str]
 
     def __post_init__(self) -> None:
-        check(self.begin, "begin", 0.0)
         check(self.end, "end", self.begin)
 
     def passes(self, sender: str, receiver: str, t: float) -> bool:

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 from mathnavi.sim.interfaces.errors import FieldError
 
-_MOST = 1_000_000  # of anything that is held in memory
 _CLOSE = 0.6  # similarity from which a name that is not known counts as misspelt
 
 
@@ -53,19 +52,3 @@ def check_positive(fields: object, *names: str) -> None:
         value = getattr(fields, name)
         if value is not None and not (math.isfinite(value) and value > 0.0):
             raise FieldError(f"{name} = {value!r}; allowed: a finite value > 0")
-
-
-def check_probability(fields: object, *names: str) -> None:
-    """Values between 0 and 1, neither of which is allowed."""
-    for name in names:
-        value = getattr(fields, name)
-        if not 0.0 < value < 1.0:
-            raise FieldError(f"{name} = {value!r}; allowed: between 0 and 1")
-
-
-def check_counts(fields: object, *names: str) -> None:
-    """Whole numbers of what is to be held in memory, from 1 on."""
-    for name in names:
-        value = getattr(fields, name)
-        if not 1 <= value <= _MOST:
-            raise FieldError(f"{name} = {value!r}; allowed: a whole number from 1 to {_MOST}")

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
+
+from mathnavi.sim.interfaces.bounds import configuration
 
 Kind = Literal["printed", "target"]
 VERDICTS = {True: "yes", False: "no", None: "not measured"}
 WIDEST = 40  # [characters] of a column that is filled up, so that it can be read where it is not rendered
 
 
-@dataclass(frozen=True)
+@configuration(prefix="claim {id!r}: ")
 class Claim:
     """One statement and how it fared."""
 
@@ -23,10 +24,6 @@ class Claim:
     expected: str
     measured: str
     holds: bool | None  # None: not measured
-
-    def __post_init__(self) -> None:
-        if self.kind not in get_args(Kind):
-            raise ValueError(f"claim {self.id!r}: kind = {self.kind!r}; allowed: {', '.join(get_args(Kind))}")
 
     @property
     def verdict(self) -> str:

@@ -6,19 +6,19 @@ The only scheme here whose plan a zero-order hold flies as it was computed, and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 
 from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates
 from mathnavi.models.runge_kutta import classical_sum, halfway
+from mathnavi.sim.interfaces.bounds import Count, configuration
 
 
-@dataclass(frozen=True)
+@configuration
 class MultipleShooting:
     """``steps`` Runge-Kutta steps of fourth order over each interval."""
 
-    steps: int = 2
+    steps: Count = 2
     name: str = "multiple shooting"
     order: int = 4
     points: tuple[float, ...] = (0.0,)
@@ -26,10 +26,6 @@ class MultipleShooting:
     interior: int = 0
     explicit: bool = True
     costate_at: float = 1.0
-
-    def __post_init__(self) -> None:
-        if self.steps < 1:
-            raise ValueError(f"steps = {self.steps}; allowed: a whole number >= 1")
 
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX

@@ -11,27 +11,25 @@ are the composite one. K = 1 is the trapezoid and K = 2 is Hermite-Simpson.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Annotated
 
 import casadi as ca
 import numpy as np
+from annotated_types import Ge, Le
 from numpy.polynomial import Legendre
 
 from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Rates, integral_weights
+from mathnavi.sim.interfaces.bounds import configuration
 
 
-@dataclass(frozen=True)
+@configuration
 class LegendreGaussLobatto:
     """Polynomials for the rates of ``degree`` K on every interval; order 2 K."""
 
-    degree: int = 4
+    degree: Annotated[int, Ge(1), Le(60)] = 4
     shared: bool = True
     explicit: bool = False
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.degree <= 60:
-            raise ValueError(f"degree = {self.degree}; allowed: a whole number from 1 to 60")
 
     @property
     def name(self) -> str:

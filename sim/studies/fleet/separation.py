@@ -18,13 +18,14 @@ from matplotlib.figure import Figure
 
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.fleet.arrival.study import SIZES
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, TerrainReference, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, TerrainReference
 from mathnavi.sim.sweep.trial import Trial, trial
 
 FAULTS: Mapping[str, Any] = {
@@ -41,21 +42,18 @@ SHARE, GROWTH = 0.1, 1.5  # of real time on two cores, and times from 4 to 64 ve
 CORES = 2
 
 
-@dataclass(frozen=True)
+@configuration
 class SeparationConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 8
+    seeds: Count = 8
     """fleets of each size, under each kind of faults"""
-    sizes: int = len(SIZES)
+    sizes: Count = len(SIZES)
     """sizes of fleets, at most"""
-    grown: int = len(GROWN)
+    grown: Count = len(GROWN)
     """sizes of which the cost is measured, at most"""
-    repetitions: int = 3
+    repetitions: Count = 3
     """flights of each of those"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ plan that was flown, this study takes the exact least clearance and asks whether
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -19,28 +18,26 @@ from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import rates_figure_on
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.signals import Phase
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, check_counts, ends, heights, track
+from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, ends, heights, track
 
 LOW = (0.5, 30.0)  # [m] above h_min at both ends of a mission
 PLANNERS = ("as_printed", "flight")
 COLOURS = {"as_printed": "#c2183b", "flight": "#1a9850"}
 
 
-@dataclass(frozen=True)
+@configuration
 class AsPrintedStudyConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 60
+    seeds: Count = 60
     """low-flying missions for each of the two planners"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class AsPrintedStudy:

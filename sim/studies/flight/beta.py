@@ -7,7 +7,6 @@ print compares beta = 1 and 10^4 and names sum of |u| or a like measure "energy 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -17,12 +16,13 @@ from matplotlib.figure import Figure
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.studies.framework.drawing import paths_on_map
-from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, check_counts, ends, median, track
+from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, ends, median, track
 
 BETAS = (1.0, 10.0, 100.0, 1e3, 1e4)
 PRINTED = {1.0: (362.5, 0.26), 1e4: (227.5, 1.13)}  # Table A.4: time of flight [s], energy consumption (its own unit)
@@ -30,15 +30,12 @@ COLOURS = {1.0: "#2166ac", 1e4: "#c2183b"}
 LEAST_TIME_RATIO, LEAST_EFFORT_RATIO = 1.4, 2.0  # of the target
 
 
-@dataclass(frozen=True)
+@configuration
 class BetaConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 20
+    seeds: Count = 20
     """missions for each beta, the same for all"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class Beta:

@@ -34,10 +34,11 @@ from mathnavi.models.terrain.visibility import Radar
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.renders.terrain_view import Track
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, TerrainReference, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, TerrainReference
 
 GRIDS = ((33, 5), (65, 9))
 PLANNERS_GRID = GRIDS[1]
@@ -55,19 +56,16 @@ COSTS: dict[str, Callable[..., FactoredCost | TrilinearCost]] = {
 }
 
 
-@dataclass(frozen=True)
+@configuration
 class CostToGoConfig:
     """Sample sizes: cases that are measured."""
 
-    targets: int = 10
+    targets: Count = 10
     """targets, each with a radar of its own"""
-    starts: int = 200
+    starts: Count = 200
     """random starts of the gradient flow to each target"""
-    repetitions: int = 7
+    repetitions: Count = 7
     """times that each cost is built"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class CostToGo:

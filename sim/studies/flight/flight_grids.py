@@ -27,11 +27,12 @@ from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import rates_figure_on
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts, ends, median, track
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, ends, median, track
 
 PERIOD = 5.0 / 3.0  # [s]
 NEAR = 4.0  # [%] the axis of costs is linear within, logarithmic beyond
@@ -87,17 +88,14 @@ FAULTS: dict[str, dict[str, Any]] = {
 }
 
 
-@dataclass(frozen=True)
+@configuration
 class FlightGridsConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 20
+    seeds: Count = 20
     """missions on each grid, the same for all"""
-    faulted: int = 40
+    faulted: Count = 40
     """missions with each kind of fault, on the stretched grid"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class FlightGrids:

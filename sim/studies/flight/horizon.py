@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import matplotlib
@@ -19,6 +18,7 @@ from matplotlib.figure import Figure
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
@@ -27,7 +27,6 @@ from mathnavi.sim.studies.framework.drawing import paths_on_map
 from mathnavi.sim.studies.framework.study import (
     Setup,
     StudyResult,
-    check_counts,
     effort_norm,
     ends,
     falls,
@@ -45,15 +44,12 @@ PRINTED_CHANGES = {(7, 4): (38.9, -52.3, -50.0), (10, 7): (17.4, -43.2, -30.84),
 COLOURS = {4: "#c2183b", 7: "#e08214", 10: "#1a9850", 13: "#2166ac"}
 
 
-@dataclass(frozen=True)
+@configuration
 class HorizonConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 20
+    seeds: Count = 20
     """missions for each horizon, the same for all"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class Horizon:

@@ -11,16 +11,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import matplotlib
 import numpy as np
+from annotated_types import Interval
 from matplotlib.figure import Figure
 
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, Within, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
@@ -31,7 +32,6 @@ from mathnavi.sim.studies.framework.study import (
     SPACING,
     Setup,
     StudyResult,
-    check_counts,
     effort_norm,
     ends,
     falls,
@@ -54,19 +54,14 @@ HEIGHTS, ARRIVAL = (2000.0, 3000.0), 2000.0  # [m]
 COLOURS = {0: "#2f3b46", 184: "#1a9850", 734: "#e08214", 1835: "#c2183b"}
 
 
-@dataclass(frozen=True)
+@configuration
 class NoiseConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 12
+    seeds: Count = 12
     """missions for each half-width and planner, the same for all"""
-    offsets: int = len(PRINTED)
+    offsets: Annotated[Count, Within(Interval(ge=1, le=len(PRINTED)))] = len(PRINTED)
     """how many of the half-widths, the smallest first"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
-        if self.offsets > len(PRINTED):
-            raise ValueError(f"offsets = {self.offsets}; allowed: a whole number from 1 to {len(PRINTED)}")
 
 
 class Noise:

@@ -8,7 +8,6 @@ and slower rotors; the ends are drawn on the canyon's floor.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -19,13 +18,14 @@ from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.figures import BOUND, STYLE
 from mathnavi.renders.relief import relief
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig
-from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult
 from mathnavi.sim.sweep.trial import Trial, trial
 
 FIELDS: Mapping[str, Any] = {
@@ -40,19 +40,16 @@ PATH, EVERY = "mathnavi.sim.studies.flight.quadrotor:path", 0.4  # a measure, an
 BLUE, ORANGE = "#0d5fa8", "#d9731a"
 
 
-@dataclass(frozen=True)
+@configuration
 class QuadrotorStudyConfig:
     """Sample sizes: missions that are flown."""
 
-    canyons: int = 20
+    canyons: Count = 20
     """canyons, made from the numbers 0, 1, ..."""
-    missions: int = 5
+    missions: Count = 5
     """in each of them"""
-    drawn: int = 4
+    drawn: Count = 4
     """canyons whose missions are drawn on their maps, at most"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class QuadrotorStudy:

@@ -15,11 +15,11 @@ a mission is what the planner minimises, sum h |a|^2 + beta times the time of fl
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import matplotlib
 import numpy as np
+from annotated_types import Interval
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
@@ -27,10 +27,11 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, Within, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.studies.framework.study import SPACING, Setup, StudyResult, check_counts, falls, median
+from mathnavi.sim.studies.framework.study import SPACING, Setup, StudyResult, falls, median
 
 NODES = (4, 7, 10, 13, 16, 19)
 HORIZONS = (5.0, 10.0, 15.0, 20.0, 30.0)  # [s]
@@ -42,22 +43,16 @@ PRINTED = {4: (0.17, 0.37), 7: (0.35, 0.74), 10: (0.62, 1.07), 13: (1.01, 1.51)}
 MOST_RATIO = 3.0  # of the target
 
 
-@dataclass(frozen=True)
+@configuration
 class RunTimeConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 6
+    seeds: Count = 6
     """missions for each pair of nodes and horizon, the same for all"""
-    nodes: int = len(NODES)
+    nodes: Annotated[Count, Within(Interval(ge=4, le=len(NODES)))] = len(NODES)
     """how many of N = 4, 7, 10, 13, 16, 19"""
-    horizons: int = len(HORIZONS)
+    horizons: Annotated[Count, Within(Interval(ge=4, le=len(HORIZONS)))] = len(HORIZONS)
     """how many of T_p = 5, 10, 15, 20, 30 s"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
-        for name, most in (("nodes", len(NODES)), ("horizons", len(HORIZONS))):
-            if not 4 <= (count := getattr(self, name)) <= most:  # the claims speak of N = 13 and T_p = 20 s
-                raise ValueError(f"{name} = {count}; allowed: a whole number from 4 to {most}")
 
 
 class RunTime:

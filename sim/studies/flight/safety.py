@@ -8,7 +8,6 @@ breach is counted.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -18,11 +17,12 @@ from matplotlib.figure import Figure
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import rates_figure_on
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts, track
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, track
 
 GROUPS: dict[str, dict[str, Any]] = {
     "no failures": {},
@@ -36,15 +36,12 @@ GROUPS: dict[str, dict[str, Any]] = {
 COLOURS = ("#2166ac", "#1a9850", "#e08214", "#c2183b")
 
 
-@dataclass(frozen=True)
+@configuration
 class SafetyConfig:
     """Sample sizes: missions that are flown."""
 
-    missions: int = 200
+    missions: Count = 200
     """of each group"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class Safety:

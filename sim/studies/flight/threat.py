@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -20,12 +19,13 @@ from numpy.typing import NDArray
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.studies.framework.drawing import paths_on_map
-from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, check_counts, ends, heights, median, track
+from mathnavi.sim.studies.framework.study import VEHICLE, Setup, StudyResult, ends, heights, median, track
 from mathnavi.sim.sweep.trial import Trial
 
 Booleans = NDArray[np.bool_]
@@ -37,15 +37,12 @@ COLOURS = {"unaware": "#c2183b", "weight 3": "#e08214", "weight 10": "#1a9850"}
 LEAST_CUT, MOST_PATH = 0.95, 0.20  # of the target
 
 
-@dataclass(frozen=True)
+@configuration
 class ThreatConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 20
+    seeds: Count = 20
     """missions, each unaware and aware of its radar"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class Threat:

@@ -162,14 +162,6 @@ def _last_line(error: str | None) -> str:
     return (error or "").strip().rpartition("\n")[2]
 
 
-def check_counts(config: Any) -> None:
-    """Check that every field of a study's configuration is at least one; ValueError if not."""
-    for entry in fields(config):
-        count = getattr(config, entry.name)
-        if count < 1:
-            raise ValueError(f"{entry.name} = {count}; allowed: a whole number >= 1")
-
-
 @dataclass(frozen=True)
 class StudyResult:
     """Summary, tables, figures and claims of a study."""

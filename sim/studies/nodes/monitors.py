@@ -11,11 +11,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import matplotlib
 import numpy as np
+from annotated_types import Ge, Interval
 from matplotlib.figure import Figure
 
 from mathnavi.controllers.ocp.methods.direct import solve
@@ -26,6 +26,8 @@ from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.heat_map import heat_map
@@ -69,24 +71,20 @@ MONITORS = (
 )
 
 
-@dataclass(frozen=True)
+@configuration
 class MonitorsConfig:
     """Sample sizes: problems and grids that are solved."""
 
-    nodes: int = 20
+    nodes: Annotated[int, Ge(4)] = 20
     """nodes"""
     reference_nodes: int = 301
     """nodes of the solution that the controls are compared with"""
-    problems: int = len(NAMES)
+    problems: Annotated[int, Interval(ge=1, le=len(NAMES))] = len(NAMES)
     """how many of the problems"""
 
     def __post_init__(self) -> None:
-        if self.nodes < 4:
-            raise ValueError(f"nodes = {self.nodes}; allowed: a whole number >= 4")
         if self.reference_nodes < 5 * self.nodes:
-            raise ValueError(f"reference_nodes = {self.reference_nodes}; allowed: at least five times the nodes")
-        if not 1 <= self.problems <= len(NAMES):
-            raise ValueError(f"problems = {self.problems}; allowed: a whole number from 1 to {len(NAMES)}")
+            raise FieldError(f"reference_nodes = {self.reference_nodes}; allowed: at least five times the nodes")
 
 
 class Monitors:

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import matplotlib
 import numpy as np
+from annotated_types import Ge, Interval
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
@@ -32,6 +32,7 @@ from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.studies.framework.heat_map import heat_map
@@ -67,22 +68,16 @@ REFUSED, UNSOLVED, UNTRIED = "#c9ced4", "#93a0ad", "none"  # what a cell without
 KEY = {"refused: replays worse than uniform nodes": REFUSED, "no solution, and why": UNSOLVED, "not tried": UNTRIED}
 
 
-@dataclass(frozen=True)
+@configuration
 class OcpProblemsConfig:
     """Sample sizes: problems and grids that are solved."""
 
-    nodes: int = 60
+    nodes: Annotated[int, Ge(6)] = 60
     """nodes that a method may use"""
-    problems: int = len(PROBLEMS)
+    problems: Annotated[int, Interval(ge=1, le=len(PROBLEMS))] = len(PROBLEMS)
     """how many of the problems, in the order of the library"""
     exhaustive: bool = True
     """whether every method solves every problem; if not, a problem is done with the first method that reaches it"""
-
-    def __post_init__(self) -> None:
-        if self.nodes < 6:
-            raise ValueError(f"nodes = {self.nodes}; allowed: a whole number >= 6")
-        if not 1 <= self.problems <= len(PROBLEMS):
-            raise ValueError(f"problems = {self.problems}; allowed: a whole number from 1 to {len(PROBLEMS)}")
 
 
 class OcpProblems:

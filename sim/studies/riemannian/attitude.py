@@ -18,6 +18,7 @@ from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import POSITION
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
@@ -27,7 +28,7 @@ from mathnavi.sim.records.statistics import Band, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.scenarios.attitude_tracking import VEHICLE
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts, median
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, median
 from mathnavi.sim.sweep.trial import Trial, trial
 
 TRUE, STATE, JUDGED = "true rate", "true state", "omega = 20"
@@ -41,19 +42,16 @@ CONVERGE, SLOWER = 0.99, 1.3
 OFTEN = 0.02  # [s] between what is kept of a run
 
 
-@dataclass(frozen=True)
+@configuration
 class AttitudeConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 300
+    seeds: Count = 300
     """starts with the rate that the target compares, and with the true one"""
-    others: int = 50
+    others: Count = 50
     """starts with each other omega, and with the true state"""
-    seconds: int = 8
+    seconds: Count = 8
     """of a run"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class AttitudeStudy:

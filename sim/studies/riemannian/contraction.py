@@ -23,10 +23,11 @@ from mathnavi.models.manifold.tangent_bundle import TangentBundle, bracket
 from mathnavi.models.manifold.two_point import TwoPoint
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.jobs import Jobs
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 
 A_AND_B = 3.0
 SHOWN: tuple[CurvatureName, ...] = ("minus-one", "none", "plus-one")
@@ -42,19 +43,16 @@ _PIXELS = 40  # along an axis of the map
 _METRIC = SasakiMetric()
 
 
-@dataclass(frozen=True)
+@configuration
 class ContractionConfig:
     """Sample sizes: cases that are computed."""
 
-    distances: int = 41
+    distances: Count = 41
     """values of theta"""
-    directions: int = 33
+    directions: Count = 33
     """angles between eta and grad S, of which the worst counts"""
-    points: int = 50
+    points: Count = 50
     """points of TX at which Table D.1 is tried"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,12 @@ from mathnavi.models.manifold.manifold import CutLocusError
 from mathnavi.models.manifold.systems import PointSystem, linear
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Rate, rate
 from mathnavi.sim.studies.framework.jobs import Jobs
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 
 SPEEDS = {"H^2": (0.5, 1.0, 2.0), "S^3": (1.0, 2.0, 4.0)}  # of v0 / omega
 JUDGED = {"H^2": 1.0, "S^3": 4.0}  # where the target asks
@@ -43,19 +44,16 @@ GONE = 0.01  # of the velocity at the start
 CONVERGES, FAILS = 0.99, 0.05
 
 
-@dataclass(frozen=True)
+@configuration
 class CurvatureSignConfig:
     """Sample sizes: runs."""
 
-    seeds: int = 150
+    seeds: Count = 150
     """starts for each space, speed and C"""
-    others: int = 30
+    others: Count = 30
     """starts for each other strength of the force, C = -1 and C = 1"""
-    strengths: int = len(FACTORS)
+    strengths: Count = len(FACTORS)
     """of the force, at most"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 @dataclass(frozen=True)

@@ -1,30 +1,35 @@
-"""What fields are held to."""
+"""What several fields have to satisfy together is checked by these."""
 
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from mathnavi.sim.interfaces.checks import check_counts, check_positive, check_probability
+from mathnavi.sim.interfaces.checks import check, check_names
+from mathnavi.sim.interfaces.errors import FieldError
+
+LOW, HIGH = -1.0, 2.5
 
 
-@pytest.mark.parametrize(
-    ("check", "good", "bad"),
-    [
-        (check_positive, (1e-9, 1.0, 1e9), (0.0, -1.0, math.inf, math.nan)),
-        (check_probability, (1e-9, 0.5, 0.999), (0.0, 1.0, -0.1, 2.0, math.nan)),
-        (check_counts, (1, 1000, 1_000_000), (0, -1, 1_000_001)),
-    ],
+@given(
+    value=st.one_of(st.floats(), st.floats(-2.0, 3.0), st.sampled_from([LOW, HIGH])),
+    high=st.sampled_from([HIGH, math.inf]),
+    open_low=st.booleans(),
 )
-def test_a_field_is_refused_by_its_name(check: object, good: tuple[float, ...], bad: tuple[float, ...]) -> None:
-    for value in good:
-        check(SimpleNamespace(one=value, two=1e-3), "one")  # type: ignore[operator]
-    for value in bad:
-        with pytest.raises(ValueError, match=r"one = .*; allowed: "):
-            check(SimpleNamespace(one=value, two=1e-3), "one")  # type: ignore[operator]
+def test_a_value_out_of_its_range_is_named_with_what_is_allowed(value: float, high: float, open_low: bool) -> None:
+    allowed = f"{'>' if open_low else '>='} -1" + (" and <= 2.5" if high == HIGH else "")
+    if math.isfinite(value) and (value > LOW if open_low else value >= LOW) and value <= high:
+        check(value, "one", LOW, high, open_low=open_low)
+        return
+    with pytest.raises(FieldError) as refused:
+        check(value, "one", LOW, high, open_low=open_low)
+    assert str(refused.value) == f"one = {value!r}; allowed: a finite value {allowed}"
 
 
-def test_a_field_that_is_not_given_needs_not_be_positive() -> None:
-    check_positive(SimpleNamespace(one=None), "one")
+def test_a_name_that_is_given_twice_is_refused() -> None:
+    assert check_names(["a", "b"]) == ("a", "b")
+    with pytest.raises(FieldError, match=r"names = \['a', 'b', 'a'\]; allowed: each once, and not a again"):
+        check_names(["a", "b", "a"])

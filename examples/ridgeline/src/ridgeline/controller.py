@@ -10,16 +10,17 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 
 from mathnavi.controllers.flight.certificate import Certificate, remainder
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.sim.interfaces.checks import check, check_positive
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, Within, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 from ridgeline.blending import SLOWER, fitting, flight
@@ -28,27 +29,20 @@ from ridgeline.roadmap import Air, Routes, lattice
 ATTEMPTS = 40  # at slowing down
 
 
-@dataclass(frozen=True)
+@configuration
 class RoadmapConfig:
     """Fields of ``--planner``."""
 
-    columns: int = 41
+    columns: Annotated[int, Within(Interval(ge=2, le=201), allowed="2 to 201")] = 41
     """of the lattice, along the longer side of the map"""
-    layers: int = 12
+    layers: Annotated[int, Within(Interval(ge=2, le=51), allowed="2 to 51")] = 12
     """of the lattice"""
-    margin: float = 15.0
+    margin: NonNegative = 15.0
     """what a leg keeps above h_min [m]"""
-    period: float = 2.5
+    period: Positive = 2.5
     """between two looks at what has turned out otherwise [s]"""
-    bandwidth: float = 0.8
+    bandwidth: Positive = 0.8
     """of the tracker [rad/s]"""
-
-    def __post_init__(self) -> None:
-        check_positive(self, "period", "bandwidth")
-        check(self.margin, "margin", 0.0)
-        for name, least, most in (("columns", 2, 201), ("layers", 2, 51)):
-            if not least <= getattr(self, name) <= most:
-                raise ValueError(f"{name} = {getattr(self, name)}; allowed: {least} to {most}")
 
 
 class RoadmapPlanner:

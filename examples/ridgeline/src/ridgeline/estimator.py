@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
@@ -26,24 +25,21 @@ from scipy.linalg import solve_discrete_lyapunov
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.aerial.sensors import PositionSensor
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.checks import check_positive
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
 
 FREQUENCIES = 400  # at which the corrections are looked at
 
 
-@dataclass(frozen=True)
+@configuration
 class AlphaBetaGammaConfig:
     """Fields of ``--estimator``."""
 
-    memory: float = 2.0
+    memory: Positive = 2.0
     """in which the weight theta fades to 1/e [s]"""
-    timeout: float = 1.0
+    timeout: Positive = 1.0
     """without a fix after which the estimate is lost [s]"""
-
-    def __post_init__(self) -> None:
-        check_positive(self, "memory", "timeout")
 
 
 class AlphaBetaGamma:

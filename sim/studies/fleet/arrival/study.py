@@ -9,7 +9,6 @@ one planning step is enough to comply by (A.13).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -19,13 +18,14 @@ from matplotlib.figure import Figure
 
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.studies.fleet.arrival.steps import DEVIATIONS, ArrivalChange, ArrivalStep, one_step
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts, median
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, median
 from mathnavi.sim.sweep.trial import Trial, trial
 
 H = 5.0 / 3.0  # [s]
@@ -39,19 +39,16 @@ LEAST_DRAWN = 1e-2  # [s] of a spread
 COLOURS = {NOMINAL: "#0d5fa8", FAULTED: "#d9731a", PRINTED: "#c2183b", CONSTRAINT: "#7b3fa0", PENALTY: "#1a9850"}
 
 
-@dataclass(frozen=True)
+@configuration
 class ArrivalConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 8
+    seeds: Count = 8
     """fleets of each size, and with failures"""
-    sizes: int = len(SIZES)
+    sizes: Count = len(SIZES)
     """sizes of fleets, at most"""
-    steps: int = 40
+    steps: Count = 40
     """times that a single vehicle is asked to deviate, at each share"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class Arrival:

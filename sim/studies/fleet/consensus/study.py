@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Annotated, Any
+
+from annotated_types import Le
 
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Condition, Count, Within, configuration
 from mathnavi.sim.studies.fleet.consensus import claims, figure
 from mathnavi.sim.studies.fleet.consensus.claims import ROUNDS, off_average, span
 from mathnavi.sim.studies.fleet.consensus.exchange import KINDS
@@ -36,9 +39,12 @@ from mathnavi.sim.studies.fleet.consensus.runs import (
     rate_on,
 )
 from mathnavi.sim.studies.framework.jobs import Jobs
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 
 _SIZES = (4, 8, 16)
+EvenCount = Annotated[  # a ring has two halves
+    Count, Condition(lambda count: count >= _SIZES[0] and count % 2 == 0, f"an even number >= {_SIZES[0]}")
+]
 _FRACTIONS = (0.5, 0.9, 1.1, 1.5)  # of the bound on the delay
 _AMOUNTS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # s h d_max
 _CLOCKS = (
@@ -50,23 +56,16 @@ _CLOCKS = (
 )
 
 
-@dataclass(frozen=True)
+@configuration
 class ConsensusConfig:
     """Sample sizes: cases that are computed."""
 
-    sizes: int = 3
+    sizes: Annotated[Count, Within(Le(len(_SIZES)), allowed=f"1 to {len(_SIZES)}")] = 3
     """numbers of vehicles: 4, 8, 16"""
-    seeds: int = 5
+    seeds: Count = 5
     """random graphs of each size, and draws of lost messages"""
-    vehicles: int = 8
+    vehicles: EvenCount = 8
     """on the graphs with long rounds, delays, links that change and clocks"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
-        if self.vehicles < _SIZES[0] or self.vehicles % 2:  # a ring has two halves
-            raise ValueError(f"vehicles = {self.vehicles}; allowed: an even number >= {_SIZES[0]}")
-        if self.sizes > len(_SIZES):
-            raise ValueError(f"sizes = {self.sizes}; allowed: 1 to {len(_SIZES)}")
 
 
 class ConsensusStudy:

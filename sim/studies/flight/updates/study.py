@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import matplotlib
@@ -24,6 +23,7 @@ from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
@@ -32,15 +32,7 @@ from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.studies.flight.updates.runs import RADIUS, WEIGHT, MissionToVary, hill_name, side_of, varied_mission
 from mathnavi.sim.studies.framework.drawing import RADAR, paths_on_map
-from mathnavi.sim.studies.framework.study import (
-    Setup,
-    StudyResult,
-    TerrainReference,
-    check_counts,
-    ends,
-    median,
-    track,
-)
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, TerrainReference, ends, median, track
 
 Booleans = NDArray[np.bool_]
 
@@ -51,17 +43,14 @@ _REPETITIONS = 5
 COLOURS = {"as it was": "#101824", "radar appears": "#c2183b", "target moves": "#0d5fa8"}
 
 
-@dataclass(frozen=True)
+@configuration
 class UpdatesConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 20
+    seeds: Count = 20
     """missions, each with every change"""
-    notices: int = len(NOTICES)
+    notices: Count = len(NOTICES)
     """times of notice of a hill, at most"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class Updates:

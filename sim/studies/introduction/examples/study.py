@@ -7,7 +7,6 @@ linear error dynamics in the right coordinates, (2.4) the same in the original o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi
@@ -17,11 +16,12 @@ from mathnavi.models.textbook.example_2_1 import EXAMPLE_2_1
 from mathnavi.models.textbook.example_2_2 import EXAMPLE_2_2, error_dynamics
 from mathnavi.models.textbook.system import System
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.introduction.examples import measures
 from mathnavi.sim.studies.introduction.examples.figure import IntroductionRuns, introduction_figure
 from mathnavi.sim.sweep.trial import Trial, trial
@@ -38,19 +38,16 @@ DRAWN = {"krener-isidori": 1.5, "kazantzis-kravaris": 0.3}  # largest error of e
 EXACT, OF_SERIES = 1e-5, 5e-3  # of the largest error, from which an error may differ from its equation
 
 
-@dataclass(frozen=True)
+@configuration
 class IntroductionExamplesConfig:
     """Sample sizes: runs."""
 
-    grid: int = 15
+    grid: Count = 15
     """values of alpha, and of beta"""
-    starts: int = 25
+    starts: Count = 25
     """drawn errors at the start for each observer of 2.4"""
-    pairs: int = 200
+    pairs: Count = 200
     """pairs of initial points of Example 2.1"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class IntroductionExamples:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import matplotlib
 from matplotlib.axes import Axes
@@ -11,10 +10,11 @@ from matplotlib.figure import Figure
 
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Rate as Share
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.introduction.observer_properties.measures import ranging_drift
 from mathnavi.sim.studies.introduction.observer_properties.subjects import (
     BRIEF,
@@ -37,19 +37,16 @@ NEARBY, ANYWHERE = "#0d5fa8", "#d9731a"
 KEPT, BROKEN = "#2b7a4b", "#b3202f"
 
 
-@dataclass(frozen=True)
+@configuration
 class ObserverPropertiesConfig:
     """Sample sizes: runs."""
 
-    starts: int = 20
+    starts: Count = 20
     """starts nearby, and anywhere, for each estimator; on the truth and under each input a quarter of it"""
-    subjects: int = len(SUBJECTS)
+    subjects: Count = len(SUBJECTS)
     """estimators, at most"""
-    seconds: int = 10
+    seconds: Count = 10
     """of a run of a textbook system; a robot within a wall drives for twice as long, a velocity is found in less"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class ObserverPropertiesStudy:

@@ -9,11 +9,12 @@ and a target that moves. The miss is the closest approach to the true target, th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Annotated, Any
 
 import matplotlib
 import numpy as np
+from annotated_types import Interval
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
@@ -21,13 +22,14 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from mathnavi.controllers.compilation import compiler
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, Within, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.nodes.missile_closed_loop.flights import (
     AUTOPILOTS,
     AWAY,
@@ -50,28 +52,20 @@ from mathnavi.sim.sweep.trial import trial
 REPLANNED: tuple[Mapping[str, Any], ...] = ({}, ROUGH, TOWARDS.fields)  # flights whose replans are timed
 
 
-@dataclass(frozen=True)
+@configuration
 class MissileClosedLoopConfig:
     """Sample sizes: missions that are flown."""
 
-    cases: int = 4
+    cases: Annotated[Count, Within(Interval(ge=1, le=len(CASES)))] = 4
     """how many of SM, SM2, SM3, FAST are flown"""
-    seeds: int = 20
+    seeds: Count = 20
     """flights of each kind with noise or failures"""
-    replans: int = 200
+    replans: Count = 200
     """at least so many are timed with each solver"""
-    others: int = OTHERS
+    others: Annotated[Count, Within(Interval(ge=1, le=OTHERS))] = OTHERS
     """how many of the kinds of flights that no claim is about"""
-    pairs: int = PAIRS
+    pairs: Annotated[Count, Within(Interval(ge=1, le=PAIRS))] = PAIRS
     """how many flights in space are planned apart and as one problem"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
-        for name, most in (("others", OTHERS), ("pairs", PAIRS)):
-            if (count := getattr(self, name)) > most:
-                raise ValueError(f"{name} = {count}; allowed: a whole number from 1 to {most}")
-        if self.cases > len(CASES):
-            raise ValueError(f"cases = {self.cases}; allowed: a whole number from 1 to {len(CASES)}")
 
 
 class MissileClosedLoop:

@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
-from typing import Any
+from typing import Annotated, Any
 
 import casadi as ca
 import numpy as np
+from annotated_types import Interval
 
 from mathnavi.controllers.ocp.distribution import Equidistributed, Free
 from mathnavi.controllers.ocp.indirect import solve_indirect
@@ -32,11 +33,12 @@ from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimps
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.controllers.ocp.transcriptions.trapezoid import Trapezoid
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, Within, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.studies.framework.jobs import Jobs
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.nodes.missile_nodes.figures import PlannedPath, nodes_figure
 
 NODES = (10, 15, 20, 25, 30, 35, 40, 50)
@@ -57,28 +59,20 @@ class GateVerdict:
     message: str
 
 
-@dataclass(frozen=True)
+@configuration
 class MissileNodesConfig:
     """Sample sizes: problems and grids that are solved."""
 
-    repeats: int = 5
+    repeats: Count = 5
     """solves of which the median time is taken"""
-    cases: int = 2
+    cases: Annotated[Count, Within(Interval(ge=1, le=len(OPTIMA)))] = 2
     """how many of FAST, SM2, SM3, SM are solved on every grid"""
-    grids: int = 8
+    grids: Annotated[Count, Within(Interval(ge=5, le=len(NODES)))] = 8
     """how many of N = 10, 15, 20, 25, 30, 35, 40, 50"""
-    reference_nodes: int = 301
+    reference_nodes: Count = 301
     """of the uniform solution that the others are compared with"""
-    indirect: int = len(OPTIMA)
+    indirect: Annotated[Count, Within(Interval(ge=1, le=len(OPTIMA)))] = len(OPTIMA)
     """how many cases are solved by Pontryagin's conditions too"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
-        for name in ("cases", "indirect"):
-            if (count := getattr(self, name)) > len(OPTIMA):
-                raise ValueError(f"{name} = {count}; allowed: a whole number from 1 to {len(OPTIMA)}")
-        if not 5 <= self.grids <= len(NODES):  # the claims speak of N = 15 to 30
-            raise ValueError(f"grids = {self.grids}; allowed: a whole number from 5 to {len(NODES)}")
 
 
 PATH = Monitor(

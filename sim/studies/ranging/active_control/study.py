@@ -8,16 +8,16 @@ on, on a slippery floor.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 
 import numpy as np
 
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.statistics import Band
 from mathnavi.sim.records.store import Record
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts, median
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, median
 from mathnavi.sim.studies.ranging.active_control.claims import ActiveControlResults, claims
 from mathnavi.sim.studies.ranging.active_control.figure import figure
 from mathnavi.sim.studies.ranging.active_control.flights import (
@@ -32,21 +32,18 @@ from mathnavi.sim.studies.ranging.active_control.flights import (
 )
 
 
-@dataclass(frozen=True)
+@configuration
 class ActiveControlConfig:
     """Sample sizes: missions that are flown."""
 
-    seeds: int = 100
+    seeds: Count = 100
     """runs of each mode that the target compares"""
-    others: int = 40
+    others: Count = 40
     """runs of each other mode, and of each at the higher turn rate"""
-    tracked: int = 6
+    tracked: Count = 6
     """runs that keep a path, of each kind"""
-    seconds: int = 20
+    seconds: Count = 20
     """of a run; a run that is not within the limit for good by then counts as that long"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class ActiveControl:

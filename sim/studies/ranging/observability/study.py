@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.statistics import Rate, rate
 from mathnavi.sim.studies.framework.jobs import Jobs
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.ranging.observability.claims import MapKey, ObservabilityResults, claims
 from mathnavi.sim.studies.ranging.observability.figure import ESTIMATOR_COLOURS, Family, Series, figure
 from mathnavi.sim.studies.ranging.observability.gramians import GRAMIANS, observability_gramian
@@ -59,29 +59,26 @@ THESIS_START = np.array([1.0, -1.0, 0.5 * math.pi])
 COUNTED = ("1", "2s", "2t", "3", "4")  # sensors with which states that read the same are counted
 
 
-@dataclass(frozen=True)
+@configuration
 class ObservabilityConfig:
     """Sample sizes: cases that are measured."""
 
-    starts: int = 60
+    starts: Count = 60
     """starts in each wall"""
-    walls: int = 7
+    walls: Count = 7
     """walls of each family, at most"""
-    states: int = 20
+    states: Count = 20
     """states at which others are counted and Proposition C.1 is tried"""
-    places: int = 80
+    places: Count = 80
     """places of the first estimate in a map of where an estimator converges"""
-    headings: int = 4
+    headings: Count = 4
     """headings of the first estimate at each place"""
-    searches: int = 150
+    searches: Count = 150
     """starts of a search for the states that read the same"""
-    gramians: int = len(GRAMIANS)
+    gramians: Count = len(GRAMIANS)
     """runs of scenarios whose empirical Gramian is taken, at most"""
-    seconds: int = 20
+    seconds: Count = 20
     """of a run in which an estimator may find the true state"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class Observability:

@@ -8,18 +8,18 @@ and what an update costs.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from mathnavi.models.field.curve import BEAN
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.framework.jobs import Jobs
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
 from mathnavi.sim.studies.ranging.range_convergence.claims import (
     BEAN_WALL,
@@ -50,23 +50,20 @@ WALLS = {ELLIPSE: STANDARD, BEAN_WALL: BEAN}
 TIMED = 10  # [s] of readings that updates are timed over
 
 
-@dataclass(frozen=True)
+@configuration
 class RangeConvergenceConfig:
     """Sample sizes: cases that are measured."""
 
-    seeds: int = 200
+    seeds: Count = 200
     """runs of the observer, the bank and the EKF with each set of sensors"""
-    peers: int = 60
+    peers: Count = 60
     """of them that the UKF and the particle filter follow too"""
-    drives: int = 10
+    drives: Count = 10
     """runs on wheels with each set of sensors and friction"""
-    repetitions: int = 7
+    repetitions: Count = 7
     """of what is timed"""
-    seconds: int = 20
+    seconds: Count = 20
     """of a run [s]"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class RangeConvergence:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, get_args
 
 import numpy as np
@@ -16,8 +15,9 @@ import numpy as np
 from mathnavi.estimators.ranging.observer import FeedForward
 from mathnavi.models.angles import wrapped
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.studies.framework.jobs import Jobs
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
 from mathnavi.sim.studies.ranging.range_observer.claims import (
     OBSERVER,
@@ -56,21 +56,18 @@ NOISY_GAINS = (*(ObserverGains(name, *PRINTED_GAINS) for name in get_args(FeedFo
 BOTH = (True, True)
 
 
-@dataclass(frozen=True)
+@configuration
 class RangeObserverStudyConfig:
     """Sample sizes: runs."""
 
-    starts: int = 15
+    starts: Count = 15
     """first estimates that are drawn around the thesis' start"""
-    drives: int = 10
+    drives: Count = 10
     """starts that are drawn over the field, for each set of sensors"""
-    states: int = 500
+    states: Count = 500
     """states at which the identities are checked, for each set of sensors"""
-    seconds: int = 20
+    seconds: Count = 20
     """duration of a run [s]"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class RangeObserverStudy:

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.studies.framework.jobs import Jobs
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.riemannian.mechanisms.figure import MechanismFigureData, figure
 from mathnavi.sim.studies.riemannian.mechanisms.runs import (
     BITS,
@@ -51,21 +52,18 @@ NEEDED = 5  # mechanisms that were not made for this
 HELPS = 1.1  # times below the best Butterworth, from which the observer helps
 
 
-@dataclass(frozen=True)
+@configuration
 class MechanismsConfig:
     """Sample sizes: runs."""
 
-    own: int = len(OWN)
+    own: Count = len(OWN)
     """mechanisms of our own, at most"""
-    suite: int = len(SUITE)
+    suite: Count = len(SUITE)
     """mechanisms of dm_control's suite, at most"""
-    values: int = len(DENSITIES)
+    values: Count = len(DENSITIES)
     """of a sweep, at most, spread over it"""
-    seconds: int = 5
+    seconds: Count = 5
     """of a run"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class Mechanisms:

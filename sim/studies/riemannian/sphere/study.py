@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from mathnavi.renders.study_report import Table
+from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.tuning import Tuning
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.studies.framework.jobs import Jobs
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, check_counts
+from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.riemannian.sphere.figure import SphereFigureData, figure
 from mathnavi.sim.studies.riemannian.sphere.identities import IdentityCase, residuals
 from mathnavi.sim.studies.riemannian.sphere.noise import (
@@ -49,25 +50,22 @@ _GONE = 0.01  # of the velocity error at the start
 _LEFT = 0.98  # of it, with the printed gains after 30 s
 
 
-@dataclass(frozen=True)
+@configuration
 class SphereConfig:
     """Sample sizes: runs."""
 
-    points: int = 1000
+    points: Count = 1000
     """pairs of points at which the identities are tried, for each dimension and curvature"""
-    seconds: int = 30
+    seconds: Count = 30
     """of the runs in continuous time"""
-    noisy: int = 8
+    noisy: Count = 8
     """runs with noise"""
-    fast: int = len(SPEEDS)
+    fast: Count = len(SPEEDS)
     """speeds from which settling is timed, at most"""
-    values: int = len(CUTOFFS)
+    values: Count = len(CUTOFFS)
     """of a sweep, at most, spread over it"""
-    bodies: int = 20
+    bodies: Count = 20
     """free bodies in MuJoCo"""
-
-    def __post_init__(self) -> None:
-        check_counts(self)
 
 
 class Sphere:

@@ -1,0 +1,267 @@
+"""Bounds declared with the field, and the dataclasses whose fields are held to them.
+
+::
+
+    @configuration
+    class ObserverConfig:
+        bandwidth: Positive = 2.0
+        damping: Annotated[float, Interval(gt=0.0, le=1.0), FINITE] = 0.7
+        rate: Positive | None = None
+        form: Literal["x", "z"] = "x"
+
+``ObserverConfig(damping=3.0)`` raises ``FieldError``: "damping = 3.0; allowed: a finite value > 0 and <= 1". Bounds are
+metadata of ``typing.Annotated``: ``Gt``, ``Ge``, ``Lt``, ``Le`` and ``Interval`` of the package annotated-types, and
+those defined here. A ``Literal`` allows what it lists, and None is allowed where the type says so.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import operator
+import types
+import typing
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+
+from annotated_types import Ge, GroupedMetadata, Gt, Interval, Le, Lt, Predicate
+
+from mathnavi.sim.interfaces.errors import FieldError
+
+Made = TypeVar("Made")
+
+MOST_IN_MEMORY = 1_000_000  # of anything
+FINITE = Predicate(math.isfinite)
+_MARK = "checks_bounds"  # attribute of the __post_init__ that a configuration is given
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A test of one value, and the words for what passes."""
+
+    holds: Callable[[Any], bool]
+    allowed: str
+
+
+class Within(GroupedMetadata):
+    """Bounds that are checked after those that stand alone, if need be with words of their own for what is allowed."""
+
+    def __init__(self, *bounds: Any, allowed: str = "") -> None:
+        self.bounds, self.allowed = bounds, allowed
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self.bounds)
+
+
+class Each:
+    """Bounds that hold for every item of a tuple.
+
+    A message shows the item; with words of its own for what is allowed it shows the whole tuple.
+    """
+
+    def __init__(self, *bounds: Any, allowed: str = "") -> None:
+        self.bounds, self.allowed = bounds, allowed
+
+
+def whole_ticks(tick: float) -> Condition:
+    """Condition for a duration [s] that is a whole number of ticks [s]."""
+    return Condition(
+        lambda duration: abs(duration / tick - round(duration / tick)) <= 1e-6,
+        f"a whole number of ticks of {tick:g} s",
+    )
+
+
+@dataclass(frozen=True)
+class TickRate(GroupedMetadata):
+    """Bounds of a rate [Hz] whose period is a whole number of physics ticks [s]."""
+
+    tick: float
+
+    def __iter__(self) -> Iterator[object]:
+        yield Gt(0.0)
+        yield Le(1.0 / self.tick + 1e-9)
+        yield FINITE
+        yield Condition(self._is_whole, f"{1.0 / self.tick:g} Hz over a whole number")
+
+    def _is_whole(self, rate: float) -> bool:
+        ticks = 1.0 / (rate * self.tick)
+        return abs(ticks - round(ticks)) <= 1e-9
+
+
+Finite = Annotated[float, FINITE]
+Positive = Annotated[float, Gt(0.0), FINITE]
+NonNegative = Annotated[float, Ge(0.0), FINITE]
+Fraction = Annotated[float, Interval(ge=0.0, le=1.0), FINITE]
+PositiveFraction = Annotated[float, Interval(gt=0.0, le=1.0), FINITE]
+Probability = Annotated[
+    float, Within(Interval(gt=0.0, lt=1.0), allowed="between 0 and 1")
+]  # neither impossible nor certain
+Count = Annotated[int, Ge(1)]
+CountInMemory = Annotated[int, Interval(ge=1, le=MOST_IN_MEMORY)]
+NonNegativeInt = Annotated[int, Ge(0)]
+
+FINITE_NUMBERS = Each(FINITE, allowed="finite numbers")
+TWO_FINITE_NUMBERS = Each(FINITE, allowed="two finite numbers")
+THREE_FINITE_NUMBERS = Each(FINITE, allowed="three finite numbers")
+
+
+@typing.overload
+def configuration(made: type[Made], /) -> type[Made]: ...
+@typing.overload
+def configuration(*, prefix: str = "", eq: bool = True) -> Callable[[type[Made]], type[Made]]: ...
+@typing.dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+def configuration(made: type[Any] | None = None, /, *, prefix: str = "", eq: bool = True) -> Any:
+    """Frozen dataclass whose fields are held to their declared bounds whenever an instance is made.
+
+    A ``__post_init__`` of its own is called after that, and checks what several fields have to satisfy together.
+    Messages name a field with ``prefix`` before it; "{name}" in the prefix stands for the value of the field ``name``.
+    """
+    if made is None:
+        return partial(_configuration, prefix=prefix, eq=eq)
+    return _configuration(made, prefix=prefix, eq=eq)
+
+
+def _configuration(made: type[Any], prefix: str, eq: bool) -> Any:
+    own: Callable[[Any], None] | None = getattr(made, "__post_init__", None)
+
+    def post_init(self: Any) -> None:
+        kind: Any = type(self)
+        if _most_derived(kind) is made:  # a configuration made of this one has checked every field
+            check_bounds(self, prefix)
+        if own is not None:
+            own(self)
+
+    post_init.__name__, post_init.__qualname__ = "__post_init__", f"{made.__qualname__}.__post_init__"
+    post_init.__module__ = made.__module__
+    vars(post_init)[_MARK] = True
+    setattr(made, "__post_init__", post_init)  # noqa: B010 - mypy knows no such attribute of every class
+    return dataclass(frozen=True, eq=eq)(made)
+
+
+@cache
+def _most_derived(made: Any) -> type[Any]:
+    """The configuration that a class is, or the most derived one of those that it inherits from."""
+    bases: Sequence[type[Any]] = made.__mro__
+    return next(base for base in bases if hasattr(vars(base).get("__post_init__"), _MARK))
+
+
+def check_bounds(fields: Any, prefix: str = "") -> None:
+    """Raise FieldError for the first field of a dataclass's instance that is not within its declared bounds."""
+    kind: Any = type(fields)
+    for name, optional, each, holds, allowed in declared(kind):
+        value = getattr(fields, name)
+        if value is None and optional:
+            continue
+        for item in value if each else (value,):
+            if not holds(item):
+                raise FieldError(f"{prefix.format_map(vars(fields))}{name} = {item!r}; allowed: {allowed}")
+
+
+class Declared(NamedTuple):
+    """One bound of one field."""
+
+    name: str
+    optional: bool  # None is allowed too
+    each: bool  # it holds for every item
+    holds: Callable[[Any], bool]
+    allowed: str
+
+
+@cache
+def declared(config: Any) -> tuple[Declared, ...]:
+    """Bounds that a dataclass declares, in the order of its fields.
+
+    A field that a subclass declares anew, with another default say, keeps the bounds that it has in the base class.
+    """
+    bases = [base for base in reversed(config.__mro__) if "__dataclass_fields__" in vars(base)]
+    hints = [(vars(base).get("__annotations__", ()), get_type_hints(base, include_extras=True)) for base in bases]
+    return tuple(
+        Declared(entry.name, optional, each, condition.holds, condition.allowed)
+        for entry in dataclasses.fields(config)
+        for own, resolved in hints
+        if entry.name in own
+        for optional, each, condition in _conditions(resolved[entry.name])
+    )
+
+
+def _conditions(hint: Any) -> Iterator[tuple[bool, bool, Condition]]:
+    """Conditions that a type puts on a value: each with whether None is allowed and whether it is of every item."""
+    if get_origin(hint) is Annotated:
+        kind, *marks = get_args(hint)
+        yield from _conditions(kind)
+        optional = _is_optional(kind)
+        for each, condition in _marked(kind, marks):
+            yield optional, each, condition
+    elif get_origin(hint) is Literal:
+        yield False, False, Condition(get_args(hint).__contains__, ", ".join(map(str, get_args(hint))))
+    elif _is_optional(hint):
+        for kind in get_args(hint):
+            for _, each, condition in _conditions(kind):
+                yield True, each, condition
+
+
+def _is_optional(hint: Any) -> bool:
+    """True for ``A | None``; of other unions no bounds are read."""
+    is_union = get_origin(hint) in (typing.Union, types.UnionType)
+    return is_union and len(get_args(hint)) == 2 and types.NoneType in get_args(hint)
+
+
+def _marked(kind: Any, marks: Sequence[Any]) -> Iterator[tuple[bool, Condition]]:
+    """Conditions in the metadata of one ``Annotated``, each with whether it is of every item: the interval first."""
+    flat = list(_flat(marks))
+    limits = [
+        (name, getattr(mark, name)) for mark in flat for name, order in _ORDER.items() if isinstance(mark, order.mark)
+    ]
+    finite = FINITE in flat
+    if limits or finite:
+        tests = [partial(_ORDER[name].compared, limit) for name, limit in limits] + [math.isfinite] * finite
+        yield False, Condition(lambda value: all(test(value) for test in tests), _words(kind, limits, finite))
+    for mark in flat:
+        if isinstance(mark, Condition):
+            yield False, mark
+        elif isinstance(mark, Within):
+            for each, condition in _marked(kind, mark.bounds):
+                yield each, Condition(condition.holds, mark.allowed or condition.allowed)
+        elif isinstance(mark, Each):
+            for _, condition in _marked(float, mark.bounds):
+                yield (False, _of_all(condition, mark.allowed)) if mark.allowed else (True, condition)
+
+
+def _of_all(condition: Condition, allowed: str) -> Condition:
+    return Condition(lambda values: all(map(condition.holds, values)), allowed)
+
+
+def _flat(marks: Iterable[Any]) -> Iterator[Any]:
+    for mark in marks:
+        if isinstance(mark, GroupedMetadata) and not isinstance(mark, Within):
+            yield from _flat(mark)
+        else:
+            yield mark
+
+
+class _Order(NamedTuple):
+    mark: type[Any]
+    compared: Callable[[Any, Any], bool]  # (limit, value): false of a value that is not a number
+    sign: str
+
+
+_ORDER = {
+    "gt": _Order(Gt, operator.lt, ">"),
+    "ge": _Order(Ge, operator.le, ">="),
+    "lt": _Order(Lt, operator.gt, "<"),
+    "le": _Order(Le, operator.ge, "<="),
+}
+
+
+def _words(kind: Any, limits: Sequence[tuple[str, Any]], finite: bool) -> str:
+    """Words for an interval: "a finite value > 0 and <= 1", "a whole number from 1 to 60"."""
+    if kind is int and not finite:
+        if [name for name, _ in limits] == ["ge", "le"]:
+            return f"a whole number from {limits[0][1]} to {limits[1][1]}"
+        return "a whole number " + " and ".join(f"{_ORDER[name].sign} {limit}" for name, limit in limits)
+    if not limits:
+        return "a finite number"
+    value = "a finite value" if finite else "a value"
+    return f"{value} " + " and ".join(f"{_ORDER[name].sign} {limit:g}" for name, limit in limits)

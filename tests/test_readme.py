@@ -25,8 +25,8 @@ def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     return names
 
 
-def test_five_lines_fly_a_scenario_and_read_arrays(shown: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
-    assert len([line for line in BLOCKS[0].splitlines() if line.strip()]) <= 5
+def test_six_lines_fly_a_scenario_and_read_arrays(shown: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+    assert len([line for line in BLOCKS[0].splitlines() if line.strip()]) == 6
     exec(BLOCKS[0], shown)
     run = shown["run"]
     assert run.success

@@ -82,7 +82,7 @@ def said(python: Path, folder: Path, *command: str) -> str:
     variables = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     done = subprocess.run(
         [str(python.with_name(command[0])), *command[1:]],
-        cwd=folder, env=variables, capture_output=True, text=True, timeout=300,
+        cwd=folder, env=variables, capture_output=True, text=True, timeout=600,
     )  # fmt: skip
     assert done.returncode == 0, f"{command}: {done.stdout[-2000:]}{done.stderr[-4000:]}"
     return done.stdout

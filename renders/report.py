@@ -26,7 +26,7 @@ from mathnavi.sim.records.run_folder import described
 MOST_EVENTS = 200  # rows of the table; the rest is counted
 
 
-class RecordedRun(Protocol):
+class ReportedRun(Protocol):
     """The records of a run, of one vehicle or of a fleet, that every report shows."""
 
     @property
@@ -61,7 +61,7 @@ def write_report(run_dir: str | Path) -> Path:
 
 
 def run_page(
-    run: RecordedRun,
+    run: ReportedRun,
     headline: Headline,
     opening: Sequence[Markup],
     closing: Sequence[Markup] = (),
@@ -100,7 +100,7 @@ def solve_figures(summary: Mapping[str, Any]) -> list[Drawn]:
     return [("solve", figures.solve_figure(summary), "Thread CPU time of one optimisation.")]
 
 
-def event_figures(run: RecordedRun, duration: float, of_all: str = "") -> list[Drawn]:
+def event_figures(run: ReportedRun, duration: float, of_all: str = "") -> list[Drawn]:
     """The figure of the events up to ``duration`` [s], where there were any; ``of_all`` follows its caption."""
     if not run.events:
         return []

@@ -342,3 +342,15 @@ def test_a_reader_that_has_seen_enough_is_no_error() -> None:
         command.stdout.close()
         assert command.stderr.read() == b""
     assert command.returncode == 141
+
+
+def test_the_package_run_as_a_module_is_the_command_line() -> None:
+    def printed(*words: str) -> str:
+        done = subprocess.run([sys.executable, "-m", "mathnavi", *words], capture_output=True, text=True, check=True)
+        return done.stdout
+
+    assert printed("--help").startswith("usage: mathnavi COMMAND ...")
+    assert printed("run", "safe-flight", "--help").startswith("usage: mathnavi run safe-flight ")
+    assert printed("completion", "words", "run", "safe-flight", "--planner.ba").split() == [
+        "--planner.backend", "--planner.bandwidth",
+    ]  # fmt: skip

@@ -87,7 +87,7 @@ class MissileClosedLoop:
         )
         backend = solvers[0]
         timed = setup.compute(timed_replans, solvers, least=config.replans)
-        replans = dict(zip(solvers, timed, strict=True))
+        replans = {name: {**of, "ms": np.array(of["ms"])} for name, of in zip(solvers, timed, strict=True)}
         rough = setup.flown({kind.autopilot: kind.trials(1, 1)[0] for kind in ROUGH_KINDS})
         paths = {autopilot: outcome.recording for autopilot, outcome in rough.items()}
         return StudyResult(

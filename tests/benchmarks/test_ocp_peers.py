@@ -25,7 +25,7 @@ from benchmarks.ocp_peers import (
 )
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
-from mathnavi.controllers.ocp.solution import RunResult
+from mathnavi.controllers.ocp.solution import Outcome
 
 NAME = "Bryson-Denham"
 
@@ -66,7 +66,7 @@ def test_ours_counts_with_the_worse_of_cost_and_replayed_cost_and_only_through_t
     assert solution.replay is not None
     worse = dataclasses.replace(solution, replay=dataclasses.replace(solution.replay, cost=3.9))
     assert accepted(problem, worse) == 3.9
-    assert accepted(problem, dataclasses.replace(worse, status=RunResult.REFUSED)) is None
+    assert accepted(problem, dataclasses.replace(worse, status=Outcome.REFUSED)) is None
     diverged = dataclasses.replace(solution.replay, cost=math.nan, value=math.inf)
     assert accepted(problem, dataclasses.replace(solution, replay=diverged)) is None
 

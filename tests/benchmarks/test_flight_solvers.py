@@ -24,7 +24,7 @@ from benchmarks.flight_solvers import (
     measure,
     record,
 )
-from mathnavi.controllers.flight.problem import Problem, Solution
+from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.reference import InteriorPoint
 from mathnavi.controllers.flight.sqp import CondensedSqp
 from mathnavi.sim.interfaces.signals import Array
@@ -64,7 +64,7 @@ def test_do_mpc_solves_the_same_problem(problems: Recorded) -> None:
 
 def test_who_gives_up_has_failed_and_has_no_cost(problems: Recorded) -> None:
     class Resigned:
-        def solve(self, problem: Problem, guess: Array) -> Solution | str:
+        def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
             return "no"
 
     (result,) = measure({"resigned": Resigned}, problems, 1, QUIET).values()

@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from mathnavi.sim.interfaces.signals import Phase
+from mathnavi.models.aerial.plan_status import FlightPhase
 
 Picture = NDArray[np.uint8]  # (height, width, 3) red, green, blue; row 0 on top
 Colour = tuple[float, float, float]  # red, green, blue in [0, 1]
@@ -98,8 +98,8 @@ def vehicle_colour(k: int) -> Colour:
 
 def part_of(phase: int) -> SceneElement:
     """The part of a plan that an arc of this phase belongs to."""
-    return {Phase.OPTIMISED: SceneElement.OPTIMISED, Phase.MANOEUVRE: SceneElement.MANOEUVRE}.get(
-        Phase(phase), SceneElement.COMPLETION
+    return {FlightPhase.OPTIMISED: SceneElement.OPTIMISED, FlightPhase.MANOEUVRE: SceneElement.MANOEUVRE}.get(
+        FlightPhase(phase), SceneElement.COMPLETION
     )
 
 

@@ -10,8 +10,9 @@ import numpy as np
 
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.patterns import figure_eight
+from mathnavi.models.unicycle.phases import DrivePhase
 from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Plan, PlanRequest, Status
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.range_localisation import RangeLocalisation
@@ -43,7 +44,7 @@ class PatternPlanner:
 
     def plan(self, request: PlanRequest) -> Plan:
         t = np.array([request.t_start, request.t_start + 1.0])
-        return Plan(t, np.zeros((2, 3)), np.zeros((1, 2)), np.array([int(Phase.OPTIMISED)]))
+        return Plan(t, np.zeros((2, 3)), np.zeros((1, 2)), np.array([int(DrivePhase.OPTIMISED)]))
 
 
 class PatternTracker:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.models.missile.mission import MissileMission, Target
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig
@@ -64,7 +64,7 @@ class GlidePlanner:
         middles, accelerations = self._path(x, request.t_start, left, 0.5 * (edges[:-1] + edges[1:]))
         states[0] = x
         u = coordinates.inverse_dynamics(middles, accelerations)
-        phase = np.full(len(u), int(Phase.OPTIMISED))
+        phase = np.full(len(u), OPTIMISED)
         return Plan(request.t_start + edges, states, u, phase, cost=left, solve_ms=0.1)
 
     def _path(self, x: Array, t: float, left: float, s: Array) -> tuple[Array, Array]:

@@ -13,12 +13,13 @@ from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.quadrotor.dynamics import ATTITUDE, NOMINAL, POSITION, RATE, VELOCITY, Quadrotor, at_rest
 from mathnavi.models.quadrotor.entity import RotorDrive, build_model
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.engine.faults import Disturbance
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 TICKS = 2  # of the physics to one command
 PERIOD = TICKS / 300.0  # [s]
@@ -52,7 +53,7 @@ def plan_of(arcs: Sequence[tuple[Sequence[float], float]], start: Array = HIGH) 
     """A plan from rest of arcs (acceleration [m/s^2], duration [s])."""
     flown = ArcList.begin(0.0, np.array([*start, 0.0, 0.0, 0.0]))
     for a, duration in arcs:
-        flown.add(np.array(a, dtype=float), duration, Phase.OPTIMISED)
+        flown.add(np.array(a, dtype=float), duration, FlightPhase.OPTIMISED)
     return flown.plan(0.0, 0.0)
 
 
@@ -67,10 +68,10 @@ def turning(rng: np.random.Generator, a: float, speed: float, arcs: int = 12, h:
         direction = rng.standard_normal(3)
         u = a * direction / np.linalg.norm(direction)
         if np.linalg.norm(flown.x[-1][3:] + h * u) <= speed:
-            flown.add(u, h, Phase.OPTIMISED)
+            flown.add(u, h, FlightPhase.OPTIMISED)
     v = flown.x[-1][3:]
     length = float(np.linalg.norm(v))
-    flown.add(-a * v / length, length / a, Phase.MANOEUVRE)
+    flown.add(-a * v / length, length / a, FlightPhase.MANOEUVRE)
     flown.rest()
     return flown.plan(0.0, 0.0)
 

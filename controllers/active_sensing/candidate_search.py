@@ -27,7 +27,8 @@ from mathnavi.controllers.active_sensing.kernels import WallTable, clearance, no
 from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.signals import Array, Integers, Phase
+from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.sim.interfaces.signals import Array, Integers
 
 SPEEDS = TURN_RATES = 5
 
@@ -102,7 +103,7 @@ class Containment:
 
     def _held(self, u_1: float, u_2: float, note: str, message: str) -> InputSequence:
         u = np.array([[u_1, u_2]])
-        return InputSequence(np.array([self._horizon]), u, Phase.MANOEUVRE, note=note, message=message)
+        return InputSequence(np.array([self._horizon]), u, DrivePhase.MANOEUVRE, note=note, message=message)
 
 
 def candidates(mission: RangingMission) -> Array:

@@ -16,8 +16,9 @@ from mathnavi.controllers.active_sensing.belief import Belief
 from mathnavi.models.unicycle import patterns
 from mathnavi.models.unicycle.kernels import integrate
 from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.phases import DrivePhase
 from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array, Phase, Plan
+from mathnavi.sim.interfaces.signals import Array, Plan
 
 _ROUNDING = 1e-9
 
@@ -28,7 +29,7 @@ class InputSequence:
 
     duration: Array  # (K,) [s] > 0
     u: Array  # (K, 2) [m/s, rad/s]
-    phase: Phase = Phase.OPTIMISED
+    phase: DrivePhase = DrivePhase.OPTIMISED
     cost: float = math.nan  # of the choice, in the policy's own terms
     note: str = ""  # the kind of an event to record whenever it begins
     message: str = ""  # of that event

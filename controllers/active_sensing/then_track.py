@@ -22,8 +22,9 @@ from mathnavi.controllers.active_sensing.planner import ExplorationPlanner
 from mathnavi.controllers.active_sensing.policies import InputSequence, Pattern, check_drivable, path, sampled
 from mathnavi.models.unicycle.kernels import wrapped
 from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.phases import DrivePhase
 from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.interfaces.signals import Array, Phase, Plan, PlanRequest
+from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest
 
 _AGAIN = 2.0  # times a limit, above which the robot explores again
 _FAR = 0.3  # [m] from the plan, beyond which the path is joined anew
@@ -95,7 +96,7 @@ class ThenTrack:
             times, u = np.concatenate([joined.t[:-1], times]), np.vstack([joined.u, u])
         first = int(np.searchsorted(times, t + _SAME_TIME, side="right")) - 1
         times = np.concatenate([[t], times[first + 1 :]])
-        return InputSequence(np.diff(times), u[first:], Phase.CRUISE).plan(t, pose, math.nan)
+        return InputSequence(np.diff(times), u[first:], DrivePhase.CRUISE).plan(t, pose, math.nan)
 
 
 class ReferencePath:

@@ -19,7 +19,8 @@ from mathnavi.controllers.active_sensing.belief import checked_pose
 from mathnavi.controllers.active_sensing.motion import mean_input, pose_on
 from mathnavi.models.unicycle.kernels import sinc, wrapped
 from mathnavi.models.unicycle.mission import RangingMission
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan
+from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 
 class PathTracker:
@@ -58,4 +59,4 @@ class PathTracker:
 def _is_path(plan: Plan, t: float) -> bool:
     """Whether the plan's arc at t [s], after its end the last one, is of a path to follow."""
     k = int(np.clip(np.searchsorted(plan.t, t, side="right") - 1, 0, len(plan.phase) - 1))
-    return int(plan.phase[k]) == Phase.CRUISE
+    return int(plan.phase[k]) == DrivePhase.CRUISE

@@ -25,7 +25,7 @@ import numpy as np
 from mathnavi.controllers.flight.certificate import pass_time
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.sim.interfaces.bounds import Positive, configuration
-from mathnavi.sim.interfaces.signals import Array, Phase, Plan
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Plan
 
 SpeedName = Literal["max", "mean", "largest"]
 
@@ -44,7 +44,7 @@ class ArrivalEstimate:
     def __call__(self, plan: Plan, t: float) -> float:
         """[s] when a vehicle on ``plan`` arrives, as it knows at t [s]; infinite for a plan that does not move on."""
         met = pass_time(plan, self.target, t)
-        optimised = plan.phase == Phase.OPTIMISED
+        optimised = plan.phase == OPTIMISED
         end = float(plan.t[1:][optimised][-1]) if optimised.any() else plan.t_start
         if met <= end:
             return met

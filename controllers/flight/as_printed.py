@@ -46,10 +46,11 @@ from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.models.aerial.dynamics import flow, input_at, state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.bounds import Positive, Within, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 
 _FEASIBLE = 1e-3  # [m, m/s] violation of a constraint that counts as none
 _GAIN = 1e-7  # of 1 + cost: a step that promises less is the last
@@ -271,12 +272,12 @@ class AsPrinted:
         p, v = nlp.states(a)
         steps, push = self._manoeuvre(v[-1])
         if refusal := self._infeasible(nlp, p[-1] + nlp.h * v[-1], v[-1], steps, push):
-            failure = Plan.failure(Status.LOW_CLEARANCE, f"the manoeuvre (A.4): {refusal}")
+            failure = Plan.failure(FlightStatus.LOW_CLEARANCE, f"the manoeuvre (A.4): {refusal}")
             return replace(failure, notes=("manoeuvre-rejected",))
         arcs = ArcList.begin(request.t_start, nlp.start)
         for a_i in (*a, np.zeros(3)):  # a_N = 0
-            arcs.add(a_i, nlp.h, Phase.OPTIMISED)
-        arcs.add(push, steps * nlp.h, Phase.MANOEUVRE)
+            arcs.add(a_i, nlp.h, FlightPhase.OPTIMISED)
+        arcs.add(push, steps * nlp.h, FlightPhase.MANOEUVRE)
         end = arcs.x[-1]
         arcs.x[-1] = np.array([*end[:3], 0.0, 0.0, end[5]])
         return self._completed(arcs, nlp.objective(a))
@@ -286,12 +287,12 @@ class AsPrinted:
         plan = self._completed(ArcList.begin(request.t_start, start), math.nan)
         if plan.ok and not len(plan.u):
             return Plan.failure(Status.INFEASIBLE, f"the start is the target; {message}")
-        return replace(plan, notes=("reserve-plan",), message=message) if plan.ok else plan
+        return replace(plan, notes=("fallback-plan",), message=message) if plan.ok else plan
 
     def _completed(self, arcs: ArcList, cost: float) -> Plan:
         mission, end = self._mission, arcs.x[-1]
         if not mission.terrain.contains(end[0], end[1]):
-            return Plan.failure(Status.OFF_MAP, f"the completion begins at {np.round(end[:2]).tolist()} m")
+            return Plan.failure(FlightStatus.OFF_MAP, f"the completion begins at {np.round(end[:2]).tolist()} m")
         complete(arcs, mission.terrain, self._target, mission.clearance_min, mission.speed_max, self._thrust)
         return arcs.plan(cost, math.nan)
 

@@ -1,7 +1,7 @@
-"""C(pi): what is asked of a plan before it is flown, over all of it, to rest.
+"""C(pi): the conditions on a plan before it is flown, over its whole future, to rest.
 
-A plan pi is certified, C(pi), if over all of it, to rest, the least clearance above the triangles is at least h_min +
-delta (delta what the tracker may deviate), it stays that far inside the map, |v| and |a| keep the bounds left to a
+A plan pi is certified, C(pi), if over its whole future the least clearance above the triangles is at least h_min +
+delta (delta the tracking bound), it stays that far inside the map, |v| and |a| keep the bounds left to a
 plan, its arcs join, and it rests within reach of the target.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from functools import lru_cache
 
 import numpy as np
@@ -17,9 +18,10 @@ import numpy as np
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Message, Phase, Plan, Status
+from mathnavi.sim.interfaces.signals import Array, Message, Plan, Status
 
 STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
@@ -28,7 +30,7 @@ _PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
 
 @dataclass(frozen=True)
 class TrackingBound:
-    """What the tracker keeps: the vehicle stays this close to the plan, at this much feedback."""
+    """Bounds that the tracker keeps: distance to the plan, speed error, and feedback."""
 
     horizontal: float  # [m] r_h
     vertical: float  # [m] r_z
@@ -36,18 +38,18 @@ class TrackingBound:
     feedback: float  # [m/s^2] a_fb
 
     def broken_by(self, error: Array) -> bool:
-        """Whether an error (6,) [m, m/s] of the state lies outside."""
-        # Said this way round, so that NaN lies outside.
+        """True if an error (6,) [m, m/s] of the state lies outside."""
+        # Written this way round, so that NaN lies outside.
         return not (np.hypot(error[0], error[1]) <= self.horizontal and abs(error[2]) <= self.vertical)
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a plan is not certified."""
+    """The reason why a plan is not certified."""
 
-    status: Status
+    status: Enum  # Status or FlightStatus
     message: str
-    phase: Phase | None = None
+    phase: FlightPhase | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +94,8 @@ class Certificate:
             mission.cruise_level,
         )
 
-    def told(self, messages: Sequence[Message]) -> Certificate:
-        """With the target and the map that ``messages`` tell of (``mathnavi.models.aerial.knowledge``); itself without
-        any."""
+    def updated_with(self, messages: Sequence[Message]) -> Certificate:
+        """The certificate with target and map of ``messages`` (``models.aerial.knowledge``); itself for none."""
         known = Knowledge(self.terrain, tuple(self.target.tolist()))
         now = known.updated_with(messages)
         certificate = self
@@ -104,12 +105,12 @@ class Certificate:
             certificate = dataclasses.replace(certificate, terrain=_raised(now.terrain, self.border, self.rise))
         return certificate
 
-    def leads(self, plan: Plan) -> bool:
-        """Whether a plan ends at the target."""
+    def reaches_target(self, plan: Plan) -> bool:
+        """True if a plan ends within ``arrival_radius`` of the target."""
         return float(np.linalg.norm(plan.x[-1, :3] - self.target)) <= self.arrival_radius
 
-    def refuse(self, plan: Plan) -> Refusal | None:
-        """None if C(plan) holds, else the first reason why not."""
+    def check(self, plan: Plan) -> Refusal | None:
+        """Check C(plan): None if it holds, else the first reason why not."""
         if malformed := _malformed(plan):
             return malformed
         duration = np.diff(plan.t)
@@ -127,35 +128,39 @@ class Certificate:
         speed, push = np.linalg.norm(v, axis=1), np.linalg.norm(plan.u, axis=1)
         # A start that is too fast already, after a gust say, can only be slowed down.
         if speed.max() > max(self.speed_max, speed[0]) + _BOUND:
-            return Refusal(Status.BOUNDS, f"|v| reaches {speed.max():.2f} m/s; allowed {self.speed_max:.2f}")
+            return Refusal(FlightStatus.BOUNDS, f"|v| reaches {speed.max():.2f} m/s; allowed {self.speed_max:.2f}")
         if push.max(initial=0.0) > self.acceleration_max + _BOUND:
-            return Refusal(Status.BOUNDS, f"|a| reaches {push.max():.2f} m/s^2; allowed {self.acceleration_max:.2f}")
-        if not self.leads(plan) or speed[-1] > _BOUND:
+            return Refusal(
+                FlightStatus.BOUNDS, f"|a| reaches {push.max():.2f} m/s^2; allowed {self.acceleration_max:.2f}"
+            )
+        if not self.reaches_target(plan) or speed[-1] > _BOUND:
             miss = float(np.linalg.norm(p[-1] - self.target))
-            return Refusal(Status.NO_ARRIVAL, f"ends {miss:.1f} m from the target at {speed[-1]:.2f} m/s")
-        return self.endangered(plan)
+            return Refusal(FlightStatus.NO_ARRIVAL, f"ends {miss:.1f} m from the target at {speed[-1]:.2f} m/s")
+        return self.check_clearance(plan)
 
     def clearances(self, plan: Plan) -> Array:
         """(K,) [m] least clearance of each arc of a plan; -inf off the map."""
         return self.terrain.path_clearance(plan.x[:-1, :3], plan.x[:-1, 3:], plan.u, np.diff(plan.t))
 
-    def endangered(self, plan: Plan) -> Refusal | None:
-        """Where a plan that is right otherwise comes too near to the ground or to the edge of the map."""
+    def check_clearance(self, plan: Plan) -> Refusal | None:
+        """Check the clearance and the distance to the edge of the map of a plan whose arcs are sound."""
         clearance = self.clearances(plan)
         worst = int(clearance.argmin())
         if clearance[worst] < self.clearance_min:
-            phase = Phase(int(plan.phase[worst]))
+            phase = FlightPhase(int(plan.phase[worst]))
             if np.isneginf(clearance[worst]):
-                return Refusal(Status.OFF_MAP, f"in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s", phase)
+                return Refusal(FlightStatus.OFF_MAP, f"in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s", phase)
             low = f"{clearance[worst]:.1f} m in the {phase.name.lower()} arc at {plan.t[worst]:.1f} s"
-            return Refusal(Status.LOW_CLEARANCE, f"{low}; allowed {self.clearance_min:g}", phase)
+            return Refusal(FlightStatus.LOW_CLEARANCE, f"{low}; allowed {self.clearance_min:g}", phase)
         edge = np.array([self.terrain.width, self.terrain.depth])
         p, v, duration = plan.x[:, :3], plan.x[:, 3:], np.diff(plan.t)
         for axis in range(2):
             least, greatest = _extent(p[:-1, axis], v[:-1, axis], plan.u[:, axis], duration)
             room = min(least, edge[axis] - greatest)
             if room < self.border:
-                return Refusal(Status.OFF_MAP, f"{room:.2f} m from the edge of the map; allowed {self.border:.2f}")
+                return Refusal(
+                    FlightStatus.OFF_MAP, f"{room:.2f} m from the edge of the map; allowed {self.border:.2f}"
+                )
         return None
 
 
@@ -167,8 +172,8 @@ def _raised(terrain: HeightField, horizontal: float, vertical: float) -> HeightF
 
 def _extent(p: Array, v: Array, a: Array, duration: Array) -> tuple[float, float]:
     """Least and greatest of p + v t + a t^2 / 2 over 0 <= t <= duration, of all arcs (K,)."""
-    turn = np.clip(np.divide(-v, a, out=duration.copy(), where=a != 0.0), 0.0, duration)
-    met = np.concatenate([p + t * v + 0.5 * t * t * a for t in (np.zeros(len(p)), turn, duration)])
+    vertex = np.clip(np.divide(-v, a, out=duration.copy(), where=a != 0.0), 0.0, duration)
+    met = np.concatenate([p + t * v + 0.5 * t * t * a for t in (np.zeros(len(p)), vertex, duration)])
     return float(met.min()), float(met.max())
 
 
@@ -181,8 +186,10 @@ def _malformed(plan: Plan) -> Refusal | None:
         return Refusal(Status.NOT_FINITE, "t, x or u is not finite")
     if (np.diff(plan.t) <= 0.0).any():
         return Refusal(Status.MALFORMED, "times do not increase")
-    if not np.isin(plan.phase, list(Phase)).all():
-        return Refusal(Status.MALFORMED, f"phases {np.unique(plan.phase).tolist()}; allowed {[int(p) for p in Phase]}")
+    if not np.isin(plan.phase, list(FlightPhase)).all():
+        return Refusal(
+            Status.MALFORMED, f"phases {np.unique(plan.phase).tolist()}; allowed {[int(p) for p in FlightPhase]}"
+        )
     return None
 
 
@@ -196,7 +203,7 @@ def remainder(plan: Plan, t: float) -> Plan:
     """What is left of a plan from ``t`` [s] on, itself a plan: of one that has come to its end, a second of rest."""
     if t >= plan.t_end - TIME_TOLERANCE:
         x = np.vstack([plan.x[-1], plan.x[-1]])
-        rest = np.array([t, t + 1.0]), x, np.zeros((1, x.shape[1] // 2)), np.array([Phase.HOVER], np.int64)
+        rest = np.array([t, t + 1.0]), x, np.zeros((1, x.shape[1] // 2)), np.array([FlightPhase.HOVER], np.int64)
         return Plan(*rest, cost=plan.cost)
     k = max(0, int(np.searchsorted(plan.t, t + TIME_TOLERANCE, side="right")) - 1)
     left, x = plan.t[k:].copy(), plan.x[k:].copy()

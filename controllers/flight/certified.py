@@ -1,4 +1,4 @@
-"""What makes "never collides, always arrives" true: nothing is flown that has not been certified whole.
+"""The invariant behind "never collides, always arrives": nothing is flown that has not been certified whole.
 
 ``Certified`` keeps the invariant, at every t before arrival:
 
@@ -27,9 +27,10 @@ from mathnavi.controllers.flight.certificate import (
 )
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Estimate, Message, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest, Status
 
 
 def _owned(plan: Plan) -> Plan:
@@ -44,24 +45,24 @@ def _owned(plan: Plan) -> Plan:
 class Certified:
     """A planner whose every answer is certified, and which answers something safe where that can be had.
 
-    ``reserve(certificate)`` makes the planner that is asked where there is no plan to fall back on: at the start, when
+    ``fallback(certificate)`` makes the planner that is asked where there is no plan to fall back on: at the start, when
     the vehicle has left its plan, and when its plan turns out to be unsafe.
 
-    What is told on the way (``mathnavi.models.aerial.knowledge``) is judged at the next planning instant, a map as soon
-    as it is told (``alarmed``). *A map that was wrong*: if what is left of the plan being flown is safe over the map as
-    it is now, the guarantee is kept. Otherwise a certified plan from where the plan is now takes over without delay; if
-    none can be had, the loss is announced ("guarantee-lost"), of the reserve's plan and the present one that with more
-    clearance is flown, and the search goes on at every period until there is one ("guarantee-regained"). *A target
-    elsewhere*: the vehicle is as safe as before, but its plan leads to where the target was. The first certified plan
-    that leads to the new one takes over, and if it ends after the deadline, the deadline is D = t_s + gamma V from then
-    on, t_s its start ("deadline-moved"). Where none has taken over by the next instant the loss is announced
+    New information (``mathnavi.models.aerial.knowledge``) is checked at the next planning instant, a map as soon as it
+    arrives (``alarmed``). *A map that was wrong*: if what is left of the plan being flown is safe over the map as it is
+    now, the guarantee is kept. Otherwise a certified plan from where the plan is now takes over without delay; if none
+    can be had, the loss is announced ("guarantee-lost"), the present plan or that of the fallback planner is flown,
+    whichever has more clearance, and the search goes on at every period until there is one ("guarantee-regained"). *A
+    target elsewhere*: the vehicle is as safe as before, but its plan leads to where the target was. The first certified
+    plan that leads to the new one takes over, and if it ends after the deadline, the deadline is D = t_s + gamma V from
+    then on, t_s its start ("deadline-moved"). Where none has taken over by the next instant the loss is announced
     ("arrival-lost") until one has.
     """
 
     def __init__(
         self,
         planner: Planner,
-        reserve: Callable[[Certificate], Planner],
+        fallback: Callable[[Certificate], Planner],
         certificate: Certificate,
         bound: TrackingBound,
         deadline_factor: float,
@@ -71,15 +72,15 @@ class Certified:
         self.period = planner.period
         self.deadline = np.inf  # [s] in force now
         self.promised = np.inf  # [s] likewise, but for what was lost: missed passes, and plans that had to be made anew
-        self._planner, self._make_reserve = planner, reserve
-        self._reserve = reserve(certificate)
+        self._planner, self._make_fallback = planner, fallback
+        self._fallback = fallback(certificate)
         self._certificate, self._bound, self._factor = certificate, bound, deadline_factor
         self._next_pass = np.inf  # [s] of the plan that was being flown at the last request
         self._unheard: tuple[Message, ...] = ()  # of requests that could not be answered
-        self._unsure = False  # whether the plan being flown was certified over another map
-        self._lost = False  # whether it was announced that it is not safe over this one
+        self._unsure = False  # True if the plan being flown was certified over another map
+        self._lost = False  # True once it was announced that it is not safe over this one
         self._astray = 0  # planning instants at which it has led elsewhere
-        self._announced = False  # whether that was announced
+        self._announced = False  # True once that was announced
 
     def plan(self, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown; a failure that says why not otherwise."""
@@ -121,7 +122,7 @@ class Certified:
         return dataclasses.replace(plan, notes=notes + self._following(current, plan) + plan.notes)
 
     def alarmed(self, request: PlanRequest) -> Plan | None:
-        """Between two planning instants, as soon as something is told: a plan that has to take over at once, or None.
+        """Check a message between two planning instants: a plan that has to take over at once, or None.
 
         Its messages are those of the next request too.
         """
@@ -134,14 +135,14 @@ class Certified:
     def _endangered(self, request: PlanRequest, current: Plan, danger: Refusal, notes: tuple[str, ...]) -> Plan:
         """Leave the plan being flown from where it is now."""
         here = dataclasses.replace(request, estimate=Estimate(request.t, state_at(current, request.t)))
-        told = f"over the map as it is now: {danger.message}"
-        return self._evading(self._rebased(here, here.estimate, (*notes, "plan-endangered"), told), here)
+        reason = f"over the map as it is now: {danger.message}"
+        return self._evading(self._rebased(here, here.estimate, (*notes, "plan-endangered"), reason), here)
 
     def _listen(self, messages: Sequence[Message]) -> tuple[str, ...]:
-        """Go by the target and the map that ``messages`` tell of; "message-ignored" for what cannot be."""
-        before, now = self._certificate, self._certificate.told(messages)
+        """Update target and map from ``messages``; "message-ignored" for those that cannot be used."""
+        before, now = self._certificate, self._certificate.updated_with(messages)
         if now is not before:
-            self._certificate, self._reserve = now, self._make_reserve(now)
+            self._certificate, self._fallback = now, self._make_fallback(now)
             self._unsure = self._unsure or now.terrain is not before.terrain
             if now.target is not before.target:
                 self._next_pass = np.inf  # nobody will be there
@@ -152,30 +153,30 @@ class Certified:
         """Why what is left of the plan being flown is not safe over a map that it was not certified over."""
         if not self._unsure:
             return None
-        danger = self._certificate.endangered(remainder(current, t))
+        danger = self._certificate.check_clearance(remainder(current, t))
         self._unsure = danger is not None
         return danger
 
     def _evading(self, plan: Plan, request: PlanRequest) -> Plan:
-        """A certified plan if there is one; else the reserve's, if that has more clearance than the present one."""
+        """A certified plan if there is one; else the fallback planner's, if it has more clearance than the present."""
         assert request.current is not None
         if plan.ok:
             return plan
         self._lost = True
         notes = tuple(dict.fromkeys(plan.notes))
-        reserve = self._reserve.plan(dataclasses.replace(request, t_start=request.t, current=None))
+        fallback = self._fallback.plan(dataclasses.replace(request, t_start=request.t, current=None))
         present = remainder(request.current, request.t)
-        if not reserve.ok or self._least_clearance(reserve) <= self._least_clearance(present):
+        if not fallback.ok or self._least_clearance(fallback) <= self._least_clearance(present):
             return dataclasses.replace(plan, notes=notes)
-        notes = (*notes, *self._extended(reserve, request.t), "rebased")
-        return dataclasses.replace(_owned(reserve), notes=notes, message=plan.message)
+        notes = (*notes, *self._extended(fallback, request.t), "rebased")
+        return dataclasses.replace(_owned(fallback), notes=notes, message=plan.message)
 
     def _least_clearance(self, plan: Plan) -> float:
         return float(self._certificate.clearances(plan).min())
 
     def _followed(self, current: Plan) -> tuple[str, ...]:
-        """What there is to tell of the plan being flown after the target has moved: it leads there, or still not."""
-        if not self._certificate.leads(current):
+        """Notes on the plan being flown after the target has moved: it leads there, or still not."""
+        if not self._certificate.reaches_target(current):
             self._astray += 1
             return self._announce() if self._astray > 1 else ()
         notes: tuple[str, ...] = ("arrival-regained",) if self._announced else ()
@@ -189,10 +190,10 @@ class Certified:
     def _following(self, current: Plan, plan: Plan) -> tuple[str, ...]:
         """Likewise, where there is no plan that could take over."""
         there = plan.ok and plan.ready <= plan.t_start + TIME_TOLERANCE
-        return () if there or self._certificate.leads(current) else self._announce()
+        return () if there or self._certificate.reaches_target(current) else self._announce()
 
     def _announce(self) -> tuple[str, ...]:
-        """That the plan being flown leads elsewhere, once."""
+        """Announce, once, that the plan being flown leads elsewhere."""
         before, self._announced = self._announced, True
         return () if before else ("arrival-lost",)
 
@@ -201,15 +202,15 @@ class Certified:
         return max(self.deadline, plan.t_start + self._factor * (plan.t_end - plan.t_start))
 
     def _fresh(self, request: PlanRequest) -> Plan:
-        """A certified plan from the estimate itself, by the planner or, failing that, the reserve."""
+        """A certified plan from the estimate itself, by the planner or, failing that, the fallback planner."""
         plan = self._judged(self._planner, request)
         if plan.ok and plan.ready <= plan.t_start:
             return plan
         reason = plan.message or (Status.LATE if plan.ok else plan.status).value
-        reserve = self._judged(self._reserve, request)
-        if not reserve.ok:
-            return dataclasses.replace(reserve, message=f"{reason}; the reserve: {reserve.message}")
-        return dataclasses.replace(reserve, notes=("reserve-plan",), message=reason)
+        fallback = self._judged(self._fallback, request)
+        if not fallback.ok:
+            return dataclasses.replace(fallback, message=f"{reason}; the fallback planner: {fallback.message}")
+        return dataclasses.replace(fallback, notes=("fallback-plan",), message=reason)
 
     def _rebased(self, request: PlanRequest, origin: Estimate, notes: tuple[str, ...], why: str) -> Plan:
         """The plan being flown is worth nothing: plan anew from ``origin``, at once, or announce the loss."""
@@ -233,29 +234,33 @@ class Certified:
             if not isinstance(plan, Plan):
                 raise TypeError(f"plan() returned {type(plan).__name__}; allowed: Plan")
             return self._examined(plan, request)
-        except (Exception, SystemExit) as error:  # whatever a stranger's planner does, the vehicle flies on
+        except (Exception, SystemExit) as error:  # whatever a third-party planner does, the vehicle flies on
             return Plan.raised(error)
 
     def _examined(self, plan: Plan, request: PlanRequest) -> Plan:
         if not plan.ok:
             return plan
         plan = _owned(plan)
-        refusal = self._certificate.refuse(plan)
+        refusal = self._certificate.check(plan)
         if refusal is None and abs(plan.t_start - request.t_start) > TIME_TOLERANCE:
-            refusal = Refusal(Status.WRONG_START, f"starts at {plan.t_start:.3f} s, asked for {request.t_start:.3f} s")
+            refusal = Refusal(
+                FlightStatus.WRONG_START, f"starts at {plan.t_start:.3f} s, asked for {request.t_start:.3f} s"
+            )
         if refusal is None:
             origin = request.estimate.x if request.current is None else state_at(request.current, request.t_start)
             gap = float(np.abs(plan.x[0] - origin).max())
             if gap > STATE_TOLERANCE:
-                refusal = Refusal(Status.WRONG_START, f"starts {gap:.3g} beside the plan being flown")
+                refusal = Refusal(FlightStatus.WRONG_START, f"starts {gap:.3g} beside the plan being flown")
         if refusal is None and request.current is not None:
-            leads = self._certificate.leads(request.current)
+            leads = self._certificate.reaches_target(request.current)
             deadline = self.deadline if leads else self._deadline_of(plan)
             if plan.t_end > deadline + TIME_TOLERANCE:
-                refusal = Refusal(Status.DEADLINE, f"ends at {plan.t_end:.1f} s; the deadline is {deadline:.1f} s")
+                refusal = Refusal(
+                    FlightStatus.DEADLINE, f"ends at {plan.t_end:.1f} s; the deadline is {deadline:.1f} s"
+                )
         if refusal is None:
             return plan
-        notes = ("manoeuvre-rejected",) if refusal.phase is Phase.MANOEUVRE else ()
+        notes = ("manoeuvre-rejected",) if refusal.phase is FlightPhase.MANOEUVRE else ()
         return dataclasses.replace(
             Plan.failure(refusal.status, refusal.message, ready=plan.ready, solve_ms=plan.solve_ms), notes=notes
         )

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Phase, Plan
+from mathnavi.sim.interfaces.signals import Array, Plan
 
 _LEVEL_MARGIN = 1.0  # [m] above the clearance, so that rounding cannot spoil a level flight
 _NEGLIGIBLE = 1e-9  # [s]
@@ -33,7 +34,7 @@ class ArcList:
     def begin(t: float, x: Array) -> ArcList:
         return ArcList([t], [np.asarray(x, dtype=float)], [], [])
 
-    def add(self, u: Array, duration: float, phase: Phase) -> None:
+    def add(self, u: Array, duration: float, phase: FlightPhase) -> None:
         """Hold the acceleration ``u`` (3,) [m/s^2] for ``duration`` [s]."""
         if duration <= _NEGLIGIBLE:
             return
@@ -50,7 +51,7 @@ class ArcList:
         self.t[k + 1 :] = [self.t[k] + duration, *(t + duration for t in self.t[k + 1 :])]
         self.x.insert(k + 1, self.x[k])
         self.u.insert(k, np.zeros(3))
-        self.phase.insert(k, int(Phase.HOVER))
+        self.phase.insert(k, int(FlightPhase.HOVER))
 
     def rest(self) -> None:
         """Round the velocity that rounding left over to exactly zero."""
@@ -62,7 +63,7 @@ class ArcList:
         return Plan(np.array(self.t), np.array(self.x), u, phase, cost=cost, solve_ms=solve_ms)
 
 
-def _straight(arcs: ArcList, direction: Array, distance: float, speed: float, a: float, phase: Phase) -> None:
+def _straight(arcs: ArcList, direction: Array, distance: float, speed: float, a: float, phase: FlightPhase) -> None:
     """From rest to rest along ``direction`` in the least time under |v| <= speed and |u| <= a."""
     if distance <= 0.0:
         return
@@ -91,7 +92,7 @@ def complete(
     """
     up = np.array([0.0, 0.0, 1.0])
     rise = float(arcs.x[-1][5])
-    arcs.add(-math.copysign(acceleration, rise) * up, abs(rise) / acceleration, Phase.MANOEUVRE)
+    arcs.add(-math.copysign(acceleration, rise) * up, abs(rise) / acceleration, FlightPhase.MANOEUVRE)
     arcs.rest()
     first = len(arcs.u)
     here = arcs.x[-1][:3]
@@ -100,10 +101,10 @@ def complete(
     if distance > 0.0:
         safe = highest_ground(terrain, here[:2], target[:2]) + clearance + _LEVEL_MARGIN
         level = max(here[2], target[2], safe, level)
-        _straight(arcs, up, level - here[2], speed, acceleration, Phase.CLIMB)
-        _straight(arcs, np.append(across / distance, 0.0), distance, speed, acceleration, Phase.CRUISE)
+        _straight(arcs, up, level - here[2], speed, acceleration, FlightPhase.CLIMB)
+        _straight(arcs, np.append(across / distance, 0.0), distance, speed, acceleration, FlightPhase.CRUISE)
     drop = float(arcs.x[-1][2] - target[2])
-    phase = Phase.DESCENT if drop > 0.0 else Phase.CLIMB
+    phase = FlightPhase.DESCENT if drop > 0.0 else FlightPhase.CLIMB
     _straight(arcs, -math.copysign(1.0, drop) * up, abs(drop), speed, acceleration, phase)
     arcs.wait(first, end - arcs.t[-1])
 

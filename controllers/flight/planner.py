@@ -28,8 +28,9 @@ from mathnavi.controllers.flight.problem import (
 )
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Message, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import Array, Message, Plan, PlanRequest, Status
 
 _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
 _COMMIT_TRIES = 3
@@ -133,7 +134,7 @@ class RecedingHorizon:
     def _listen(self, messages: Sequence[Message]) -> None:
         known = self._knowledge.updated_with(messages)
         if known is not self._knowledge:
-            certificate = self._certificate.told(messages)
+            certificate = self._certificate.updated_with(messages)
             cost = self._cost_to_go(known)
             if certificate.terrain is self._certificate.terrain:
                 self._landscape = dataclasses.replace(self._landscape, cost=cost)
@@ -191,7 +192,7 @@ class RecedingHorizon:
                 reason = f"arrival in {duration:.1f} s: {solution}"
                 continue
             plan = self._assembled(problem, solution, request.t_start, spent)
-            refusal = self._certificate.refuse(plan) if plan.ok else plan
+            refusal = self._certificate.check(plan) if plan.ok else plan
             if refusal is None:
                 return plan, spent, ""
             reason = f"arrival in {duration:.1f} s: {refusal.message}"
@@ -217,7 +218,9 @@ class RecedingHorizon:
         if current is not None:
             middles = t_start + problem.stencil.middles
             arc = np.searchsorted(current.t, middles, side="right") - 1
-            optimised = (arc < len(current.u)) & (current.phase[np.minimum(arc, len(current.u) - 1)] == Phase.OPTIMISED)
+            optimised = (arc < len(current.u)) & (
+                current.phase[np.minimum(arc, len(current.u) - 1)] == FlightPhase.OPTIMISED
+            )
             count = n if optimised.all() else int(optimised.argmin())
             guess[: 3 * count] = current.u[arc[:count]].ravel()
         return guess
@@ -227,14 +230,14 @@ class RecedingHorizon:
         parameters = problem.parameters
         arcs = ArcList.begin(t_start, problem.start)
         for a, length in zip(_exact(problem, solution), parameters.lengths, strict=True):
-            arcs.add(a, length, Phase.OPTIMISED)
+            arcs.add(a, length, FlightPhase.OPTIMISED)
         end = arcs.x[-1]
         braking = (np.array([0.0, 0.0, solution.climb]) - end[3:]) / parameters.manoeuvre_duration
-        arcs.add(braking, parameters.manoeuvre_duration, Phase.MANOEUVRE)
+        arcs.add(braking, parameters.manoeuvre_duration, FlightPhase.MANOEUVRE)
         arcs.x[-1] = np.concatenate([arcs.x[-1][:3], [0.0, 0.0, solution.climb]])
         if not self._certificate.terrain.contains(*arcs.x[-1][:2]):
             message = f"the manoeuvre ends at {np.round(arcs.x[-1][:2]).tolist()} m"
-            return Plan.failure(Status.OFF_MAP, message, solve_ms=solve_ms)
+            return Plan.failure(FlightStatus.OFF_MAP, message, solve_ms=solve_ms)
         complete_by(arcs, self._certificate, self._arrival)
         shares = np.array(parameters.lengths) / parameters.h  # exactly 1 on a uniform grid
         effort = float(parameters.h * (shares[:, None] * solution.accelerations**2).sum())
@@ -270,10 +273,10 @@ class StopAndHover:
         speed = float(np.linalg.norm(start[3:]))
         if speed > 0.0:
             duration = speed / self._certificate.acceleration_max
-            arcs.add(-start[3:] / duration, duration, Phase.MANOEUVRE)
+            arcs.add(-start[3:] / duration, duration, FlightPhase.MANOEUVRE)
             arcs.rest()
         if not self._certificate.terrain.contains(*arcs.x[-1][:2]):
-            return Plan.failure(Status.OFF_MAP, f"the vehicle stops at {np.round(arcs.x[-1][:2]).tolist()} m")
+            return Plan.failure(FlightStatus.OFF_MAP, f"the vehicle stops at {np.round(arcs.x[-1][:2]).tolist()} m")
         complete_by(arcs, self._certificate)
         return arcs.plan(math.nan, math.nan)
 

@@ -10,7 +10,7 @@ import numpy as np
 from mathnavi.controllers.intrinsic.law import InverseForce, TrackingGains, wanted_force
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 
 _PERIODS = 100  # of the mission, from one plan to the next
 
@@ -47,7 +47,7 @@ class ReferencePlanner:
         u = [
             self._inverse(row[:n], row[n:], self._reference.acceleration(k)) for k, row in zip(periods, x, strict=True)
         ]
-        phase = np.full(len(u) - 1, int(Phase.OPTIMISED), dtype=np.int64)
+        phase = np.full(len(u) - 1, OPTIMISED, dtype=np.int64)
         t = self._step * np.array(periods, dtype=np.float64)
         return Plan(t, x, np.array(u[:-1]), phase, solve_ms=1e3 * (time.thread_time() - began))
 

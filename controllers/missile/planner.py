@@ -24,7 +24,7 @@ from mathnavi.controllers.missile.problem import TerminalCondition
 from mathnavi.controllers.missile.shooting import Failed
 from mathnavi.models.missile.mission import MissileMission, Target
 from mathnavi.models.tolerances import TIME_TOLERANCE
-from mathnavi.sim.interfaces.signals import Array, Message, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Message, Plan, PlanRequest, Status
 
 
 class MissilePlanner:
@@ -67,7 +67,7 @@ class MissilePlanner:
         if isinstance(found, Failed):
             status = Status.INFEASIBLE if found.infeasible else Status.SOLVER_FAILED
             return Plan.failure(status, found.message, solve_ms=solve_ms)
-        phase = np.full(len(found.u), int(Phase.OPTIMISED), np.int64)
+        phase = np.full(len(found.u), OPTIMISED, np.int64)
         plan = Plan(t + found.t, found.x, found.u, phase, cost=found.cost, solve_ms=solve_ms)
         if self._remark:
             plan = dataclasses.replace(plan, notes=("backend",), message=self._remark)
@@ -87,5 +87,5 @@ class MissilePlanner:
         u = plan.u[left[1:]] if left.any() else plan.u[-1:]
         times: Array = np.concatenate([[t], plan.t[left] if left.any() else [t + self.period]])
         x = plan.x[left] if left.any() else coordinates.flow(start, u[0], self.period, body)[None, :]
-        phase = np.full(len(u), int(Phase.OPTIMISED), np.int64)
+        phase = np.full(len(u), OPTIMISED, np.int64)
         return Plan(times, np.vstack([start, x]), u, phase, cost=plan.cost)

@@ -17,7 +17,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 
 _PERIODS = 100  # of the mission, from one plan to the next
 
@@ -124,7 +124,7 @@ class SignalPlanner:
         x = [np.array(request.estimate.x)]
         for held in u:
             x.append(flow(x[-1], held, h))
-        phase = np.full(len(u), int(Phase.OPTIMISED), dtype=np.int64)
+        phase = np.full(len(u), OPTIMISED, dtype=np.int64)
         solve_ms = 1e3 * (time.thread_time() - began)
         return Plan(t[lead:], np.array(x[lead:]), u[lead:], phase[lead:], solve_ms=solve_ms)
 

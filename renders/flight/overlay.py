@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.renders.film import Frame
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.overlay import Overlay, pace
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.relief import EXAGGERATION
-from mathnavi.sim.interfaces.signals import Phase
 from mathnavi.sim.records.run_folder import last_at
 
 LEGEND = (
@@ -20,17 +20,17 @@ LEGEND = (
     SceneElement.RADAR,
 )
 PHASES = {
-    Phase.OPTIMISED: "flying the optimised plan",
-    Phase.MANOEUVRE: "flying the safety manoeuvre",
-    Phase.HOVER: "hovering",
-    Phase.CLIMB: "completion path: climb",
-    Phase.CRUISE: "completion path: cruise",
-    Phase.DESCENT: "completion path: descent",
+    FlightPhase.OPTIMISED: "flying the optimised plan",
+    FlightPhase.MANOEUVRE: "flying the safety manoeuvre",
+    FlightPhase.HOVER: "hovering",
+    FlightPhase.CLIMB: "completion path: climb",
+    FlightPhase.CRUISE: "completion path: cruise",
+    FlightPhase.DESCENT: "completion path: descent",
 }
 
 
 def phase_name(run: FlightRun, t: float) -> str:
-    """Phase of the plan being flown at ``t`` [s], in words."""
+    """FlightPhase of the plan being flown at ``t`` [s], in words."""
     plan = run.plan(t)
     if t >= run.duration:
         return "arrived" if run.summary.get("arrived") else "the flight is over"
@@ -39,7 +39,7 @@ def phase_name(run: FlightRun, t: float) -> str:
     if t >= plan.t_end:
         return "at rest"
     k = int(np.clip(last_at(plan.t, t), 0, len(plan.phase) - 1))
-    return PHASES[Phase(int(plan.phase[k]))]
+    return PHASES[FlightPhase(int(plan.phase[k]))]
 
 
 def overlay(run: FlightRun, frame: Frame) -> Overlay:

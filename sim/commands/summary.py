@@ -29,7 +29,7 @@ def warnings(recording: Recording) -> list[str]:
     """Warnings of what a good end may hide: a vehicle that the controller had no part in flying."""
     found = []
     for name, agent in recording.agents.items():
-        if agent.requests and all("reserve-plan" in plan.notes for _, plan in agent.plans):
+        if agent.requests and all("fallback-plan" in plan.notes for _, plan in agent.plans):
             found.append(f"{name}: not one of the controller's {agent.requests} answers was flown; see the events")
     return found
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from enum import Enum
 from typing import Any, TypeVar
 
 import numpy as np
@@ -215,7 +216,7 @@ class AgentRunner:
         for note in plan.notes:
             self.record.event(t, note, plan.message)
 
-    def _refused(self, t: float, plan: Plan, status: Status, message: str) -> None:
+    def _refused(self, t: float, plan: Plan, status: Enum, message: str) -> None:
         self.record.event(t, status.name.lower().replace("_", "-"), message or status.value)
         for note in plan.notes:
             self.record.event(t, note, message)

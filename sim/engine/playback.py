@@ -13,7 +13,7 @@ import numpy as np
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.sensing import every
 from mathnavi.sim.interfaces.protocols import Sensor
-from mathnavi.sim.interfaces.signals import Array, Estimate, Event, Measurement, Phase, Plan, PlanRequest
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Event, Measurement, Plan, PlanRequest
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ class RecordedInputs:
     def plan(self, request: PlanRequest) -> Plan:
         """The tracker needs one; what it says does not matter."""
         ends, nothing = np.array([request.t_start, request.t_start + self.period]), np.empty((2, 0))
-        return Plan(ends, nothing, nothing[:1], np.array([int(Phase.OPTIMISED)], dtype=np.int64))
+        return Plan(ends, nothing, nothing[:1], np.array([OPTIMISED], dtype=np.int64))
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         held: Array = self._run.u[int(np.searchsorted(self._run.t, t - TIME_TOLERANCE))].copy()

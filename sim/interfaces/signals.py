@@ -11,7 +11,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum, IntEnum
+from enum import Enum
 from types import MappingProxyType
 from typing import Any
 
@@ -25,7 +25,7 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Status(Enum):
-    """How an estimate or a plan came out; the value is the message for the user."""
+    """Outcome of an estimate or of a plan request; the value is the message for the user."""
 
     OK = "ok"
     INITIALISING = "the estimator has not seen enough measurements yet"
@@ -36,24 +36,11 @@ class Status(Enum):
     NOT_FINITE = "the plan contains NaN or infinity"
     MALFORMED = "the plan's arrays do not fit together, or its arcs do not join"
     LATE = "the plan was not at hand when it should have started"
-    WRONG_START = "the plan does not start on the plan that is being flown"
-    LOW_CLEARANCE = "the plan comes closer to the ground than allowed"
-    OFF_MAP = "the plan leaves the map"
-    BOUNDS = "the plan exceeds the speed or acceleration bound"
-    DEADLINE = "the plan ends after the deadline"
-    NO_ARRIVAL = "the plan does not come to rest at the target"
     NOT_ADMITTED = "the plan was not acknowledged by every other vehicle when it should have started"
 
 
-class Phase(IntEnum):
-    """What an arc of a plan is for."""
-
-    OPTIMISED = 0
-    MANOEUVRE = 1
-    HOVER = 2
-    CLIMB = 3
-    CRUISE = 4
-    DESCENT = 5
+OPTIMISED = 0
+"""Phase of an arc that was optimised; a mission numbers its further phases itself, from 1 on."""
 
 
 def where_raised(error: BaseException) -> str:
@@ -94,8 +81,8 @@ class Plan:
     t: Array  # (K + 1,) [s] absolute, increasing
     x: Array  # (K + 1, nx) state at t
     u: Array  # (K, nu) input over [t[k], t[k + 1]]
-    phase: Integers  # (K,) values of Phase
-    status: Status = Status.OK
+    phase: Integers  # (K,) OPTIMISED, or a phase of the mission's own
+    status: Enum = Status.OK  # a Status, or the mission's own reason for refusing a plan
     message: str = ""  # details behind the status
     ready: float = -np.inf  # [s] simulated time at which the plan is at hand
     cost: float = np.nan  # the planner's objective
@@ -115,7 +102,7 @@ class Plan:
         return float(self.t[-1])
 
     @staticmethod
-    def failure(status: Status, message: str = "", *, ready: float = -np.inf, solve_ms: float = np.nan) -> Plan:
+    def failure(status: Enum, message: str = "", *, ready: float = -np.inf, solve_ms: float = np.nan) -> Plan:
         """A plan that is not there, and why."""
         nothing = np.empty((0, 0))
         return Plan(np.empty(0), nothing, nothing, np.empty(0, np.int64), status, message, ready, solve_ms=solve_ms)

@@ -12,6 +12,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.errors import MissionError, TerrainError
 from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, vector_text
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
 from mathnavi.sim.scenarios.assembler import certified
 from mathnavi.sim.scenarios.flight_parts import check_above_ground
@@ -60,7 +61,7 @@ class FlightPlan:
         states = [x]
         for duration, held in zip(np.diff(times), inputs, strict=True):
             states.append(flow(states[-1], held, float(duration)))
-        phase = np.full(len(inputs), int(Phase.OPTIMISED), dtype=np.int64)
+        phase = np.full(len(inputs), OPTIMISED, dtype=np.int64)
         return FlightPlan(Plan(times, np.array(states), inputs, phase))
 
     @property
@@ -124,11 +125,11 @@ class FlightPlan:
 
 @dataclass(frozen=True, repr=False)
 class Verdict:
-    """Whether a plan is certified, and if not, the first reason why; true in a condition if it is."""
+    """Result of a certificate: certified or not, and the first reason why not; true in a condition if certified."""
 
     certified: bool
     reason: str  # "" where it is certified
-    status: Status
+    status: Enum  # Status.OK, or a Status or FlightStatus that says why not
     clearance: float  # [m] least height above the ground, -inf off the map, NaN of a plan that is malformed
 
     def __bool__(self) -> bool:
@@ -169,7 +170,7 @@ def certify(
     certificate = Certificate(
         raised, clearance_min, speed_max, acceleration_max, place, arrival_radius, float(across), float(up)
     )
-    refusal = certificate.refuse(pi)
+    refusal = certificate.check(pi)
     malformed = refusal is not None and refusal.status in (Status.MALFORMED, Status.NOT_FINITE)
     clearance = math.nan if malformed else FlightPlan(pi).clearance(ground)
     if refusal is None:

@@ -16,6 +16,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mathnavi.models.aerial.plan_status import FlightPhase
     from mathnavi.models.field.curve import Curve, ellipse
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import hyperbolic_space as HyperbolicSpace  # noqa: N812
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
         StoreError,
         TerrainError,
     )
-    from mathnavi.sim.interfaces.signals import Estimate, Measurement, Message, Phase, Plan, PlanRequest, Status
+    from mathnavi.sim.interfaces.signals import Estimate, Measurement, Message, Plan, PlanRequest, Status
     from mathnavi.sim.plugin.registry import PluginSpec
     from mathnavi.sim.scenarios.closed_loop import RunResult
     from mathnavi.sim.scripting.flight import FlightPlan, Verdict, certify, plan_flight
@@ -88,7 +89,7 @@ _PLACES = {
     "Estimate": "sim.interfaces.signals",
     "Measurement": "sim.interfaces.signals",
     "Message": "sim.interfaces.signals",
-    "Phase": "sim.interfaces.signals",
+    "FlightPhase": "models.aerial.plan_status",
     "Plan": "sim.interfaces.signals",
     "PlanRequest": "sim.interfaces.signals",
     "Status": "sim.interfaces.signals",
@@ -135,7 +136,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "Estimate",
     "Measurement",
     "Message",
-    "Phase",
+    "FlightPhase",
     "Plan",
     "PlanRequest",
     "Status",

@@ -24,6 +24,7 @@ from mathnavi.controllers.textbook.input_signal import DrivenMission
 from mathnavi.models.aerial.dynamics import TICK, state_at
 from mathnavi.models.aerial.knowledge import RADARS
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.missile.mission import MissileMission, Target
 from mathnavi.models.quadrotor.mission import QuadrotorMission
@@ -34,7 +35,7 @@ from mathnavi.models.textbook.system import System
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.interfaces.protocols import ControllerPlugin, Planner
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from tests import flight, quadrotor
 from tests.controllers.active_sensing import robots
 from tests.controllers.missile import flights
@@ -284,7 +285,7 @@ def test_a_plan_is_well_formed_and_leads_to_its_end(planner: Planner, bench: Ben
     assert len(plans) >= PERIODS // 2
     for plan in plans:
         bench.assert_well_formed(plan)
-        assert set(plan.phase) <= set(Phase)
+        assert set(plan.phase) <= set(FlightPhase)
 
 
 def test_a_later_plan_starts_when_asked_to_and_on_the_plan_being_flown(planner: Planner, bench: Bench) -> None:
@@ -342,7 +343,7 @@ def test_news_reach_it_and_strange_messages_do_not_matter(plugin: type[Controlle
 def test_where_there_is_no_way_on_the_answer_says_so_or_is_well_formed(planner: Planner, bench: Bench) -> None:
     for state in bench.hopeless:
         plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, state), None))
-        assert isinstance(plan.status, Status)
+        assert isinstance(plan.status, Status | FlightStatus)
         if plan.ok:  # what it is worth is for a certificate to say
             bench.assert_well_formed(plan)
         else:

@@ -27,7 +27,7 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.faults import Gusts
 from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.interfaces.protocols import ControllerPlugin, Tracker
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan
 from tests import flight
 from tests.controllers.active_sensing import robots
 from tests.controllers.missile import flights
@@ -65,7 +65,7 @@ def slalom() -> Plan:
         t.append(t[-1] + float(d))
         x.append(flow(x[-1], a, float(d)))
     x[-1] = flight.at_rest(x[-1][:3])
-    return Plan(np.array(t), np.array(x), u, np.full(9, int(Phase.OPTIMISED)))
+    return Plan(np.array(t), np.array(x), u, np.full(9, OPTIMISED))
 
 
 def flight_bench() -> Bench:

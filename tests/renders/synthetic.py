@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Phase
+from mathnavi.sim.interfaces.signals import Array
 
 TICK = 1.0 / 300.0
 PERIOD = 5.0 / 3.0
@@ -137,10 +138,10 @@ def _plans(t: Array, x: Array, terrain: HeightField, target: Array) -> dict[str,
         knots = np.unique(knots)
         states = [x[min(round(k / TICK), len(t) - 1)] for k in knots]
         inputs = [(after[3:] - before[3:]) / PERIOD for before, after in pairwise(states)]
-        phases = [int(Phase.OPTIMISED)] * len(inputs)
+        phases = [int(FlightPhase.OPTIMISED)] * len(inputs)
         times = knots.tolist()
 
-        def arc(velocity_end: Array, duration: float, phase: Phase) -> None:
+        def arc(velocity_end: Array, duration: float, phase: FlightPhase) -> None:
             before = states[-1]  # noqa: B023
             a = (velocity_end - before[3:]) / duration
             after = np.concatenate([before[:3] + 0.5 * (before[3:] + velocity_end) * duration, velocity_end])
@@ -149,10 +150,10 @@ def _plans(t: Array, x: Array, terrain: HeightField, target: Array) -> dict[str,
             phases.append(int(phase))  # noqa: B023
             times.append(times[-1] + duration)  # noqa: B023
 
-        def leg(displacement: Array, phase: Phase) -> None:
+        def leg(displacement: Array, phase: FlightPhase) -> None:
             length = float(np.linalg.norm(displacement))
             if length > 1.0:
-                top = displacement / length * min(CLIMB_SPEED if phase is not Phase.CRUISE else SPEED, length)
+                top = displacement / length * min(CLIMB_SPEED if phase is not FlightPhase.CRUISE else SPEED, length)
                 arc(top, 8.0, phase)
                 rest = length - float(np.linalg.norm(top)) * 8.0
                 if rest > 0.0:
@@ -160,11 +161,11 @@ def _plans(t: Array, x: Array, terrain: HeightField, target: Array) -> dict[str,
                 arc(np.zeros(3), 8.0, phase)
 
         for share in (0.8, 0.6, 0.4, 0.2, 0.0):
-            arc(share * states[12 if len(knots) == 13 else len(knots) - 1][3:], PERIOD, Phase.MANOEUVRE)
-        arc(np.zeros(3), PERIOD, Phase.HOVER)
-        leg(np.array([0.0, 0.0, ceiling - states[-1][2]]), Phase.CLIMB)
-        leg(np.array([*(target[:2] - states[-1][:2]), 0.0]), Phase.CRUISE)
-        leg(np.array([0.0, 0.0, target[2] - states[-1][2]]), Phase.DESCENT)
+            arc(share * states[12 if len(knots) == 13 else len(knots) - 1][3:], PERIOD, FlightPhase.MANOEUVRE)
+        arc(np.zeros(3), PERIOD, FlightPhase.HOVER)
+        leg(np.array([0.0, 0.0, ceiling - states[-1][2]]), FlightPhase.CLIMB)
+        leg(np.array([*(target[:2] - states[-1][:2]), 0.0]), FlightPhase.CRUISE)
+        leg(np.array([0.0, 0.0, target[2] - states[-1][2]]), FlightPhase.DESCENT)
         rows.append(
             (np.array(times), np.array(states), np.array([*inputs, np.full(3, np.nan)]), np.array([*phases, -1]))
         )

@@ -87,7 +87,7 @@ def test_a_plan_of_ones_own_is_integrated_exactly_and_judged() -> None:
     broken = mn.Plan(own.t, own.x + np.eye(3, 6), own.u, own.plan.phase)
     assert mn.certify(broken, ground).status is mn.Status.MALFORMED
     leaving = mn.FlightPlan.from_inputs([0, 10, 20], [100, 100, 60, 0, 0, 0], [[-4, 0, 0], [4, 0, 0]])
-    assert mn.certify(leaving, ground).status is mn.Status.OFF_MAP
+    assert mn.certify(leaving, ground).status is mn.FlightStatus.OFF_MAP
 
 
 @pytest.mark.parametrize("space", [mn.Sphere(2), mn.HyperbolicSpace(2), mn.EuclideanSpace(3)])

@@ -14,12 +14,12 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
+from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.library import load_terrain
 from mathnavi.renders.figures import STYLE
 from mathnavi.renders.statistics_figures import rates_figure_on
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.interfaces.signals import Phase
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
@@ -95,7 +95,7 @@ def arcs(outcome: RunResult) -> dict[str, Any]:
     terrain, least = load_terrain(outcome.config["terrain"]["path"]), mission["clearance_min"]
     found = {"arcs": 0, "arcs_dipping": 0, "arcs_under_ground": 0, "deepest_m": 0.0}
     for _, plan in outcome.recording.agents[VEHICLE].plans:
-        optimised = np.flatnonzero(plan.phase == Phase.OPTIMISED)
+        optimised = np.flatnonzero(plan.phase == FlightPhase.OPTIMISED)
         if not len(optimised):
             continue
         x = plan.x[: optimised[-1] + 2]

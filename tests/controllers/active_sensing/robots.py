@@ -13,8 +13,9 @@ from mathnavi.controllers.active_sensing.plugin import ActiveSensing
 from mathnavi.controllers.active_sensing.policies import InputSequence
 from mathnavi.models.field.curve import Curve, ellipse
 from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.models.unicycle.phases import DrivePhase
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 
 FIELD = ellipse(3.763, math.sqrt(2.0))
 TWO = (math.radians(60.0), math.radians(-60.0))
@@ -105,4 +106,4 @@ def winding_path(task: RangingMission) -> Plan:
     rng = np.random.default_rng(3)
     duration = rng.uniform(0.3, 0.7, 9)
     u = rng.uniform(-0.5, 0.5, (9, 2)) * np.array([task.speed_max, task.turn_rate_max])
-    return InputSequence(duration, u, Phase.CRUISE).plan(0.0, START, math.nan)
+    return InputSequence(duration, u, DrivePhase.CRUISE).plan(0.0, START, math.nan)

@@ -14,7 +14,8 @@ from mathnavi.controllers.active_sensing.belief import Belief
 from mathnavi.controllers.active_sensing.candidate_search import Containment, candidates
 from mathnavi.controllers.active_sensing.criteria import ExpectedCovariance
 from mathnavi.models.field.curve import BEAN, EGG, Curve
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Status
+from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from tests.controllers.active_sensing.robots import FIELD, START, assert_well_formed, built, fly, knowing, mission
 
 MODES = ("active", "singular-value", "random")
@@ -92,7 +93,7 @@ def test_from_too_near_to_the_wall_the_way_back_is_slow_and_told_once(seed: int)
     start = np.array([*(0.97 * task.curve.points(np.array(s))), rng.uniform(-math.pi, math.pi)])
     flight = fly(built(task, mode="active"), task, start, 8.0, knowing(0.05))
     assert flight.kinds == ["way-back"]
-    backing = [plan for plan in flight.plans if plan.phase[0] == Phase.MANOEUVRE]
+    backing = [plan for plan in flight.plans if plan.phase[0] == DrivePhase.MANOEUVRE]
     assert backing
     assert all(abs(plan.u[0, 0]) <= 0.2 * task.speed_max for plan in backing)
     clearances = [task.curve.distance(x[:2]) for x in flight.truth]

@@ -10,7 +10,8 @@ import pytest
 from mathnavi.controllers.active_sensing.policies import Circle, FigureEight
 from mathnavi.controllers.active_sensing.then_track import ReferencePath
 from mathnavi.models.field.curve import BEAN, EGG, Curve
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Status
+from mathnavi.models.unicycle.phases import DrivePhase
+from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from tests.controllers.active_sensing.robots import FIELD, START, assert_well_formed, built, fly, mission
 
 PATH = {"then": "figure-eight", "speed": 0.3}
@@ -43,7 +44,7 @@ def test_it_explores_until_the_estimate_is_certain() -> None:
     flight = fly(built(task, **PATH), task, START, 6.0, believing)
     assert flight.events == [(pytest.approx(3.0), "tracking")]
     for plan in flight.plans:
-        assert (int(plan.phase[0]) == Phase.CRUISE) is (plan.t_start > 3.1)
+        assert (int(plan.phase[0]) == DrivePhase.CRUISE) is (plan.t_start > 3.1)
 
 
 @pytest.mark.parametrize("worse", ["unsure", "lost"])

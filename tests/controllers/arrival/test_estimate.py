@@ -10,7 +10,8 @@ import pytest
 
 from mathnavi.controllers.arrival.estimate import ArrivalEstimate
 from mathnavi.models.aerial.dynamics import flow
-from mathnavi.sim.interfaces.signals import Array, Phase, Plan
+from mathnavi.models.aerial.plan_status import FlightPhase
+from mathnavi.sim.interfaces.signals import Array, Plan
 
 TARGET = np.array([1000.0, 0.0, 100.0])
 
@@ -20,7 +21,7 @@ def straight(points: Array) -> Array:
     return np.linalg.norm(points - TARGET, axis=1)
 
 
-def planned(pushes: list[tuple[float, float, Phase]], t: float = 5.0) -> Plan:
+def planned(pushes: list[tuple[float, float, FlightPhase]], t: float = 5.0) -> Plan:
     """Arcs (a_x, duration, phase) from rest at the origin."""
     x, times = [np.array([0.0, 0.0, 100.0, 0.0, 0.0, 0.0])], [t]
     for push, duration, _ in pushes:
@@ -30,7 +31,7 @@ def planned(pushes: list[tuple[float, float, Phase]], t: float = 5.0) -> Plan:
     return Plan(np.array(times), np.array(x), u, np.array([phase for _, _, phase in pushes], np.int64))
 
 
-TO_100_M_S = [(10.0, 10.0, Phase.OPTIMISED), (-50.0, 2.0, Phase.MANOEUVRE)]  # 500 m, then it stops
+TO_100_M_S = [(10.0, 10.0, FlightPhase.OPTIMISED), (-50.0, 2.0, FlightPhase.MANOEUVRE)]  # 500 m, then it stops
 
 
 def told(plan: Plan, t: float, **fields: Any) -> float:
@@ -45,14 +46,18 @@ def test_beyond_the_horizon_the_rest_of_the_way_is_flown_at_v_max() -> None:
 
 
 def test_other_speeds_are_those_of_the_nodes() -> None:
-    plan = planned([(10.0, 5.0, Phase.OPTIMISED), (10.0, 5.0, Phase.OPTIMISED), (-50.0, 2.0, Phase.MANOEUVRE)])
+    plan = planned(
+        [(10.0, 5.0, FlightPhase.OPTIMISED), (10.0, 5.0, FlightPhase.OPTIMISED), (-50.0, 2.0, FlightPhase.MANOEUVRE)]
+    )
     assert told(plan, 5.0, speed="mean") == pytest.approx(15.0 + 500.0 / 25.0)
     assert told(plan, 5.0, speed="largest") == pytest.approx(15.0 + 500.0 / 50.0)
-    assert told(planned([(0.0, 5.0, Phase.HOVER)]), 5.0, speed="mean") == math.inf
+    assert told(planned([(0.0, 5.0, FlightPhase.HOVER)]), 5.0, speed="mean") == math.inf
 
 
 def test_a_plan_that_meets_its_target_is_as_good_as_it_says() -> None:
-    plan = planned([(20.0, 10.0, Phase.OPTIMISED), (0.0, 5.0, Phase.OPTIMISED), (-40.0, 5.0, Phase.MANOEUVRE)])
+    plan = planned(
+        [(20.0, 10.0, FlightPhase.OPTIMISED), (0.0, 5.0, FlightPhase.OPTIMISED), (-40.0, 5.0, FlightPhase.MANOEUVRE)]
+    )
     assert plan.x[1, 0] == pytest.approx(1000.0)
     for speed in ("max", "mean", "largest"):
         assert told(plan, 6.0, speed=speed) == pytest.approx(15.0)

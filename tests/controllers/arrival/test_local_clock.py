@@ -11,8 +11,9 @@ from mathnavi.controllers.arrival.local_clock import CLOCK, ClockedCoordinator, 
 from mathnavi.controllers.arrival.maximum import Maximum, MaximumConfig
 from mathnavi.controllers.arrival.separation import TOPIC, Separation
 from mathnavi.controllers.arrival.zone import Zone
+from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.fleet.graph import Graph
-from mathnavi.sim.interfaces.signals import Message, Phase, Plan
+from mathnavi.sim.interfaces.signals import Message, Plan
 
 NAMES = ("a", "b")
 GRAPH = Graph.line(NAMES)
@@ -23,7 +24,7 @@ OFFSETS = {"a": 7.0, "b": -4.0}  # [s]
 def resting(place: float, t: float = 0.0) -> Plan:
     x = np.zeros((2, 6))
     x[:, 0] = place
-    return Plan(np.array([t, t + 50.0]), x, np.zeros((1, 3)), np.array([Phase.HOVER], np.int64))
+    return Plan(np.array([t, t + 50.0]), x, np.zeros((1, 3)), np.array([FlightPhase.HOVER], np.int64))
 
 
 def clocked(name: str, place: float, settling: float) -> ClockedCoordinator:

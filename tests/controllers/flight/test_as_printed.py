@@ -13,8 +13,9 @@ from scipy.optimize import minimize
 from mathnavi.controllers.flight.as_printed import AsPrintedConfig, AsPrintedFlight, EulerNlp, solve, steepest_sine
 from mathnavi.controllers.flight.cost_to_go import trilinear_cost
 from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests import flight
 
 H = 5.0 / 3.0
@@ -64,7 +65,7 @@ def flown_plans() -> list[tuple[PlanRequest, Plan]]:
 
 
 def optimised(asked: list[tuple[PlanRequest, Plan]]) -> list[Plan]:
-    return [plan for _, plan in asked if plan.ok and plan.phase[0] == Phase.OPTIMISED]
+    return [plan for _, plan in asked if plan.ok and plan.phase[0] == FlightPhase.OPTIMISED]
 
 
 def test_the_nodes_are_forward_eulers() -> None:
@@ -125,7 +126,7 @@ def test_its_inputs_are_held_for_h_and_its_arcs_are_the_exact_motion() -> None:
     assert len(plans) > 10
     for plan in plans:
         flight.assert_well_formed(plan)
-        arcs = int((plan.phase == Phase.OPTIMISED).sum())
+        arcs = int((plan.phase == FlightPhase.OPTIMISED).sum())
         assert arcs == 13
         np.testing.assert_allclose(np.diff(plan.t[: arcs + 1]), H)
         np.testing.assert_array_equal(plan.u[arcs - 1], 0.0)  # a_N
@@ -133,7 +134,7 @@ def test_its_inputs_are_held_for_h_and_its_arcs_are_the_exact_motion() -> None:
 
 def test_it_keeps_the_prints_boxes() -> None:
     for plan in optimised(flown_plans()):
-        first = plan.phase == Phase.OPTIMISED
+        first = plan.phase == FlightPhase.OPTIMISED
         assert np.abs(plan.x[:-1][first, 3:]).max() <= 300.0 + 1e-2
         assert np.abs(plan.u[first]).max() <= 40.0 / math.sqrt(3.0)
 
@@ -164,7 +165,7 @@ def test_where_the_nlp_fails_the_last_plan_stays_and_the_failure_says_why() -> N
     for request, plan in flown_plans():
         if not plan.ok:
             assert request.current is not None
-            assert plan.status in (Status.INFEASIBLE, Status.SOLVER_FAILED, Status.LOW_CLEARANCE)
+            assert plan.status in (Status.INFEASIBLE, Status.SOLVER_FAILED, FlightStatus.LOW_CLEARANCE)
             assert plan.message.startswith("the NLP (A.2)" if not plan.notes else "the manoeuvre (A.4)")
 
 

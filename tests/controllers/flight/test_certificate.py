@@ -16,7 +16,8 @@ from mathnavi.controllers.flight.completion import ArcList, complete
 from mathnavi.controllers.flight.planner import StopAndHover, complete_by
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest, Status
+from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest, Status
 from tests import flight
 
 BOUND = TrackingBound(2.0, 3.0, 1.0, 2.0)
@@ -59,7 +60,7 @@ def straight_through(certificate: Certificate, good: Plan) -> Plan:
     way = certificate.target - good.x[0, :3]
     duration = 2.0 * float(np.linalg.norm(way)) / 250.0  # 250 m/s half-way
     for sign in (1.0, -1.0):
-        arcs.add(sign * 4.0 * way / duration**2, 0.5 * duration, Phase.CRUISE)
+        arcs.add(sign * 4.0 * way / duration**2, 0.5 * duration, FlightPhase.CRUISE)
     arcs.rest()
     return arcs.plan(0.0, 0.0)
 
@@ -68,7 +69,7 @@ def over_the_edge(certificate: Certificate, good: Plan) -> Plan:
     """Off the map and back, and then the good way on."""
     arcs = ArcList.begin(0.0, good.x[0])
     for sign in (-1.0, 1.0, 1.0, -1.0):
-        arcs.add(sign * np.array([30.0, 0.0, 0.0]), 8.0, Phase.CRUISE)
+        arcs.add(sign * np.array([30.0, 0.0, 0.0]), 8.0, FlightPhase.CRUISE)
     arcs.rest()
     complete_by(arcs, certificate)
     return arcs.plan(0.0, 0.0)
@@ -108,30 +109,30 @@ BAD: dict[str, tuple[Status, Callable[[Certificate, Plan], Plan]]] = {
     "a NaN among the inputs": (Status.NOT_FINITE, lambda c, p: dataclasses.replace(p, u=with_nan(p.u))),
     "a NaN among the times": (Status.NOT_FINITE, lambda c, p: dataclasses.replace(p, t=with_nan(p.t))),
     "never ends": (Status.NOT_FINITE, lambda c, p: dataclasses.replace(p, t=np.append(p.t[:-1], np.inf))),
-    "through the mountain": (Status.LOW_CLEARANCE, straight_through),
-    "a little too low": (Status.LOW_CLEARANCE, lambda c, p: shifted(p, np.array([0, 0, -45.0, 0, 0, 0]))),
-    "over the edge of the map": (Status.OFF_MAP, over_the_edge),
-    "too fast": (Status.BOUNDS, lambda c, p: scaled(p, 1.01)),
-    "beside the target": (Status.NO_ARRIVAL, lambda c, p: shifted(p, np.array([60.0, 0, 500.0, 0, 0, 0]))),
+    "through the mountain": (FlightStatus.LOW_CLEARANCE, straight_through),
+    "a little too low": (FlightStatus.LOW_CLEARANCE, lambda c, p: shifted(p, np.array([0, 0, -45.0, 0, 0, 0]))),
+    "over the edge of the map": (FlightStatus.OFF_MAP, over_the_edge),
+    "too fast": (FlightStatus.BOUNDS, lambda c, p: scaled(p, 1.01)),
+    "beside the target": (FlightStatus.NO_ARRIVAL, lambda c, p: shifted(p, np.array([60.0, 0, 500.0, 0, 0, 0]))),
     "only half of the way": (
-        Status.NO_ARRIVAL,
+        FlightStatus.NO_ARRIVAL,
         lambda c, p: dataclasses.replace(p, t=p.t[:4], x=p.x[:4], u=p.u[:3], phase=p.phase[:3]),
     ),
     "does not stop": (
-        Status.NO_ARRIVAL,
+        FlightStatus.NO_ARRIVAL,
         lambda c, p: dataclasses.replace(p, t=p.t[:-1], x=p.x[:-1], u=p.u[:-1], phase=p.phase[:-1]),
     ),
 }
 
 
 def test_what_may_be_flown_is_certified(certificate: Certificate, good: Plan) -> None:
-    assert certificate.refuse(good) is None
+    assert certificate.check(good) is None
 
 
 @pytest.mark.parametrize("name", BAD)
 def test_what_may_not_be_flown_is_refused_for_the_right_reason(name: str, certificate: Certificate, good: Plan) -> None:
     status, spoil = BAD[name]
-    refusal = certificate.refuse(spoil(certificate, good))
+    refusal = certificate.check(spoil(certificate, good))
     assert refusal is not None
     assert refusal.status is status, refusal.message
     assert refusal.message
@@ -139,9 +140,9 @@ def test_what_may_not_be_flown_is_refused_for_the_right_reason(name: str, certif
 
 def test_the_clearance_is_exact_not_sampled(certificate: Certificate, mission: FlightMission, good: Plan) -> None:
     raised = certificate.terrain.path_clearance(good.x[:-1, :3], good.x[:-1, 3:], good.u, np.diff(good.t)).min()
-    for margin, status in ((1e-6, None), (-1e-6, Status.LOW_CLEARANCE)):
+    for margin, status in ((1e-6, None), (-1e-6, FlightStatus.LOW_CLEARANCE)):
         demanding = dataclasses.replace(certificate, clearance_min=float(raised) - margin)
-        refusal = demanding.refuse(good)
+        refusal = demanding.check(good)
         assert (refusal.status if refusal else None) is status
 
 
@@ -198,9 +199,9 @@ def retreat(certificate: Certificate, good: Plan, wait: float = 0.0) -> Plan:
     request = later_request(good)
     arcs = ArcList.begin(request.t_start, state_at(good, request.t_start))
     v = arcs.x[-1][3:]
-    arcs.add(-v / 10.0, 10.0, Phase.MANOEUVRE)
+    arcs.add(-v / 10.0, 10.0, FlightPhase.MANOEUVRE)
     arcs.rest()
-    arcs.add(np.zeros(3), wait, Phase.HOVER)
+    arcs.add(np.zeros(3), wait, FlightPhase.HOVER)
     complete_by(arcs, certificate)
     return arcs.plan(0.0, 0.0)
 
@@ -268,14 +269,14 @@ def test_a_pass_after_which_the_mission_goes_on_is_missed_once_and_never_shorten
 @pytest.mark.parametrize("side", ["west", "east"])
 def test_a_plan_along_the_edge_of_the_map_leaves_the_tracker_room(mission: FlightMission, side: str) -> None:
     bound = TrackingBound(5.0, 5.0, 1.0, 1.0)
-    for inside, status in ((5.5, None), (4.5, Status.OFF_MAP)):
+    for inside, status in ((5.5, None), (4.5, FlightStatus.OFF_MAP)):
         x = inside if side == "west" else mission.terrain.width - inside
         ends = [flight.above(mission.terrain, (x, y), 300.0) for y in (1500.0, 9000.0)]
         edge = dataclasses.replace(mission, start=ends[0], target=ends[1])
         certificate = Certificate.of(edge, bound)
         arcs = ArcList.begin(0.0, flight.at_rest(edge.start))
         complete_by(arcs, certificate)
-        refusal = certificate.refuse(arcs.plan(0.0, 0.0))
+        refusal = certificate.check(arcs.plan(0.0, 0.0))
         assert (refusal.status if refusal else None) is status
 
 
@@ -288,13 +289,13 @@ def test_an_error_that_is_not_a_number_breaks_the_bound() -> None:
 ANSWERS: dict[str, tuple[Status, Callable[[Certificate, Plan], Plan | Exception]]] = {
     "fails": (Status.SOLVER_FAILED, lambda c, p: Plan.failure(Status.SOLVER_FAILED, "no")),
     "raises": (Status.RAISED, lambda c, p: ZeroDivisionError("division by zero")),
-    "starts too early": (Status.WRONG_START, lambda c, p: moved(retreat(c, p), -0.5)),
+    "starts too early": (FlightStatus.WRONG_START, lambda c, p: moved(retreat(c, p), -0.5)),
     "starts beside the plan": (
-        Status.WRONG_START,
+        FlightStatus.WRONG_START,
         lambda c, p: shifted(retreat(c, p), np.array([1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])),
     ),
-    "leads through the mountain": (Status.LOW_CLEARANCE, straight_through),
-    "comes to the target after the deadline": (Status.DEADLINE, lambda c, p: retreat(c, p, wait=p.t_end)),
+    "leads through the mountain": (FlightStatus.LOW_CLEARANCE, straight_through),
+    "comes to the target after the deadline": (FlightStatus.DEADLINE, lambda c, p: retreat(c, p, wait=p.t_end)),
     "is NaN": (Status.NOT_FINITE, lambda c, p: dataclasses.replace(retreat(c, p), x=with_nan(retreat(c, p).x))),
 }
 
@@ -321,8 +322,8 @@ def test_a_first_answer_that_may_not_be_flown_is_replaced_by_the_reserve(
         return  # at the start there is none yet
     plan = certified(certificate, Answers(ANSWERS[name][1](certificate, good))).plan(first_request(mission))
     assert plan.ok
-    assert plan.notes == ("reserve-plan",)
-    assert certificate.refuse(plan) is None
+    assert plan.notes == ("fallback-plan",)
+    assert certificate.check(plan) is None
 
 
 def test_a_first_answer_that_is_late_is_replaced_by_the_reserve(
@@ -331,7 +332,7 @@ def test_a_first_answer_that_is_late_is_replaced_by_the_reserve(
     plan = certified(certificate, Answers(dataclasses.replace(good, ready=0.5))).plan(first_request(mission))
     assert plan.ok
     assert plan.ready <= plan.t_start
-    assert plan.notes == ("reserve-plan",)
+    assert plan.notes == ("fallback-plan",)
 
 
 def test_a_vehicle_off_its_plan_is_planned_for_from_where_it_is(
@@ -346,7 +347,7 @@ def test_a_vehicle_off_its_plan_is_planned_for_from_where_it_is(
     assert {"tracking-breach", "rebased"} <= set(plan.notes)
     assert plan.t_start == request.t
     np.testing.assert_array_equal(plan.x[0], x)
-    assert certificate.refuse(plan) is None
+    assert certificate.check(plan) is None
 
 
 def test_a_vehicle_off_its_plan_without_a_way_on_is_a_loss_that_is_announced(

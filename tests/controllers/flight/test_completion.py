@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from mathnavi.controllers.flight.completion import ArcList, complete, highest_ground
 from mathnavi.models.aerial.dynamics import flow
+from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Array, Phase, Plan
+from mathnavi.sim.interfaces.signals import Array, Plan
 from tests import flight
 
 CLEARANCE, SPEED, ACCELERATION = 50.0, 300.0, 40.0
@@ -51,8 +52,8 @@ def test_it_rests_on_the_target_keeps_the_bounds_and_clears_the_ground(
 
 def test_its_phases_follow_each_other() -> None:
     plan = completed(np.array([*point(flight.START, 100.0), 0.0, 0.0, 60.0]), point(flight.TARGET, 100.0))
-    order = list(dict.fromkeys(Phase(phase) for phase in plan.phase))
-    assert order == [Phase.MANOEUVRE, Phase.CLIMB, Phase.CRUISE, Phase.DESCENT]
+    order = list(dict.fromkeys(FlightPhase(phase) for phase in plan.phase))
+    assert order == [FlightPhase.MANOEUVRE, FlightPhase.CLIMB, FlightPhase.CRUISE, FlightPhase.DESCENT]
 
 
 def test_it_is_as_fast_as_its_bounds_allow() -> None:
@@ -79,8 +80,8 @@ def test_off_the_map_the_ground_is_infinitely_high() -> None:
 def test_arcs_join_exactly(u: list[tuple[float, float, float]], duration: float) -> None:
     arcs = ArcList.begin(3.0, np.array([1e4, 2e4, 3e3, 10.0, -20.0, 5.0]))
     for held in u:
-        arcs.add(np.array(held), duration, Phase.OPTIMISED)
-        arcs.add(np.array(held), 0.0, Phase.OPTIMISED)  # an arc of no length is no arc
+        arcs.add(np.array(held), duration, FlightPhase.OPTIMISED)
+        arcs.add(np.array(held), 0.0, FlightPhase.OPTIMISED)  # an arc of no length is no arc
     plan = arcs.plan(0.0, 0.0)
     assert len(plan.u) == len(u)
     np.testing.assert_array_equal(flow(plan.x[:-1], plan.u, duration), plan.x[1:])
@@ -93,5 +94,5 @@ def test_level_flight_is_at_the_level_that_is_told_unless_the_ground_is_higher()
         arcs = ArcList.begin(0.0, np.concatenate([start, np.zeros(3)]))
         complete(arcs, terrain, target, 50.0, 300.0, 40.0, level=level)
         plan = arcs.plan(0.0, 0.0)
-        cruising = plan.x[:-1][plan.phase == Phase.CRUISE]
+        cruising = plan.x[:-1][plan.phase == FlightPhase.CRUISE]
         assert cruising[:, 2] == pytest.approx(expected)

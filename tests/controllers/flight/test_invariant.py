@@ -25,10 +25,11 @@ from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.estimators.full_state import FullState, FullStateConfig
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 from mathnavi.sim.metrics.flight import flown_clearance
 from tests import flight
 
@@ -43,7 +44,7 @@ def detour(request: PlanRequest, way: Callable[[ArcList], None]) -> Plan:
     assert request.current is not None
     arcs = ArcList.begin(request.t_start, state_at(request.current, request.t_start))
     v = arcs.x[-1][3:]
-    arcs.add(-v / 10.0, 10.0, Phase.MANOEUVRE)
+    arcs.add(-v / 10.0, 10.0, FlightPhase.MANOEUVRE)
     arcs.rest()
     way(arcs)
     return arcs.plan(0.0, 0.0)
@@ -55,13 +56,13 @@ def straight(arcs: ArcList) -> None:
     distance = float(np.linalg.norm(way))
     duration = max(2.0 * distance / 290.0, np.sqrt(4.0 * distance / 20.0), 1.0)  # 290 m/s and 20 m/s^2 at most
     for sign in (1.0, -1.0):
-        arcs.add(sign * 4.0 * way / duration**2, 0.5 * duration, Phase.CRUISE)
+        arcs.add(sign * 4.0 * way / duration**2, 0.5 * duration, FlightPhase.CRUISE)
     arcs.rest()
 
 
 def dawdling(arcs: ArcList) -> None:
     """A minute of hover, and then the way by completion."""
-    arcs.add(np.zeros(3), 60.0, Phase.HOVER)
+    arcs.add(np.zeros(3), 60.0, FlightPhase.HOVER)
     complete_by(arcs, CERTIFICATE)
 
 
@@ -194,7 +195,7 @@ class Watched:
         self._flown = current
         self._expect(current.ready <= current.t_start + 1e-9, "was late")
         self._expect(not BOUND.broken_by(request.estimate.x - state_at(current, request.t)), "is not where it is")
-        refusal = CERTIFICATE.refuse(current)
+        refusal = CERTIFICATE.check(current)
         self._expect(refusal is None, f"is not certified: {refusal}")
         self._expect(current.t_end <= self.deadline + 1e-9, f"ends at {current.t_end}")
 

@@ -57,12 +57,12 @@ class Watched:
         return answer
 
     def _examine(self, request: PlanRequest, answer: Plan | None) -> None:
-        self._certificate = self._certificate.told(request.messages)
+        self._certificate = self._certificate.updated_with(request.messages)
         if request.current is None:
             return
         at_once = answer is not None and answer.ok and answer.t_start <= request.t
         flown = answer if at_once and answer is not None else remainder(request.current, request.t)
-        danger, notes = self._certificate.endangered(flown), () if answer is None else answer.notes
+        danger, notes = self._certificate.check_clearance(flown), () if answer is None else answer.notes
         if (danger is not None) != ("guarantee-lost" in notes):
             self.broken.append(f"at {request.t:.2f} s {danger}, and {notes}")
 
@@ -228,7 +228,7 @@ def test_off_its_plan_over_a_wrong_map_it_takes_the_way_with_more_clearance(lost
         estimate = dataclasses.replace(estimate, status=Status.LOST if lost else Status.OK)
         told = (Message(t, "survey", TERRAIN, ground),)
         answer = planner.plan(PlanRequest(t, t + planner.period, estimate, current, told))
-        least = CERTIFICATE.told(told).clearances
+        least = CERTIFICATE.updated_with(told).clearances
         if answer.ok and "guarantee-lost" in answer.notes:
             tried += 1
             assert least(answer).min() > least(remainder(current, t)).min()

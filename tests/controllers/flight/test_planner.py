@@ -13,8 +13,9 @@ from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
 from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.models.aerial.dynamics import input_at, state_at
+from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan, PlanRequest
+from mathnavi.sim.interfaces.signals import Array, Estimate, Plan, PlanRequest
 from tests import flight
 
 MISSION = flight.mission()
@@ -60,10 +61,10 @@ def following(planner: Planner, current: Plan | None, t: float) -> Plan:
 def test_a_plan_begins_with_the_arcs_of_the_grid_and_is_certified(config: FlightConfig) -> None:
     planner, _ = SafeFlight.build(config, MISSION)
     plan = following(planner, None, 0.0)
-    optimised = plan.phase == Phase.OPTIMISED
+    optimised = plan.phase == FlightPhase.OPTIMISED
     np.testing.assert_allclose(np.diff(plan.t)[optimised], config.lengths, rtol=1e-9)
     flight.assert_well_formed(plan)
-    assert CERTIFICATE.refuse(plan) is None
+    assert CERTIFICATE.check(plan) is None
 
 
 @pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
@@ -86,7 +87,7 @@ def test_a_solver_starts_from_what_the_plan_being_flown_does_at_the_same_time(
     for k in range(1, 6):
         del asked[:]
         plan = following(planner, current, k * period)
-        optimised_until = current.t[1:][current.phase == Phase.OPTIMISED][-1]
+        optimised_until = current.t[1:][current.phase == FlightPhase.OPTIMISED][-1]
         for problem, guess in asked:
             middles = (k + 1) * period + problem.stencil.middles
             wanted = [input_at(current, t) if t < optimised_until else np.zeros(3) for t in middles]
@@ -103,7 +104,7 @@ def test_a_target_within_the_horizon_is_met_at_a_node_and_the_time_of_that_is_ke
     while t + 2.0 * planner.period < (arrivals[-1] if arrivals else 100.0):
         t += planner.period
         plan = following(planner, current, t)
-        if plan.ok and CERTIFICATE.refuse(plan) is None:
+        if plan.ok and CERTIFICATE.check(plan) is None:
             current = plan
             arrival = pass_time(plan, CERTIFICATE.target, t)
             if arrival < t + planner.period + config.duration + config.lengths[0]:

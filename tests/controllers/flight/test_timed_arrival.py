@@ -17,8 +17,9 @@ from mathnavi.controllers.flight.completion import ArcList, complete
 from mathnavi.controllers.flight.planner import ARRIVAL, StopAndHover
 from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
 from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Phase, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 from tests import flight
 
 MISSION = flight.mission()
@@ -116,14 +117,14 @@ def test_the_stored_plan_waits_for_its_time(fails_from: float) -> None:
     found, plans = arrival(lambda t: 100.0, fails_from)
     assert abs(found - 100.0) < H
     flown = [plan for plan in plans if plan.ok][-1]
-    assert Phase.HOVER in flown.phase
+    assert FlightPhase.HOVER in flown.phase
 
 
 def test_where_too_little_time_is_left_for_the_stored_plan_it_is_late_and_arrives() -> None:
     """To stop, climb, cross and come down takes longer than to fly on."""
     found, plans = arrival(lambda t: 100.0, 55.0)
     assert 100.0 + H < found < 115.0
-    assert Phase.HOVER not in [plan for plan in plans if plan.ok][-1].phase
+    assert FlightPhase.HOVER not in [plan for plan in plans if plan.ok][-1].phase
 
 
 def test_times_that_are_none_are_ignored() -> None:
@@ -147,7 +148,7 @@ def test_waiting_puts_off_the_end_and_nothing_else(seed: int, wait: float) -> No
     waiting = completed(plain.t_end + wait)
     assert waiting.t_end == pytest.approx(plain.t_end + wait, abs=1e-8)
     assert _path(waiting) == pytest.approx(_path(plain), abs=1e-6)
-    assert np.isin(waiting.phase, list(Phase)).all()
+    assert np.isin(waiting.phase, list(FlightPhase)).all()
     ends = [state_at(waiting, float(t)) for t in waiting.t[1:]]
     assert np.array(ends) == pytest.approx(waiting.x[1:], abs=1e-6)
 

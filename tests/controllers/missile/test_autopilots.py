@@ -15,7 +15,7 @@ from mathnavi.controllers.missile.tvlqr import TimeVaryingLQR, gains
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.dynamics import NOMINAL, Body
 from mathnavi.models.missile.mission import MissileMission, Target
-from mathnavi.sim.interfaces.signals import Array, Estimate, Phase, Plan
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan
 from tests.controllers.missile.flights import deviation, first_plan, mission
 
 AUTOPILOTS: dict[str, Callable[[MissileMission], Autopilot]] = {
@@ -184,7 +184,7 @@ def test_the_regulator_is_the_textbooks_where_nothing_varies() -> None:
     weight = NOMINAL.mass * NOMINAL.gravity
     t = np.linspace(0.0, 8.0, 17)
     x = np.column_stack([np.full(17, 100.0), np.zeros((17, 3)), 100.0 * t, np.full(17, -50.0)])
-    plan = Plan(t, x, np.tile([0.0, -weight, 0.0], (16, 1)), np.full(16, int(Phase.OPTIMISED), np.int64))
+    plan = Plan(t, x, np.tile([0.0, -weight, 0.0], (16, 1)), np.full(16, OPTIMISED, np.int64))
     Q, R, Q_T = np.diag([1.0, 1.0, 25.0, 1e4, 400.0, 400.0]), np.diag([1e-6, 1e-6, 1e-4]), np.eye(6)
     found = gains(plan, PLANAR, NOMINAL, Q, R, Q_T)
     h = float(found.t[1])

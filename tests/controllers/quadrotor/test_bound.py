@@ -16,7 +16,7 @@ from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor, at_rest
 from mathnavi.models.quadrotor.entity import RotorDrive
 from mathnavi.sim.engine.faults import ConstantWrench, Gusts
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.signals import Array, Phase
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array
 from tests.quadrotor import PERIOD, TICKS, built, estimate_of, flight_mission, flown, hovering, plain, turning
 
 CONFIG = TrackerConfig()
@@ -88,7 +88,7 @@ def test_the_bound_is_kept_by_plans_that_take_over_unforeseen(rough: bool) -> No
             direction = rng.standard_normal(3)
             u = left * direction / np.linalg.norm(direction)
             if np.linalg.norm(arcs.x[-1][3:] + 0.5 * u) <= flight.speed_max - bound.speed:
-                arcs.add(u, 0.5, Phase.OPTIMISED)
+                arcs.add(u, 0.5, OPTIMISED)
         plan = arcs.plan(0.0, 0.0)
         for _ in range(round(0.5 / PERIOD)):
             estimate = estimate_of(plant.state("quad"), plant.t)

@@ -16,7 +16,7 @@ from mathnavi.sim.records.figure_names import SHORTFALL
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
 OWN = Plan.failure(Status.OK)
-RESERVE = dataclasses.replace(OWN, notes=("reserve-plan",))
+RESERVE = dataclasses.replace(OWN, notes=("fallback-plan",))
 
 
 def recording(*plans: Plan, requests: int) -> Recording:

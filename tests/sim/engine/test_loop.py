@@ -14,17 +14,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.plan_status import FlightStatus
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, simulate, whole_ticks
 from mathnavi.sim.interfaces.protocols import Plant, Sensor
 from mathnavi.sim.interfaces.signals import (
+    OPTIMISED,
     Array,
     Estimate,
     Event,
     Measurement,
     Message,
-    Phase,
     Plan,
     PlanRequest,
     Status,
@@ -217,7 +218,7 @@ def test_a_planner_that_raises_is_on_record_and_the_last_plan_flies_on() -> None
     np.testing.assert_allclose(flown.plant.state("vehicle"), [1.0, 0.0, 100.0, 0.0, 0.0, 0.0], atol=1e-9)
 
 
-@pytest.mark.parametrize("status", [Status.SOLVER_FAILED, Status.INFEASIBLE, Status.LOW_CLEARANCE])
+@pytest.mark.parametrize("status", [Status.SOLVER_FAILED, Status.INFEASIBLE, FlightStatus.LOW_CLEARANCE])
 def test_a_failed_plan_is_on_record_and_never_flown(status: Status) -> None:
     flown = Flight(later(lambda r: Plan.failure(status, "because")))
     recording = flown.run()
@@ -287,7 +288,7 @@ def test_the_log_holds_what_was_flown() -> None:
     last = arrays["plan.offsets"][1:].astype(int) - 1
     assert np.isnan(arrays["plan.u"][last]).all()
     assert (arrays["plan.phase"][last] == -1).all()
-    assert (np.delete(arrays["plan.phase"], last) == Phase.OPTIMISED).all()
+    assert (np.delete(arrays["plan.phase"], last) == OPTIMISED).all()
 
 
 class Pair:

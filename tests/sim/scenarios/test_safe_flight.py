@@ -221,11 +221,11 @@ def test_a_strangers_planner_flies_certified(terrain: str) -> None:
     outcome = flown(terrain, controller=f"{__name__}:Stranger")
     assert_safe(outcome)
     counts = kinds(outcome)
-    assert counts["reserve-plan"] == 1  # the ridge is in its way
+    assert counts["fallback-plan"] == 1  # the ridge is in its way
     assert counts["raised"] > 10
     easy = flown(terrain, controller=f"{__name__}:Stranger", target=NEAR)
     assert_safe(easy)
-    assert "reserve-plan" not in kinds(easy)
+    assert "fallback-plan" not in kinds(easy)
 
 
 def test_a_planner_that_always_raises_arrives_by_the_stored_plan(terrain: str) -> None:

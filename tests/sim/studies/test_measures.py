@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.interfaces.signals import Phase, Plan
+from mathnavi.sim.interfaces.signals import OPTIMISED, Plan
 from mathnavi.sim.studies.flight import as_printed, cost_to_go, run_time, threat
 from mathnavi.sim.studies.framework import study
 
@@ -34,14 +34,14 @@ def on_the_spike(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_arc_between_two_clear_nodes_is_found_to_dip() -> None:
     """Level flight at 300 m over a spike of 400 m: the ends are 300 m above the plain, the middle is under ground."""
     x = np.array([[500.0, 1000.0, 300.0, 100.0, 0.0, 0.0], [1500.0, 1000.0, 300.0, 100.0, 0.0, 0.0]])
-    plan = Plan(np.array([0.0, 10.0]), x, np.zeros((1, 3)), np.array([int(Phase.OPTIMISED)]))
+    plan = Plan(np.array([0.0, 10.0]), x, np.zeros((1, 3)), np.array([OPTIMISED]))
     found = as_printed.arcs(outcome(x, [0.0, 10.0], [(0.0, plan)], clearance_min=50.0))
     assert found == {"arcs": 1, "arcs_dipping": 1, "arcs_under_ground": 1, "deepest_m": pytest.approx(150.0)}
 
 
 def test_an_arc_whose_end_is_too_low_is_not_the_nodes_fault() -> None:
     x = np.array([[500.0, 1000.0, 40.0, 100.0, 0.0, 0.0], [1500.0, 1000.0, 40.0, 100.0, 0.0, 0.0]])
-    plan = Plan(np.array([0.0, 10.0]), x, np.zeros((1, 3)), np.array([int(Phase.OPTIMISED)]))
+    plan = Plan(np.array([0.0, 10.0]), x, np.zeros((1, 3)), np.array([OPTIMISED]))
     found = as_printed.arcs(outcome(x, [0.0, 10.0], [(0.0, plan)], clearance_min=50.0))
     assert (found["arcs"], found["arcs_dipping"]) == (1, 0)
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from mathnavi.controllers.flight.completion import ArcList
-from mathnavi.sim.interfaces.signals import Array, Phase
+from mathnavi.sim.interfaces.signals import OPTIMISED, Array
 
 SLOWER = 0.85  # by which a leg without room is slowed down
 
@@ -52,7 +52,7 @@ def flight(t: float, x: Array, corners: Array, speeds: Array, acceleration: floa
     for k, v in enumerate(velocity):
         _turn(arcs, v, duration[k])
         straight = length[k] / speeds[k] - 0.5 * (duration[k] + duration[k + 1])
-        arcs.add(np.zeros(3), straight, Phase.OPTIMISED)
+        arcs.add(np.zeros(3), straight, OPTIMISED)
     _turn(arcs, np.zeros(3), duration[-1])
     arcs.rest()
     return arcs
@@ -60,7 +60,7 @@ def flight(t: float, x: Array, corners: Array, speeds: Array, acceleration: floa
 
 def _turn(arcs: ArcList, velocity: Array, duration: float) -> None:
     if duration > 0.0:
-        arcs.add((velocity - arcs.x[-1][3:]) / duration, duration, Phase.OPTIMISED)
+        arcs.add((velocity - arcs.x[-1][3:]) / duration, duration, OPTIMISED)
 
 
 def _velocities(corners: Array, speeds: Array) -> Array:

@@ -20,6 +20,7 @@ from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.aerial.plan_status import FlightStatus
 from mathnavi.sim.interfaces.bounds import NonNegative, Positive, Within, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
@@ -57,7 +58,7 @@ class RoadmapPlanner:
     def plan(self, request: PlanRequest) -> Plan:
         known = self._knowledge.updated_with(request.messages)
         if known is not self._knowledge:
-            self._certificate = self._certificate.told(request.messages)
+            self._certificate = self._certificate.updated_with(request.messages)
             self._knowledge, self._routes, self._settled = known, None, False
         current = request.current
         if current is not None and self._settled:
@@ -84,10 +85,10 @@ class RoadmapPlanner:
         for _ in range(ATTEMPTS):
             speeds = fitting(corners, speeds, c.acceleration_max, moving)
             plan = flight(t, x, corners, speeds, c.acceleration_max, moving).plan(cost=math.nan, solve_ms=math.nan)
-            refusal = c.refuse(plan)
+            refusal = c.check(plan)
             if refusal is None:
                 return dataclasses.replace(plan, cost=plan.t_end - t)
-            if refusal.status is not Status.LOW_CLEARANCE:
+            if refusal.status is not FlightStatus.LOW_CLEARANCE:
                 break
             speeds[int(moving) :] *= SLOWER
         return Plan.failure(refusal.status, refusal.message)

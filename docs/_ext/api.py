@@ -106,6 +106,8 @@ def _members(module: Module, body: Iterable[ast.stmt], of: ast.ClassDef | None) 
 
 
 def _shown(node: Function, of: ast.ClassDef | None) -> bool:
+    if any(ast.unparse(mark).endswith("overload") for mark in node.decorator_list):
+        return False  # the implementation stands below, with the docstring
     return not node.name.startswith("_") or (of is not None and node.name == "__call__")
 
 

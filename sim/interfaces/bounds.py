@@ -34,6 +34,8 @@ Made = TypeVar("Made")
 
 MOST_IN_MEMORY = 1_000_000  # of anything
 FINITE = Predicate(math.isfinite)
+ANEW = object()
+"""Mark of a field's type in a subclass: its bounds stand in the place of those of the base class."""
 _MARK = "checks_bounds"  # attribute of the __post_init__ that a configuration is given
 
 
@@ -173,17 +175,23 @@ class Declared(NamedTuple):
 def declared(config: Any) -> tuple[Declared, ...]:
     """Bounds that a dataclass declares, in the order of its fields.
 
-    A field that a subclass declares anew, with another default say, keeps the bounds that it has in the base class.
+    A field that a subclass declares anew, with another default say, keeps the bounds that it has in the base class,
+    unless its type there is marked with ``ANEW``.
     """
     bases = [base for base in reversed(config.__mro__) if "__dataclass_fields__" in vars(base)]
     hints = [(vars(base).get("__annotations__", ()), get_type_hints(base, include_extras=True)) for base in bases]
     return tuple(
         Declared(entry.name, optional, each, condition.holds, condition.allowed)
         for entry in dataclasses.fields(config)
-        for own, resolved in hints
-        if entry.name in own
-        for optional, each, condition in _conditions(resolved[entry.name])
+        for hint in _since_anew([resolved[entry.name] for own, resolved in hints if entry.name in own])
+        for optional, each, condition in _conditions(hint)
     )
+
+
+def _since_anew(hints: Sequence[Any]) -> Sequence[Any]:
+    """Of a field's types, base classes first, the last one that is marked with ``ANEW`` and those after it, or all."""
+    marked = [k for k, hint in enumerate(hints) if ANEW in getattr(hint, "__metadata__", ())]
+    return hints[max(marked, default=0) :]
 
 
 def _conditions(hint: Any) -> Iterator[tuple[bool, bool, Condition]]:

@@ -36,19 +36,3 @@ def allowed_for(name: str, known: Sequence[str], besides: str = "") -> str:
 def close_names(name: str, known: Sequence[str]) -> list[str]:
     """Names that a misspelt one may have been meant for, the nearest first."""
     return difflib.get_close_matches(name, known, 3, _CLOSE)
-
-
-def check_rate(rate: float, name: str, tick: float) -> None:
-    """A rate [Hz] whose period is a whole number of physics ticks [s]."""
-    check(rate, name, 0.0, 1.0 / tick + 1e-9, open_low=True)
-    every = 1.0 / (rate * tick)  # [ticks]
-    if abs(every - round(every)) > 1e-9:
-        raise FieldError(f"{name} = {rate!r}; allowed: {1.0 / tick:g} Hz over a whole number")
-
-
-def check_positive(fields: object, *names: str) -> None:
-    """Finite values > 0; a field may also be None."""
-    for name in names:
-        value = getattr(fields, name)
-        if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise FieldError(f"{name} = {value!r}; allowed: a finite value > 0")

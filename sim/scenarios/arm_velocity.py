@@ -5,20 +5,21 @@ The metric is the mass matrix of the model that is believed; the plant may carry
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from pathlib import Path
+from typing import Annotated
 
 import mujoco
 import numpy as np
+from annotated_types import Interval
 
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem, heavier
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import FINITE, FINITE_NUMBERS, configuration
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec
@@ -40,7 +41,7 @@ from mathnavi.sim.scenarios.task import Inputs
 VEHICLE = "mechanism"
 
 
-@dataclass(frozen=True)
+@configuration
 class ArmVelocityConfig(LagrangianFields):
     """Fields of the scenario."""
 
@@ -50,16 +51,10 @@ class ArmVelocityConfig(LagrangianFields):
     """from when on errors count [s]"""
     mechanism: str = "two-link"
     """rigid-body, cart-pendulum, two-link, seven-joint, dm_control:NAME of its suite, or the path of an MJCF file"""
-    load: float = 1.0
+    load: Annotated[float, Interval(ge=0.01, le=100.0), FINITE] = 1.0
     """mass of the last link, times what the observer believes"""
-    start: NumberList = ()
+    start: Annotated[NumberList, FINITE_NUMBERS] = ()
     """position and velocity at the start, as the state has them; the model's own position, at rest, if not given"""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check(self.load, "load", 0.01, 100.0)
-        if not all(map(math.isfinite, self.start)):
-            raise ValueError(f"start = {self.start!r}; allowed: finite numbers")
 
 
 class ArmVelocity:

@@ -6,16 +6,18 @@ The observer of Paper D finds the rates from attitudes alone, and intrinsic trac
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval, Le
 
 from mathnavi.controllers.intrinsic.attitude import AttitudeReference, AttitudeTrackingConfig
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.models.manifold.systems import RigidBody
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import FINITE, NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import tracking_figures
 from mathnavi.sim.plugin.registry import PluginSpec
@@ -37,7 +39,7 @@ from mathnavi.sim.scenarios.task import Sample, StageCost
 VEHICLE = "body"
 
 
-@dataclass(frozen=True)
+@configuration
 class AttitudeTrackingFields(LagrangianFields):
     """Fields of the scenario."""
 
@@ -49,18 +51,12 @@ class AttitudeTrackingFields(LagrangianFields):
     """from when on errors count [s]"""
     tolerance: float = 0.5
     """root mean square of the rate's error after that [rad/s]"""
-    speed: float = 0.0
+    speed: Annotated[NonNegative, Le(100.0)] = 0.0
     """at the start [rad/s]; attitude and axis are drawn"""
-    inertia: float = 0.05
+    inertia: Annotated[float, Interval(ge=1e-6, le=1e6), FINITE] = 0.05
     """of the body [kg m^2]"""
-    attitude_tolerance: float = 0.1
+    attitude_tolerance: Annotated[Positive, Le(10.0)] = 0.1
     """root mean square of the angle to the reference after that [rad]"""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check(self.speed, "speed", 0.0, 100.0)
-        check(self.inertia, "inertia", 1e-6, 1e6)
-        check(self.attitude_tolerance, "attitude_tolerance", 0.0, 10.0, open_low=True)
 
 
 class AttitudeTrackingScenario:

@@ -4,22 +4,32 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from dataclasses import field
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Interval, Le
 
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
-from mathnavi.sim.interfaces.checks import check, check_names, check_rate
+from mathnavi.sim.interfaces.bounds import (
+    FINITE,
+    THREE_FINITE_NUMBERS,
+    Each,
+    Fraction,
+    NonNegative,
+    TickRate,
+    Within,
+    configuration,
+)
+from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.fields import with_fields
-from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults
-from mathnavi.sim.scenarios.flight_parts import FlightNoise, Point
+from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults, Magnitude, PositiveMagnitude
+from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, Point, drawn_between
 from mathnavi.sim.scenarios.information import ChangeFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
@@ -27,29 +37,30 @@ GraphName = Literal["line", "ring", "complete", "random"]
 EXCHANGE_PERIOD = 1.0 / 12.0  # [s] between two exchanges of messages, also of the consensus
 _MOST = 64
 _FARTHEST, _FASTEST = 20.0, 0.01  # [s] of a clock, and of its drift
+DrawnBetween = Annotated[
+    tuple[float, float], Within(drawn_between(LARGEST), allowed="two finite numbers, 0 <= low <= high")
+]
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 
-@dataclass(frozen=True)
+@configuration(prefix="radio.")
 class Radio:
     """Delays, losses and cuts of messages on their way."""
 
     delay: tuple[float, float] = (0.0, 0.0)
     """least and most time that a message takes [s]"""
-    loss: float = 0.0
+    loss: Fraction = 0.0
     """fraction of the messages that are lost"""
-    duplication: float = 0.0
+    duplication: Fraction = 0.0
     """fraction of those that arrive that arrive twice"""
     partition: tuple[float, float] = (0.0, 0.0)
     """from when to when the first half of the fleet does not hear the other [s]"""
 
     def __post_init__(self) -> None:
-        check(self.delay[0], "radio.delay", 0.0)
-        check(self.delay[1], "radio.delay", self.delay[0])
-        check(self.loss, "radio.loss", 0.0, 1.0)
-        check(self.duplication, "radio.duplication", 0.0, 1.0)
-        check(self.partition[0], "radio.partition", 0.0)
-        check(self.partition[1], "radio.partition", self.partition[0])
+        for name in ("delay", "partition"):
+            low, high = getattr(self, name)
+            check(low, f"radio.{name}", 0.0)
+            check(high, f"radio.{name}", low)
 
     def network(self, names: Sequence[str], rng: np.random.Generator) -> Network:
         """The network between these vehicles, which draws delays and losses from ``rng``."""
@@ -61,26 +72,22 @@ class Radio:
         return partitioned(network, [Partition(*self.partition, half)])
 
 
-@dataclass(frozen=True)
+@configuration(prefix="clocks.")
 class Clocks:
     """The vehicles' clocks; without an offset and a drift they have one in common."""
 
-    offset: float = 0.0
+    offset: Annotated[NonNegative, Le(_FARTHEST)] = 0.0
     """half-width of each clock's error at first [s]"""
-    drift: float = 0.0
+    drift: Annotated[NonNegative, Le(_FASTEST)] = 0.0
     """half-width of the drift of each, per second [s]"""
-    error: float = 0.0
+    error: Annotated[NonNegative, Le(_FARTHEST)] = 0.0
     """largest error of a corrected clock; it enlarges the distance that vehicles keep [s]"""
-    settling: float = 5.0
+    settling: NonNegative = 5.0
     """how long at first the vehicles agree on a time and on nothing else [s]"""
 
     def __post_init__(self) -> None:
-        check(self.offset, "clocks.offset", 0.0, _FARTHEST)
-        check(self.drift, "clocks.drift", 0.0, _FASTEST)
-        check(self.error, "clocks.error", 0.0, _FARTHEST)
-        check(self.settling, "clocks.settling", 0.0)
         if not self.agree and self.error == 0.0:
-            raise ValueError(
+            raise FieldError(
                 f"clocks.error = {self.error!r} with clocks.offset = {self.offset:g} and clocks.drift = "
                 f"{self.drift:g}; allowed: > 0, for corrected clocks are not exact"
             )
@@ -91,39 +98,39 @@ class Clocks:
         return self.offset == 0.0 and self.drift == 0.0
 
 
-@dataclass(frozen=True)
+@configuration
 class FleetFields:
     """Who flies from where to where over which ground, within which bounds, and how they agree."""
 
     terrain: str = "tian_shan"
     """name of a terrain, or an .npz file"""
-    vehicles: int = 4
+    vehicles: Annotated[int, Interval(ge=2, le=_MOST)] = 4
     """how many"""
     name: tuple[str, ...] = ()
     """of every vehicle, once for each; vehicle_1, vehicle_2, ... if not given"""
-    start: tuple[Point, ...] = ()
+    start: Annotated[tuple[Point, ...], Each(THREE_FINITE_NUMBERS)] = ()
     """x, y, z [m] of every vehicle, once for each; drawn from the seed if not given"""
-    target: Point | None = None
+    target: FinitePoint | None = None
     """x, y, z [m] of the middle of the slots; drawn from the seed if not given"""
-    slot_spacing: float = 1500.0
+    slot_spacing: PositiveMagnitude = 1500.0
     """between neighbouring slots on their ring [m]"""
-    separation: float = 200.0
+    separation: PositiveMagnitude = 200.0
     """d_s, least distance between vehicles [m]"""
-    drawn_heights: tuple[float, float] = (50.0, 450.0)
+    drawn_heights: DrawnBetween = (50.0, 450.0)
     """heights above h_min between which starts and the target are drawn [m]"""
-    drawn_distance: tuple[float, float] = (0.4, 0.9)
+    drawn_distance: DrawnBetween = (0.4, 0.9)
     """shares of the map's side between which the distances of drawn starts from the target lie"""
-    clearance_min: float = 50.0
+    clearance_min: Magnitude = 50.0
     """h_min, least height above ground [m]"""
-    speed_max: float = 300.0
+    speed_max: PositiveMagnitude = 300.0
     """v_max [m/s]"""
-    acceleration_max: float = 40.0
+    acceleration_max: PositiveMagnitude = 40.0
     """a_max [m/s^2]"""
-    deadline_factor: float = 1.5
+    deadline_factor: Annotated[float, Interval(ge=1.0, le=LARGEST), FINITE] = 1.5
     """gamma: the fleet's deadline over the longest of the first plans"""
-    arrival_radius: float = 50.0
+    arrival_radius: PositiveMagnitude = 50.0
     """r_f, how near to its slot a vehicle has arrived [m]"""
-    spread: float = 5.0 / 3.0
+    spread: PositiveMagnitude = 5.0 / 3.0
     """of the arrivals, which counts as one time [s]"""
     graph: GraphName = "ring"
     """who agrees with whom on the time of arrival, a ring of two being a line; plans are sent to all"""
@@ -133,45 +140,26 @@ class FleetFields:
     """plug-in by which that is agreed"""
     consensus_with: tuple[str, ...] = ()
     """FIELD=VALUE of that plug-in; may be given several times"""
-    control_rate: float = 1.0 / (CONTROL_TICKS * TICK)
+    control_rate: Annotated[float, TickRate(TICK)] = 1.0 / (CONTROL_TICKS * TICK)
     """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
 
     def __post_init__(self) -> None:
-        if not 2 <= self.vehicles <= _MOST:
-            raise ValueError(f"vehicles = {self.vehicles!r}; allowed: a whole number from 2 to {_MOST}")
         if self.start and len(self.start) != self.vehicles:
-            raise ValueError(f"start = {len(self.start)} points; allowed: {self.vehicles}, one for each vehicle")
-        for name, points in (("start", self.start), ("target", () if self.target is None else (self.target,))):
-            for point in points:
-                if not all(map(math.isfinite, point)):
-                    raise ValueError(f"{name} = {point!r}; allowed: three finite numbers")
-        check(self.separation, "separation", 0.0, LARGEST, open_low=True)
-        check(self.slot_spacing, "slot_spacing", 0.0, LARGEST, open_low=True)
+            raise FieldError(f"start = {len(self.start)} points; allowed: {self.vehicles}, one for each vehicle")
         if self.slot_spacing < self.separation:
-            raise ValueError(
+            raise FieldError(
                 f"separation = {self.separation!r}; allowed: <= slot_spacing = {self.slot_spacing!r}, for those "
                 "that have arrived keep it too"
             )
-        for name in ("drawn_heights", "drawn_distance"):
-            low, high = getattr(self, name)
-            if not 0.0 <= low <= high <= LARGEST:
-                raise ValueError(f"{name} = {(low, high)!r}; allowed: two finite numbers, 0 <= low <= high")
-        check(self.clearance_min, "clearance_min", 0.0, LARGEST)
-        for name in ("speed_max", "acceleration_max", "arrival_radius", "spread"):
-            check(getattr(self, name), name, 0.0, LARGEST, open_low=True)
-        check(self.deadline_factor, "deadline_factor", 1.0, LARGEST)
-        check_rate(self.control_rate, "control_rate", TICK)
-        if self.graph not in get_args(GraphName):
-            raise ValueError(f"graph = {self.graph!r}; allowed: {', '.join(get_args(GraphName))}")
         if self.name and len(self.name) != self.vehicles:
-            raise ValueError(f"name = {self.name!r}; allowed: {self.vehicles}, one for each vehicle")
+            raise FieldError(f"name = {self.name!r}; allowed: {self.vehicles}, one for each vehicle")
         try:
             check_names(self.names)
-        except ValueError as error:
-            raise ValueError(f"name: {error}") from None
+        except FieldError as error:
+            raise FieldError(f"name: {error}") from None
         for name in self.names:
             if not _NAME.fullmatch(name):
-                raise ValueError(f"name = {name!r}; allowed: letters, digits, _ and -")
+                raise FieldError(f"name = {name!r}; allowed: letters, digits, _ and -")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -219,7 +207,7 @@ class FleetFields:
             raise FieldError(f"consensus_with: {error}") from None
 
 
-@dataclass(frozen=True)
+@configuration
 class SimultaneousArrivalConfig(ChangeFields, FleetFields):
     """Fields of the scenario."""
 
@@ -232,4 +220,4 @@ class SimultaneousArrivalConfig(ChangeFields, FleetFields):
         FleetFields.__post_init__(self)
         ChangeFields.__post_init__(self)
         if self.faults.position_jump > 0.0:
-            raise ValueError(f"faults.position_jump = {self.faults.position_jump!r}; allowed in a fleet: 0")
+            raise FieldError(f"faults.position_jump = {self.faults.position_jump!r}; allowed in a fleet: 0")

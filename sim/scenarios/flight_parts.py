@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 
@@ -16,30 +15,37 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import place_of
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.input_bounds import input_bound
-from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.interfaces.bounds import THREE_FINITE_NUMBERS, Condition, TickRate, configuration
 from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_quality
-from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults
+from mathnavi.sim.scenarios.fault_fields import FlightFaults, Magnitude
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
 
 Point = tuple[float, float, float]
+FinitePoint = Annotated[Point, THREE_FINITE_NUMBERS]
 
 
-@dataclass(frozen=True)
+def drawn_between(largest: float) -> Condition:
+    """Condition for the two ends, 0 <= low <= high <= ``largest``, that something is drawn between."""
+
+    def are_ordered(ends: tuple[float, float]) -> bool:
+        low, high = ends
+        return 0.0 <= low <= high <= largest
+
+    return Condition(are_ordered, f"two finite numbers, 0 <= low <= high <= {largest:g}")
+
+
+@configuration(prefix="noise.")
 class FlightNoise:
     """Errors of the sensors."""
 
-    position: float = 0.0
+    position: Magnitude = 0.0
     """standard deviation of a position reading on each axis [m]"""
-    position_rate: float = 10.0
+    position_rate: Annotated[float, TickRate(TICK)] = 10.0
     """position fixes a second [Hz]"""
-
-    def __post_init__(self) -> None:
-        check(self.position, "noise.position", 0.0, LARGEST)
-        check_rate(self.position_rate, "noise.position_rate", TICK)
 
 
 class FlightFields(Protocol):

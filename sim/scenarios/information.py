@@ -6,14 +6,17 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge
 
 from mathnavi.models.aerial.knowledge import RADARS, TARGET, TERRAIN
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.hill import hills_of, with_hills
 from mathnavi.models.terrain.visibility import Radar, RadarTrack
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.bounds import FINITE, TWO_FINITE_NUMBERS, NonNegative, configuration
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.signals import Array, Message
@@ -24,34 +27,30 @@ _SOONEST = 0.1  # [s] between reports
 _LATEST = 36_000.0  # [s] of a target's path
 
 
-@dataclass(frozen=True)
+@configuration
 class ChangeFields:
     """Fields of what changes on the way: radars, and ground that is not on the map."""
 
     radar: tuple[tuple[float, float, float, float], ...] = ()
     """X Y RADIUS WEIGHT [m, m, m, -] of a radar; may be given several times"""
-    radar_time: float = 0.0
+    radar_time: NonNegative = 0.0
     """when the radars are switched on [s]; the planner learns of them then"""
     radar_until: float | None = None
     """when they are switched off [s]; never if not given"""
-    radar_velocity: tuple[float, float] = (0.0, 0.0)
+    radar_velocity: Annotated[tuple[float, float], TWO_FINITE_NUMBERS] = (0.0, 0.0)
     """of the radars, from when they are switched on [m/s east, north]; where they reach the map's edge they stay"""
     radar_known: bool = True
     """whether the planner is informed of the radars at all"""
-    report_period: float = 5.0
+    report_period: Annotated[float, Ge(_SOONEST), FINITE] = 5.0
     """between two reports of where what moves is now [s]; each means a new cost-to-go"""
     uncharted: tuple[tuple[float, float, float, float], ...] = ()
     """X Y RADIUS HEIGHT [m] of a hill that the map does not show; may be given several times"""
-    uncharted_time: float = 0.0
+    uncharted_time: NonNegative = 0.0
     """when the planner is informed of the ground as it is [s]"""
 
     def __post_init__(self) -> None:
-        check(self.radar_time, "radar_time", 0.0)
-        check(self.report_period, "report_period", _SOONEST)
         if self.radar_until is not None:
             check(self.radar_until, "radar_until", self.radar_time, open_low=True)
-        if not all(map(math.isfinite, self.radar_velocity)):
-            raise ValueError(f"radar_velocity = {self.radar_velocity!r}; allowed: two finite numbers")
         for radar in self.radar:
             Radar(*radar)
         idle = {
@@ -61,14 +60,13 @@ class ChangeFields:
         }
         for name, given in idle.items():
             if given and not self.radar:
-                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: with a radar only")
-        check(self.uncharted_time, "uncharted_time", 0.0)
+                raise FieldError(f"{name} = {getattr(self, name)!r}; allowed: with a radar only")
         if self.uncharted_time and not self.uncharted:
-            raise ValueError(f"uncharted_time = {self.uncharted_time!r}; allowed: with an uncharted hill only")
+            raise FieldError(f"uncharted_time = {self.uncharted_time!r}; allowed: with an uncharted hill only")
         try:
             hills_of(self.uncharted)
         except ValueError as error:
-            raise ValueError(f"uncharted: {error}") from None
+            raise FieldError(f"uncharted: {error}") from None
 
     def tracks(self, terrain: HeightField) -> tuple[RadarTrack, ...]:
         """The radars over time; ValueError for one that is off the map."""

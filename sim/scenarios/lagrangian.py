@@ -8,16 +8,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Le
 
 from mathnavi.models.manifold.manifold import Manifold
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant
-from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.interfaces.bounds import Positive, TickRate, configuration
+from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.protocols import Plant
@@ -38,31 +40,28 @@ Figures = Callable[[Recording, str, Manifold, float], dict[str, Any]]
 """(recording, vehicle, manifold, time from which errors count [s]) -> further figures of the summary"""
 
 
-@dataclass(frozen=True)
+@configuration
 class LagrangianFields:
     """Fields that every one of these scenarios has."""
 
     reading: PositionQuality = field(default_factory=PositionQuality)
     """how the position errs"""
-    rate: float = 1000.0
+    rate: Annotated[float, TickRate(TICK)] = 1000.0
     """readings, estimates and commands a second [Hz]"""
     duration: float = 10.0
     """[s]"""
-    speed_max: float = 30.0
+    speed_max: Annotated[Positive, Le(1e6)] = 30.0
     """largest |v|_g = sqrt(2 T), T being the kinetic energy, by which some estimators detect jumps [-]"""
     settled: float = 2.0
     """from when on errors count [s]"""
-    tolerance: float = 0.1
+    tolerance: Annotated[Positive, Le(1e6)] = 0.1
     """root mean square of the velocity error after that, which counts as converged [rad/s, m/s]"""
 
     def __post_init__(self) -> None:
-        check_rate(self.rate, "rate", TICK)
         check(self.duration, "duration", 2.0 / self.rate, _LONGEST)
         if abs(self.duration / TICK - round(self.duration / TICK)) > 1e-6:
-            raise ValueError(f"duration = {self.duration!r}; allowed: a whole number of ticks of {TICK:g} s")
-        check(self.speed_max, "speed_max", 0.0, 1e6, open_low=True)
+            raise FieldError(f"duration = {self.duration!r}; allowed: a whole number of ticks of {TICK:g} s")
         check(self.settled, "settled", 0.0, self.duration)
-        check(self.tolerance, "tolerance", 0.0, 1e6, open_low=True)
 
     @property
     def period(self) -> float:

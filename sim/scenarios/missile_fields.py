@@ -4,15 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from dataclasses import field
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from annotated_types import Interval, Le
 
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import TICK
 from mathnavi.sim.engine.faults import ConstantWrench, Disturbance, Gusts
-from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.interfaces.bounds import (
+    ANEW,
+    FINITE,
+    Each,
+    Fraction,
+    NonNegative,
+    Positive,
+    TickRate,
+    Within,
+    configuration,
+    whole_ticks,
+)
+from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.scenarios.fault_fields import EveryFlightFaults, Fault, LostReadings
 
@@ -20,54 +33,48 @@ Point = tuple[float, float, float]
 
 _LARGEST = 1e6  # of any field in SI units
 
+_WITHIN = Interval(ge=-_LARGEST, le=_LARGEST)
+Vector = Annotated[Point, Each(_WITHIN, allowed=f"three finite numbers, at most {_LARGEST:g}")]
+Magnitude = Annotated[NonNegative, Le(_LARGEST)]
+PositiveMagnitude = Annotated[Positive, Le(_LARGEST)]
+Factor = Annotated[float, Interval(ge=0.1, le=10.0), FINITE]
+Delay = Annotated[Fraction, Within(whole_ticks(TICK), allowed=f"a whole number of physics ticks of {TICK:g} s")]
 
-@dataclass(frozen=True)
+
+@configuration(prefix="mismatch.")
 class MissileMismatch:
     """The true missile over the declared one."""
 
-    mass: float = 1.0
+    mass: Factor = 1.0
     """factor of the mass"""
-    inertia: float = 1.0
+    inertia: Factor = 1.0
     """factor of the moments of inertia"""
-    force: float = 1.0
+    force: Factor = 1.0
     """factor of what the thrusters give as a force"""
-    moment: float = 1.0
+    moment: Factor = 1.0
     """factor of what they give as a moment"""
 
-    def __post_init__(self) -> None:
-        for name in ("mass", "inertia", "force", "moment"):
-            check(getattr(self, name), f"mismatch.{name}", 0.1, 10.0)
 
-
-@dataclass(frozen=True)
+@configuration(prefix="gust.")
 class MissileGust(Fault):
     """Forces and torques on the missile beside its thrusters, in the frame of the world."""
 
     stream: ClassVar[str] = "gusts"
 
-    force: Point = (0.0, 0.0, 0.0)
+    force: Vector = (0.0, 0.0, 0.0)
     """constant force [N]"""
-    torque: Point = (0.0, 0.0, 0.0)
+    torque: Vector = (0.0, 0.0, 0.0)
     """constant torque [N m]; one about y turns the nose down"""
-    force_rms: float = 0.0
+    force_rms: Magnitude = 0.0
     """of the random force on each axis [N]"""
-    torque_rms: float = 0.0
+    torque_rms: Magnitude = 0.0
     """of the random torque about each axis [N m]"""
-    time_constant: float = 1.0
+    time_constant: Annotated[float, Interval(ge=TICK, le=_LARGEST), FINITE] = 1.0
     """of both random ones' first-order model [s]"""
-    force_limit: float = 2000.0
+    force_limit: PositiveMagnitude = 2000.0
     """largest random force [N]"""
-    torque_limit: float = 200.0
+    torque_limit: PositiveMagnitude = 200.0
     """largest random torque [N m]"""
-
-    def check_fields(self) -> None:
-        for name in ("force", "torque"):
-            _check_point(getattr(self, name), f"gust.{name}")
-        for name in ("force_rms", "torque_rms"):
-            check(getattr(self, name), f"gust.{name}", 0.0, _LARGEST)
-        check(self.time_constant, "gust.time_constant", TICK, _LARGEST)
-        for name in ("force_limit", "torque_limit"):
-            check(getattr(self, name), f"gust.{name}", 0.0, _LARGEST, open_low=True)
 
     def disturbances(self, mass: float, period: float, rng: np.random.Generator) -> Sequence[Disturbance]:
         """The constant ones and the random ones, where there are any, whatever the mass."""
@@ -80,25 +87,18 @@ class MissileGust(Fault):
         return acting
 
 
-@dataclass(frozen=True)
+@configuration(prefix="actuator.")
 class Thrusters:
     """Limits of the thrusters, known to the controller, and how late they are, which is not."""
 
-    axial: float = 20_000.0
+    axial: Annotated[Positive, Le(1e9)] = 20_000.0
     """largest force along the missile [N]"""
-    normal: float = 60_000.0
+    normal: Annotated[Positive, Le(1e9)] = 60_000.0
     """largest force on each axis across it [N]"""
-    moment: float = 3_000.0
+    moment: Annotated[Positive, Le(1e9)] = 3_000.0
     """largest moment about each axis across it [N m]"""
-    delay: float = 0.0
+    delay: Delay = 0.0
     """from a command to what the thrusters do [s], whole milliseconds"""
-
-    def __post_init__(self) -> None:
-        for name in ("axial", "normal", "moment"):
-            check(getattr(self, name), f"actuator.{name}", 0.0, 1e9, open_low=True)
-        check(self.delay, "actuator.delay", 0.0, 1.0)
-        if abs(self.delay / TICK - round(self.delay / TICK)) > 1e-6:
-            raise ValueError(f"actuator.delay = {self.delay!r}; allowed: a whole number of physics ticks of {TICK:g} s")
 
     def limits(self, coordinates: Coordinates) -> tuple[float, ...]:
         """(nu,) on the magnitude of each input."""
@@ -106,43 +106,34 @@ class Thrusters:
         return tuple(by_input[name] for name in coordinates.inputs)
 
 
-@dataclass(frozen=True)
+@configuration(prefix="noise.")
 class StateErrors:
     """Standard deviations on each axis of the readings of the state."""
 
-    position: float = 0.0
+    position: Magnitude = 0.0
     """[m]"""
-    velocity: float = 0.0
+    velocity: Magnitude = 0.0
     """[m/s], along the axes of the body"""
-    angle: float = 0.0
+    angle: Magnitude = 0.0
     """[deg]"""
-    rate: float = 0.0
+    rate: Magnitude = 0.0
     """of the angular velocity [deg/s]"""
 
 
-@dataclass(frozen=True)
+@configuration(prefix="noise.")
 class MissileNoise(LostReadings, StateErrors):
     """Errors of the readings of the state: standard deviations on each axis, and losses."""
 
-    group: ClassVar[str] = "noise"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("position", "velocity", "angle", "rate"):
-            check(getattr(self, name), f"noise.{name}", 0.0, _LARGEST)
-
-
-@dataclass(frozen=True)
+@configuration(prefix="faults.")
 class MissileFaults(EveryFlightFaults):
     """Faults of a missile."""
 
-    largest: ClassVar[float] = _LARGEST
-
-    late_plan_latency: float = 1.0
+    late_plan_latency: Annotated[Magnitude, ANEW] = 1.0
     """simulated time that a late answer takes [s]"""
 
 
-@dataclass(frozen=True)
+@configuration
 class MissileGuidanceConfig:
     """Fields of the scenario."""
 
@@ -150,25 +141,25 @@ class MissileGuidanceConfig:
     """the problem that is optimised: speed at the start and weights of the cost"""
     dimension: Literal["planar", "spatial"] = "planar"
     """the pitch plane, as the thesis has it, or space"""
-    start: Point = (0.0, 0.0, 10.0)
+    start: Vector = (0.0, 0.0, 10.0)
     """x, y, z [m]"""
-    start_heading: float = 0.0
+    start_heading: Annotated[float, Interval(ge=-80.0, le=80.0), FINITE] = 0.0
     """of the level start, from x to the left [deg]"""
-    target: Point = (700.0, 0.0, 0.0)
+    target: Vector = (700.0, 0.0, 0.0)
     """x, y, z [m]"""
-    target_velocity: Point = (0.0, 0.0, 0.0)
+    target_velocity: Vector = (0.0, 0.0, 0.0)
     """[m/s]"""
     target_change: tuple[tuple[float, float, float, float], ...] = ()
     """TIME VX VY VZ [s, m/s]: a velocity that the target takes up later; may be given several times"""
-    target_told: float = 0.0
+    target_told: Magnitude = 0.0
     """how long after the target has taken up a velocity the planner is informed of it [s]"""
-    aspect_angle: float = -90.0
+    aspect_angle: Annotated[float, Interval(ge=-90.0, le=90.0), FINITE] = -90.0
     """of the nose and the velocity at the target over the horizontal [deg]"""
-    miss_allowed: float = 1.0
+    miss_allowed: PositiveMagnitude = 1.0
     """how near to the target counts as a hit [m]"""
-    aspect_allowed: float = 2.0
+    aspect_allowed: PositiveMagnitude = 2.0
     """largest angle between the nose and the aspect angle then [deg]"""
-    control_rate: float = 250.0
+    control_rate: Annotated[float, TickRate(TICK)] = 250.0
     """of estimator, autopilot and log [Hz]; the physics runs at 1 kHz"""
     mismatch: MissileMismatch = field(default_factory=MissileMismatch)
     gust: MissileGust = field(default_factory=MissileGust)
@@ -177,8 +168,6 @@ class MissileGuidanceConfig:
     faults: MissileFaults = field(default_factory=MissileFaults)
 
     def __post_init__(self) -> None:
-        for name in ("start", "target", "target_velocity"):
-            _check_point(getattr(self, name), name)
         for change in self.target_change:
             _check_point(change[1:], "target_change")
             check(change[0], "target_change", 0.0, _LARGEST, open_low=True)
@@ -186,12 +175,6 @@ class MissileGuidanceConfig:
             check(getattr(self, name)[2], f"{name}: its height z", 0.0, _LARGEST)
         if math.dist(self.start, self.target) <= self.miss_allowed:
             raise MissionError(f"target = {self.target!r} is where the missile starts; allowed: another place")
-        check(self.start_heading, "start_heading", -80.0, 80.0)
-        check(self.aspect_angle, "aspect_angle", -90.0, 90.0)
-        check(self.target_told, "target_told", 0.0, _LARGEST)
-        for name in ("miss_allowed", "aspect_allowed"):
-            check(getattr(self, name), name, 0.0, _LARGEST, open_low=True)
-        check_rate(self.control_rate, "control_rate", TICK)
         if self.dimension == "planar":
             self._check_plane()
 

@@ -7,13 +7,13 @@ hyperbolic-plane   a point on H^2 as an ODE, in a bowl
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 import mujoco
 import numpy as np
+from annotated_types import Interval, Le
 
 from mathnavi.models.manifold.constant_curvature import hyperbolic_space, sphere
 from mathnavi.models.manifold.mission import LagrangianMission
@@ -22,7 +22,8 @@ from mathnavi.models.manifold.systems import PointSystem, RigidBody, linear, pri
 from mathnavi.models.mechanism.entity import build_spec
 from mathnavi.sim.engine.ode_plant import OdePlant, OdeVehicle
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
-from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.bounds import FINITE, FINITE_NUMBERS, NonNegative, configuration
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.protocols import Plant, Sensor
 from mathnavi.sim.interfaces.signals import Array
@@ -49,7 +50,7 @@ _FASTEST = 100.0  # [rad/s, 1/s]
 _STRONGEST = 1e4  # [1/s^2]
 
 
-@dataclass(frozen=True)
+@configuration
 class SphereObserverConfig(LagrangianFields):
     """Fields of the scenario."""
 
@@ -60,29 +61,21 @@ class SphereObserverConfig(LagrangianFields):
     force: ForceName = "by-space"
     """on a point: none, of the potential c p_0, or that of the example in D.5; by space, linear on the hyperbolic
     plane, from where a free point leaves every bound, and else none"""
-    strength: float = 1.0
+    strength: Annotated[float, Interval(ge=-_STRONGEST, le=_STRONGEST), FINITE] = 1.0
     """c of the linear potential [1/s^2]"""
-    speed: float = 6.0
+    speed: Annotated[NonNegative, Le(_FASTEST)] = 6.0
     """at the start, |omega| [rad/s] of a body or |v| [1/s] of a point; position and direction are drawn"""
-    start: NumberList = ()
+    start: Annotated[NumberList, FINITE_NUMBERS] = ()
     """position and velocity at the start, as the state has them; drawn if not given"""
-    inertia: float = 0.05
+    inertia: Annotated[float, Interval(ge=1e-6, le=1e6), FINITE] = 0.05
     """of the body [kg m^2]"""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, kind in (("space", SpaceName), ("force", ForceName)):
-            if getattr(self, name) not in get_args(kind):
-                raise ValueError(f"{name} = {getattr(self, name)!r}; allowed: {', '.join(get_args(kind))}")
         if self.force == "printed" and self.space != "sphere":
-            raise ValueError(f"force = 'printed' with space = {self.space!r}; allowed: with space = sphere")
+            raise FieldError(f"force = 'printed' with space = {self.space!r}; allowed: with space = sphere")
         if self.force not in ("by-space", "none") and self.space == "body":
-            raise ValueError(f"force = {self.force!r} with space = 'body'; allowed: none, its torques are its input")
-        check(self.strength, "strength", -_STRONGEST, _STRONGEST)
-        check(self.speed, "speed", 0.0, _FASTEST)
-        check(self.inertia, "inertia", 1e-6, 1e6)
-        if not all(map(math.isfinite, self.start)):
-            raise ValueError(f"start = {self.start!r}; allowed: finite numbers")
+            raise FieldError(f"force = {self.force!r} with space = 'body'; allowed: none, its torques are its input")
 
 
 class SphereObserver:

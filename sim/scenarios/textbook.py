@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from annotated_types import Le
 
 from mathnavi.models.textbook.camera_and_flags import camera_and_flags
 from mathnavi.models.textbook.library import SYSTEMS
@@ -22,7 +22,9 @@ from mathnavi.models.textbook.mission import TICK, TextbookMission
 from mathnavi.models.textbook.system import System
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.ode_plant import OdePlant, OdeVehicle
-from mathnavi.sim.interfaces.checks import check, check_rate
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, TickRate, configuration
+from mathnavi.sim.interfaces.checks import check
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.convergence import decay_rate
@@ -41,7 +43,7 @@ _LEAST_DEVIATION = 0.01  # of the start of each state, as an estimator knows it
 _LATE = 0.75  # of a run, from which on the error counts
 
 
-@dataclass(frozen=True)
+@configuration
 class TextbookConfig:
     """Fields of the scenario."""
 
@@ -53,26 +55,21 @@ class TextbookConfig:
     """of each state; the system's own if not given"""
     start_error: NumberList = ()
     """error of each state's estimate at the start; the system's own if not given"""
-    noise: float = 0.0
+    noise: Annotated[NonNegative, Le(1e6)] = 0.0
     """standard deviation of the reading of each output"""
-    rate: float = 100.0
+    rate: Annotated[float, TickRate(TICK)] = 100.0
     """readings, estimates and commands a second [Hz]"""
     duration: float = 10.0
     """[s]"""
-    tolerance: float = 0.1
+    tolerance: Annotated[Positive, Le(1e6)] = 0.1
     """root mean square of the error's length over the last quarter of a run that counts as converged"""
 
     def __post_init__(self) -> None:
-        if self.system not in get_args(SystemName):
-            raise ValueError(f"system = {self.system!r}; allowed: {', '.join(get_args(SystemName))}")
         if not (self.distance_known or self.system == "camera-and-flags"):
-            raise ValueError(f"distance_known = False; allowed: only of camera-and-flags, not of {self.system}")
-        check(self.noise, "noise", 0.0, 1e6)
-        check_rate(self.rate, "rate", TICK)
+            raise FieldError(f"distance_known = False; allowed: only of camera-and-flags, not of {self.system}")
         check(self.duration, "duration", 1.0 / self.rate, _LONGEST)
         if abs(self.duration / TICK - round(self.duration / TICK)) > 1e-6:
-            raise ValueError(f"duration = {self.duration!r}; allowed: a whole number of ticks of {TICK:g} s")
-        check(self.tolerance, "tolerance", 0.0, 1e6, open_low=True)
+            raise FieldError(f"duration = {self.duration!r}; allowed: a whole number of ticks of {TICK:g} s")
         for name in ("start", "start_error"):
             self._of_each_state(name)
 

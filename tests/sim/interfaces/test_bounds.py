@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mathnavi.sim.interfaces.bounds import (
+    ANEW,
     FINITE,
     FINITE_NUMBERS,
     MOST_IN_MEMORY,
@@ -95,6 +96,23 @@ class Narrower(Scaled):
     scale: Annotated[float, Le(0.5)] = 0.25
 
 
+@configuration
+class Wider(Narrower):
+    """Bounds in the place of those of the base classes."""
+
+    scale: Annotated[NonNegative, Le(9.0), ANEW] = 0.25
+
+    def __post_init__(self) -> None:
+        """Without the relation of the base."""
+
+
+@configuration(prefix="wider.")
+class StillWider(Wider):
+    """They are inherited too."""
+
+    scale: float = 2.0
+
+
 class Plain(Scaled):
     """Not even that."""
 
@@ -126,6 +144,10 @@ class Plain(Scaled):
         (Narrower, {"low": math.nan}, "low = nan; allowed: a finite number"),
         (Narrower, {"scale": 0.0}, "scale = 0.0; allowed: a finite value > 0"),
         (Narrower, {"scale": 0.75}, "scale = 0.75; allowed: a value <= 0.5"),
+        (Wider, {"scale": -1.0}, "scale = -1.0; allowed: a finite value >= 0 and <= 9"),
+        (Wider, {"scale": 9.5}, "scale = 9.5; allowed: a finite value >= 0 and <= 9"),
+        (Wider, {"low": math.nan}, "low = nan; allowed: a finite number"),
+        (StillWider, {"scale": 9.5}, "wider.scale = 9.5; allowed: a finite value >= 0 and <= 9"),
         (Named, {"scale": -1.0}, "scale = -1.0; allowed: a finite value > 0"),
         (Plain, {"scale": -1.0}, "scale = -1.0; allowed: a finite value > 0"),
     ],
@@ -258,6 +280,11 @@ def test_a_value_of_numpy_is_shown_as_it_is() -> None:
 @dataclass(frozen=True)
 class Nothing(Scaled):
     """No fields of its own."""
+
+
+def test_bounds_that_are_declared_anew_may_be_wider() -> None:
+    assert Wider(scale=0.0).scale == 0.0
+    assert StillWider(scale=9.0).scale == 9.0
 
 
 def test_a_subclass_without_fields_of_its_own_keeps_the_bounds() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -27,7 +28,7 @@ from mathnavi.sim.records.missions import (
 )
 from mathnavi.sim.scenarios.assembler import Assembler
 from mathnavi.sim.scenarios.fault_fields import Fault, FlightFaults, LatePlans, RandomGusts, kinds, with_disturbances
-from mathnavi.sim.scenarios.missile_fields import MissileFaults, MissileGuidanceConfig
+from mathnavi.sim.scenarios.missile_fields import MissileFaults, MissileGuidanceConfig, MissileGust, MissileNoise
 from mathnavi.sim.scenarios.missile_guidance import MissileGuidance
 from mathnavi.sim.scenarios.random_streams import RandomStreams
 
@@ -119,6 +120,17 @@ def test_a_field_out_of_range_is_refused_whatever_the_group() -> None:
     with pytest.raises(FieldError, match=r"faults\.late_plan_latency = 1000000\.0"):
         FlightFaults(late_plan_latency=1e6)
     assert MissileFaults(late_plan_latency=1e6).late_plan_latency == 1e6  # as long as a missile's fields may be
+    with pytest.raises(FieldError, match=r"^faults\.late_plan_latency = 1100000\.0; allowed: .* >= 0 and <= 1e\+06$"):
+        WindyMissileFaults(late_plan_latency=1.1e6)
+
+
+def test_a_fault_out_of_range_is_named_by_the_field_that_holds_it() -> None:
+    with pytest.raises(FieldError, match=r"^noise\.dropout_rate = 2\.0; "):
+        MissileNoise(dropout_rate=2.0)
+    with pytest.raises(FieldError, match=r"^noise\.angle = -1\.0; "):
+        MissileNoise(angle=-1.0)
+    with pytest.raises(FieldError, match=r"^gust\.torque = \(0\.0, inf, 0\.0\); "):
+        MissileGust(torque=(0.0, math.inf, 0.0))
 
 
 def test_a_plant_without_disturbances_is_left_as_it_is() -> None:

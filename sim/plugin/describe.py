@@ -10,8 +10,8 @@ from importlib.metadata import EntryPoint
 from types import ModuleType
 from typing import Any
 
-from mathnavi.sim.plugin.index import Plain, stamp
 from mathnavi.sim.plugin.leaves import Leaf, leaves_of
+from mathnavi.sim.plugin.source_stamps import Plain, stamp
 
 STATED = ("controller", "estimator")  # what a scenario is flown with unless something else is asked for
 

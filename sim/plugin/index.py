@@ -18,11 +18,10 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import Distribution, EntryPoint
 from pathlib import Path
-from typing import Any
 
 from mathnavi.sim.plugin.groups import GROUPS, installed
+from mathnavi.sim.plugin.source_stamps import Plain, stamp
 
-Plain = dict[str, Any]
 Point = tuple[str, EntryPoint]  # the kind of a plug-in, and where it is
 COMMAND = "commands"  # the kind of the dataclasses that a command's own flags come from
 _FORMAT = 1
@@ -92,15 +91,6 @@ def imported(kind: str, point: EntryPoint) -> Description:
     from mathnavi.sim.plugin.describe import described
 
     return _description(kind, point, described(point.value))
-
-
-def stamp(file: str) -> list[int]:
-    """Size [bytes] and time of the last change [ns] of a file; empty if it is gone."""
-    try:
-        status = os.stat(file)
-    except OSError:
-        return []
-    return [status.st_size, status.st_mtime_ns]
 
 
 def _key(kind: str, point: EntryPoint) -> str:

@@ -16,7 +16,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mathnavi.models.aerial.plan_status import FlightPhase
+    from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import hyperbolic_space as HyperbolicSpace  # noqa: N812
@@ -90,6 +90,7 @@ _PLACES = {
     "Measurement": "sim.interfaces.signals",
     "Message": "sim.interfaces.signals",
     "FlightPhase": "models.aerial.plan_status",
+    "FlightStatus": "models.aerial.plan_status",
     "Plan": "sim.interfaces.signals",
     "PlanRequest": "sim.interfaces.signals",
     "Status": "sim.interfaces.signals",
@@ -137,6 +138,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "Measurement",
     "Message",
     "FlightPhase",
+    "FlightStatus",
     "Plan",
     "PlanRequest",
     "Status",

@@ -212,7 +212,7 @@ WRONG: dict[str, tuple[type[ValueError], str, Callable[[], object]]] = {
     "reading's shape": (mn.FieldError, r"y has shape", lambda: mn.IntrinsicObserver(mn.Sphere(3)).step(0.1, [1.0])),
     "step back": (mn.FieldError, "dt = -1", lambda: mn.IntrinsicObserver(mn.Sphere(2)).step(-1.0, None)),
     "input's shape": (mn.FieldError, "u = ", lambda: mn.IntrinsicObserver(mn.Sphere(2)).step(0.1, None, [1.0])),
-    "mechanism": (mn.ProblemError, "mechanism = ", lambda: mn.VelocityObserver("nowhere.xml")),
+    "mechanism": (mn.FieldError, "mechanism = ", lambda: mn.VelocityObserver("nowhere.xml")),
     "method": (mn.PluginError, "did you mean high_gain", lambda: mn.VelocityObserver("two-link", "hi_gain")),
     "no sensors": (mn.FieldError, "angles", lambda: mn.FeasibleSetBank(mn.ellipse(3.0, 2.0), [])),
     "ranges": (mn.FieldError, "ranges", lambda: mn.FeasibleSetBank(mn.ellipse(3, 2), [0]).step(1, [1, 2], [0, 0])),

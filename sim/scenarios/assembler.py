@@ -116,8 +116,11 @@ class Assembler:
 
     # ---- plant
 
-    def disturbed(self, plant: Plant, period: float, mass: float = 1.0) -> Plant:
-        """The plant with its disturbances, for vehicles of a mass [kg] and planners of a period [s]."""
+    def disturbed(self, plant: Plant, period: float, *, mass: float) -> Plant:
+        """The plant with its disturbances, for vehicles of a mass [kg] and planners of a period [s].
+
+        ``mass`` is the true one: forces per mass are multiplied by it.
+        """
         return with_disturbances(plant, self.faults, self.streams, mass=mass, period=period)
 
     # ---- closed loop

@@ -4,15 +4,18 @@
     on_sensor      around a sensor: lost readings
     disturbances   around the plant: gusts, jumps
 
-A new one is a class here and its entry: a base of ``EveryFlightFaults``, of what any flight can have, a missile's too,
+A new one is a class here and its entry: a base of ``CommonFlightFaults``, of what any flight can have, a missile's too,
 or of the group of one kind of vehicle. Its fields are flags of all scenarios with that group (``--faults.FIELD``), and
-``mathnavi.sim.scenarios.assembler`` puts it in its place. It draws from the random stream that it names.
+``mathnavi.sim.scenarios.assembler`` puts it in its place. It names a random stream, whether it draws or not.
+
+A disturbance acts; it is not declared. What tracking bounds allow for is ``FlightMission.gust`` (``flight_parts``,
+``controllers.flight.tracker``, ``controllers.quadrotor.bound``); a force beyond that carries no guarantee.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from annotated_types import Interval, Le
@@ -46,6 +49,13 @@ class Fault:
     """Base of all faults and of their groups: by itself it leaves every part as it is."""
 
     stream: ClassVar[str]  # the random stream that it draws from; a group has none of its own
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Refuse a fault that acts without a random stream: ``kinds`` would pass it over."""
+        super().__init_subclass__(**options)
+        acts = [name for name in ("on_planner", "on_sensor", "disturbances") if name in vars(cls)]
+        if acts and "stream" not in vars(cls):
+            raise TypeError(f"{cls.__qualname__} has {acts[0]}() and no stream; allowed: a ClassVar stream, its name")
 
     def on_planner(self, planner: Planner, rng: np.random.Generator) -> Planner:
         """The planner with this fault."""
@@ -86,7 +96,7 @@ def with_sensor_faults(
 
 
 def with_disturbances(
-    plant: Plant, groups: Sequence[Fault], streams: RandomStreams, *, mass: float = 1.0, period: float
+    plant: Plant, groups: Sequence[Fault], streams: RandomStreams, *, mass: float, period: float
 ) -> Plant:
     """A plant with the disturbances of these groups; itself if there are none.
 
@@ -201,10 +211,10 @@ class LostReadings(Fault):
 
 
 @configuration(prefix="faults.")
-class EveryFlightFaults(LatePlans, SolverFailures):
-    """Faults that any flight can have, a missile's too; a new one of these is one base more."""
+class CommonFlightFaults(LatePlans, SolverFailures):
+    """Faults of safe-flight, simultaneous-arrival, quadrotor-canyon and missile-guidance."""
 
 
 @configuration(prefix="faults.")
-class FlightFaults(LostReadings, RandomGusts, Jumps, CorruptedPlans, EveryFlightFaults):
-    """Faults of aerial vehicles."""
+class AerialFaults(LostReadings, RandomGusts, Jumps, CorruptedPlans, CommonFlightFaults):
+    """Faults of safe-flight, simultaneous-arrival and quadrotor-canyon."""

@@ -28,7 +28,7 @@ from mathnavi.sim.interfaces.bounds import (
 from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.fields import with_fields
-from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults, Magnitude, PositiveMagnitude
+from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, Point, drawn_between
 from mathnavi.sim.scenarios.information import ChangeFields
 
@@ -214,7 +214,7 @@ class SimultaneousArrivalConfig(ChangeFields, FleetFields):
     radio: Radio = field(default_factory=Radio)
     clocks: Clocks = field(default_factory=Clocks)
     noise: FlightNoise = field(default_factory=FlightNoise)
-    faults: FlightFaults = field(default_factory=FlightFaults)
+    faults: AerialFaults = field(default_factory=AerialFaults)
 
     def __post_init__(self) -> None:
         FleetFields.__post_init__(self)

@@ -9,7 +9,7 @@ from annotated_types import Interval
 
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.sim.interfaces.bounds import FINITE, TickRate, configuration
-from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults, Magnitude, PositiveMagnitude
+from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, drawn_between
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
 
@@ -52,7 +52,7 @@ class SafeFlightConfig(ChangeFields, MissionFields):
     """T X Y Z [s, m, m, m] where the target is at a time, and on its way to evenly, as high above ground as at first or
     higher; may be given several times"""
     noise: FlightNoise = field(default_factory=FlightNoise)
-    faults: FlightFaults = field(default_factory=FlightFaults)
+    faults: AerialFaults = field(default_factory=AerialFaults)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -19,7 +19,7 @@ from mathnavi.sim.interfaces.bounds import THREE_FINITE_NUMBERS, Condition, Tick
 from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_quality
-from mathnavi.sim.scenarios.fault_fields import FlightFaults, Magnitude
+from mathnavi.sim.scenarios.fault_fields import AerialFaults, Magnitude
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
@@ -66,7 +66,7 @@ class FlightFields(Protocol):
     @property
     def noise(self) -> FlightNoise: ...
     @property
-    def faults(self) -> FlightFaults: ...
+    def faults(self) -> AerialFaults: ...
 
 
 def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar, ...] = ()) -> FlightMission:

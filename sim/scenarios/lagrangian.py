@@ -94,7 +94,7 @@ def observed_loop(parts: Assembler, case: LagrangianCase) -> ClosedLoop:
     """The closed loop of one seed."""
     inputs = case.inputs or Inputs.within(tuple(case.mission.system.inputs))
     return parts.closed_loop(
-        parts.disturbed(case.plant, case.stack.planner.period),
+        parts.disturbed(case.plant, case.stack.planner.period, mass=1.0),
         {case.vehicle: case.stack.agent(len(case.mission.system.inputs))},
         parts.config.duration,
         partial(finished, case),

@@ -27,7 +27,7 @@ from mathnavi.sim.interfaces.bounds import (
 )
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError, MissionError
-from mathnavi.sim.scenarios.fault_fields import EveryFlightFaults, Fault, LostReadings
+from mathnavi.sim.scenarios.fault_fields import CommonFlightFaults, Fault, LostReadings
 
 Point = tuple[float, float, float]
 
@@ -126,7 +126,7 @@ class MissileNoise(LostReadings, StateErrors):
 
 
 @configuration(prefix="faults.")
-class MissileFaults(EveryFlightFaults):
+class MissileFaults(CommonFlightFaults):
     """Faults of a missile."""
 
     late_plan_latency: Annotated[Magnitude, ANEW] = 1.0

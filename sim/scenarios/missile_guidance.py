@@ -70,7 +70,7 @@ class MissileGuidance:
         model = _model(mission.coordinates, mission.input_max, config.mismatch)
         body = MujocoPlant(model, {VEHICLE: setup}, parts.streams["sensing"])
         return parts.closed_loop(
-            parts.disturbed(body, stack.planner.period),
+            parts.disturbed(body, stack.planner.period, mass=config.mismatch.mass * mission.body.mass),
             {VEHICLE: stack.agent(mission.coordinates.input_size, _messages(config, target))},
             _duration(config, first),
             PassedTarget(mission, target).finished,

@@ -111,7 +111,7 @@ class QuadrotorCanyon:
         start, target = mission.flight.start, mission.flight.target
         place = terrain_record(terrain, config.terrain)
         return parts.closed_loop(
-            parts.disturbed(body, stack.planner.period, vehicle.mass),
+            parts.disturbed(body, stack.planner.period, mass=vehicle.mass),
             {VEHICLE: stack.agent(ROTOR_COUNT)},
             duration,
             partial(finished, flight, body),

@@ -12,7 +12,7 @@ from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor
 from mathnavi.sim.interfaces.bounds import FINITE, PositiveFraction, TickRate, configuration
 from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.scenarios.fault_fields import LARGEST, FlightFaults, Magnitude, PositiveMagnitude
+from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, drawn_between
 
 Factor = Annotated[float, Interval(ge=0.1, le=10.0), FINITE]
@@ -78,7 +78,7 @@ class QuadrotorCanyonConfig:
     control_rate: Annotated[float, TickRate(TICK)] = 150.0
     """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
     noise: FlightNoise = field(default_factory=FlightNoise)
-    faults: FlightFaults = field(default_factory=FlightFaults)
+    faults: AerialFaults = field(default_factory=AerialFaults)
     mismatch: QuadrotorMismatch = field(default_factory=QuadrotorMismatch)
 
     def __post_init__(self) -> None:

@@ -76,7 +76,7 @@ class RangeLocalisation:
         stack = parts.stack(mission)
         body = _body(config, mission, pose, _with_outages(stack.sensors, config), parts.streams["sensing"])
         return parts.closed_loop(
-            parts.disturbed(body, stack.planner.period),
+            parts.disturbed(body, stack.planner.period, mass=1.0),
             {VEHICLE: stack.agent(2)},
             round(config.duration / mission.period) * mission.period,
             partial(finished, body),

@@ -95,7 +95,7 @@ class SafeFlight:
         ends = {"start": mission.start, "target": mission.target}
         terrain = terrain_record(flight.mission.terrain, config.terrain, hills=config.uncharted)
         return parts.closed_loop(
-            parts.disturbed(body, stack.planner.period),
+            parts.disturbed(body, stack.planner.period, mass=1.0),
             {VEHICLE: stack.agent(messages=messages)},
             duration,
             partial(finished, flight, body),

@@ -99,7 +99,7 @@ class SimultaneousArrival:
         ends = {"start": starts, "target": next(iter(fleet.values())).centre}
         period = next(iter(fleet.values())).planner.period
         return parts.closed_loop(
-            parts.disturbed(body, period),
+            parts.disturbed(body, period, mass=1.0),
             agents,
             duration,
             partial(finished, flight, body),

@@ -119,7 +119,7 @@ class TextbookObserver:
         # L = |x^ - x|^2, the error of Definition 2.2, whose root mean square a run is evaluated by.
         cost = squared_error(VEHICLE, config.observed.difference)
         return parts.closed_loop(
-            parts.disturbed(plant, stack.planner.period),
+            parts.disturbed(plant, stack.planner.period, mass=1.0),
             {VEHICLE: stack.agent(len(config.observed.inputs))},
             config.duration,
             partial(finished, plant),

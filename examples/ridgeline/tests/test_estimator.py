@@ -12,7 +12,7 @@ from mathnavi.models.aerial.mission import FlightMission, GustModel
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.signals import Measurement
 from mathnavi.sim.plugin.registry import PluginSpec, load
-from mathnavi.sim.scenarios.fault_fields import FlightFaults
+from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.flight_parts import FlightNoise
 from mathnavi.sim.scenarios.safe_flight import SafeFlight
 
@@ -46,7 +46,7 @@ def errors(noise: float, gust_rms: float, seconds: float) -> tuple[np.ndarray, n
 
 def test_in_flight_it_is_better_than_the_full_state_sensor_and_the_tracking_bound_is_kept() -> None:
     way = (3000.0, 4000.0, 900.0), (9000.0, 10_000.0, 1100.0)
-    noisy = SafeFlight.Config("jacksboro", *way, noise=FlightNoise(position=5.0), faults=FlightFaults(gust_rms=0.5))
+    noisy = SafeFlight.Config("jacksboro", *way, noise=FlightNoise(position=5.0), faults=AerialFaults(gust_rms=0.5))
     deviation = {}
     for name, estimator in (("full", load("estimators", "full_state")), ("own", AlphaBetaGamma)):
         outcome = SafeFlight.build(

@@ -27,7 +27,7 @@ from mathnavi.sim.records.missions import (
     read_mission,
 )
 from mathnavi.sim.scenarios.assembler import Assembler
-from mathnavi.sim.scenarios.fault_fields import Fault, FlightFaults, LatePlans, RandomGusts, kinds, with_disturbances
+from mathnavi.sim.scenarios.fault_fields import AerialFaults, Fault, LatePlans, RandomGusts, kinds, with_disturbances
 from mathnavi.sim.scenarios.missile_fields import MissileFaults, MissileGuidanceConfig, MissileGust, MissileNoise
 from mathnavi.sim.scenarios.missile_guidance import MissileGuidance
 from mathnavi.sim.scenarios.random_streams import RandomStreams
@@ -108,7 +108,7 @@ def test_a_new_disturbance_is_one_class_and_its_entry() -> None:
 
 
 def test_faults_of_a_group_come_in_the_order_of_their_fields() -> None:
-    assert [kind.__name__ for kind in kinds(FlightFaults())] == [
+    assert [kind.__name__ for kind in kinds(AerialFaults())] == [
         "SolverFailures", "LatePlans", "CorruptedPlans", "Jumps", "RandomGusts", "LostReadings",
     ]  # fmt: skip
     assert list(kinds(RandomGusts())) == [RandomGusts]
@@ -118,7 +118,7 @@ def test_a_field_out_of_range_is_refused_whatever_the_group() -> None:
     with pytest.raises(FieldError, match=r"faults\.late_plan_rate = 2\.0"):
         LatePlans(late_plan_rate=2.0)
     with pytest.raises(FieldError, match=r"faults\.late_plan_latency = 1000000\.0"):
-        FlightFaults(late_plan_latency=1e6)
+        AerialFaults(late_plan_latency=1e6)
     assert MissileFaults(late_plan_latency=1e6).late_plan_latency == 1e6  # as long as a missile's fields may be
     with pytest.raises(FieldError, match=r"^faults\.late_plan_latency = 1100000\.0; allowed: .* >= 0 and <= 1e\+06$"):
         WindyMissileFaults(late_plan_latency=1.1e6)
@@ -136,7 +136,7 @@ def test_a_fault_out_of_range_is_named_by_the_field_that_holds_it() -> None:
 def test_a_plant_without_disturbances_is_left_as_it_is() -> None:
     loop = MissileGuidance.build(MissileGuidanceConfig(), 0)
     streams = RandomStreams(np.random.default_rng(0))
-    assert with_disturbances(loop.plant, [FlightFaults()], streams, period=1.0) is loop.plant
+    assert with_disturbances(loop.plant, [AerialFaults()], streams, mass=1.0, period=1.0) is loop.plant
 
 
 @pytest.mark.parametrize("scenario", names("scenarios"))
@@ -194,3 +194,14 @@ def test_a_field_that_is_missing_or_of_another_type_is_named() -> None:
     del fields["reach"]
     with pytest.raises(KeyError, match="reach"):
         read_mission(QuadrotorRecord, fields)
+
+
+def test_a_fault_that_acts_names_its_random_stream() -> None:
+    with pytest.raises(TypeError, match="Silent has disturbances\\(\\) and no stream"):
+        type("Silent", (Fault,), {"disturbances": lambda self, mass, period, rng: ()})
+
+
+def test_forces_per_mass_act_on_the_true_mass() -> None:
+    streams = RandomStreams(np.random.default_rng(0), ("gusts",))
+    (gusts,) = RandomGusts(gust_rms=0.5).disturbances(200.0, 1.0, streams["gusts"])
+    assert gusts._force._rms == pytest.approx(100.0)

@@ -14,12 +14,12 @@ from mathnavi.sim.metrics.quadrotor import point, tilts
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.scenarios.fault_fields import FlightFaults
+from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.flight_parts import FlightNoise
 from mathnavi.sim.scenarios.quadrotor_canyon import QuadrotorCanyon
 from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig, QuadrotorMismatch
 
-GUSTS = FlightFaults(gust_rms=0.6, gust_limit=1.5, solver_failure_rate=0.2)
+GUSTS = AerialFaults(gust_rms=0.6, gust_limit=1.5, solver_failure_rate=0.2)
 HEAVY = QuadrotorMismatch(mass=1.1, motor_lag=1.15)
 SHORT = {"start": (300.0, 275.0, 1232.0), "target": (204.0, 303.0, 1232.0)}  # in canyon 0, a spur between them
 
@@ -133,7 +133,7 @@ def test_an_estimator_of_something_else_is_refused() -> None:
         ({"drawn_heights": (5.0, 1.0)}, r"drawn_heights = \(5\.0, 1\.0\)"),
         ({"drawn_lowest": 0.0}, r"drawn_lowest = 0\.0"),
         ({"start": None, "drawn_separation": (1.4, 1.5)}, r"drawn_separation = .*; allowed: other shares"),
-        ({"faults": FlightFaults(gust_rms=30.0, gust_limit=90.0)}, r"gust rms = 30\.0"),
+        ({"faults": AerialFaults(gust_rms=30.0, gust_limit=90.0)}, r"gust rms = 30\.0"),
     ],
 )
 def test_bad_input_names_the_culprit(fields: dict[str, Any], told: str) -> None:
@@ -150,7 +150,7 @@ def test_bad_input_names_the_culprit(fields: dict[str, Any], told: str) -> None:
         (lambda: QuadrotorMismatch(drag=math.nan), r"mismatch\.drag = nan"),
         (lambda: FlightNoise(position=-1.0), r"noise\.position = -1\.0"),
         (
-            lambda: QuadrotorCanyonConfig(faults=FlightFaults(position_jump=1.0)),
+            lambda: QuadrotorCanyonConfig(faults=AerialFaults(position_jump=1.0)),
             r"position_jump = 1\.0; allowed for a quad",
         ),
     ],

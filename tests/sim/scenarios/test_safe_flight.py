@@ -21,7 +21,7 @@ from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.scenarios.fault_fields import FlightFaults
+from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
 from mathnavi.sim.scenarios.flight_parts import FlightNoise
 from mathnavi.sim.scenarios.safe_flight import SafeFlight
@@ -97,7 +97,7 @@ def test_the_same_seed_gives_the_same_log_bit_for_bit(terrain: str) -> None:
     fields: dict[str, Any] = {
         "target": NEAR,
         "noise": FlightNoise(position=3.0),
-        "faults": FlightFaults(solver_failure_rate=0.3, late_plan_rate=0.2, gust_rms=1.0, dropout_rate=0.1),
+        "faults": AerialFaults(solver_failure_rate=0.3, late_plan_rate=0.2, gust_rms=1.0, dropout_rate=0.1),
     }
     one, same, other = (flown(terrain, seed, **fields) for seed in (4, 4, 5))
     assert one.arrays.keys() == same.arrays.keys()
@@ -109,13 +109,13 @@ def test_the_same_seed_gives_the_same_log_bit_for_bit(terrain: str) -> None:
 
 @pytest.mark.parametrize("rate", [0.3, 0.9])
 def test_failing_solvers_do_not_matter(terrain: str, rate: float) -> None:
-    outcome = flown(terrain, faults=FlightFaults(solver_failure_rate=rate))
+    outcome = flown(terrain, faults=AerialFaults(solver_failure_rate=rate))
     assert_safe(outcome)
     assert outcome.summary["solver_failures"] > 0.5 * rate * outcome.summary["replans"]
 
 
 def test_late_and_corrupted_plans_do_not_matter(terrain: str) -> None:
-    outcome = flown(terrain, faults=FlightFaults(late_plan_rate=0.5, corrupted_plan_rate=0.5))
+    outcome = flown(terrain, faults=AerialFaults(late_plan_rate=0.5, corrupted_plan_rate=0.5))
     assert_safe(outcome)
     assert outcome.summary["late_plans"] > 0
     assert kinds(outcome)["not-finite"] > 0
@@ -123,7 +123,7 @@ def test_late_and_corrupted_plans_do_not_matter(terrain: str) -> None:
 
 def test_gusts_and_position_fixes_are_survived(terrain: str) -> None:
     outcome = flown(
-        terrain, estimator="kalman", noise=FlightNoise(position=5.0), faults=FlightFaults(gust_rms=1.5, gust_limit=4.0)
+        terrain, estimator="kalman", noise=FlightNoise(position=5.0), faults=AerialFaults(gust_rms=1.5, gust_limit=4.0)
     )
     assert_safe(outcome)
     assert outcome.summary["tracking_error_max_m"] > 1.0
@@ -136,7 +136,7 @@ def test_lost_readings_are_survived(terrain: str) -> None:
         terrain,
         estimator="kalman",
         noise=FlightNoise(position=3.0),
-        faults=FlightFaults(dropout_rate=0.5, gust_rms=0.5),
+        faults=AerialFaults(dropout_rate=0.5, gust_rms=0.5),
     )
     assert outcome.summary["ground_contacts"] == 0
     assert outcome.summary["min_clearance_m"] >= H_MIN
@@ -282,10 +282,10 @@ def test_ends_that_are_not_given_are_drawn_far_apart_and_certified(terrain: str)
 @pytest.mark.parametrize(
     ("group", "field", "value"),
     [
-        (FlightFaults, "solver_failure_rate", 1.5),
-        (FlightFaults, "dropout_rate", -0.1),
-        (FlightFaults, "gust_rms", math.nan),
-        (FlightFaults, "position_jump", math.inf),
+        (AerialFaults, "solver_failure_rate", 1.5),
+        (AerialFaults, "dropout_rate", -0.1),
+        (AerialFaults, "gust_rms", math.nan),
+        (AerialFaults, "position_jump", math.inf),
         (FlightNoise, "position", -1.0),
         (FlightNoise, "position_rate", 0.0),
         (SafeFlightConfig, "clearance_min", -1.0),
@@ -312,7 +312,7 @@ def test_a_field_out_of_range_is_refused_by_name(group: type[Any], field: str, v
 
 def test_a_deadline_that_was_lost_is_not_kept_because_the_target_might_move(terrain: str) -> None:
     """A target that never moves promises nothing new."""
-    rough = {"faults": FlightFaults(position_jump=150.0), "deadline_factor": 1.0}
+    rough = {"faults": AerialFaults(position_jump=150.0), "deadline_factor": 1.0}
     plain = flown(terrain, **rough)
     resting = flown(terrain, **rough, target_path=((1.0, *flight.mission().target),))
     assert "deadline-lost" in [event.kind for event in plain.recording.events]
@@ -321,7 +321,7 @@ def test_a_deadline_that_was_lost_is_not_kept_because_the_target_might_move(terr
 
 def test_plans_that_never_take_over_lose_the_arrival_at_a_target_that_moves(terrain: str) -> None:
     x, y, z = flight.above(flight.mountains(), (9000.0, 10_500.0), 150.0)
-    late = FlightFaults(late_plan_rate=1.0, late_plan_latency=3.0)
+    late = AerialFaults(late_plan_rate=1.0, late_plan_latency=3.0)
     path = ((10.0, *flight.mission().target), (10.5, x, y, z))
     outcome = flown(terrain, deadline_factor=1.0, faults=late, target_path=path)
     kinds = [event.kind for event in outcome.recording.events]
@@ -341,7 +341,7 @@ def test_a_target_that_rests_before_it_moves_is_recorded_so(terrain: str) -> Non
 
 
 def test_a_vehicle_thrown_into_the_ground_is_not_reported_above_it(terrain: str) -> None:
-    outcome = flown(terrain, faults=FlightFaults(position_jump=1500.0))
+    outcome = flown(terrain, faults=AerialFaults(position_jump=1500.0))
     x = outcome.recording.truths["vehicle"]
     lowest = float(np.nanmin(x[:, 2] - flight.mountains().height(x[:, 0], x[:, 1])))
     assert lowest < 0.0
@@ -351,7 +351,7 @@ def test_a_vehicle_thrown_into_the_ground_is_not_reported_above_it(terrain: str)
 
 @pytest.mark.parametrize("rate", [60.0, 20.0, 10.0])
 def test_the_bound_is_kept_at_every_control_rate(terrain: str, rate: float) -> None:
-    outcome = flown(terrain, control_rate=rate, faults=FlightFaults(solver_failure_rate=0.9))
+    outcome = flown(terrain, control_rate=rate, faults=AerialFaults(solver_failure_rate=0.9))
     assert_safe(outcome)
     assert outcome.summary["tracking_breaches"] == 0
     assert 0.0 < outcome.summary["tracking_error_max_m"] <= outcome.summary["tracking_bound_m"]

@@ -11,7 +11,7 @@ import pytest
 
 from mathnavi.sim.metrics.fleet import arrival_times, least_separation
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.scenarios.fault_fields import FlightFaults
+from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.fleet_fields import Clocks, Radio, SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.simultaneous_arrival import SimultaneousArrival
 from tests import flight
@@ -63,7 +63,7 @@ def test_alone_they_would_arrive_far_apart(terrain: str) -> None:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_lost_messages_and_failing_solvers_cost_no_safety(terrain: str, seed: int) -> None:
     outcome = flown(
-        terrain, seed, vehicles=4, faults=FlightFaults(solver_failure_rate=0.3, late_plan_rate=0.1),
+        terrain, seed, vehicles=4, faults=AerialFaults(solver_failure_rate=0.3, late_plan_rate=0.1),
         radio=Radio(delay=(0.0, 0.3), loss=0.2, duplication=0.2, partition=(20.0, 40.0)),
     )  # fmt: skip
     assert outcome.summary["ground_contacts"] == 0
@@ -73,7 +73,7 @@ def test_lost_messages_and_failing_solvers_cost_no_safety(terrain: str, seed: in
 
 
 def test_the_same_seed_is_the_same_log(terrain: str) -> None:
-    one, other = (flown(terrain, radio=Radio(loss=0.2), faults=FlightFaults(solver_failure_rate=0.2)) for _ in range(2))
+    one, other = (flown(terrain, radio=Radio(loss=0.2), faults=AerialFaults(solver_failure_rate=0.2)) for _ in range(2))
     assert one.arrays.keys() == other.arrays.keys()
     assert all(one.arrays[name].tobytes() == other.arrays[name].tobytes() for name in one.arrays)
     assert {name.partition(".")[0] for name in one.arrays if "." in name} == {"vehicle_1", "vehicle_2", "vehicle_3"}
@@ -172,7 +172,7 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
         ({"target": above(100.0, 100.0), "start": (near[0], near[2], above(5e3, 9e3))}, r"lie off the map"),
         ({"deadline_factor": 0.5}, r"deadline_factor = 0\.5"),
         ({"target": (math.nan, 0.0, 0.0)}, r"allowed: three finite numbers"),
-        ({"faults": FlightFaults(position_jump=5.0)}, r"position_jump = 5\.0; allowed in a fleet: 0"),
+        ({"faults": AerialFaults(position_jump=5.0)}, r"position_jump = 5\.0; allowed in a fleet: 0"),
         ({"slot_spacing": 150.0}, r"slot_spacing = 150\.0; allowed: >= 150\."),
         ({"name": ("a", "b")}, r"name = \('a', 'b'\); allowed: 3, one for each vehicle"),
         ({"name": ("a", "b", "a")}, r"name: names = .*; allowed: each once, and not a again"),

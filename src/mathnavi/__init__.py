@@ -16,7 +16,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mathnavi.models.aerial.plan_status import FlightPhase
+    from mathnavi.controllers.ocp.problem import OptimalControlProblem
+    from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
     from mathnavi.models.manifold.constant_curvature import hyperbolic_space as HyperbolicSpace  # noqa: N812
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from mathnavi.sim.scripting.localisation import PoseObserver, wall_through
     from mathnavi.sim.scripting.localisation import feasible_set_bank as FeasibleSetBank  # noqa: N812
     from mathnavi.sim.scripting.observers import IntrinsicObserver, VelocityObserver
-    from mathnavi.sim.scripting.ocp import OptimalControlStatement as OptimalControlProblem
     from mathnavi.sim.scripting.requests import plugin
     from mathnavi.sim.scripting.runs import available, make, run, study, sweep
 
@@ -79,7 +79,7 @@ _PLACES = {
     "ellipse": "models.field.curve",
     "wall_through": "sim.scripting.localisation",
     # optimal control
-    "OptimalControlProblem": "sim.scripting.ocp:OptimalControlStatement",
+    "OptimalControlProblem": "controllers.ocp.problem",
     # terrain
     "load_terrain": "models.terrain.library",
     "import_terrain": "models.terrain.dem:import_dem",
@@ -90,6 +90,7 @@ _PLACES = {
     "Measurement": "sim.interfaces.signals",
     "Message": "sim.interfaces.signals",
     "FlightPhase": "models.aerial.plan_status",
+    "FlightStatus": "models.aerial.plan_status",
     "Plan": "sim.interfaces.signals",
     "PlanRequest": "sim.interfaces.signals",
     "Status": "sim.interfaces.signals",
@@ -137,6 +138,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "Measurement",
     "Message",
     "FlightPhase",
+    "FlightStatus",
     "Plan",
     "PlanRequest",
     "Status",

@@ -97,7 +97,7 @@ class FlightConfig(RecedingHorizonConfig):
     """of the tracker [rad/s]"""
 
 
-class SafeFlight:
+class FlightController:
     """Receding horizon with a safety manoeuvre behind every plan, optimised on line and certified."""
 
     Config = FlightConfig

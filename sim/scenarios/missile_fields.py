@@ -107,7 +107,7 @@ class Thrusters:
 
 
 @dataclass(frozen=True)
-class StateErrors:
+class ReadingErrors:
     """Standard deviations on each axis of the readings of the state."""
 
     position: float = 0.0
@@ -121,7 +121,7 @@ class StateErrors:
 
 
 @dataclass(frozen=True)
-class MissileNoise(LostReadings, StateErrors):
+class MissileNoise(LostReadings, ReadingErrors):
     """Errors of the readings of the state: standard deviations on each axis, and losses."""
 
     group: ClassVar[str] = "noise"

@@ -17,7 +17,7 @@ import numpy as np
 from mathnavi.controllers.arrival.outlier import is_outlier
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.planner import RecedingHorizon
-from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.problem import LengthToGo, Problem
 from mathnavi.controllers.flight.sqp import CondensedSqp
 from mathnavi.controllers.flight.tracker import tracking_bound
@@ -64,7 +64,7 @@ def one_step(change: ArrivalChange) -> ArrivalStep | None:
     rng = np.random.default_rng(change.seed)
     mission = _drawn(change.place.ground, rng)
     flight = FlightConfig(nodes=NODES)
-    planner, _ = SafeFlight.build(flight, mission)
+    planner, _ = FlightController.build(flight, mission)
     assert isinstance(planner, RecedingHorizon)
     certificate = Certificate.of(mission, tracking_bound(flight.bandwidth, mission))
     current: Plan | None = None

@@ -74,7 +74,7 @@ def test_the_cost_of_a_plan_is_effort_time_and_cost_to_go(config: FlightConfig) 
     plan = following(planner, None, 0.0)
     n = config.nodes - 1
     effort = np.diff(plan.t)[:n] @ (plan.u[:n] ** 2).sum(axis=1)
-    to_go = config.beta / REFERENCE_SPEED * float(planner._landscape.cost(plan.x[n, :3])[0])
+    to_go = config.beta / REFERENCE_SPEED * float(planner._environment.cost(plan.x[n, :3])[0])
     assert plan.cost == pytest.approx(effort + config.beta * config.duration + to_go)
 
 
@@ -89,7 +89,7 @@ def test_a_solver_starts_from_what_the_plan_being_flown_does_at_the_same_time(
         plan = following(planner, current, k * period)
         optimised_until = current.t[1:][current.phase == FlightPhase.OPTIMISED][-1]
         for problem, guess in asked:
-            middles = (k + 1) * period + problem.stencil.middles
+            middles = (k + 1) * period + problem.matrices.middles
             wanted = [input_at(current, t) if t < optimised_until else np.zeros(3) for t in middles]
             np.testing.assert_array_equal(guess, [*np.ravel(wanted), 0.0])
         assert asked

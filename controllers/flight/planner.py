@@ -107,8 +107,8 @@ class RecedingHorizon:
         solution, solve_ms = self._solved(problem, current, request.t_start, spent)
         if isinstance(solution, str):
             return Plan.failure(Status.SOLVER_FAILED, "; ".join(filter(None, (reason, solution))), solve_ms=solve_ms)
-        if self._incorporation == "constraint" and abs(off := self._off(problem, solution)) > _ON_TIME:
-            return Plan.failure(Status.INFEASIBLE, f"(A.13) is off by {off:.2f} s", solve_ms=solve_ms)
+        if self._incorporation == "constraint" and abs(error := self._arrival_error(problem, solution)) > _ON_TIME:
+            return Plan.failure(Status.INFEASIBLE, f"(A.13) is off by {error:.2f} s", solve_ms=solve_ms)
         return self._assembled(problem, solution, request.t_start, solve_ms)
 
     @property
@@ -160,7 +160,7 @@ class RecedingHorizon:
             return LengthToGo(by_speed)
         return LengthToGo(by_speed, 2.0 * self._arrival_weight / v_max**2, instead=False)
 
-    def _off(self, problem: Problem, solution: PlanSolution) -> float:
+    def _arrival_error(self, problem: Problem, solution: PlanSolution) -> float:
         """[s] by which a plan misses what (A.13) asks for; 0 where nothing is."""
         if problem.length_to_go is None:
             return 0.0

@@ -26,17 +26,17 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class DoMpc:
-    """do-mpc's controller, built once per landscape and warm started like the others."""
+    """do-mpc's controller, built once per environment and warm started like the others."""
 
     def __init__(self, tolerance: float) -> None:
         self._tolerance = tolerance
-        self._landscape: PlanningEnvironment | None = None
+        self._environment: PlanningEnvironment | None = None
         self._mpc: Any = None
 
     def prepare(self, problem: Problem, guess: Array) -> None:
-        """What is not timed: the model of a new landscape, and the guess."""
-        if self._landscape is not problem.landscape:
-            self._landscape, self._mpc = problem.landscape, _do_mpc(problem, self._tolerance)
+        """What is not timed: the model of a new environment, and the guess."""
+        if self._environment is not problem.environment:
+            self._environment, self._mpc = problem.environment, _do_mpc(problem, self._tolerance)
         mpc, h, x = self._mpc, problem.parameters.h, problem.start
         for i, a in enumerate(guess[:-1].reshape(-1, 3)):
             climb = guess[-1] if i == problem.arcs - 1 else 0.0
@@ -56,13 +56,13 @@ class DoMpc:
 
 
 def _do_mpc(problem: Problem, tolerance: float) -> Any:
-    """do-mpc's controller for problems on this landscape with these parameters."""
+    """do-mpc's controller for problems on this environment with these parameters."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of features that its small installation lacks
         import do_mpc
     c = problem.parameters
     h, M = c.h, c.manoeuvre_duration
-    terrain, psi, low = problem.landscape.terrain, _psi(problem), _lowness(problem)
+    terrain, psi, low = problem.environment.terrain, _psi(problem), _lowness(problem)
 
     def following(x: ca.MX, a: ca.MX) -> ca.MX:
         return ca.vertcat(x[:3] + h * x[3:] + h**2 / 2 * a, x[3:] + h * a)
@@ -142,13 +142,13 @@ def _bspline(coordinates: list[ca.MX], coefficients: Array) -> ca.MX:
 
 
 def _lowness(problem: Problem) -> Callable[[ca.MX], ca.MX]:
-    spacing, heights = problem.landscape.terrain.spacing, problem.landscape.heights
+    spacing, heights = problem.environment.terrain.spacing, problem.environment.heights
     floor = problem.parameters.clearance
     return lambda p: _bspline([p[1] / spacing, p[0] / spacing], heights) + floor - p[2]
 
 
 def _psi(problem: Problem) -> Callable[[ca.MX], ca.MX]:
-    cost, factor = problem.landscape.cost, problem.parameters.psi_per_metre
+    cost, factor = problem.environment.cost, problem.parameters.psi_per_metre
     g, target = cost.grid, ca.DM(cost.target)
 
     def psi(p: ca.MX) -> ca.MX:

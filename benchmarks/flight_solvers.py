@@ -86,7 +86,7 @@ class Recorder:
         self._solver, self._into = solver, into
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
-        if problem.hold is None:
+        if problem.terminal_position is None:
             self._into.append((problem, guess.copy()))
         return self._solver.solve(problem, guess)
 

@@ -21,13 +21,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 NAME = "dymos, SLSQP"
 ORDER, SEGMENTS, REFINEMENTS = 3, 6, 8  # of the first grid, and how often it may be refined
 
 
-def prepared(problem: OptimalControlProblem, tolerance: float) -> Callable[[], float | None]:
+def prepared(problem: ProblemFunctions, tolerance: float) -> Callable[[], float | None]:
     """What solves the problem to dymos' ``tolerance`` and returns J, None where the optimiser failed."""
     os.environ["OPENMDAO_REPORTS"] = "0"  # before OpenMDAO is imported: it would write folders of them
     with _quietly():
@@ -69,7 +69,7 @@ def _quietly() -> Iterator[None]:
         yield
 
 
-def _stated(problem: OptimalControlProblem, tolerance: float) -> tuple[Any, Any]:
+def _stated(problem: ProblemFunctions, tolerance: float) -> tuple[Any, Any]:
     import dymos as dm
     import openmdao.api as om
 
@@ -100,7 +100,7 @@ def _stated(problem: OptimalControlProblem, tolerance: float) -> tuple[Any, Any]
     return model, phase
 
 
-def _dynamics(problem: OptimalControlProblem) -> Any:
+def _dynamics(problem: ProblemFunctions) -> Any:
     """The component that evaluates (f / scale, L, d) at all nodes, with its derivatives."""
     import openmdao.api as om
 
@@ -150,7 +150,7 @@ def _limit(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def _fixed_ends(problem: OptimalControlProblem) -> Iterator[tuple[str, int, float]]:
+def _fixed_ends(problem: ProblemFunctions) -> Iterator[tuple[str, int, float]]:
     """(initial or final, i, value over the scale) of each end condition; ValueError if one is not x_i = value."""
     x, T, p = ca.SX.sym("x", problem.nx), ca.SX.sym("T"), ca.DM(problem.nominal)
     for where, conditions, bounds in (
@@ -167,7 +167,7 @@ def _fixed_ends(problem: OptimalControlProblem) -> Iterator[tuple[str, int, floa
             yield where, i, float((lower - offset) / slope[i] / problem.state_scale[i])
 
 
-def _minimise(problem: OptimalControlProblem, phase: Any) -> None:
+def _minimise(problem: ProblemFunctions, phase: Any) -> None:
     """dymos minimises one variable: T, a final state or ∫ L dt."""
     x, T = ca.SX.sym("x", problem.nx), ca.SX.sym("T")
     terminal = problem.terminal_cost(x, T, ca.DM(problem.nominal))
@@ -181,7 +181,7 @@ def _minimise(problem: OptimalControlProblem, phase: Any) -> None:
         phase.add_objective(f"x{named[0]}", loc="final", scaler=float(np.sign(slopes[named[0]])))
 
 
-def _guess(problem: OptimalControlProblem, phase: Any) -> None:
+def _guess(problem: ProblemFunctions, phase: Any) -> None:
     times = problem.guess_times * problem.guess_duration
     phase.set_time_val(initial=0.0, duration=problem.guess_duration)
     for i, scale in enumerate(problem.state_scale):

@@ -14,7 +14,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.statement import Interval, OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.sim.interfaces.signals import Array
 
 NAME = "MAPTOR"
@@ -22,7 +22,7 @@ DEGREE, INTERVALS = 4, 5  # of the first mesh, like those of its examples
 IPOPT = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-9, "ipopt.max_iter": 500}
 
 
-def prepared(problem: OptimalControlProblem, tolerance: float) -> Callable[[], float | None]:
+def prepared(problem: ProblemFunctions, tolerance: float) -> Callable[[], float | None]:
     """What solves the problem to MAPTOR's ``tolerance`` and returns J, None where it did not converge."""
     import maptor
 
@@ -35,7 +35,7 @@ def prepared(problem: OptimalControlProblem, tolerance: float) -> Callable[[], f
     return solved
 
 
-def _stated(problem: OptimalControlProblem) -> Any:
+def _stated(problem: ProblemFunctions) -> Any:
     import maptor
 
     stated = maptor.Problem("benchmark")
@@ -90,7 +90,7 @@ def _constraints(expression: ca.MX, bounds: Interval) -> Iterator[ca.MX]:
             yield expression[k] <= float(upper)
 
 
-def _guess(problem: OptimalControlProblem, points: int, of: str) -> list[Array]:
+def _guess(problem: ProblemFunctions, points: int, of: str) -> list[Array]:
     """The problem's guess over its scale, (n, points) for each interval of the first mesh."""
     values, scale = {
         "states": (problem.guess_states, problem.state_scale),

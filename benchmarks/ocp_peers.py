@@ -32,9 +32,9 @@ from benchmarks import ocp_dymos, ocp_maptor
 from benchmarks.comparison import Comparison, alone
 from benchmarks.progress import progress
 from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
 from mathnavi.controllers.ocp.solution import Outcome, Solution
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.sim.interfaces.bounds import Within, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array
@@ -50,7 +50,7 @@ DEFAULT = (
 SMALL = ("brachistochrone", "Bryson-Denham", "double integrator, time")  # what a dense optimiser does in seconds
 
 Solve = Callable[[], float | None]  # J, None where there is no solution
-Prepare = Callable[[OptimalControlProblem], Solve]
+Prepare = Callable[[ProblemFunctions], Solve]
 
 
 @configuration
@@ -91,10 +91,10 @@ def softwares() -> list[Software]:
 def our_settings() -> dict[str, Prepare]:
     """Refinement from a coarse tolerance to a fine one, then the other adaptive methods of the study, in its order."""
 
-    def refined(tolerance: float, problem: OptimalControlProblem) -> Solve:
+    def refined(tolerance: float, problem: ProblemFunctions) -> Solve:
         return lambda: accepted(problem, refine(_unknown(problem), most_nodes=NODES, tolerance=tolerance))
 
-    def otherwise(method: Method, problem: OptimalControlProblem) -> Solve:
+    def otherwise(method: Method, problem: ProblemFunctions) -> Solve:
         return lambda: accepted(problem, method(_unknown(problem), NODES))
 
     settings: dict[str, Prepare] = {f"refinement, {t:g}": partial(refined, t) for t in MESH_TOLERANCES}
@@ -102,19 +102,19 @@ def our_settings() -> dict[str, Prepare]:
     return settings | {name: partial(otherwise, method) for name, method in others.items()}
 
 
-def _by_tolerance(prepared: Callable[[OptimalControlProblem, float], Solve]) -> dict[str, Prepare]:
-    def at(tolerance: float, problem: OptimalControlProblem) -> Solve:
+def _by_tolerance(prepared: Callable[[ProblemFunctions, float], Solve]) -> dict[str, Prepare]:
+    def at(tolerance: float, problem: ProblemFunctions) -> Solve:
         return prepared(problem, tolerance)
 
     return {f"{tolerance:g}": partial(at, tolerance) for tolerance in MESH_TOLERANCES}
 
 
-def _unknown(problem: OptimalControlProblem) -> OptimalControlProblem:
+def _unknown(problem: ProblemFunctions) -> ProblemFunctions:
     """The same problem as one that no cache has seen."""
     return dataclasses.replace(problem)
 
 
-def accepted(problem: OptimalControlProblem, solution: Solution) -> float | None:
+def accepted(problem: ProblemFunctions, solution: Solution) -> float | None:
     """The farther from the optimum of J and the replayed J; None without a solution that the gate passed."""
     if solution.status is not Outcome.OPTIMAL or solution.replay is None or not math.isfinite(solution.replay.cost):
         return None

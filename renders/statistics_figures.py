@@ -17,7 +17,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from mathnavi.renders.figures import BOUND, STYLE, canvas
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.records.statistics import Band, Rate
+from mathnavi.sim.records.statistics import Band, Proportion
 
 SERIES = ("#0d6bf2", "#e07b00", "#12a06b", "#c2185b", "#8a4fd0", "#7a8896")  # readable on light and on dark ground
 WIDTH = 9.4  # [inches] of a figure
@@ -29,7 +29,7 @@ FAR_OUT = 3.0  # quartile ranges above the upper quartile, from which on a distr
 WHOLE = 0.35  # an axis of rates that would show more than this share of 0 to 100 % shows all of it
 
 
-def rates_figure(names: Sequence[str], panels: Mapping[str, Sequence[Rate]]) -> Figure:
+def rates_figure(names: Sequence[str], panels: Mapping[str, Sequence[Proportion]]) -> Figure:
     """Forest plots: one panel for each kind of event, one row for each name."""
     with matplotlib.rc_context(STYLE):
         figure, cells = _forest_grid(len(names), len(panels))
@@ -40,7 +40,7 @@ def rates_figure(names: Sequence[str], panels: Mapping[str, Sequence[Rate]]) -> 
     return figure
 
 
-def rates_figure_on(axes: Axes, names: Sequence[str], rates: Sequence[Rate]) -> None:
+def rates_figure_on(axes: Axes, names: Sequence[str], rates: Sequence[Proportion]) -> None:
     """A forest plot in ``axes`` that also says in words what it shows."""
     limits = [_limits(rate) for rate in rates]
     _forest(axes, names, [100.0 * rate.value for rate in rates], 100.0 * np.array(limits))
@@ -210,7 +210,7 @@ def _forest(axes: Axes, names: Sequence[str], values: Sequence[float], limits: A
     axes.grid(axis="y", visible=False)
 
 
-def _limits(rate: Rate) -> tuple[float, float]:
+def _limits(rate: Proportion) -> tuple[float, float]:
     """Ends of a rate's bar: without an event up to the one-sided bound, as in its text."""
     return (0.0, rate.upper) if rate.events == 0 else (rate.low, rate.high)
 

@@ -26,7 +26,7 @@ from mathnavi.renders.statistics_figures import (
 from mathnavi.renders.terrain_view import Track, script, terrain_view
 from mathnavi.sim.records.figure_names import SHORTFALL, label
 from mathnavi.sim.records.files import write_text
-from mathnavi.sim.records.statistics import Band, Rate, percent
+from mathnavi.sim.records.statistics import Band, Proportion, percent
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import (
     CLEARANCE,
@@ -103,7 +103,7 @@ def _headline(title: str, sweep: Sweep) -> tuple[Markup, Markup]:
     return page.heading(title, verdict, not faults), page.tiles(tiles)
 
 
-def _limits(found: Rate) -> str:
+def _limits(found: Proportion) -> str:
     confidence = f"{100.0 * found.confidence:g} %"
     if found.events == 0:
         return f"at most {percent(found.upper)} % ({confidence})"
@@ -124,7 +124,7 @@ def _rates(sweep: Sweep) -> list[Markup]:
     return [table, page.figure_block(figure, "rates", words)]
 
 
-def _undecided(rates: Mapping[str, Sequence[Rate | None]]) -> dict[str, list[Rate]]:
+def _undecided(rates: Mapping[str, Sequence[Proportion | None]]) -> dict[str, list[Proportion]]:
     """The rates that there is something to see of: known in every group, and neither 0 nor 1 in all of them."""
     known = {kind: [found for found in row if found] for kind, row in rates.items() if None not in row}
     return {kind: row for kind, row in known.items() if 0 < sum(r.events for r in row) < sum(r.trials for r in row)}

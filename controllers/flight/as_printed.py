@@ -20,8 +20,8 @@ sin(alpha_bar), alpha_bar the terrain's steepest slope. It is verified at its no
 NLP fails or the manoeuvre is infeasible, the previous concatenated solution goes on (Remark A.5). From S_s the
 vehicle completes the task "continuing upward and upon a full turn above the target" (A.4).
 
-Where the print is silent: what is flown are the accelerations, each held for h, so the arcs of a plan are the exact
-motion; only the optimiser believes in Euler. The vehicle's force is bounded in the Euclidean norm, so the print's
+Where the thesis is silent: what is flown are the accelerations, each held for h, so the arcs of a plan are the exact
+motion; only the optimiser believes in Euler. The vehicle's force is bounded in the Euclidean norm, so the thesis's
 box for a_i is the largest one in that ball. S_f is p = p_f, and no node is made to lie there: the vehicle arrives
 if it happens to pass within the radius, else by completion.
 """
@@ -86,10 +86,10 @@ class AsPrintedConfig:
 
 
 class AsPrintedFlight:
-    """The planner of the print to the letter, for comparison; it carries no certificate."""
+    """The planner of the thesis as printed, for comparison; it carries no certificate."""
 
     Config = AsPrintedConfig
-    certified = False  # it is flown as the print says, whatever a certificate would say
+    certified = False  # its plans are flown as printed, whatever a certificate would say
 
     @staticmethod
     def build(config: AsPrintedConfig, mission: FlightMission) -> tuple[Planner, Tracker]:

@@ -2,7 +2,7 @@
 
 The manoeuvre ends in vertical flight, so the way on is a stack of straight lines: up to a level that clears
 everything between here and the target, across, and down onto p_f, each flown at the bounds with a rest at its end
-(thesis A.4, Fig. A.2). Over a height field the vertical parts need no look at the terrain; the level is chosen from
+(thesis A.4, Fig. A.2). Over a height field the vertical parts need no check of the terrain; the level is chosen from
 it, and the certificate has the last word.
 """
 

@@ -7,7 +7,8 @@ lengths inside a threat counted (1 + weight) fold. Two interpolants turn the nod
   the same grid would measure over flat, empty ground is interpolated by a tricubic spline in the stretched coordinates
   (layer, row, column); the root carries the distance itself. Psi decreases towards the target from everywhere, its
   gradient is continuous, and the grid's preference for its own directions cancels in the ratio.
-* ``TrilinearCost``: (beta / v_c) D interpolated linearly in each cell, as in the print. It has stationary points.
+* ``TrilinearCost``: (beta / v_c) D interpolated linearly in each cell, as in the thesis as printed. It has stationary
+  points.
 
 The print leaves Psi's unit open. With a running cost |a|^2 + beta, beta has the unit of a cost per second, so a
 distance costs beta / v_c per metre, v_c the speed at which flying on costs as much as Psi falls (150 m/s).
@@ -146,7 +147,7 @@ def node_distance(grid: TerrainGrid, density: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class FactoredCost:
-    """Psi without its factor beta / v_c: a length [m]. Coordinates outside the grid are held at its edge."""
+    """Psi without its factor beta / v_c: a length [m]. Coordinates outside the grid are clipped to its edge."""
 
     grid: TerrainGrid
     target: Array  # (3,) [m] p_f
@@ -176,10 +177,10 @@ class FactoredCost:
 
 @dataclass(frozen=True, eq=False)
 class TrilinearCost:
-    """D interpolated linearly in each cell of the stretched grid, as in the print: a length [m].
+    """D interpolated linearly in each cell of the stretched grid, as printed: a length [m].
 
-    The print has no value outside the grid. Here coordinates are held to its edge, and the height above its top layer
-    is added: else a climb would cost nothing up there, and nothing would end it.
+    The thesis gives no value outside the grid. Here coordinates are clipped to its edge, and the height above its top
+    layer is added: else a climb would cost nothing up there, and nothing would end it.
     """
 
     grid: TerrainGrid
@@ -208,7 +209,7 @@ class TrilinearCost:
         ground_y = (high - low) / g.spacing
         raw = (p[:, 2] - ground - g.level_0) / g.layer_spacing
         u = np.clip(raw, 0.0, layers - 1.0)
-        held, above = (raw == u).astype(float), (raw > layers - 1.0).astype(float)
+        inside, above = (raw == u).astype(float), (raw > layers - 1.0).astype(float)
         k = np.minimum(u.astype(int), layers - 2)
         fu = u - k
         d = self.distance
@@ -226,7 +227,7 @@ class TrilinearCost:
             for a in (0, 1)
         ]
         value = (1 - fu) * face[0] + fu * face[1] + above * (raw - u) * g.layer_spacing
-        up = held * (face[1] - face[0]) / g.layer_spacing + above
+        up = inside * (face[1] - face[0]) / g.layer_spacing + above
         east = ((1 - fu) * along_w[0] + fu * along_w[1]) / g.spacing - up * ground_x
         north = ((1 - fu) * along_v[0] + fu * along_v[1]) / g.spacing - up * ground_y
         return value, np.stack([east, north, up], axis=-1)
@@ -254,6 +255,6 @@ def factored_cost(
 def trilinear_cost(
     terrain: HeightField, target: Array, radars: Sequence[Radar], nodes: int, layers: int
 ) -> TrilinearCost:
-    """The same with the print's interpolation."""
+    """The cost-to-go with the interpolation of the thesis as printed."""
     grid = _grid(terrain, tuple(target.tolist()), nodes, layers)
     return TrilinearCost(grid, grid.positions[grid.target], node_distance(grid, threat_density(grid, terrain, radars)))

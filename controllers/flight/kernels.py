@@ -2,7 +2,7 @@
 
 The statement they implement is that of ``mathnavi.controllers.flight.problem``, which CasADi states independently; a
 test holds one against the other. Unknowns U = (a_1, ..., a_n, w): n accelerations (3,) [m/s^2] and the manoeuvre's
-final climb rate w [m/s]. Every position the problem looks at is affine in U:
+final climb rate w [m/s]. Every position that the problem constrains is affine in U:
 
     p_q = p_1 + S_q v_1 + sum_j C_qj a_j + W_q w e_z .
 
@@ -25,7 +25,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 # Indices into Problem.packed.
 MANOEUVRE, FLOOR, SPEED, ACCELERATION, BETA, PSI, EPSILON, WIDTH, DEPTH = range(9)
-TERRAIN_WEIGHT, APPROACH_WEIGHT, CLIMB_WEIGHT, SPACING, WANTED, WANTED_WEIGHT = range(9, 15)
+TERRAIN_WEIGHT, APPROACH_WEIGHT, CLIMB_WEIGHT, SPACING, LENGTH, LENGTH_WEIGHT = range(9, 15)
 PACKED_SIZE = 15
 
 BORDER = 1.0  # [m] that the plan's end keeps from the edge of the map
@@ -94,11 +94,11 @@ def objective(unknowns: Array, data: ProblemData) -> float:
         low = height + packed[FLOOR] - p[2]
         if low > 0.0:
             cost += 0.5 * packed[TERRAIN_WEIGHT] * low * low
-    if packed[WANTED_WEIGHT] > 0.0:
+    if packed[LENGTH_WEIGHT] > 0.0:
         gradient, hessian = np.empty(3), np.empty((3, 3))
         _position(p, start, unknowns, base[count], weights[count], 0.0)
-        error = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian) - packed[WANTED]
-        cost += 0.5 * packed[WANTED_WEIGHT] * error * error
+        error = length_to_go(ground, ratio, scales, p[0], p[1], p[2], gradient, hessian) - packed[LENGTH]
+        cost += 0.5 * packed[LENGTH_WEIGHT] * error * error
     if packed[PSI] > 0.0:
         gradient, hessian = np.empty(3), np.empty((3, 3))
         _position(p, start, unknowns, base[count], weights[count], 0.0)
@@ -113,11 +113,11 @@ def objective(unknowns: Array, data: ProblemData) -> float:
 
 
 @njit(cache=True, nogil=True)
-def end_violation(unknowns: Array, data: ProblemData, hold: Array) -> float:
+def end_violation(unknowns: Array, data: ProblemData, terminal_position: Array) -> float:
     """Largest violation [m] of the conditions at the ends.
 
-    The last node and the manoeuvre's end are to be on the map, and the last node at ``hold`` (3,) [m] unless that is
-    empty.
+    The last node and the manoeuvre's end are to be on the map, and the last node at ``terminal_position`` (3,) [m]
+    unless that is empty.
     """
     start, base, weights, climbs, packed = data.start, data.base, data.weights, data.climbs, data.packed
     count, p = weights.shape[0] - 2, np.empty(3)
@@ -127,9 +127,9 @@ def end_violation(unknowns: Array, data: ProblemData, hold: Array) -> float:
         west, east = BORDER - p[0], p[0] + BORDER - packed[WIDTH]
         south, north = BORDER - p[1], p[1] + BORDER - packed[DEPTH]
         violation = max(violation, west, east, south, north)
-    if hold.size > 0:
+    if terminal_position.size > 0:
         for axis in range(3):
-            violation = max(violation, abs(p[axis] - hold[axis]))
+            violation = max(violation, abs(p[axis] - terminal_position[axis]))
     return violation
 
 
@@ -184,11 +184,11 @@ def _model_decrease(step: Array, programme: QuadraticProgramme, soft: int) -> fl
 
 
 @njit(cache=True, nogil=True)
-def begin(guess: Array, known: tuple[Array, ...], hold: Array, out: Array) -> tuple[float, float]:
+def begin(guess: Array, known: tuple[Array, ...], terminal_position: Array, out: Array) -> tuple[float, float]:
     """Fill ``out`` with the projected guess; its cost and its violation [m]."""
     data = ProblemData(*known)
     project(guess, data, out)
-    return objective(out, data), end_violation(out, data, hold)
+    return objective(out, data), end_violation(out, data, terminal_position)
 
 
 @njit(cache=True, nogil=True)
@@ -201,7 +201,7 @@ def search(
     soft: int,
     quadratic: tuple[Array, ...],
     known: tuple[Array, ...],
-    hold: Array,
+    terminal_position: Array,
     out: Array,
 ) -> tuple[float, float, float, bool]:
     """Backtracking from the full step along the projected line until merit = cost + penalty * violation falls enough.
@@ -217,7 +217,7 @@ def search(
     while True:
         project(unknowns + length * step, data, out)
         cost = objective(out, data)
-        violation = end_violation(out, data, hold)
+        violation = end_violation(out, data, terminal_position)
         if cost + penalty * violation <= merit - _SUFFICIENT * length * max(decrease, 0.0):
             return decrease, cost, violation, True
         length *= 0.5
@@ -227,14 +227,18 @@ def search(
 
 @njit(cache=True, nogil=True)
 def linearise(
-    unknowns: Array, known: tuple[Array, ...], hold: Array, multipliers: Array, quadratic: tuple[Array, ...]
+    unknowns: Array,
+    known: tuple[Array, ...],
+    terminal_position: Array,
+    multipliers: Array,
+    quadratic: tuple[Array, ...],
 ) -> bool:
     """Fill the quadratic programme of one step d:
 
         minimise d'Hd/2 + g'd  subject to  lower <= (d, rows d) <= upper,
 
     the first 3n + 1 bounds on d itself; rows in the order clearance (soft), approach (soft), speed, acceleration,
-    manoeuvre, map borders, hold. ``hold`` is empty, or the point (3,) [m] that the last node must meet.
+    manoeuvre, map borders, terminal constraint. ``terminal_position`` is empty, or the point (3,) [m] of the last node.
 
     H is the Hessian of the Lagrangian, but for the terrain's curvature: ``multipliers`` (2n + 1,) are those of the
     speed, acceleration and manoeuvre rows in the step before, which curve the balls behind their tangent planes. Where
@@ -265,7 +269,7 @@ def linearise(
                 for b in range(3):
                     hessian[3 * j + a, 3 * m + b] += lengths[j] * lengths[m] * curvatures[max(j, m), a, b]
     is_exact = not is_clipped or _convexify(hessian, clipped)
-    _end_rows(unknowns, data, hold, row, programme)
+    _end_rows(unknowns, data, terminal_position, row, programme)
     return is_exact
 
 
@@ -319,10 +323,10 @@ def _terminal_terms(unknowns: Array, data: ProblemData, programme: QuadraticProg
     p, slope, curvature = np.empty(3), np.empty(3), np.empty((3, 3))
     is_clipped = False
     upper[size + row], lower[size + row] = _INFINITY, -_INFINITY
-    if packed[WANTED_WEIGHT] > 0.0:
-        weight, end = packed[WANTED_WEIGHT], weights[count]
+    if packed[LENGTH_WEIGHT] > 0.0:
+        weight, end = packed[LENGTH_WEIGHT], weights[count]
         _position(p, start, unknowns, base[count], weights[count], 0.0)
-        error = length_to_go(ground, ratio, scales, p[0], p[1], p[2], slope, curvature) - packed[WANTED]
+        error = length_to_go(ground, ratio, scales, p[0], p[1], p[2], slope, curvature) - packed[LENGTH]
         for j in range(n):
             for a in range(3):
                 gradient[3 * j + a] += weight * error * end[j] * slope[a]
@@ -418,8 +422,10 @@ def _ball_rows(
 
 
 @njit(cache=True, nogil=True)
-def _end_rows(unknowns: Array, data: ProblemData, hold: Array, row: int, programme: QuadraticProgramme) -> None:
-    """On the map: the last node and the end of the manoeuvre, from ``row`` on; at ``hold`` the last node."""
+def _end_rows(
+    unknowns: Array, data: ProblemData, terminal_position: Array, row: int, programme: QuadraticProgramme
+) -> None:
+    """Rows, from ``row`` on, of the last node and the manoeuvre's end on the map, and of the terminal constraint."""
     start, base, weights, climbs, packed = data.start, data.base, data.weights, data.climbs, data.packed
     rows, upper, lower = programme.rows, programme.upper, programme.lower
     n, count = weights.shape[1], weights.shape[0] - 2
@@ -432,12 +438,12 @@ def _end_rows(unknowns: Array, data: ProblemData, hold: Array, row: int, program
             side = packed[WIDTH] if axis == 0 else packed[DEPTH]
             upper[size + row], lower[size + row] = side - BORDER - p[axis], BORDER - p[axis]
             row += 1
-    if hold.size > 0:
+    if terminal_position.size > 0:
         _position(p, start, unknowns, base[count], weights[count], 0.0)
         for axis in range(3):
             for j in range(n):
                 rows[row, 3 * j + axis] = weights[count, j]
-            upper[size + row] = lower[size + row] = hold[axis] - p[axis]
+            upper[size + row] = lower[size + row] = terminal_position[axis] - p[axis]
             row += 1
 
 

@@ -23,7 +23,7 @@ TARGET_LENGTH = 50.0  # [m] l: within it the distance to the target is rounded o
 def length_to_go(
     ground: Array, ratio: Array, scales: Array, x: float, y: float, z: float, gradient: Array, hessian: Array
 ) -> float:
-    """sqrt(|p - p_f|^2 + l^2) tau(p) - l [m]; fills gradient (3,) and Hessian (3, 3) of it."""
+    """sqrt(|p - p_f|^2 + l^2) tau(p) - l [m]; fills its gradient (3,) and Hessian (3, 3)."""
     x_0, y_0, spacing, level_0, layer_spacing = scales[0], scales[1], scales[2], scales[3], scales[4]
     v, w = (y - y_0) / spacing, (x - x_0) / spacing
     floor, floor_v, floor_w = surface(ground, v, w)

@@ -34,14 +34,14 @@ from mathnavi.sim.interfaces.signals import Array, Message, Plan, PlanRequest, S
 
 _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
 _COMMIT_TRIES = 3
-_ON_TIME = 0.1  # [s] that a plan may be off (A.13)
+_ON_TIME = 0.1  # [s] by which a plan may miss (A.13)
 ARRIVAL = "arrival time"  # the topic of messages that ask for one
 
 Incorporation = Literal["schedule", "constraint", "penalty"]
 
 
 class Solver(Protocol):
-    """What solves a Problem."""
+    """Solver of a ``Problem``."""
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
         """A solution, or the reason why there is none."""
@@ -57,7 +57,7 @@ class RecedingHorizon:
     left:
 
         schedule     L(p_N) = L(p_1) (1 - T_p / tau), in the place of Psi as a cost and of S_eps;
-        constraint   (A.13), T_p + L(p_N) / v_max = tau, likewise, and a plan that is off it is a failure;
+        constraint   (A.13), T_p + L(p_N) / v_max = tau, likewise, and a plan that misses it is a failure;
         penalty      ``arrival_weight`` (T_p + L(p_N) / v_max - tau)^2 beside Psi.
 
     Within reach of the horizon each is an exact arrival at t_a.
@@ -79,12 +79,12 @@ class RecedingHorizon:
         self._arrival_weight = arrival_weight
         self._parameters, self._certificate, self._solver = parameters, certificate, solver
         self._cost_to_go, self._knowledge = cost_to_go, knowledge
-        self._landscape = PlanningEnvironment.build(certificate.terrain, cost_to_go(knowledge))
+        self._environment = PlanningEnvironment.build(certificate.terrain, cost_to_go(knowledge))
         self._arrival: float | None = None  # [s] that is asked for
         shorter = [self._over(parameters.lengths[:k]) for k in range(1, parameters.arcs + 1)]
         self._ends = np.array([part.horizon for part in shorter])  # (n,) [s] of the arcs
         for part in shorter:
-            _ = part.stencil  # computed now rather than in flight
+            _ = part.matrices  # computed now rather than in flight
 
     def plan(self, request: PlanRequest) -> Plan:
         self._listen(request.messages)
@@ -101,12 +101,14 @@ class RecedingHorizon:
         asked = self._arrival is None or abs(arrival - self._arrival) <= TIME_TOLERANCE
         if self._within_reach(arrival - request.t_start) and asked:  # committed before: the plan being flown stays
             return Plan.failure(Status.INFEASIBLE, reason, solve_ms=spent)
-        problem = Problem(self._parameters, self._landscape, start, wanted=self._wanted(start, request.t_start))
+        problem = Problem(
+            self._parameters, self._environment, start, length_to_go=self._length_to_go(start, request.t_start)
+        )
         solution, solve_ms = self._solved(problem, current, request.t_start, spent)
         if isinstance(solution, str):
             return Plan.failure(Status.SOLVER_FAILED, "; ".join(filter(None, (reason, solution))), solve_ms=solve_ms)
-        if self._incorporation == "constraint" and abs(off := self._off(problem, solution)) > _ON_TIME:
-            return Plan.failure(Status.INFEASIBLE, f"(A.13) is off by {off:.2f} s", solve_ms=solve_ms)
+        if self._incorporation == "constraint" and abs(error := self._arrival_error(problem, solution)) > _ON_TIME:
+            return Plan.failure(Status.INFEASIBLE, f"(A.13) is off by {error:.2f} s", solve_ms=solve_ms)
         return self._assembled(problem, solution, request.t_start, solve_ms)
 
     @property
@@ -115,18 +117,18 @@ class RecedingHorizon:
         return self._parameters
 
     @property
-    def landscape(self) -> PlanningEnvironment:
+    def environment(self) -> PlanningEnvironment:
         """The ground and the terminal cost, with the threats known so far."""
-        return self._landscape
+        return self._environment
 
     def length_to_go(self, points: Array) -> Array:
         """(n,) [m] from points (n, 3) [m] to the target, around the ground and the threats known so far."""
-        return self._landscape.cost(points)
+        return self._environment.cost(points)
 
     def _solved(
         self, problem: Problem, current: Plan | None, t_start: float, spent: float
     ) -> tuple[PlanSolution | str, float]:
-        """The solver's answer, and the thread CPU time [ms] of it and of what was ``spent`` before."""
+        """The solver's answer, and the thread CPU time [ms], with what was ``spent`` before."""
         began = time.thread_time()
         solution = self._solver.solve(problem, self._guess(current, t_start, problem))
         return solution, spent + 1e3 * (time.thread_time() - began)
@@ -137,34 +139,34 @@ class RecedingHorizon:
             certificate = self._certificate.updated_with(messages)
             cost = self._cost_to_go(known)
             if certificate.terrain is self._certificate.terrain:
-                self._landscape = dataclasses.replace(self._landscape, cost=cost)
+                self._environment = dataclasses.replace(self._environment, cost=cost)
             else:
-                self._landscape = PlanningEnvironment.build(certificate.terrain, cost)
+                self._environment = PlanningEnvironment.build(certificate.terrain, cost)
             self._knowledge, self._certificate = known, certificate
         for message in messages:
             if message.topic == ARRIVAL and isinstance(message.payload, float) and math.isfinite(message.payload):
                 self._arrival = message.payload
 
-    def _wanted(self, start: Array, t_start: float) -> LengthToGo | None:
+    def _length_to_go(self, start: Array, t_start: float) -> LengthToGo | None:
         """How far to go the plan should have at p_N; None where no arrival time is asked for."""
         if self._arrival is None:
             return None
         horizon, v_max = self._parameters.horizon, self._certificate.speed_max
         left = max(self._arrival - t_start, horizon)
         if self._incorporation == "schedule":
-            return LengthToGo(float(self._landscape.cost(start[:3])[0]) * (1.0 - horizon / left))
+            return LengthToGo(float(self._environment.cost(start[:3])[0]) * (1.0 - horizon / left))
         by_speed = v_max * (left - horizon)
         if self._incorporation == "constraint":
             return LengthToGo(by_speed)
         return LengthToGo(by_speed, 2.0 * self._arrival_weight / v_max**2, instead=False)
 
-    def _off(self, problem: Problem, solution: PlanSolution) -> float:
+    def _arrival_error(self, problem: Problem, solution: PlanSolution) -> float:
         """[s] by which a plan misses what (A.13) asks for; 0 where nothing is."""
-        if problem.wanted is None:
+        if problem.length_to_go is None:
             return 0.0
-        s = problem.stencil
+        s = problem.matrices
         end = problem.start[:3] + s.base[-2] * problem.start[3:] + s.weights[-2] @ solution.accelerations
-        return (float(self._landscape.cost(end)[0]) - problem.wanted.length) / self._certificate.speed_max
+        return (float(self._environment.cost(end)[0]) - problem.length_to_go.length) / self._certificate.speed_max
 
     def _within_reach(self, duration: float) -> bool:
         """Whether an arrival in ``duration`` [s] fits the horizon, lengthened by its first arc at most."""
@@ -178,7 +180,7 @@ class RecedingHorizon:
         """As many of the first arcs as come nearest to ``duration`` [s], lengthened or shortened to last that long."""
         nearest = self._parameters.lengths[: int(np.abs(self._ends - duration).argmin()) + 1]
         fitting = proportional(nearest, duration)
-        # Arcs that differ from the horizon's own by rounding only share their stencil.
+        # Arcs that differ from the horizon's own by rounding only share their matrices.
         return nearest if np.allclose(fitting, nearest, rtol=0.0, atol=1e-6) else fitting
 
     def _committed(self, request: PlanRequest, start: Array, arrival: float) -> tuple[Plan | None, float, str]:
@@ -186,7 +188,7 @@ class RecedingHorizon:
         target = self._certificate.target
         current, reason, spent = request.current, "", 0.0
         for duration in self._durations(start, (arrival if self._arrival is None else self._arrival) - request.t_start):
-            problem = Problem(self._over(self._grid(duration)), self._landscape, start, hold=target)
+            problem = Problem(self._over(self._grid(duration)), self._environment, start, terminal_position=target)
             solution, spent = self._solved(problem, current, request.t_start, spent)
             if isinstance(solution, str):
                 reason = f"arrival in {duration:.1f} s: {solution}"
@@ -216,7 +218,7 @@ class RecedingHorizon:
         n = problem.arcs
         guess = np.zeros(3 * n + 1)
         if current is not None:
-            middles = t_start + problem.stencil.middles
+            middles = t_start + problem.matrices.middles
             arc = np.searchsorted(current.t, middles, side="right") - 1
             optimised = (arc < len(current.u)) & (
                 current.phase[np.minimum(arc, len(current.u) - 1)] == FlightPhase.OPTIMISED
@@ -241,7 +243,11 @@ class RecedingHorizon:
         complete_by(arcs, self._certificate, self._arrival)
         shares = np.array(parameters.lengths) / parameters.h  # exactly 1 on a uniform grid
         effort = float(parameters.h * (shares[:, None] * solution.accelerations**2).sum())
-        togo = 0.0 if problem.hold is not None else parameters.psi_per_metre * float(self._landscape.cost(end[:3])[0])
+        togo = (
+            0.0
+            if problem.terminal_position is not None
+            else parameters.psi_per_metre * float(self._environment.cost(end[:3])[0])
+        )
         plan = arcs.plan(effort + parameters.h * parameters.beta * float(shares.sum()) + togo, solve_ms)
         if solution.converged:
             return plan
@@ -251,11 +257,11 @@ class RecedingHorizon:
 def _exact(problem: Problem, solution: PlanSolution) -> Array:
     """The accelerations (n, 3), changed as little as can be so that an exact arrival is exact to rounding."""
     a = solution.accelerations
-    if problem.hold is None:
+    if problem.terminal_position is None:
         return a
-    s = problem.stencil
+    s = problem.matrices
     c = s.weights[-2]  # p_N = p_1 + base v_1 + sum_j c_j a_j
-    miss = problem.hold - (problem.start[:3] + s.base[-2] * problem.start[3:] + c @ a)
+    miss = problem.terminal_position - (problem.start[:3] + s.base[-2] * problem.start[3:] + c @ a)
     exact: Array = a + np.outer(c / (c @ c), miss)
     return exact
 

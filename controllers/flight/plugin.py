@@ -79,9 +79,9 @@ class RecedingHorizonConfig:
 
     def replan_period(self, control_period: float) -> float:
         """The period [s] in use; ValueError if it is not a whole number of control periods [s]."""
-        wanted = self.lengths[0] if self.period is None else self.period
-        ticks = max(1, round(wanted / control_period))
-        if self.period is not None and abs(wanted - ticks * control_period) > _ROUNDING * control_period:
+        period = self.lengths[0] if self.period is None else self.period
+        ticks = max(1, round(period / control_period))
+        if self.period is not None and abs(period - ticks * control_period) > _ROUNDING * control_period:
             raise ValueError(
                 f"period = {self.period!r}; allowed: a whole number of control periods of {control_period:.6g} s; the "
                 f"nearest is {ticks * control_period:.6g}"
@@ -97,7 +97,7 @@ class FlightConfig(RecedingHorizonConfig):
     """of the tracker [rad/s]"""
 
 
-class SafeFlight:
+class FlightController:
     """Receding horizon with a safety manoeuvre behind every plan, optimised on line and certified."""
 
     Config = FlightConfig

@@ -14,16 +14,16 @@ and the manoeuvre, one arc of duration M = N_bar h_1, N_bar = ceil(v_max / (h_1 
                 |v_i| <= v_max, |a_i| <= a_max, |(0, 0, w) - v_N| <= M a_max,
                 p_N and the manoeuvre's end on the map, 0 <= w <= v_max.
 
-H is the cubic spline of the terrain. The bounds are Euclidean, unlike the print's L-infinity boxes, because Psi is:
-in a box the best speed is its corner's. Sum h_i beta is constant on a given grid and left out. Near the target the
-terminal cost gives way to ``hold``: p_N = p_f, with fewer arcs, so that the vehicle arrives exactly. A vehicle that is
-to arrive at a given time is told how far to go it should have at p_N, L, by the term kappa_L / 2 (Psi(p_N) / psi -
-L)^2, psi being the cost of a metre: in the place of Psi and the row of S_eps, or, as a mere penalty, beside them.
+H is the cubic spline of the terrain. The bounds are Euclidean, unlike the L-infinity boxes of the thesis as printed,
+because Psi is: in a box the best speed is its corner's. Sum h_i beta is constant on a given grid and left out. Near the
+target the terminal cost gives way to the terminal constraint p_N = p_f, with fewer arcs, so that the vehicle arrives
+exactly. For an arrival at a given time the term kappa_L / 2 (Psi(p_N) / psi - L)^2 asks for the length to go L at p_N,
+psi being the cost of a metre: in place of Psi and the row of S_eps, or, as a mere penalty, beside them.
 
-The print's grid is uniform; there, 4 points an arc are looked at. A stretched one, h_{i+1} = r h_i, looks further ahead
-with as many unknowns: fine over what is flown before the next plan, coarse over what will be planned again. Its long
-arcs need more points: as many as leave 125 m of path between two at v_max, which is what 4 do on an arc of 5/3 s. The
-certificate examines arcs of any length, so the guarantees hold on either.
+The grid of the thesis as printed is uniform; there, each arc is checked at 4 points. A stretched one, h_{i+1} = r h_i,
+reaches further ahead with as many unknowns: fine over what is flown before the next plan, coarse over what will be
+planned again. Its long arcs need more points: as many as leave 125 m of path between two at v_max, which is what 4 do
+on an arc of 5/3 s. The certificate examines arcs of any length, so the guarantees hold on either.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ POINTS_ON_MANOEUVRE = 15
 _PATH = 125.0  # [m] between the points of a stretched one, at most
 _CLIMB_WEIGHT = 1e-3  # rho_w [1 / (m/s)^2 * cost]: without it w would be undetermined where the ground is far below
 _APPROACH_WEIGHT = 1e5  # kappa_S
-_WANTED_WEIGHT = 10.0  # kappa_L [1/m^2 * cost]: where effort would have a second saved or lost, it is off by a metre
+_LENGTH_WEIGHT = 10.0  # kappa_L [1/m^2 * cost]: a second saved or lost by effort is a metre's error
 
 
 @dataclass(frozen=True)
 class Parameters:
-    """What stays the same over a mission."""
+    """Parameters of the problem that stay the same over a mission."""
 
     lengths: tuple[float, ...]  # (n,) [s] h_1 ... h_n, n = N - 1
     speed_max: float  # [m/s] v_max left to the plan
@@ -61,7 +61,7 @@ class Parameters:
 
     @property
     def arcs(self) -> int:
-        """n."""
+        """Number of arcs n."""
         return len(self.lengths)
 
     @property
@@ -76,7 +76,7 @@ class Parameters:
 
     @property
     def points(self) -> tuple[int, ...]:
-        """(n,) how many points of each arc are looked at."""
+        """(n,) number of points at which each arc is checked."""
         if min(self.lengths) == max(self.lengths):
             return self.arcs * (POINTS_PER_ARC,)
         return tuple(math.ceil(length * self.speed_max / _PATH) for length in self.lengths)
@@ -87,8 +87,8 @@ class Parameters:
         return math.ceil(self.speed_max / (self.h * self.acceleration_max) - 1e-9) * self.h
 
     @cached_property
-    def stencil(self) -> PredictionMatrices:
-        return stencil(self.lengths, self.points, self.manoeuvre_duration)
+    def matrices(self) -> PredictionMatrices:
+        return prediction_matrices(self.lengths, self.points, self.manoeuvre_duration)
 
     @property
     def psi_per_metre(self) -> float:
@@ -104,7 +104,7 @@ def proportional(shares: Sequence[float], duration: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True, eq=False)
 class PredictionMatrices:
-    """Where the problem looks: p_q = p_1 + base_q v_1 + sum_j weights_qj a_j + climbs_q w e_z.
+    """Matrices of the constrained positions: p_q = p_1 + base_q v_1 + sum_j weights_qj a_j + climbs_q w e_z.
 
     The clearance points in time order, the last of them the manoeuvre's end; then p_N; then p_N + h_n v_N.
     """
@@ -117,8 +117,10 @@ class PredictionMatrices:
 
 
 @lru_cache(maxsize=64)
-def stencil(lengths: tuple[float, ...], points: tuple[int, ...], manoeuvre_duration: float) -> PredictionMatrices:
-    """The stencil of a horizon whose arcs have these ``lengths`` (n,) [s] and ``points`` (n,) on each."""
+def prediction_matrices(
+    lengths: tuple[float, ...], points: tuple[int, ...], manoeuvre_duration: float
+) -> PredictionMatrices:
+    """Prediction matrices of a horizon whose arcs have these ``lengths`` (n,) [s] and ``points`` (n,) on each."""
     h = np.array(lengths)
     # Sums are exact before they are rounded, so that equal arcs begin at k h to the last bit.
     begin = np.array([math.fsum(lengths[:k]) for k in range(len(lengths))])
@@ -130,20 +132,20 @@ def stencil(lengths: tuple[float, ...], points: tuple[int, ...], manoeuvre_durat
     ]
     sigma = manoeuvre_duration * np.arange(1, POINTS_ON_MANOEUVRE + 1) / POINTS_ON_MANOEUVRE
     climbing = sigma * sigma / (2.0 * manoeuvre_duration)
-    # A point is where the vehicle is at a time [s], and drifts on with the velocity of that time [s].
+    # A point is the vehicle's position at a time [s], and drifts on with the velocity of that time [s].
     ahead = POINTS_ON_MANOEUVRE + 2
     time = np.concatenate([times, np.full(ahead, math.fsum(lengths))])
     drift = np.concatenate([np.zeros(len(times)), sigma - climbing, [0.0, lengths[-1]]])
     climbs = np.concatenate([np.zeros(len(times)), climbing, [0.0, 0.0]])
     lag = time[:, None] - begin
-    held = np.clip(lag, 0.0, h)  # [s] for which each acceleration has been held
-    weights = np.where(lag >= h, h * (time[:, None] - middles), 0.5 * held**2) + drift[:, None] * held
+    elapsed = np.clip(lag, 0.0, h)  # [s] for which each acceleration has acted
+    weights = np.where(lag >= h, h * (time[:, None] - middles), 0.5 * elapsed**2) + drift[:, None] * elapsed
     return PredictionMatrices(h, middles, time + drift, np.ascontiguousarray(weights), climbs)
 
 
 @dataclass(frozen=True, eq=False)
 class PlanningEnvironment:
-    """The ground as the optimiser sees it: a cubic spline of the heights, and the cost-to-go."""
+    """The ground in the optimiser's problem: a cubic spline of the heights, and the cost-to-go."""
 
     terrain: HeightField
     heights: Array  # spline coefficients [m]
@@ -151,35 +153,36 @@ class PlanningEnvironment:
 
     @staticmethod
     def build(terrain: HeightField, cost: FactoredCost) -> PlanningEnvironment:
+        """The environment of a terrain, its spline computed, and of a cost-to-go over it."""
         return PlanningEnvironment(terrain, spline.coefficients(terrain.z), cost)
 
 
 @dataclass(frozen=True)
 class LengthToGo:
-    """How far to go a plan should have at p_N, by kappa_L / 2 (Psi(p_N) / psi - L)^2."""
+    """Target for the length to go at p_N, by kappa_L / 2 (Psi(p_N) / psi - L)^2."""
 
     length: float  # [m] L
-    weight: float = _WANTED_WEIGHT  # kappa_L [1/m^2 * cost]
-    instead: bool = True  # of Psi and the row of S_eps, not beside them
+    weight: float = _LENGTH_WEIGHT  # kappa_L [1/m^2 * cost]
+    instead: bool = True  # in place of Psi and the row of S_eps, not beside them
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """One instance: from this state, with or without an exact arrival."""
+    """One instance of the problem: from one state, with or without the terminal constraint."""
 
     parameters: Parameters
-    landscape: PlanningEnvironment
+    environment: PlanningEnvironment
     start: Array  # (6,) p_1 [m], v_1 [m/s]
-    hold: Array | None = None  # (3,) [m]: p_N must be here
-    wanted: LengthToGo | None = None
+    terminal_position: Array | None = None  # (3,) [m] of the terminal constraint p_N = p_f
+    length_to_go: LengthToGo | None = None
 
     @property
     def arcs(self) -> int:
         return self.parameters.arcs
 
     @property
-    def stencil(self) -> PredictionMatrices:
-        return self.parameters.stencil
+    def matrices(self) -> PredictionMatrices:
+        return self.parameters.matrices
 
     @property
     def terrain_weight(self) -> float:
@@ -193,27 +196,27 @@ class Problem:
         out[kernels.MANOEUVRE], out[kernels.FLOOR] = p.manoeuvre_duration, p.clearance
         out[kernels.SPEED], out[kernels.ACCELERATION] = p.speed_max, p.acceleration_max
         out[kernels.BETA], out[kernels.EPSILON] = p.beta, p.epsilon
-        out[kernels.PSI] = 0.0 if self.hold is not None else p.psi_per_metre
-        out[kernels.WIDTH], out[kernels.DEPTH] = self.landscape.terrain.width, self.landscape.terrain.depth
+        out[kernels.PSI] = 0.0 if self.terminal_position is not None else p.psi_per_metre
+        out[kernels.WIDTH], out[kernels.DEPTH] = self.environment.terrain.width, self.environment.terrain.depth
         out[kernels.TERRAIN_WEIGHT], out[kernels.APPROACH_WEIGHT] = self.terrain_weight, _APPROACH_WEIGHT
-        out[kernels.CLIMB_WEIGHT], out[kernels.SPACING] = _CLIMB_WEIGHT, self.landscape.terrain.spacing
-        if self.wanted is not None and self.hold is None:
-            out[kernels.WANTED], out[kernels.WANTED_WEIGHT] = self.wanted.length, self.wanted.weight
-            if self.wanted.instead:
+        out[kernels.CLIMB_WEIGHT], out[kernels.SPACING] = _CLIMB_WEIGHT, self.environment.terrain.spacing
+        if self.length_to_go is not None and self.terminal_position is None:
+            out[kernels.LENGTH], out[kernels.LENGTH_WEIGHT] = self.length_to_go.length, self.length_to_go.weight
+            if self.length_to_go.instead:
                 out[kernels.PSI] = 0.0
         return out
 
     @property
     def data(self) -> kernels.ProblemData:
         """The problem as the kernels read it."""
-        s, cost = self.stencil, self.landscape.cost
+        s, cost = self.matrices, self.environment.cost
         return kernels.ProblemData(
             start=self.start,
             lengths=s.lengths,
             base=s.base,
             weights=s.weights,
             climbs=s.climbs,
-            terrain=self.landscape.heights,
+            terrain=self.environment.heights,
             ground=cost.ground,
             ratio=cost.ratio,
             scales=cost.scales,
@@ -223,7 +226,7 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class PlanSolution:
-    """What a solver found, and how."""
+    """Result of a solver: the unknowns, their cost and how they were found."""
 
     accelerations: Array  # (n, 3) [m/s^2]
     climb: float  # [m/s] w

@@ -45,10 +45,10 @@ _MORE: dict[str, dict[str, object]] = {
 
 @dataclass(frozen=True)
 class _Shape:
-    """What a solver is built for: the points on each arc, the kind of end, and the sizes of the splines' windows."""
+    """Structure of a programme: points on each arc, kind of end, sizes of the splines' windows."""
 
     points: tuple[int, ...]
-    hold: bool
+    fixed_end: bool
     heights: tuple[int, int]
     ground: tuple[int, int]
     ratio: tuple[int, int, int]
@@ -61,7 +61,7 @@ class _Shape:
     @property
     def last_input(self) -> int:
         """Variables after the last state: the climb rate and the slacks of the manoeuvre and the approach."""
-        return 1 + POINTS_ON_MANOEUVRE + (0 if self.hold else 1)
+        return 1 + POINTS_ON_MANOEUVRE + (0 if self.fixed_end else 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,13 +93,13 @@ class _Window:
 
 def _windows(problem: Problem) -> tuple[_Window, _Window, _Window]:
     """Windows of terrain, grid ground and ratio that no feasible trajectory can leave."""
-    p, cost, spacing = problem.parameters, problem.landscape.cost, problem.landscape.terrain.spacing
+    p, cost, spacing = problem.parameters, problem.environment.cost, problem.environment.terrain.spacing
     reach = p.speed_max * (p.horizon + p.lengths[-1] + p.manoeuvre_duration)
     x, y = problem.start[:2]
     grid = cost.grid
     on_grid = (y - grid.y_0) / grid.spacing, (x - grid.x_0) / grid.spacing
     return (
-        _Window.around(problem.landscape.heights, y / spacing, x / spacing, reach / spacing),
+        _Window.around(problem.environment.heights, y / spacing, x / spacing, reach / spacing),
         _Window.around(cost.ground, *on_grid, reach / grid.spacing),
         _Window.around(cost.ratio, *on_grid, reach / grid.spacing),
     )
@@ -115,16 +115,16 @@ def _spline(c: ca.MX, axes: Sequence[tuple[int, ca.MX, ca.MX]], coordinates: Seq
     """Tensor-product cubic B-spline at Q points, (1, Q).
 
     ``c`` holds the coefficients of the window in C order; each axis is (size of the window, its corner, size of the
-    whole array), each of the coordinates (1, Q) is in cells of the whole array and held to [0, nodes - 1]. Written with
-    gathers over all the points at once, because ``casadi.bspline`` with symbolic coefficients differentiates the whole
-    array of coefficients at every evaluation.
+    whole array), each of the coordinates (1, Q) is in cells of the whole array and clipped to [0, nodes - 1]. Written
+    with gathers over all the points at once, because ``casadi.bspline`` with symbolic coefficients differentiates the
+    whole array of coefficients at every evaluation.
     """
     index, weight = ca.MX(), ca.MX()
     for (size, corner, whole), coordinate in zip(axes, coordinates, strict=True):
-        held = ca.fmin(ca.fmax(coordinate, 0), whole - 3)
-        cell = ca.fmin(ca.floor(held), whole - 4)
+        clipped = ca.fmin(ca.fmax(coordinate, 0), whole - 3)
+        cell = ca.fmin(ca.floor(clipped), whole - 4)
         first = ca.fmin(ca.fmax(cell - corner, 0), size - 4)
-        rows, basis = ca.repmat(first, 4, 1) + ca.repmat(ca.DM(range(4)), 1, first.shape[1]), _basis(held - cell)
+        rows, basis = ca.repmat(first, 4, 1) + ca.repmat(ca.DM(range(4)), 1, first.shape[1]), _basis(clipped - cell)
         if index.is_empty():
             index, weight = rows, basis
         else:
@@ -175,7 +175,7 @@ def _programme(shape: _Shape) -> _Programme:
         return _spline(heights_c, axes(frames[0], shape.heights), [q[1, :] / spacing, q[0, :] / spacing])
 
     def lowness(q: ca.MX) -> ca.MX:
-        """What points (3, Q) lack of the clearance wanted, (1, Q) [m]."""
+        """Clearance (1, Q) [m] that points (3, Q) lack of the least one."""
         return height(q) + floor - q[2, :]
 
     def length_to_go(q: ca.MX) -> ca.MX:
@@ -186,8 +186,8 @@ def _programme(shape: _Shape) -> _Programme:
         layer = (q[2, :] - ground - level_0) / layer_spacing
         layers = (shape.ratio[0], ca.MX(0), ca.MX(shape.ratio[0]))
         tau = _spline(ratio_c, [layers, *axes(frames[1], (shape.ratio[1], shape.ratio[2]))], [layer, row, column])
-        away = q - ca.repmat(p_f, 1, q.shape[1])
-        return ca.sqrt(ca.sum1(away**2) + TARGET_LENGTH**2) * tau - TARGET_LENGTH
+        difference = q - ca.repmat(p_f, 1, q.shape[1])
+        return ca.sqrt(ca.sum1(difference**2) + TARGET_LENGTH**2) * tau - TARGET_LENGTH
 
     # Variables.
     stages = [ca.MX.sym(f"stage_{i}", size) for i, size in enumerate(shape.stages)]
@@ -203,11 +203,11 @@ def _programme(shape: _Shape) -> _Programme:
     cost = ca.sum1(a**2) @ lengths + rho_w / 2 * w**2
     cost += kappa_h / 2 * (ca.sumsqr(s) + ca.sumsqr(s_manoeuvre)) + kappa_s / 2 * ca.sumsqr(s_approach)
     beyond = lengths[n - 1]
-    if not shape.hold:
+    if not shape.fixed_end:
         togo = length_to_go(ca.horzcat(p_end, p_end + beyond * v_end))
         here, there = ca.horzsplit(psi * togo)
-        off = togo[0] - packed[kernels.WANTED]
-        cost += packed[kernels.WANTED_WEIGHT] / 2 * off**2 + here
+        error = togo[0] - packed[kernels.LENGTH]
+        cost += packed[kernels.LENGTH_WEIGHT] / 2 * error**2 + here
 
     # Soft constraints, of the form "at most the slack".
     arc = np.repeat(np.arange(n), shape.points).tolist()  # of each point
@@ -217,7 +217,7 @@ def _programme(shape: _Shape) -> _Programme:
     t = duration * ca.DM(range(1, POINTS_ON_MANOEUVRE + 1)).T / POINTS_ON_MANOEUVRE
     manoeuvre = ca.repmat(p_end, 1, POINTS_ON_MANOEUVRE) + v_end @ t + braking @ (t**2 / 2)
     low_manoeuvre = lowness(manoeuvre).T
-    far = ca.MX(0, 1) if shape.hold else ca.if_else(psi > 0, (there - here) / (beyond * beta) + 1 + epsilon, -1)
+    far = ca.MX(0, 1) if shape.fixed_end else ca.if_else(psi > 0, (there - here) / (beyond * beta) + 1 + epsilon, -1)
     relaxed = [ca.vertcat(stage[: _STATE + _INPUT], ca.fmax(of, 0)) for stage, of in zip(stages, low, strict=True)]
     relaxed += [p_end, v_end, w, ca.fmax(low_manoeuvre, 0), ca.fmax(far, 0)]
 
@@ -241,13 +241,13 @@ def _programme(shape: _Shape) -> _Programme:
     final = [(ca.sumsqr(braking) / acceleration_max**2, -np.inf, 1.0)]
     final += [((q[:2] - middle) / half, -1.0, 1.0) for q in (p_end, manoeuvre[:, -1])]
     final += [(low_manoeuvre - s_manoeuvre, -np.inf, 0.0), (far - s_approach, -np.inf, 0.0)]
-    if shape.hold:
+    if shape.fixed_end:
         final.append((p_end - target, 0.0, 0.0))
     constraints += final
     path_constraints.append(sum(g.numel() for g, _, _ in final))
 
     known = [start, target, lengths, scales, packed, *frames, heights_c]
-    if not shape.hold:
+    if not shape.fixed_end:
         known += [ground_c, ratio_c]
     return _Programme(
         functions={
@@ -260,7 +260,7 @@ def _programme(shape: _Shape) -> _Programme:
         upper=np.concatenate([np.full(g.numel(), high) for g, _, high in constraints]),
         equality=[low == high for g, low, high in constraints for _ in range(g.numel())],
         path_constraints=path_constraints,
-        unit=ca.MX(1) if shape.hold else 1 + beta,
+        unit=ca.MX(1) if shape.fixed_end else 1 + beta,
         relaxed=ca.vertcat(*relaxed),
     )
 
@@ -269,12 +269,16 @@ def _values(problem: Problem) -> tuple[_Shape, list[Array]]:
     """The shape of a problem and its parameters, in the order of ``_programme``."""
     windows = _windows(problem)
     heights, ground, ratio = (window.coefficients for window in windows)
-    held = problem.hold is not None
-    values = [problem.start, problem.hold if problem.hold is not None else np.zeros(3), problem.stencil.lengths]
-    values += [problem.landscape.cost.scales, problem.packed, windows[0].frame, windows[1].frame, heights]
-    if not held:
+    fixed_end = problem.terminal_position is not None
+    values = [
+        problem.start,
+        problem.terminal_position if problem.terminal_position is not None else np.zeros(3),
+        problem.matrices.lengths,
+    ]
+    values += [problem.environment.cost.scales, problem.packed, windows[0].frame, windows[1].frame, heights]
+    if not fixed_end:
         values += [ground, ratio]
-    return _Shape(problem.parameters.points, held, heights.shape, ground.shape, ratio.shape), values
+    return _Shape(problem.parameters.points, fixed_end, heights.shape, ground.shape, ratio.shape), values
 
 
 class InteriorPoint:
@@ -318,7 +322,7 @@ class _Solver:
                 equality=programme.equality,
             )
             settings = fatrop_settings(stages, tolerance, _ITERATION_LIMIT, _MORE[backend])
-        self._scaled = backend == "fatrop" and not shape.hold
+        self._scaled = backend == "fatrop" and not shape.fixed_end
         begin = np.cumsum([0, *shape.stages])[:-1]
         self._accelerations = begin[:, None] + _STATE + np.arange(_INPUT)  # (n, 3) where they stand
         self._solver = NlpSolver(
@@ -363,5 +367,5 @@ def _lifted(problem: Problem, unknowns: Array) -> Array:
     for a, h, count in zip(unknowns[:-1].reshape(-1, 3), p.lengths, p.points, strict=True):
         out += [x, a, np.zeros(count)]
         x = np.concatenate([x[:3] + h * x[3:] + 0.5 * h * h * a, x[3:] + h * a])
-    approach = 0 if problem.hold is not None else 1
+    approach = 0 if problem.terminal_position is not None else 1
     return np.concatenate([*out, x, unknowns[-1:], np.zeros(POINTS_ON_MANOEUVRE + approach)])

@@ -41,7 +41,7 @@ def _basis(f: float) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float,
 
 @njit(cache=True, nogil=True)
 def _cell(u: float, nodes: int) -> tuple[int, float, float]:
-    """Cell and fraction of the coordinate u held to [0, nodes - 1], and the derivative of the holding (1 or 0)."""
+    """Cell and fraction of the coordinate u clipped to [0, nodes - 1], and the derivative of the clipping (1 or 0)."""
     if u <= 0.0:
         return 0, 0.0, 0.0
     if u >= nodes - 1.0:

@@ -6,7 +6,7 @@ and puts their curvature, weighted by the multipliers of the step before, into t
 programming): tangent planes alone converge slowly where many balls are active. The end of a step is projected back
 into the balls, so every iterate keeps the bounds, full steps are not refused for leaving them along a tangent, and a
 backtracking line search makes every iteration an improvement. Iterations stop when the quadratic model promises a step
-less than 5 ``tolerance`` (1 + cost): what is left after that step is a small part of it.
+less than 5 ``tolerance`` (1 + cost): what is left after that step is a small part of this.
 """
 
 from __future__ import annotations
@@ -49,24 +49,24 @@ class CondensedSqp:
 
     def solve(self, problem: Problem, guess: Array) -> PlanSolution | str:
         """A solution from ``guess`` (3n + 1,), or the reason why there is none."""
-        data, s = tuple(problem.data), problem.stencil
-        key = (*s.weights.shape, problem.hold is not None)
+        data, s = tuple(problem.data), problem.matrices
+        key = (*s.weights.shape, problem.terminal_position is not None)
         if key not in self._workspaces:
             self._workspaces[key] = _Workspace(problem)
         work = self._workspaces[key]
         quadratic = tuple(work.quadratic)
-        hold = _NOWHERE if problem.hold is None else problem.hold
+        terminal_position = _NOWHERE if problem.terminal_position is None else problem.terminal_position
         unknowns, trial = np.empty_like(guess), np.empty_like(guess)
-        value, violation = kernels.begin(guess, data, hold, unknowns)
+        value, violation = kernels.begin(guess, data, terminal_position, unknowns)
         converged, improved, iteration = False, True, 0
         while improved and not converged and iteration < self._iteration_limit:
             iteration += 1
-            is_exact = kernels.linearise(unknowns, data, hold, work.multipliers, quadratic)
+            is_exact = kernels.linearise(unknowns, data, terminal_position, work.multipliers, quadratic)
             step = work.step()
             if step is None:
                 return _INFEASIBLE
             decrease, trial_value, trial_violation, improved = kernels.search(
-                unknowns, value, violation, step, work.penalty, work.soft, quadratic, data, hold, trial
+                unknowns, value, violation, step, work.penalty, work.soft, quadratic, data, terminal_position, trial
             )
             promise = _PROMISE if is_exact else _PROMISE_NEAR_SADDLE
             converged = abs(decrease) <= promise * self._tolerance * (1.0 + abs(value))
@@ -80,7 +80,7 @@ class CondensedSqp:
 
 
 class _Workspace:
-    """The quadratic programme of one size of problem, and what is remembered of it.
+    """The quadratic programme of one size of problem, and its state from solve to solve.
 
     Most rows are far from active: flights are mostly high, and slower than they may be. Only rows within ``reach`` of
     their bound enter the programme that is solved. A soft row left out wrongly still counts in what the model promises,
@@ -88,9 +88,9 @@ class _Workspace:
     """
 
     def __init__(self, problem: Problem) -> None:
-        n, clearance = problem.arcs, len(problem.stencil.base) - 2
-        held = 3 if problem.hold is not None else 0
-        self._size, count = 3 * n + 1, clearance + 1 + 2 * n + 1 + 4 + held
+        n, clearance = problem.arcs, len(problem.matrices.base) - 2
+        terminal = 3 if problem.terminal_position is not None else 0
+        self._size, count = 3 * n + 1, clearance + 1 + 2 * n + 1 + 4 + terminal
         self.quadratic = kernels.QuadraticProgramme(
             hessian=np.zeros((self._size, self._size)),
             gradient=np.zeros(self._size),
@@ -105,7 +105,7 @@ class _Workspace:
         self._ends = slice(self.soft + 2 * n + 1, count)
         self._sense = np.zeros(count, np.int32)
         self._sense[: self.soft] = _SOFT
-        self._sense[count - held :] = _EQUALITY
+        self._sense[count - terminal :] = _EQUALITY
         p = problem.parameters
         self._reach = np.concatenate(
             [
@@ -115,7 +115,7 @@ class _Workspace:
                 np.full(n, _BALL_REACH * p.acceleration_max),
                 [_BALL_REACH * p.acceleration_max * p.manoeuvre_duration],
                 np.full(4, p.speed_max * p.manoeuvre_duration),
-                np.full(held, np.inf),
+                np.full(terminal, np.inf),
             ]
         )
         self._programmes: dict[int, _DenseProgramme] = {}

@@ -1,10 +1,10 @@
 """The tracker: the plan's acceleration plus critically damped feedback, and the bound it keeps.
 
-    u = a_ref - omega^2 (p^ - p_ref) - 2 omega (v^ - v_ref) - g^,   the last three terms' norm held to a_fb,
+    u = a_ref - omega^2 (p^ - p_ref) - 2 omega (v^ - v_ref) - g^,   the last three terms' norm clipped to a_fb,
 
 g^ the gust that the estimator sees, if it does. ``a_ref`` is the plan's mean acceleration until the next command, so
 arcs may change between commands. With the estimate x^ = x - e of a linear-Gaussian estimator, the loop's stationary
-covariance follows from one Lyapunov equation per axis (see ``EstimateQuality``); five standard deviations of it are
+covariance follows from one Lyapunov equation per axis (see ``EstimateQuality``); five of its standard deviations are
 the bound that plans are certified with.
 """
 
@@ -95,15 +95,15 @@ def tracking_command(
     bandwidth: float,
     limit: float,
 ) -> Array:
-    """a_ref - held(omega^2 (p^ - p_ref) + 2 omega (v^ - v_ref) + g^), a_ref the plan's mean over the period."""
+    """a_ref - clip(omega^2 (p^ - p_ref) + 2 omega (v^ - v_ref) + g^), a_ref the plan's mean over the period."""
     reference = state_on(breaks, x, u, t)
     ahead = state_on(breaks, x, u, t + period)
     m = u.shape[1]
     feedback = np.empty(m)
     square = 0.0
     for i in range(m):
-        away, drift = estimate[i] - reference[i], estimate[m + i] - reference[m + i]
-        feedback[i] = -(bandwidth * bandwidth) * away - 2.0 * bandwidth * drift - gust[i]
+        error, drift = estimate[i] - reference[i], estimate[m + i] - reference[m + i]
+        feedback[i] = -(bandwidth * bandwidth) * error - 2.0 * bandwidth * drift - gust[i]
         square += feedback[i] * feedback[i]
     if square > limit * limit:
         feedback *= limit / np.sqrt(square)

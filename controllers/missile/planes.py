@@ -47,7 +47,8 @@ from mathnavi.controllers.missile.problem import (
     input_scales,
 )
 from mathnavi.controllers.missile.shooting import CLOCK, Solved
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL
 from mathnavi.models.missile.dynamics import Body
 from mathnavi.models.missile.mission import running_cost
@@ -106,13 +107,13 @@ def inputs_between(pitch: Solved, yaw: Solved, parts: int, body: Body) -> tuple[
 
 
 @lru_cache(maxsize=16)
-def pitch_problem(body: Body, limits: Limits) -> OptimalControlProblem:
+def pitch_problem(body: Body, limits: Limits) -> ProblemFunctions:
     """The pitch planner's problem in τ; the series psi, B and B' hold the yaw motion.
 
     Its parameters are ``WEIGHTS``, the series, V_0, v_y, the start, x_e and z_e at the end with their rates, theta, w.
     """
     m = body.mass
-    ocp = Statement("missile, pitch beside yaw")
+    ocp = OptimalControlProblem("missile, pitch beside yaw")
     cost = declared_weights(ocp)
     scales = input_scales(body)
     x = {}
@@ -148,18 +149,18 @@ def pitch_problem(body: Body, limits: Limits) -> OptimalControlProblem:
         ocp.end(x[name], ocp.parameter(f"end_{name}", 0.0) + ocp.parameter(f"end_rate_{name}", 0.0) * T)
     for name in ("theta", "w"):
         ocp.end(x[name], ocp.parameter(f"end_{name}", 0.0))
-    return ocp.problem()
+    return ocp.functions()
 
 
 @lru_cache(maxsize=16)
-def yaw_problem(body: Body, limits: Limits) -> OptimalControlProblem:
+def yaw_problem(body: Body, limits: Limits) -> ProblemFunctions:
     """The yaw planner's problem in τ; T and the series U and F_1 hold the pitch motion.
 
     Its parameters are ``WEIGHTS``, T, the series, the start, and V, psi, y_e at the end. It also keeps the forces along
     the missile's axes within their limits.
     """
     m, I_z = body.mass, body.inertia
-    ocp = Statement("missile, yaw beside pitch")
+    ocp = OptimalControlProblem("missile, yaw beside pitch")
     cost = declared_weights(ocp)
     scales, scale = input_scales(body), {"V": STATE_SCALES["v"], **STATE_SCALES}
     x = {}
@@ -190,7 +191,7 @@ def yaw_problem(body: Body, limits: Limits) -> OptimalControlProblem:
         ocp.start(state, ocp.parameter(f"start_{name}", 0.0))
     for name in ("V", "psi", "y_e"):
         ocp.end(x[name], ocp.parameter(f"end_{name}", 0.0))
-    return ocp.problem()
+    return ocp.functions()
 
 
 def lateral_baseline(tau: Any, V_0: Any, v_y: Any) -> tuple[Any, Any]:
@@ -199,7 +200,7 @@ def lateral_baseline(tau: Any, V_0: Any, v_y: Any) -> tuple[Any, Any]:
     return A, V_0 * (6 * tau - 4) + v_y * (6 - 12 * tau)
 
 
-def declared_series(ocp: Statement, name: str) -> list[ca.SX]:
+def declared_series(ocp: OptimalControlProblem, name: str) -> list[ca.SX]:
     """Declare the coefficients of one function as parameters of a problem."""
     return [ocp.parameter(f"{name}_{n}", 0.0) for n in range(DEGREE + 1)]
 

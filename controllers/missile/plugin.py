@@ -56,7 +56,7 @@ class MissileConfig:
     """solver; auto is FATROP, compiled where there is a C compiler named cc"""
 
 
-class MissileGuidance:
+class MissileController:
     """Optimal flight to a target that may move, planned again while it is flown."""
 
     Config = MissileConfig

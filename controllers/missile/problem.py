@@ -21,7 +21,8 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.models.angles import wrapped
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import Body
@@ -126,18 +127,18 @@ def weights(case: Case) -> Array:
     return np.array([getattr(case, name) for name in WEIGHTS])
 
 
-def declared_weights(ocp: Statement) -> list[ca.SX]:
+def declared_weights(ocp: OptimalControlProblem) -> list[ca.SX]:
     """Declare ``WEIGHTS`` as parameters of a problem."""
     return [ocp.parameter(name, 1.0) for name in WEIGHTS]
 
 
 @lru_cache(maxsize=16)
-def guidance_problem(body: Body, coordinates: Coordinates, limits: tuple[float, ...]) -> OptimalControlProblem:
+def guidance_problem(body: Body, coordinates: Coordinates, limits: tuple[float, ...]) -> ProblemFunctions:
     """The joint problem of the module docstring; ``limits`` (nu,) [N, N m] are those of the inputs.
 
     Its parameters are ``WEIGHTS`` and ``TerminalCondition.parameters``.
     """
-    ocp = Statement(f"missile, {coordinates.name}")
+    ocp = OptimalControlProblem(f"missile, {coordinates.name}")
     cost = declared_weights(ocp)
     scales = STATE_SCALES | input_scales(body)
     x = {}
@@ -171,4 +172,4 @@ def guidance_problem(body: Body, coordinates: Coordinates, limits: tuple[float, 
         end = ocp.parameter(f"end_{name}", 0.0)
         drift = ocp.parameter(f"end_rate_{name}", 0.0) * T if name.endswith("_e") else 0.0
         ocp.end(x[name], end + drift)
-    return ocp.problem()
+    return ocp.functions()

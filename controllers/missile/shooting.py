@@ -13,9 +13,9 @@ import numpy as np
 
 from mathnavi.controllers.ocp.backend import Backend, Options
 from mathnavi.controllers.ocp.distribution import NodeDistribution, constants_guess
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Outcome
 from mathnavi.controllers.ocp.solver import FIXED, transcription
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 from mathnavi.sim.interfaces.signals import Array
 
@@ -87,7 +87,7 @@ class Shooting:
 
     def __init__(
         self,
-        problem: OptimalControlProblem,
+        problem: ProblemFunctions,
         nodes: int,
         backend: Backend,
         distribution: NodeDistribution = FIXED,

@@ -16,16 +16,16 @@ _DENSE = 2001  # samples of a monitor function in an equidistributed grid
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """N >= 2 nodes, increasing from 0 to 1; ValueError for anything else."""
+    """N >= 2 nodes, increasing from 0 to 1; ProblemError for anything else."""
 
     nodes: Array  # (N,) fractions of T
 
     def __post_init__(self) -> None:
         nodes = np.asarray(self.nodes, float)
         if nodes.ndim != 1 or len(nodes) < 2:
-            raise ValueError(f"grid: {nodes.size} nodes; allowed: N >= 2")
+            raise ProblemError(f"grid: {nodes.size} nodes; allowed: N >= 2")
         if not np.isfinite(nodes).all() or nodes[0] != 0.0 or nodes[-1] != 1.0 or (np.diff(nodes) <= 0.0).any():
-            raise ValueError(f"grid: nodes = {nodes.tolist()}; allowed: numbers that increase from 0 to 1")
+            raise ProblemError(f"grid: nodes = {nodes.tolist()}; allowed: numbers that increase from 0 to 1")
         object.__setattr__(self, "nodes", nodes)
 
     def __len__(self) -> int:

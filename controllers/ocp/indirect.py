@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_bvp
 
+from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
-from mathnavi.controllers.ocp.statement import Interval, OptimalControlProblem
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 _ACTIVE = 1e-6  # scaled distance to a limit that counts as touching it
@@ -48,10 +49,10 @@ class IndirectSolution:
 def solve_indirect(solution: Solution, *, tolerance: float = 1e-8, most_nodes: int = 20_000) -> IndirectSolution:
     """The boundary-value solution next to a direct one.
 
-    Raises ValueError for a direct solution that failed and for a problem that these conditions do not cover.
+    Raises ProblemError for a direct solution that failed and for a problem that these conditions do not cover.
     """
     if not solution.ok:
-        raise ValueError(f"the direct solution of {solution.problem.name} failed: {solution.status.value}")
+        raise ProblemError(f"the direct solution of {solution.problem.name} failed: {solution.status.value}")
     _check_covered(solution)
     problem, p = solution.problem, solution.parameters
     nx, scale, u_scale = problem.nx, problem.state_scale, problem.control_scale
@@ -115,7 +116,7 @@ def _check_covered(solution: Solution) -> None:
         active["the bound of T"] = _touched(np.array([solution.duration]), Interval(shortest, longest), shortest)
     for name, there in active.items():
         if there.any():
-            raise ValueError(f"{problem.name}: {name} is active; allowed: problems without, for the indirect check")
+            raise ProblemError(f"{problem.name}: {name} is active; allowed: problems without, for the indirect check")
 
 
 def _touched(values: Array, limits: Interval, scale: Array | float) -> NDArray[np.bool_]:
@@ -146,7 +147,7 @@ def _active_ends(solution: Solution) -> tuple[tuple[int, ...], tuple[int, ...]]:
     for values, (lower, upper) in ((initial, problem.initial_bounds), (final, problem.final_bounds)):
         at_lower, at_upper = values - lower <= _ACTIVE, upper - values <= _ACTIVE
         if (at_lower & (lower != 0.0)).any() or (at_upper & (upper != 0.0)).any():
-            raise ValueError(f"{problem.name}: an end constraint holds with a limit other than 0; allowed: limits of 0")
+            raise ProblemError(f"{problem.name}: an end constraint holds with a limit other than 0; allowed: 0")
         rows.append(tuple(int(k) for k in np.flatnonzero(at_lower | at_upper)))
     return rows[0], rows[1]
 
@@ -164,7 +165,7 @@ class _Symbols:
     hamiltonian: ca.SX
 
 
-def _symbols(problem: OptimalControlProblem) -> _Symbols:
+def _symbols(problem: ProblemFunctions) -> _Symbols:
     nx = problem.nx
     y, u, t, p = (
         ca.SX.sym("y", 2 * nx),
@@ -179,7 +180,7 @@ def _symbols(problem: OptimalControlProblem) -> _Symbols:
 
 
 @lru_cache(maxsize=16)
-def _pontryagin(problem: OptimalControlProblem) -> ca.Function:
+def _pontryagin(problem: ProblemFunctions) -> ca.Function:
     """(y, u_guess, τ, T, p) -> dy/dτ, u / u_scale, H."""
     s = _symbols(problem)
     guess, tau, duration = ca.SX.sym("u_guess", problem.nu), ca.SX.sym("tau"), ca.SX.sym("T")
@@ -188,9 +189,9 @@ def _pontryagin(problem: OptimalControlProblem) -> ca.Function:
     lower, upper = (bound / problem.control_scale for bound in problem.control_bounds)
     bounded = bool(np.isfinite(lower).any() or np.isfinite(upper).any())
     if bounded and not ca.simplify(curvature - ca.diag(ca.diag(curvature))).is_zero():
-        raise ValueError(f"{problem.name}: the Hamiltonian is not separable in its bounded controls")
+        raise ProblemError(f"{problem.name}: the Hamiltonian is not separable in its bounded controls")
     if problem.nu and ca.simplify(curvature).is_zero():
-        raise ValueError(f"{problem.name}: the Hamiltonian is linear in the controls; allowed: a regular one")
+        raise ProblemError(f"{problem.name}: the Hamiltonian is linear in the controls; allowed: a regular one")
     newton = ca.Function("newton", [s.u, s.y, s.t, s.p], [s.u - ca.solve(curvature, gradient)])
     u = guess
     linear = not ca.depends_on(curvature, s.u)
@@ -208,7 +209,7 @@ def _pontryagin(problem: OptimalControlProblem) -> ca.Function:
 
 
 @lru_cache(maxsize=16)
-def _conditions(problem: OptimalControlProblem, initial: tuple[int, ...], final: tuple[int, ...]) -> ca.Function:
+def _conditions(problem: ProblemFunctions, initial: tuple[int, ...], final: tuple[int, ...]) -> ca.Function:
     """(y(0), y(T), u_guess(T), T, ν, p) -> the boundary conditions."""
     nx, scale = problem.nx, problem.state_scale
     y_0, y_1, guess = ca.SX.sym("y_0", 2 * nx), ca.SX.sym("y_1", 2 * nx), ca.SX.sym("u", problem.nu)

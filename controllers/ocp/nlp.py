@@ -20,8 +20,8 @@ import numpy as np
 
 from mathnavi.controllers.ocp.distribution import NodeDistribution
 from mathnavi.controllers.ocp.mesh import Mesh
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.stagewise import Assembly, Block
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.sim.interfaces.signals import Array, Integers
 
@@ -33,7 +33,7 @@ RELATIVE_WIDTHS = (0.02, 20.0)
 class ProgrammeLayout:
     """Where in the vector of unknowns what lies."""
 
-    problem: OptimalControlProblem
+    problem: ProblemFunctions
     scheme: Scheme
     nodes: int  # N
     moving: bool  # whether the nodes are unknowns
@@ -129,7 +129,7 @@ class Programme:
         return [bool(equal) for equal in self.lower == self.upper]
 
 
-def programme(problem: OptimalControlProblem, scheme: Scheme, distribution: NodeDistribution, nodes: int) -> Programme:
+def programme(problem: ProblemFunctions, scheme: Scheme, distribution: NodeDistribution, nodes: int) -> Programme:
     """The programme."""
     layout = ProgrammeLayout(problem, scheme, nodes, distribution.moving, distribution.constants)
     count, nz, stride = nodes - 1, layout.state_size, layout.state_size + layout.input_size
@@ -261,7 +261,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Part:
     )
 
 
-def bounded_states(problem: OptimalControlProblem) -> list[int]:
+def bounded_states(problem: ProblemFunctions) -> list[int]:
     """The states with a bound along the path."""
     lower, upper = problem.state_bounds
     return np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist()
@@ -283,7 +283,7 @@ def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tu
     return lower, upper
 
 
-def _sample_mesh(problem: OptimalControlProblem) -> Mesh:
+def _sample_mesh(problem: ProblemFunctions) -> Mesh:
     """Any mesh, to count with."""
     one, column = ca.SX(1), ca.SX.ones(problem.nx)
     return Mesh(1, ca.SX(0), one, one, column, column)

@@ -16,8 +16,8 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import ReplayResult, Solution
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import weights
 from mathnavi.models.buffered_function import BufferedFunction
 from mathnavi.sim.interfaces.signals import Array
@@ -86,7 +86,7 @@ class _Rates:
     """d/dc of (x / scale, ∫ L dt) at a fraction c of an interval, for an integrator; evaluated in place."""
 
     def __init__(
-        self, problem: OptimalControlProblem, u: Array, points: tuple[float, ...], t: float, d: float, p: Array
+        self, problem: ProblemFunctions, u: Array, points: tuple[float, ...], t: float, d: float, p: Array
     ) -> None:
         function = _rates_function(problem, points)
         self._c, self._y, self._out = np.zeros(1), np.zeros(problem.nx + 1), np.zeros(problem.nx + 1)
@@ -100,7 +100,7 @@ class _Rates:
 
 
 @lru_cache(maxsize=64)
-def _rates_function(problem: OptimalControlProblem, points: tuple[float, ...]) -> ca.Function:
+def _rates_function(problem: ProblemFunctions, points: tuple[float, ...]) -> ca.Function:
     c, y = ca.SX.sym("c"), ca.SX.sym("y", problem.nx + 1)
     k, nu = len(points), problem.nu
     known = ca.SX.sym("known", k * nu + 2 + len(problem.parameters))
@@ -183,7 +183,7 @@ def _exponentials(matrices: Array) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _jacobian(problem: OptimalControlProblem) -> ca.Function:
+def _jacobian(problem: ProblemFunctions) -> ca.Function:
     arguments = problem.dynamics.sx_in()
     slope = ca.jacobian(problem.dynamics(*arguments), arguments[0])
     return ca.Function("A", arguments, [ca.densify(slope)])

@@ -18,6 +18,7 @@ import numpy as np
 from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.solution import Solution, along
 from mathnavi.controllers.ocp.transcriptions.scheme import integral_weights, weights
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 _POINTS = 6  # Gauss points of the integrals over an interval
@@ -25,14 +26,14 @@ _NEIGHBOUR = 0.3  # of an interval's mass that its neighbours have at least: a l
 
 
 def local_errors(solution: Solution) -> Array:
-    """(N - 1,) η of each interval; ValueError for a scheme whose state has no polynomial to look at."""
+    """(N - 1,) η of each interval; ProblemError for a scheme whose state has no polynomial."""
     residual, _ = _residuals(solution)
     errors: Array = (residual / solution.problem.state_scale).max(axis=1)
     return errors
 
 
 def cost_errors(solution: Solution) -> Array:
-    """(N - 1,) ηJ of each interval, in units of J; ValueError as for ``local_errors``."""
+    """(N - 1,) ηJ of each interval, in units of J; ProblemError as for ``local_errors``."""
     residual, quadrature = _residuals(solution)
     errors: Array = (residual * np.abs(solution.costates)).sum(axis=1) + quadrature
     return errors
@@ -42,7 +43,9 @@ def _residuals(solution: Solution) -> tuple[Array, Array]:
     """∫ |x' - f| dt (N - 1, nx) and ∫ |L - L_scheme| dt (N - 1,) of each interval."""
     problem, points, d = solution.problem, solution.scheme.points, np.diff(solution.t)
     if len(points) < 2:
-        raise ValueError(f"scheme = {solution.scheme.name} has no polynomial to look at; allowed: a collocation scheme")
+        raise ProblemError(
+            f"scheme = {solution.scheme.name} has no polynomial to integrate; allowed: a collocation scheme"
+        )
     abscissae, share = np.polynomial.legendre.leggauss(_POINTS)
     fractions = 0.5 * (abscissae + 1.0)
     basis, steps = weights(points, fractions), integral_weights(points, fractions)

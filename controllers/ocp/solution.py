@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from mathnavi.controllers.nlp_solver import Outcome as Outcome
 from mathnavi.controllers.ocp.grid import Grid
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme, integral_weights, weights
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.short_tables import short_table
@@ -53,7 +53,7 @@ class Solution:
     ``status`` says whether there is one at all: of a failed solve the arrays hold the solver's last iterate.
     """
 
-    problem: OptimalControlProblem
+    problem: ProblemFunctions
     scheme: Scheme
     status: Outcome
     message: str
@@ -174,7 +174,7 @@ class Solution:
         return interval, fraction
 
 
-def along(problem: OptimalControlProblem, x: Array, u: Array, t: Array, p: Array) -> Array:
+def along(problem: ProblemFunctions, x: Array, u: Array, t: Array, p: Array) -> Array:
     """f (n, nx) at states (n, nx), controls (n, nu) and times (n,)."""
     mapped = problem.dynamics.map(len(t))
     rates = mapped(x.T, u.T, t[None, :], np.tile(p[:, None], (1, len(t))))

@@ -16,8 +16,8 @@ from mathnavi.controllers.ocp.backend import Options as Options
 from mathnavi.controllers.ocp.distribution import Fixed, NodeDistribution, constants_guess
 from mathnavi.controllers.ocp.grid import Grid, from_widths
 from mathnavi.controllers.ocp.nlp import programme
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution, Timing, along
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
@@ -31,7 +31,7 @@ class Transcription:
 
     def __init__(
         self,
-        problem: OptimalControlProblem,
+        problem: ProblemFunctions,
         scheme: Scheme,
         distribution: NodeDistribution,
         nodes: int,
@@ -140,7 +140,7 @@ class Transcription:
 
 @lru_cache(maxsize=64)
 def transcription(
-    problem: OptimalControlProblem,
+    problem: ProblemFunctions,
     scheme: Scheme,
     nodes: int,
     distribution: NodeDistribution = FIXED,
@@ -151,7 +151,7 @@ def transcription(
 
 
 def _inner_states(
-    problem: OptimalControlProblem,
+    problem: ProblemFunctions,
     scheme: Scheme,
     grid: Grid,
     duration: float,

@@ -18,7 +18,7 @@ from mathnavi.renders.comparison.comparison import LEFT, RIGHT, Comparison, diff
 from mathnavi.renders.page import UNKNOWN, Drawn
 from mathnavi.renders.statistics_figures import medians_figure, rates_figure
 from mathnavi.sim.records.figure_names import label
-from mathnavi.sim.records.statistics import Band, Rate, rate
+from mathnavi.sim.records.statistics import Band, Proportion, rate
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import Sweep, Test, TrialGroup, format_value, is_number
 from mathnavi.sim.records.table import Table
@@ -79,7 +79,7 @@ def paired(left: Sequence[Record], right: Sequence[Record]) -> list[tuple[Record
     return [(record, by_seed[1][seed]) for seed, record in by_seed[0].items() if seed in by_seed[1]]
 
 
-def differ(rates: tuple[Rate, Rate], pairs: Pairs, happened: Test) -> str:
+def differ(rates: tuple[Proportion, Proportion], pairs: Pairs, happened: Test) -> str:
     """Text that says whether an event is more likely on one side."""
     known = [(one, other) for a, b in pairs if None not in (one := happened(a), other := happened(b))]
     if known:
@@ -92,12 +92,12 @@ def differ(rates: tuple[Rate, Rate], pairs: Pairs, happened: Test) -> str:
     return "yes: limits apart" if high < other_low or other_high < low else "not shown: limits overlap"
 
 
-def _rates(groups: tuple[TrialGroup, TrialGroup], happened: Test) -> tuple[Rate, Rate] | None:
+def _rates(groups: tuple[TrialGroup, TrialGroup], happened: Test) -> tuple[Proportion, Proportion] | None:
     one, other = (group.rate(happened) for group in groups)
     return None if one is None or other is None else (one, other)
 
 
-def _rates_table(known: Mapping[str, tuple[Rate, Rate]], verdicts: Mapping[str, str], pairs: int) -> Table:
+def _rates_table(known: Mapping[str, tuple[Proportion, Proportion]], verdicts: Mapping[str, str], pairs: int) -> Table:
     how = f"; {pairs:,} trials are paired by their seeds" if pairs else ""
     return Table(
         f"Rates with 95 % limits (Clopper-Pearson){how}",
@@ -151,7 +151,7 @@ def _values(values: Sequence[Any]) -> Any:
 
 
 def _figures(
-    rates: Mapping[str, tuple[Rate, Rate]], bands: Mapping[str, tuple[Band | None, Band | None]]
+    rates: Mapping[str, tuple[Proportion, Proportion]], bands: Mapping[str, tuple[Band | None, Band | None]]
 ) -> Iterator[Drawn]:
     undecided = {
         name: list(pair)

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from mathnavi.sim.records.figure_names import label
-from mathnavi.sim.records.statistics import Band, Rate
+from mathnavi.sim.records.statistics import Band, Proportion
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import PATH_RATIO, Sweep, TrialGroup, format_numbers, format_value
 
@@ -141,7 +141,7 @@ def _failures(records: Sequence[Record]) -> Iterator[Table]:
     yield table
 
 
-def _rate(rate: Rate) -> str:
+def _rate(rate: Proportion) -> str:
     value, low, high, upper = (f"{100.0 * p:.3g}" for p in (rate.value, rate.low, rate.high, rate.upper))
     return f"{value}\n[{low}, {high}]" if rate.events else f"0\n(<= {upper})"
 

@@ -16,6 +16,10 @@ FOLDERS = ("controllers", "estimators", "models", "renders", "sim")  # packages 
 MOVED = {
     "controllers.exciting.plugin:Exciting": "mathnavi.controllers.active_sensing.plugin:ActiveSensing",
     "controllers.flight.literal:LiteralFlight": "mathnavi.controllers.flight.as_printed:AsPrintedFlight",
+    "controllers.flight.plugin:SafeFlight": "mathnavi.controllers.flight.plugin:FlightController",
+    "mathnavi.controllers.flight.plugin:SafeFlight": "mathnavi.controllers.flight.plugin:FlightController",
+    "controllers.missile.plugin:MissileGuidance": "mathnavi.controllers.missile.plugin:MissileController",
+    "mathnavi.controllers.missile.plugin:MissileGuidance": "mathnavi.controllers.missile.plugin:MissileController",
 }
 """Plug-ins that have another module or class name now, by their former places"""
 

@@ -1,10 +1,10 @@
-"""Statistics of samples: rates with exact limits, medians with bootstrap bands.
+"""Statistics of samples: proportions with exact limits, medians with bootstrap bands.
 
-**Rate.** k events in n independent trials of unknown probability p. The two-sided limits are Clopper and Pearson's: low
-is the p for which k or more events have probability (1 - c) / 2, high that for which k or fewer have it, so that
-[low, high] covers p with probability c at least, whatever p is. The one-sided bound, ``upper``, leaves 1 - c on its one
-side: without any event, (1 - upper)^n = 1 - c. As P(k or more events) = I_p(k, n - k + 1), the regularised incomplete
-beta function, the limits are values of its inverse.
+**Proportion.** k events in n independent trials of unknown probability p. The two-sided limits are Clopper and
+Pearson's: low is the p for which k or more events have probability (1 - c) / 2, high that for which k or fewer have it,
+so that [low, high] covers p with probability c at least, whatever p is. The one-sided bound, ``upper``, leaves 1 - c on
+its one side: without any event, (1 - upper)^n = 1 - c. As P(k or more events) = I_p(k, n - k + 1), the regularised
+incomplete beta function, the limits are values of its inverse.
 
 **Median.** The band is the bootstrap's percentile interval: the median of n values drawn with replacement from the
 sample, again and again. The values so drawn are the sample's order statistics x_(1) <= ... <= x_(n) at the indices
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Rate:
+class Proportion:
     """Events in trials, with limits of their probability."""
 
     events: int
@@ -42,7 +42,7 @@ class Rate:
         return self.events / self.trials
 
     def text(self) -> str:
-        """The rate as text; without an event it states the upper bound."""
+        """The proportion as text; without an event it states the upper bound."""
         if self.events == 0:
             return f"0 of {self.trials} (at most {percent(self.upper)} %, {100.0 * self.confidence:g} %)"
         limits = f"[{percent(self.low)}, {percent(self.high)}]"
@@ -66,7 +66,7 @@ class Band:
         return f"{self.median:.4g} [{self.low:.4g}, {self.high:.4g}] (n = {self.n})"
 
 
-def rate(events: int, trials: int, confidence: float = 0.95) -> Rate:
+def rate(events: int, trials: int, confidence: float = 0.95) -> Proportion:
     """The rate of ``events`` in ``trials``.
 
     ValueError unless 0 <= events <= trials, trials >= 1 and 0 < confidence < 1.
@@ -82,7 +82,7 @@ def rate(events: int, trials: int, confidence: float = 0.95) -> Rate:
         float(betaincinv(events + 1, trials - events, level)) if events < trials else 1.0
         for level in (1.0 - tail, confidence)
     )
-    return Rate(events, trials, low, high, upper, confidence)
+    return Proportion(events, trials, low, high, upper, confidence)
 
 
 def median_band(

@@ -19,7 +19,7 @@ import numpy as np
 
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.figure_names import SUMMARY_GROUPS, label
-from mathnavi.sim.records.statistics import Band, Rate, rate, supported_band
+from mathnavi.sim.records.statistics import Band, Proportion, rate, supported_band
 from mathnavi.sim.records.store import Record
 
 MOST_LISTED = 12  # values of a numeric field that still make groups
@@ -45,8 +45,8 @@ class TrialGroup:
     values: tuple[object, ...]  # of the fields that make the groups
     records: Sequence[Record]
 
-    def rate(self, happened: Test) -> Rate | None:
-        """Rate of an event among the trials where it is known; None without any."""
+    def rate(self, happened: Test) -> Proportion | None:
+        """Proportion of an event among the trials where it is known; None without any."""
         known = [event for record in self.records if (event := happened(record)) is not None]
         return rate(sum(known), len(known)) if known else None
 

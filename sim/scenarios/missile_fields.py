@@ -107,7 +107,7 @@ class Thrusters:
 
 
 @configuration(prefix="noise.")
-class StateErrors:
+class ReadingErrors:
     """Standard deviations on each axis of the readings of the state."""
 
     position: Magnitude = 0.0
@@ -121,7 +121,7 @@ class StateErrors:
 
 
 @configuration(prefix="noise.")
-class MissileNoise(LostReadings, StateErrors):
+class MissileNoise(LostReadings, ReadingErrors):
     """Errors of the readings of the state: standard deviations on each axis, and losses."""
 
 

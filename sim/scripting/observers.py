@@ -178,9 +178,11 @@ class VelocityObserver(LagrangianObserver):
         speed_max: float = ANY_SPEED,
         **fields: Any,
     ) -> None:
-        with raising(ProblemError):
+        try:
             model = mechanism if isinstance(mechanism, mujoco.MjModel) else build_model(mechanism)
             system = MechanismSystem(model)
+        except ValueError as error:  # a FieldError of the name among them
+            raise ProblemError(str(error)) from error
         super().__init__(system, method, noise, speed_max, fields)
 
 

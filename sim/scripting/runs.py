@@ -21,7 +21,7 @@ from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec, called, names
 from mathnavi.sim.plugin.registry import load as load_plugin
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.records.statistics import Rate, rate
+from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scripting.requests import ScriptRequest, configured, flat, raising, request
@@ -98,7 +98,7 @@ class SweepResult:
     varied: tuple[str, ...]  # fields
 
     @property
-    def failures(self) -> Rate:
+    def failures(self) -> Proportion:
         """How often the mission did not do what it should, or did not run to its end, with its confidence interval."""
         return rate(sum(not record.success for record in self.records), len(self.records))
 

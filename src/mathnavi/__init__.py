@@ -16,6 +16,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mathnavi.controllers.ocp.problem import OptimalControlProblem
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from mathnavi.sim.scripting.localisation import PoseObserver, wall_through
     from mathnavi.sim.scripting.localisation import feasible_set_bank as FeasibleSetBank  # noqa: N812
     from mathnavi.sim.scripting.observers import IntrinsicObserver, VelocityObserver
-    from mathnavi.sim.scripting.ocp import OptimalControlStatement as OptimalControlProblem
     from mathnavi.sim.scripting.requests import plugin
     from mathnavi.sim.scripting.runs import available, make, run, study, sweep
 
@@ -79,7 +79,7 @@ _PLACES = {
     "ellipse": "models.field.curve",
     "wall_through": "sim.scripting.localisation",
     # optimal control
-    "OptimalControlProblem": "sim.scripting.ocp:OptimalControlStatement",
+    "OptimalControlProblem": "controllers.ocp.problem",
     # terrain
     "load_terrain": "models.terrain.library",
     "import_terrain": "models.terrain.dem:import_dem",

@@ -43,7 +43,7 @@ def problems(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 def test_problems_are_recorded_with_the_planners_guess(problems: Recorded) -> None:
     assert len(problems) == FEW
     for problem, guess in problems:
-        assert problem.hold is None
+        assert problem.terminal_position is None
         assert guess.shape == (3 * problem.arcs + 1,)
 
 

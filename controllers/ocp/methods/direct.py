@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from mathnavi.controllers.ocp.grid import Grid, uniform
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.sim.interfaces.signals import Array
@@ -15,7 +15,7 @@ HERMITE_SIMPSON = HermiteSimpson()
 
 
 def solve(
-    problem: OptimalControlProblem,
+    problem: ProblemFunctions,
     nodes: int | Grid,
     *,
     scheme: Scheme = HERMITE_SIMPSON,
@@ -25,7 +25,7 @@ def solve(
 ) -> Solution:
     """The problem on ``nodes`` uniform nodes, or on a grid of its own, with its replay.
 
-    Whether there is a solution is in its status. Raises ValueError for a number of nodes below two.
+    Whether there is a solution is in its status. Raises ProblemError for a number of nodes below two.
     """
     grid = nodes if isinstance(nodes, Grid) else uniform(nodes)
     made = transcription(problem, scheme, len(grid), FIXED, options)

@@ -13,18 +13,19 @@ from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
 from mathnavi.controllers.ocp.methods.gate import gated
 from mathnavi.controllers.ocp.methods.redistribution import redistributed
 from mathnavi.controllers.ocp.monitors import Monitor
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, Options, transcription
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 EQUIDISTRIBUTED = Equidistributed()
 
 
 def distribute(
-    problem: OptimalControlProblem,
+    problem: ProblemFunctions,
     nodes: int,
     distribution: NodeDistribution = EQUIDISTRIBUTED,
     *,
@@ -35,10 +36,10 @@ def distribute(
 ) -> Solution:
     """The solution whose nodes are unknowns held by ``distribution``; gated.
 
-    Raises ValueError for fewer than two nodes, or a distribution whose nodes are not unknowns.
+    Raises ProblemError for fewer than two nodes, or a distribution whose nodes are not unknowns.
     """
     if not distribution.moving:
-        raise ValueError(f"distribution = {distribution!r} fixes the nodes; allowed: one that moves them")
+        raise ProblemError(f"distribution = {distribution!r} fixes the nodes; allowed: one that moves them")
     first = solve(problem, nodes, scheme=scheme, guess=guess, parameters=parameters, options=options)
     if not first.ok:
         return first

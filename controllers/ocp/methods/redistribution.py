@@ -12,16 +12,17 @@ from mathnavi.controllers.ocp.grid import Grid, equidistributed, uniform
 from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON
 from mathnavi.controllers.ocp.methods.gate import gated
 from mathnavi.controllers.ocp.monitors import CURVATURE, Monitor
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.solution import Outcome, Solution
 from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 
 def redistribute(
-    problem: OptimalControlProblem,
+    problem: ProblemFunctions,
     nodes: int,
     monitor: Monitor = CURVATURE,
     *,
@@ -33,10 +34,10 @@ def redistribute(
 ) -> Solution:
     """The solution after ``rounds`` redistributions of a uniform solution; gated.
 
-    Raises ValueError for fewer than two nodes or no round.
+    Raises ProblemError for fewer than two nodes or no round.
     """
     if rounds < 1:
-        raise ValueError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
+        raise ProblemError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
     made = transcription(problem, scheme, nodes, FIXED, options)
     first = replayed(made.solve(guess, uniform(nodes), parameters))
     if first.status not in (Outcome.OPTIMAL, Outcome.LIMIT):

@@ -16,17 +16,18 @@ import numpy as np
 from mathnavi.controllers.ocp.grid import split, uniform
 from mathnavi.controllers.ocp.methods.direct import HERMITE_SIMPSON, solve
 from mathnavi.controllers.ocp.methods.gate import LEAST, gated
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import Solution, Timing
 from mathnavi.controllers.ocp.solver import DEFAULT, FIXED, Options, transcription
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
+from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 
 def refine(
-    problem: OptimalControlProblem,
+    problem: ProblemFunctions,
     nodes: int = 6,
     *,
     most_nodes: int = 60,
@@ -38,16 +39,16 @@ def refine(
 ) -> Solution:
     """The solution on a grid refined from ``nodes`` uniform ones; gated against as many uniform nodes.
 
-    Whether ``tolerance`` was reached within ``most_nodes`` nodes is in the message. Raises ValueError for a scheme
-    whose state has no polynomial to look at, for limits that contradict each other and for a tolerance that is not
+    Whether ``tolerance`` was reached within ``most_nodes`` nodes is in the message. Raises ProblemError for a scheme
+    whose state has no polynomial, for limits that contradict each other and for a tolerance that is not
     positive.
     """
     if len(scheme.points) < 2:
-        raise ValueError(f"scheme = {scheme.name} cannot be refined; allowed: a collocation scheme")
+        raise ProblemError(f"scheme = {scheme.name} cannot be refined; allowed: a collocation scheme")
     if not nodes <= most_nodes:
-        raise ValueError(f"most_nodes = {most_nodes!r}; allowed: at least nodes = {nodes}")
+        raise ProblemError(f"most_nodes = {most_nodes!r}; allowed: at least nodes = {nodes}")
     if not (math.isfinite(tolerance) and tolerance > 0.0):
-        raise ValueError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
+        raise ProblemError(f"tolerance = {tolerance!r}; allowed: a finite value > 0")
     grid, current, timing, errors = uniform(nodes), guess, Timing(), np.array([math.inf])
     while True:
         current = transcription(problem, scheme, len(grid), FIXED, options).solve(current, grid, parameters)

@@ -14,16 +14,17 @@ from functools import cache
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 PEAKS = ((3.0, 3.0, 12.0), (3.0, 6.0, 10.0), (3.0, 10.0, 6.0), (8.0, 15.0, 4.0))  # height, a, b
 START, END = (2.0, 1.0, 2.0, 1.0), (2.0, 3.0, 1.0, -2.0)
 
 
 @cache
-def alp_rider() -> OptimalControlProblem:
+def alp_rider() -> ProblemFunctions:
     """Over four peaks in 20 s."""
-    ocp = Statement("alp rider")
+    ocp = OptimalControlProblem("alp rider")
 
     x = ca.vertcat(*(ocp.state(f"x{k + 1}", guess=(START[k], 1.0, END[k])) for k in range(4)))
     x1, x2, x3, x4 = ca.vertsplit(x)
@@ -44,4 +45,4 @@ def alp_rider() -> OptimalControlProblem:
     for state, start, end in zip((x1, x2, x3, x4), START, END, strict=True):
         ocp.start(state, start)
         ocp.end(state, end)
-    return ocp.problem()
+    return ocp.functions()

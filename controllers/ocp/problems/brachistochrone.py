@@ -14,27 +14,28 @@ from functools import cache
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 
 @cache
-def brachistochrone(gravity: float = 9.8) -> OptimalControlProblem:
+def brachistochrone(gravity: float = 9.8) -> ProblemFunctions:
     """From (0, 0) to (2, 2), y downwards."""
     return _slide(f"brachistochrone, g = {gravity:g}", (0.0, 0.0), (2.0, 2.0), gravity, downwards=1.0)
 
 
 @cache
-def brachistochrone_drop() -> OptimalControlProblem:
+def brachistochrone_drop() -> ProblemFunctions:
     """From (0, 10) to (10, 5), y upwards."""
     return _slide("brachistochrone, drop", (0.0, 10.0), (10.0, 5.0), 9.80665, downwards=-1.0)
 
 
 def _slide(
     name: str, start: tuple[float, float], end: tuple[float, float], g: float, downwards: float
-) -> OptimalControlProblem:
+) -> ProblemFunctions:
     drop = abs(end[1] - start[1])
     speed = math.sqrt(2.0 * g * drop)
-    ocp = Statement(name)
+    ocp = OptimalControlProblem(name)
 
     x = ocp.state("x", scale=drop, guess=(start[0], end[0]))  # [m]
     y = ocp.state("y", scale=drop, guess=(start[1], end[1]))  # [m]
@@ -52,4 +53,4 @@ def _slide(
         ocp.start(state, value)
     for state, value in ((x, end[0]), (y, end[1])):
         ocp.end(state, value)
-    return ocp.problem()
+    return ocp.functions()

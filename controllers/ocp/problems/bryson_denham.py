@@ -9,15 +9,16 @@ from __future__ import annotations
 
 from functools import cache
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 WALL = 1.0 / 9.0
 
 
 @cache
-def bryson_denham() -> OptimalControlProblem:
+def bryson_denham() -> ProblemFunctions:
     """There and back in one second."""
-    ocp = Statement("Bryson-Denham")
+    ocp = OptimalControlProblem("Bryson-Denham")
 
     x = ocp.state("x", upper=WALL, scale=0.1, guess=(0.0, 0.1, 0.0))
     v = ocp.state("v", guess=(1.0, -1.0))
@@ -33,4 +34,4 @@ def bryson_denham() -> OptimalControlProblem:
     ocp.start(v, 1.0)
     ocp.end(x, 0.0)
     ocp.end(v, -1.0)
-    return ocp.problem()
+    return ocp.functions()

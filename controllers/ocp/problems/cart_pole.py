@@ -13,16 +13,17 @@ from functools import cache
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 CART, POLE, LENGTH, GRAVITY = 1.0, 0.3, 0.5, 9.81  # [kg], [kg], [m], [m/s^2]
 
 
 @cache
-def cart_pole() -> OptimalControlProblem:
+def cart_pole() -> ProblemFunctions:
     """From hanging to standing, one metre on, in 2 s."""
     M, m, L, g = CART, POLE, LENGTH, GRAVITY
-    ocp = Statement("cart-pole")
+    ocp = OptimalControlProblem("cart-pole")
 
     q = ocp.state("q", guess=(0.0, 1.0))  # [m]
     phi = ocp.state("phi", scale=math.pi, guess=(0.0, math.pi))  # [rad]
@@ -44,4 +45,4 @@ def cart_pole() -> OptimalControlProblem:
         ocp.start(state, 0.0)
     for state, value in ((q, 1.0), (phi, math.pi), (dq, 0.0), (dphi, 0.0)):
         ocp.end(state, value)
-    return ocp.problem()
+    return ocp.functions()

@@ -9,15 +9,16 @@ from __future__ import annotations
 import math
 from functools import cache
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 DISTANCE = 3.0
 
 
 @cache
-def double_integrator_energy(end_at_rest: bool = True) -> OptimalControlProblem:
+def double_integrator_energy(end_at_rest: bool = True) -> ProblemFunctions:
     """Least energy over a distance of 1 in one second."""
-    ocp = Statement(f"double integrator, energy, v(T) {'fixed' if end_at_rest else 'free'}")
+    ocp = OptimalControlProblem(f"double integrator, energy, v(T) {'fixed' if end_at_rest else 'free'}")
 
     x = ocp.state("x", guess=(0.0, 1.0))
     v = ocp.state("v", guess=(0.0, 1.0))
@@ -34,13 +35,13 @@ def double_integrator_energy(end_at_rest: bool = True) -> OptimalControlProblem:
     ocp.end(x, 1.0)
     if end_at_rest:
         ocp.end(v, 0.0)
-    return ocp.problem()
+    return ocp.functions()
 
 
 @cache
-def double_integrator_time() -> OptimalControlProblem:
+def double_integrator_time() -> ProblemFunctions:
     """Least time from rest to rest."""
-    ocp = Statement("double integrator, time")
+    ocp = OptimalControlProblem("double integrator, time")
 
     x = ocp.state("x", scale=DISTANCE, guess=(0.0, DISTANCE))
     v = ocp.state("v", scale=math.sqrt(DISTANCE), guess=(0.0, 1.0, 0.0))
@@ -56,4 +57,4 @@ def double_integrator_time() -> OptimalControlProblem:
     ocp.start(v, 0.0)
     ocp.end(x, DISTANCE)
     ocp.end(v, 0.0)
-    return ocp.problem()
+    return ocp.functions()

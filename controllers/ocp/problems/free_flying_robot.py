@@ -14,15 +14,16 @@ from functools import cache
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 ARM = 0.2
 
 
 @cache
-def free_flying_robot() -> OptimalControlProblem:
+def free_flying_robot() -> ProblemFunctions:
     """Across the room in 12 s."""
-    ocp = Statement("free-flying robot")
+    ocp = OptimalControlProblem("free-flying robot")
 
     x = ocp.state("x", scale=10.0, guess=(-10.0, 0.0))
     y = ocp.state("y", scale=10.0, guess=(-10.0, 0.0))
@@ -49,4 +50,4 @@ def free_flying_robot() -> OptimalControlProblem:
     for state, value in ((x, -10.0), (y, -10.0), (theta, math.pi / 2), (dx, 0.0), (dy, 0.0), (omega, 0.0)):
         ocp.start(state, value)
         ocp.end(state, 0.0)
-    return ocp.problem()
+    return ocp.functions()

@@ -14,13 +14,14 @@ from functools import cache
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 
 @cache
-def goddard() -> OptimalControlProblem:
+def goddard() -> ProblemFunctions:
     """The highest flight."""
-    ocp = Statement("Goddard")
+    ocp = OptimalControlProblem("Goddard")
 
     h = ocp.state("h", lower=1.0, scale=0.01, guess=(1.0, 1.01))
     v = ocp.state("v", lower=0.0, scale=0.1, guess=(0.0, 0.1, 0.0))
@@ -38,4 +39,4 @@ def goddard() -> OptimalControlProblem:
     ocp.start(v, 0.0)
     ocp.start(m, 1.0)
     ocp.end(m, 0.6)
-    return ocp.problem()
+    return ocp.functions()

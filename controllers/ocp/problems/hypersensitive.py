@@ -12,23 +12,24 @@ from __future__ import annotations
 
 from functools import cache
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 
 @cache
-def hypersensitive() -> OptimalControlProblem:
+def hypersensitive() -> ProblemFunctions:
     """From 1 to 1.5 in 10^4 s: the layers take a thousandth of the time."""
     return _layers("hypersensitive", 1.0, 1.5, 1e4)
 
 
 @cache
-def hypersensitive_short() -> OptimalControlProblem:
+def hypersensitive_short() -> ProblemFunctions:
     """From 1.5 to 1 in 50 s."""
     return _layers("hypersensitive, short", 1.5, 1.0, 50.0)
 
 
-def _layers(name: str, start: float, end: float, duration: float) -> OptimalControlProblem:
-    ocp = Statement(name)
+def _layers(name: str, start: float, end: float, duration: float) -> ProblemFunctions:
+    ocp = OptimalControlProblem(name)
 
     x = ocp.state("x", guess=(start, 0.0, end))
     u = ocp.control("u")
@@ -40,4 +41,4 @@ def _layers(name: str, start: float, end: float, duration: float) -> OptimalCont
 
     ocp.start(x, start)
     ocp.end(x, end)
-    return ocp.problem()
+    return ocp.functions()

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.alp_rider import alp_rider
 from mathnavi.controllers.ocp.problems.brachistochrone import brachistochrone, brachistochrone_drop
 from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
@@ -22,14 +23,13 @@ from mathnavi.controllers.ocp.problems.missile import OPTIMA, missile
 from mathnavi.controllers.ocp.problems.rayleigh import rayleigh
 from mathnavi.controllers.ocp.problems.tumour import tumour
 from mathnavi.controllers.ocp.problems.van_der_pol import van_der_pol
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 
 
 @dataclass(frozen=True)
 class KnownOptimum:
     """A problem and the least J, as a value of what is compared."""
 
-    problem: Callable[[], OptimalControlProblem]
+    problem: Callable[[], ProblemFunctions]
     optimum: float  # of the quantity
     source: str
     quantity: str = "J"

@@ -13,7 +13,8 @@ from functools import cache
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.models.missile.dynamics import NOMINAL, pitch_rates
 from mathnavi.models.missile.mission import CASES
 from mathnavi.sim.interfaces.errors import ProblemError
@@ -36,13 +37,13 @@ OPTIMA = {
 
 
 @cache
-def missile(case: str = "SM2") -> OptimalControlProblem:
+def missile(case: str = "SM2") -> ProblemFunctions:
     """From (0, 10) at level flight to (700, 0) straight down."""
     if case not in CASES:
         raise ProblemError(f"case = {case!r}; allowed: {', '.join(CASES)}")
     c, T = CASES[case], OPTIMA[case].duration
     m, I_y, g, V_0 = NOMINAL.mass, NOMINAL.inertia, NOMINAL.gravity, c.speed
-    ocp = Statement(f"missile, {case}")
+    ocp = OptimalControlProblem(f"missile, {case}")
 
     u = ocp.state("u", lower=1.0, scale=100.0, guess=(V_0, V_0))
     w = ocp.state("w", scale=100.0)
@@ -72,4 +73,4 @@ def missile(case: str = "SM2") -> OptimalControlProblem:
         ocp.start(state, value)
     for state, value in ((w, 0.0), (theta, -math.pi / 2), (x_e, 700.0), (z_e, 0.0)):
         ocp.end(state, value)
-    return ocp.problem()
+    return ocp.functions()

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from functools import cache
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 
 @cache
-def rayleigh() -> OptimalControlProblem:
+def rayleigh() -> ProblemFunctions:
     """The mixed constraint."""
-    ocp = Statement("Rayleigh")
+    ocp = OptimalControlProblem("Rayleigh")
 
     x1 = ocp.state("x1", scale=5.0, guess=(-5.0, 0.0))
     x2 = ocp.state("x2", scale=5.0, guess=(-5.0, 0.0))
@@ -32,4 +33,4 @@ def rayleigh() -> OptimalControlProblem:
 
     ocp.start(x1, -5.0)
     ocp.start(x2, -5.0)
-    return ocp.problem()
+    return ocp.functions()

@@ -13,17 +13,18 @@ from functools import cache
 
 import casadi as ca
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 XI, B, D, G, MU = 0.084, 5.85, 0.00873, 0.15, 0.02  # ξ [1/day], b [1/day], d [1/(mm^2 day)], G, μ [1/day]
 MOST_DOSE, MOST_DRUG = 75.0, 15.0
 
 
 @cache
-def tumour() -> OptimalControlProblem:
+def tumour() -> ProblemFunctions:
     """The smallest tumour within five days."""
     p_bar = ((B - MU) / D) ** 1.5  # [mm^3]
-    ocp = Statement("tumour")
+    ocp = OptimalControlProblem("tumour")
 
     p = ocp.state("p", lower=1.0, upper=p_bar, scale=1e4, guess=(p_bar / 2, 7500.0))
     q = ocp.state("q", lower=1.0, upper=p_bar, scale=1e4, guess=(p_bar / 4, 2500.0))
@@ -40,4 +41,4 @@ def tumour() -> OptimalControlProblem:
     ocp.start(p, p_bar / 2)
     ocp.start(q, p_bar / 4)
     ocp.start(given, 0.0)
-    return ocp.problem()
+    return ocp.functions()

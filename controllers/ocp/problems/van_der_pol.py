@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from functools import cache
 
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 
 @cache
-def van_der_pol() -> OptimalControlProblem:
+def van_der_pol() -> ProblemFunctions:
     """To rest within 20 s."""
-    ocp = Statement("van der Pol")
+    ocp = OptimalControlProblem("van der Pol")
 
     x1 = ocp.state("x1")
     x2 = ocp.state("x2", guess=(1.0, 0.0))
@@ -30,4 +31,4 @@ def van_der_pol() -> OptimalControlProblem:
 
     ocp.start(x1, 0.0)
     ocp.start(x2, 1.0)
-    return ocp.problem()
+    return ocp.functions()

@@ -25,10 +25,10 @@ from mathnavi.controllers.ocp.methods.equidistribution import distribute
 from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.library import PROBLEMS, KnownOptimum
 from mathnavi.controllers.ocp.residual import RESIDUAL
 from mathnavi.controllers.ocp.solution import Outcome, Solution
-from mathnavi.controllers.ocp.statement import OptimalControlProblem
 from mathnavi.controllers.ocp.transcriptions.pseudospectral import LegendreGaussLobatto
 from mathnavi.renders.figures import STYLE, canvas
 from mathnavi.renders.study_report import Table
@@ -38,7 +38,7 @@ from mathnavi.sim.records.encoding import MeasuredTime
 from mathnavi.sim.studies.framework.heat_map import heat_map
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 
-Method = Callable[[OptimalControlProblem, int], Solution]
+Method = Callable[[ProblemFunctions, int], Solution]
 DEGREE = 4
 LOBATTO = LegendreGaussLobatto(DEGREE)
 

@@ -25,7 +25,7 @@ from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.records.statistics import Rate, rate
+from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 
@@ -153,7 +153,7 @@ class CurvatureSign:
         )  # fmt: skip
 
 
-def share(left: Array, t: float) -> Rate:
+def share(left: Array, t: float) -> Proportion:
     """Share of runs (n, m) that have converged at t [s]."""
     return rate(int((left[:, round(t / OFTEN)] < GONE).sum()), len(left))
 
@@ -162,7 +162,7 @@ Case = tuple[str, float, CurvatureName]  # space, speed and C
 Force = tuple[str, float, CurvatureName]  # space, factor of the strength, and C
 
 
-def _claim(shares: Mapping[Case, Sequence[Rate]], by_force: Mapping[Force, Rate]) -> Claim:
+def _claim(shares: Mapping[Case, Sequence[Proportion]], by_force: Mapping[Force, Proportion]) -> Claim:
     parts = []
     for space, speed in JUDGED.items():
         minus, plus = shares[space, speed, "minus-one"], shares[space, speed, "plus-one"]
@@ -185,7 +185,7 @@ def _claim(shares: Mapping[Case, Sequence[Rate]], by_force: Mapping[Force, Rate]
     )  # fmt: skip
 
 
-def _time_table(shares: Mapping[Case, Sequence[Rate]]) -> Table:
+def _time_table(shares: Mapping[Case, Sequence[Proportion]]) -> Table:
     rows = [
         (space, f"{v:g}", f"{t:g}", *(shares[space, v, term][k].text() for term in TERMS))
         for space, speeds in SPEEDS.items()
@@ -196,7 +196,7 @@ def _time_table(shares: Mapping[Case, Sequence[Rate]]) -> Table:
     return Table("Runs that have converged, by time", head, rows)
 
 
-def _force_table(by_force: Mapping[Force, Rate]) -> Table:
+def _force_table(by_force: Mapping[Force, Proportion]) -> Table:
     rows = [
         (s, f"{JUDGED[s]:g}", f"{f * STRENGTH[s]:g}", *(by_force[s, f, c].text() for c in COMPARED))
         for s, f in sorted({(s, f) for s, f, _ in by_force})
@@ -206,7 +206,7 @@ def _force_table(by_force: Mapping[Force, Rate]) -> Table:
 
 
 def _figure(
-    done: Mapping[Case, Array], shares: Mapping[Case, Sequence[Rate]], by_force: Mapping[Force, Rate]
+    done: Mapping[Case, Array], shares: Mapping[Case, Sequence[Proportion]], by_force: Mapping[Force, Proportion]
 ) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(12.0, 8.6), layout="constrained")
@@ -237,11 +237,11 @@ def _draw_errors(axes: Axes, errors: Mapping[CurvatureName, Array]) -> None:
     axes.legend(loc="lower left", fontsize=8.0)
 
 
-def _draw_shares(axes: Axes, shares: Mapping[Case, Rate]) -> None:
+def _draw_shares(axes: Axes, shares: Mapping[Case, Proportion]) -> None:
     axes.set_title(f"(c) converged by {DURATION:g} / $\\omega$")
     places = [(space, speed) for space, speeds in SPEEDS.items() for speed in speeds]
     for k, term in enumerate(TERMS):
-        own: Sequence[Rate] = [shares[space, speed, term] for space, speed in places]
+        own: Sequence[Proportion] = [shares[space, speed, term] for space, speed in places]
         x = np.arange(len(places)) + 0.2 * (k - 1.5)
         axes.bar(x, [r.value for r in own], 0.18, color=COLOURS[term], alpha=0.9)
         axes.vlines(x, [r.low for r in own], [r.high for r in own], color="#1b2733", lw=1.0)
@@ -251,7 +251,7 @@ def _draw_shares(axes: Axes, shares: Mapping[Case, Rate]) -> None:
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
 
 
-def _draw_forces(axes: Axes, by_force: Mapping[Force, Rate]) -> None:
+def _draw_forces(axes: Axes, by_force: Mapping[Force, Proportion]) -> None:
     axes.set_title(f"(d) converged by {DURATION:g} / $\\omega$, by the force")
     for space, term in product(SPEEDS, COMPARED):
         own = sorted((f * STRENGTH[space], r) for (s, f, c), r in by_force.items() if (s, c) == (space, term))

@@ -20,7 +20,7 @@ from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.flight.planner import StopAndHover, complete_by
-from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.estimators.full_state import FullState, FullStateConfig
 from mathnavi.models.aerial.dynamics import state_at
@@ -223,7 +223,7 @@ def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
     script: list[Callable[[Plan, PlanRequest], Plan]], config: FlightConfig, factor: float
 ) -> None:
     mission: FlightMission = dataclasses.replace(MISSION, deadline_factor=factor)
-    planner, _ = SafeFlight.build(config, mission)
+    planner, _ = FlightController.build(config, mission)
     wrapped = Certified(
         Scripted(planner, script), partial(StopAndHover, period=planner.period), CERTIFICATE, BOUND, factor
     )

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mathnavi.controllers.flight.certificate import Certificate, remainder
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.planner import StopAndHover
-from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.estimators.full_state import FullState, FullStateConfig
 from mathnavi.models.aerial.dynamics import state_at
@@ -69,7 +69,7 @@ class Watched:
 
 def flown(news: Sequence[Message], ground: HeightField = MISSION.terrain) -> tuple[Recording, Watched, list[str]]:
     """The flight of a vehicle that is told ``news``, until it arrives, hits ``ground``, or for five minutes."""
-    raw, _ = SafeFlight.build(FlightConfig(nodes=7), MISSION)
+    raw, _ = FlightController.build(FlightConfig(nodes=7), MISSION)
     planner = Certified(raw, partial(StopAndHover, period=raw.period), CERTIFICATE, BOUND, FACTOR)
     watched = Watched(planner)
     agent = Agent(FullState(FullStateConfig(), MISSION), watched, CriticallyDamped(DT, 0.8, BOUND), messages=news)
@@ -166,7 +166,7 @@ def certified(*answers: Plan | None) -> tuple[Certified, Plan]:
 
     class Listed:
         def __init__(self) -> None:
-            self.planner, _ = SafeFlight.build(FlightConfig(nodes=7), MISSION)
+            self.planner, _ = FlightController.build(FlightConfig(nodes=7), MISSION)
             self.period, self.answers = self.planner.period, list(answers)
 
         def plan(self, request: PlanRequest) -> Plan:
@@ -275,7 +275,7 @@ def test_messages_that_cannot_be_are_recorded_and_change_nothing() -> None:
 
 def test_radars_appear_move_and_vanish() -> None:
     """The length to go grows where one stands, and is what it was when it has gone."""
-    planner, _ = SafeFlight.build(FlightConfig(nodes=7), MISSION)
+    planner, _ = FlightController.build(FlightConfig(nodes=7), MISSION)
     place = np.array([MISSION.start])
     lengths = []
     for radars in ((), (Radar(6000.0, 6000.0, 3000.0, 5.0),), (Radar(11_000.0, 1000.0, 800.0, 5.0),), ()):

@@ -9,7 +9,7 @@ from mathnavi.controllers.flight import plugin
 from mathnavi.controllers.flight.certificate import Certificate, pass_time
 from mathnavi.controllers.flight.cost_to_go import REFERENCE_SPEED
 from mathnavi.controllers.flight.planner import RecedingHorizon, Solver
-from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.models.aerial.dynamics import input_at, state_at
@@ -59,7 +59,7 @@ def following(planner: Planner, current: Plan | None, t: float) -> Plan:
 
 @pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
 def test_a_plan_begins_with_the_arcs_of_the_grid_and_is_certified(config: FlightConfig) -> None:
-    planner, _ = SafeFlight.build(config, MISSION)
+    planner, _ = FlightController.build(config, MISSION)
     plan = following(planner, None, 0.0)
     optimised = plan.phase == FlightPhase.OPTIMISED
     np.testing.assert_allclose(np.diff(plan.t)[optimised], config.lengths, rtol=1e-9)
@@ -69,12 +69,12 @@ def test_a_plan_begins_with_the_arcs_of_the_grid_and_is_certified(config: Flight
 
 @pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
 def test_the_cost_of_a_plan_is_effort_time_and_cost_to_go(config: FlightConfig) -> None:
-    planner, _ = SafeFlight.build(config, MISSION)
+    planner, _ = FlightController.build(config, MISSION)
     assert isinstance(planner, RecedingHorizon)
     plan = following(planner, None, 0.0)
     n = config.nodes - 1
     effort = np.diff(plan.t)[:n] @ (plan.u[:n] ** 2).sum(axis=1)
-    to_go = config.beta / REFERENCE_SPEED * float(planner._landscape.cost(plan.x[n, :3])[0])
+    to_go = config.beta / REFERENCE_SPEED * float(planner._environment.cost(plan.x[n, :3])[0])
     assert plan.cost == pytest.approx(effort + config.beta * config.duration + to_go)
 
 
@@ -82,14 +82,14 @@ def test_the_cost_of_a_plan_is_effort_time_and_cost_to_go(config: FlightConfig) 
 def test_a_solver_starts_from_what_the_plan_being_flown_does_at_the_same_time(
     config: FlightConfig, asked: Asked
 ) -> None:
-    planner, _ = SafeFlight.build(config, MISSION)
+    planner, _ = FlightController.build(config, MISSION)
     current, period = following(planner, None, 0.0), planner.period
     for k in range(1, 6):
         del asked[:]
         plan = following(planner, current, k * period)
         optimised_until = current.t[1:][current.phase == FlightPhase.OPTIMISED][-1]
         for problem, guess in asked:
-            middles = (k + 1) * period + problem.stencil.middles
+            middles = (k + 1) * period + problem.matrices.middles
             wanted = [input_at(current, t) if t < optimised_until else np.zeros(3) for t in middles]
             np.testing.assert_array_equal(guess, [*np.ravel(wanted), 0.0])
         assert asked
@@ -98,7 +98,7 @@ def test_a_solver_starts_from_what_the_plan_being_flown_does_at_the_same_time(
 
 @pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
 def test_a_target_within_the_horizon_is_met_at_a_node_and_the_time_of_that_is_kept(config: FlightConfig) -> None:
-    planner, _ = SafeFlight.build(config, MISSION)
+    planner, _ = FlightController.build(config, MISSION)
     current, t = following(planner, None, 0.0), 0.0
     arrivals: list[float] = []
     while t + 2.0 * planner.period < (arrivals[-1] if arrivals else 100.0):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from tests import flight
 
 CONTROL = 1.0 / 60.0  # [s]
@@ -31,7 +31,7 @@ def test_a_stretched_grid_fills_the_horizon_and_a_period_is_its_first_arc_to_who
 
 @pytest.mark.parametrize(("period", "ticks"), [(5.0 / 3.0, 100), (1.6667, 100), (CONTROL, 1), (20.0, 1200)])
 def test_a_period_that_is_given_is_kept_to_its_digits(period: float, ticks: int) -> None:
-    planner, _ = SafeFlight.build(FlightConfig(stretch=1.1, period=period), flight.mission())
+    planner, _ = FlightController.build(FlightConfig(stretch=1.1, period=period), flight.mission())
     assert planner.period == pytest.approx(ticks * CONTROL, rel=1e-12)
 
 
@@ -55,4 +55,4 @@ def test_grids_and_periods_that_make_no_sense_are_refused(fields: dict[str, Any]
 def test_a_period_between_two_commands_is_refused(period: float, nearest: str) -> None:
     told = rf"period = {period}; allowed: a whole number of control periods of 0\.0166667 s; the nearest is ({nearest})"
     with pytest.raises(ValueError, match=told):
-        SafeFlight.build(FlightConfig(period=period), flight.mission())
+        FlightController.build(FlightConfig(period=period), flight.mission())

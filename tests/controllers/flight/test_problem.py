@@ -39,7 +39,7 @@ def test_the_stencil_looks_where_the_motion_leads(lengths: tuple[float, ...], se
     p = parameters(lengths)
     start = np.concatenate([rng.uniform(-1e4, 1e4, 3), rng.uniform(-200.0, 200.0, 3)])
     accelerations, climb = rng.uniform(-20.0, 20.0, (p.arcs, 3)), rng.uniform(0.0, 100.0)
-    s = p.stencil
+    s = p.matrices
     places = start[:3] + s.base[:, None] * start[3:] + s.weights @ accelerations
     places[:, 2] += s.climbs * climb
     np.testing.assert_allclose(places, looked_at(p, start, accelerations, climb), rtol=1e-10, atol=1e-6)
@@ -50,7 +50,7 @@ def test_the_stencil_looks_where_the_motion_leads(lengths: tuple[float, ...], se
 @given(h=st.floats(0.05, 12.0), arcs=st.integers(1, 40))
 def test_equal_arcs_begin_at_whole_multiples_of_their_length_to_the_last_bit(h: float, arcs: int) -> None:
     p = parameters(arcs * (h,))
-    s = p.stencil
+    s = p.matrices
     np.testing.assert_array_equal(s.middles, (np.arange(arcs) + 0.5) * h)
     np.testing.assert_array_equal(s.base[: 4 * arcs], np.arange(1, 4 * arcs + 1) / 4.0 * h)
 

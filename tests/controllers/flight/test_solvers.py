@@ -45,7 +45,7 @@ def mountains() -> HeightField:
 
 
 @pytest.fixture(scope="module")
-def landscape() -> PlanningEnvironment:
+def environment() -> PlanningEnvironment:
     terrain = mountains()
     target = np.array([*TARGET, float(terrain.height(*TARGET)) + 200.0])
     radar = Radar(15_000.0, 14_000.0, 5_000.0, 3.0)
@@ -61,7 +61,7 @@ def stretched(arcs: int, horizon: float, ratio: float) -> tuple[float, ...]:
 
 
 def problem_at(
-    landscape: PlanningEnvironment,
+    environment: PlanningEnvironment,
     x: float,
     y: float,
     above: float,
@@ -70,42 +70,44 @@ def problem_at(
     beta: float = 100.0,
 ) -> Problem:
     parameters = Parameters(lengths, SPEED, 40.0, beta, clearance=75.0)
-    start = np.array([x, y, float(landscape.terrain.height(x, y)) + above, *velocity])
-    return Problem(parameters, landscape, start)
+    start = np.array([x, y, float(environment.terrain.height(x, y)) + above, *velocity])
+    return Problem(parameters, environment, start)
 
 
-def held(landscape: PlanningEnvironment, lengths: tuple[float, ...], distance: float) -> Problem:
+def arriving(environment: PlanningEnvironment, lengths: tuple[float, ...], distance: float) -> Problem:
     """An exact arrival from ``distance`` [m] south-west of the target, flying towards it."""
-    target = landscape.cost.target
+    target = environment.cost.target
     x, y = target[:2] - distance / np.sqrt(2.0)
     velocity = np.array([140.0, 140.0, 0.0])
     parameters = Parameters(lengths, SPEED, 40.0, 100.0, clearance=75.0)
-    start = np.array([x, y, max(target[2], float(landscape.terrain.height(x, y)) + 150.0), *velocity])
-    return Problem(parameters, landscape, start, hold=target)
+    start = np.array([x, y, max(target[2], float(environment.terrain.height(x, y)) + 150.0), *velocity])
+    return Problem(parameters, environment, start, terminal_position=target)
 
 
 def timed(problem: Problem, share: float, **penalty: Any) -> Problem:
     """With a length to go at p_N that is this share of that at the start; ``penalty`` makes it one."""
-    return replace(problem, wanted=LengthToGo(share * float(problem.landscape.cost(problem.start[:3])[0]), **penalty))
+    return replace(
+        problem, length_to_go=LengthToGo(share * float(problem.environment.cost(problem.start[:3])[0]), **penalty)
+    )
 
 
-def some_problems(landscape: PlanningEnvironment) -> list[Problem]:
+def some_problems(environment: PlanningEnvironment) -> list[Problem]:
     rest, towards = np.zeros(3), np.array([180.0, 160.0, 0.0])
     return [
-        problem_at(landscape, 3_000.0, 2_500.0, 300.0, rest),
-        problem_at(landscape, 9_000.0, 8_000.0, 90.0, towards),  # low: the ground pushes
-        problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, uniform(12)),
-        problem_at(landscape, 12_000.0, 12_000.0, 120.0, towards, uniform(4), beta=1.0),
-        problem_at(landscape, 9_000.0, 14_000.0, 400.0, towards, beta=1e4),
-        held(landscape, uniform(6), 2_200.0),
-        held(landscape, uniform(3), 1_000.0),
-        problem_at(landscape, 9_000.0, 8_000.0, 90.0, towards, stretched(8, 25.0, 1.3)),
-        problem_at(landscape, 12_000.0, 12_000.0, 120.0, towards, stretched(12, 40.0, 1.2)),
-        problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, stretched(6, 15.0, 0.8)),
-        held(landscape, stretched(6, 10.0, 1.25), 2_200.0),
-        timed(problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, uniform(8)), 0.85),
-        timed(problem_at(landscape, 9_000.0, 8_000.0, 300.0, towards, uniform(8)), 0.95),
-        timed(problem_at(landscape, 6_000.0, 9_000.0, 80.0, towards, uniform(8)), 0.85, weight=0.02, instead=False),
+        problem_at(environment, 3_000.0, 2_500.0, 300.0, rest),
+        problem_at(environment, 9_000.0, 8_000.0, 90.0, towards),  # low: the ground pushes
+        problem_at(environment, 6_000.0, 9_000.0, 80.0, towards, uniform(12)),
+        problem_at(environment, 12_000.0, 12_000.0, 120.0, towards, uniform(4), beta=1.0),
+        problem_at(environment, 9_000.0, 14_000.0, 400.0, towards, beta=1e4),
+        arriving(environment, uniform(6), 2_200.0),
+        arriving(environment, uniform(3), 1_000.0),
+        problem_at(environment, 9_000.0, 8_000.0, 90.0, towards, stretched(8, 25.0, 1.3)),
+        problem_at(environment, 12_000.0, 12_000.0, 120.0, towards, stretched(12, 40.0, 1.2)),
+        problem_at(environment, 6_000.0, 9_000.0, 80.0, towards, stretched(6, 15.0, 0.8)),
+        arriving(environment, stretched(6, 10.0, 1.25), 2_200.0),
+        timed(problem_at(environment, 6_000.0, 9_000.0, 80.0, towards, uniform(8)), 0.85),
+        timed(problem_at(environment, 9_000.0, 8_000.0, 300.0, towards, uniform(8)), 0.95),
+        timed(problem_at(environment, 6_000.0, 9_000.0, 80.0, towards, uniform(8)), 0.85, weight=0.02, instead=False),
     ]
 
 
@@ -142,27 +144,27 @@ def solved(outcome: PlanSolution | str) -> PlanSolution:
     return outcome
 
 
-def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: PlanningEnvironment) -> None:
+def test_kernels_and_casadi_state_the_same_objective_and_gradient(environment: PlanningEnvironment) -> None:
     """The gradient of the kernels is the programme's, plus what its soft rows contribute at a zero step.
 
     Their Hessian leaves the terrain's curvature out, so only what a descent direction needs is asked of it.
     """
     rng = np.random.default_rng(1)
-    for problem in some_problems(landscape):
-        n, looked = problem.arcs, len(problem.stencil.base) - 2
+    for problem in some_problems(environment):
+        n, points = problem.arcs, len(problem.matrices.base) - 2
         size, still = 3 * n + 1, np.zeros(2 * n + 1)
-        count = looked + 1 + 2 * n + 1 + 4 + (3 if problem.hold is not None else 0)
-        hold = np.empty(0) if problem.hold is None else problem.hold
+        count = points + 1 + 2 * n + 1 + 4 + (3 if problem.terminal_position is not None else 0)
+        terminal_position = np.empty(0) if problem.terminal_position is None else problem.terminal_position
         statement, known = casadi_cost(problem)
         for _ in range(5):
             unknowns = random_unknowns(problem, rng)
             hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
             upper, lower = np.zeros(size + count), np.zeros(size + count)
             programme = kernels.QuadraticProgramme(hessian, gradient, rows, upper, lower)
-            kernels.linearise(unknowns, problem.data, hold, still, programme)
-            soft = slice(size, size + looked + 1)
-            gradient -= rows[: looked + 1].T @ np.maximum(lower[soft], 0.0)
-            gradient += rows[: looked + 1].T @ np.maximum(-upper[soft], 0.0)
+            kernels.linearise(unknowns, problem.data, terminal_position, still, programme)
+            soft = slice(size, size + points + 1)
+            gradient -= rows[: points + 1].T @ np.maximum(lower[soft], 0.0)
+            gradient += rows[: points + 1].T @ np.maximum(-upper[soft], 0.0)
             assert np.linalg.eigvalsh(hessian).min() > 0.0
             np.testing.assert_allclose(hessian, hessian.T, rtol=1e-9, atol=1e-9 * np.abs(hessian).max())
             value, slope = statement(unknowns, known)
@@ -173,18 +175,18 @@ def test_kernels_and_casadi_state_the_same_objective_and_gradient(landscape: Pla
 
 @pytest.mark.parametrize("lengths", [uniform(6), stretched(6, 14.0, 1.3)], ids=["uniform", "stretched"])
 def test_the_balls_have_the_slope_and_the_curvature_of_norms(
-    landscape: PlanningEnvironment, lengths: tuple[float, ...]
+    environment: PlanningEnvironment, lengths: tuple[float, ...]
 ) -> None:
     """With an exact arrival the Hessian is that of effort, climb rate and the balls, weighted by their multipliers."""
-    rng, problem = np.random.default_rng(2), held(landscape, lengths, 2_200.0)
-    n, looked = problem.arcs, len(problem.stencil.base) - 2
-    size, count = 3 * n + 1, looked + 1 + 2 * n + 1 + 4 + 3
+    rng, problem = np.random.default_rng(2), arriving(environment, lengths, 2_200.0)
+    n, points = problem.arcs, len(problem.matrices.base) - 2
+    size, count = 3 * n + 1, points + 1 + 2 * n + 1 + 4 + 3
     unknowns, multipliers = random_unknowns(problem, rng), rng.uniform(1.0, 50.0, 2 * n + 1)
     hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
     upper, lower = np.zeros(size + count), np.zeros(size + count)
-    assert problem.hold is not None
+    assert problem.terminal_position is not None
     programme = kernels.QuadraticProgramme(hessian, gradient, rows, upper, lower)
-    kernels.linearise(unknowns, problem.data, problem.hold, multipliers, programme)
+    kernels.linearise(unknowns, problem.data, problem.terminal_position, multipliers, programme)
     U = ca.SX.sym("U", size)
     a, v, norms = [U[3 * i : 3 * i + 3] for i in range(n)], ca.SX(problem.start[3:]), []
     for h, push in zip(lengths, a, strict=True):
@@ -196,15 +198,15 @@ def test_the_balls_have_the_slope_and_the_curvature_of_norms(
     lagrangian = effort + climbing + ca.dot(multipliers, ca.vertcat(*norms))
     expected = ca.Function("f", [U], [ca.hessian(lagrangian, U)[0], ca.jacobian(ca.vertcat(*norms), U)])(unknowns)
     np.testing.assert_allclose(hessian, np.array(expected[0]), rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(rows[looked + 1 : looked + 2 + 2 * n], np.array(expected[1]), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(rows[points + 1 : points + 2 + 2 * n], np.array(expected[1]), rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
 def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_find(
-    landscape: PlanningEnvironment, backend: NlpPlugin
+    environment: PlanningEnvironment, backend: NlpPlugin
 ) -> None:
     condensed, interior = CondensedSqp(1e-6, 50), InteriorPoint(backend, 1e-6)
-    for problem in some_problems(landscape):
+    for problem in some_problems(environment):
         guess = np.zeros(3 * problem.arcs + 1)
         ours, theirs = solved(condensed.solve(problem, guess)), solved(interior.solve(problem, guess))
         assert ours.converged
@@ -213,18 +215,18 @@ def test_the_condensed_solver_finds_the_cost_that_the_interior_point_methods_fin
 
 
 @pytest.mark.parametrize("share", [0.8, 0.9, 0.97])
-def test_a_length_to_go_that_is_wanted_is_had_where_it_can_be(landscape: PlanningEnvironment, share: float) -> None:
+def test_a_target_length_to_go_is_reached_where_it_can_be(environment: PlanningEnvironment, share: float) -> None:
     """Within a few metres: sooner by flying faster, later by flying slower or about."""
-    problem = timed(problem_at(landscape, 6_000.0, 9_000.0, 300.0, np.array([180.0, 160.0, 0.0]), uniform(12)), share)
+    problem = timed(problem_at(environment, 6_000.0, 9_000.0, 300.0, np.array([180.0, 160.0, 0.0]), uniform(12)), share)
     solution = solved(CondensedSqp().solve(problem, np.zeros(37)))
-    s = problem.stencil
+    s = problem.matrices
     end = problem.start[:3] + s.base[-2] * problem.start[3:] + s.weights[-2] @ solution.accelerations
-    assert problem.wanted is not None
-    assert float(landscape.cost(end)[0]) == pytest.approx(problem.wanted.length, abs=5.0)
+    assert problem.length_to_go is not None
+    assert float(environment.cost(end)[0]) == pytest.approx(problem.length_to_go.length, abs=5.0)
 
 
-def test_a_warm_start_from_the_solution_finds_it_again(landscape: PlanningEnvironment) -> None:
-    problem = some_problems(landscape)[1]
+def test_a_warm_start_from_the_solution_finds_it_again(environment: PlanningEnvironment) -> None:
+    problem = some_problems(environment)[1]
     solver = InteriorPoint()
     first = solved(solver.solve(problem, np.zeros(3 * problem.arcs + 1)))
     again = solved(solver.solve(problem, first.unknowns))
@@ -232,18 +234,18 @@ def test_a_warm_start_from_the_solution_finds_it_again(landscape: PlanningEnviro
     assert again.iterations <= first.iterations
 
 
-def test_the_bounds_hold_at_the_solutions(landscape: PlanningEnvironment) -> None:
+def test_the_bounds_hold_at_the_solutions(environment: PlanningEnvironment) -> None:
     for solver in (CondensedSqp(), InteriorPoint("ipopt"), InteriorPoint("fatrop")):
-        for problem in some_problems(landscape):
+        for problem in some_problems(environment):
             solution = solved(solver.solve(problem, np.zeros(3 * problem.arcs + 1)))
-            changes = problem.stencil.lengths[:, None] * solution.accelerations
+            changes = problem.matrices.lengths[:, None] * solution.accelerations
             velocities = problem.start[3:] + np.cumsum(changes, axis=0)
             assert np.linalg.norm(velocities, axis=1).max() <= SPEED * (1.0 + 1e-4)
             assert np.linalg.norm(solution.accelerations, axis=1).max() <= 40.0 * (1.0 + 1e-4)
 
 
-def test_a_target_out_of_reach_gives_a_reason_not_an_exception(landscape: PlanningEnvironment) -> None:
-    problem = held(landscape, uniform(3), 6_000.0)  # three arcs of 5/3 s at 300 m/s go 1500 m
+def test_a_target_out_of_reach_gives_a_reason_not_an_exception(environment: PlanningEnvironment) -> None:
+    problem = arriving(environment, uniform(3), 6_000.0)  # three arcs of 5/3 s at 300 m/s go 1500 m
     for solver in (CondensedSqp(), InteriorPoint("ipopt"), InteriorPoint("fatrop")):
         outcome = solver.solve(problem, np.zeros(3 * problem.arcs + 1))
         assert isinstance(outcome, str)

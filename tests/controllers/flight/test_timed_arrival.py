@@ -15,7 +15,7 @@ from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.completion import ArcList, complete
 from mathnavi.controllers.flight.planner import ARRIVAL, StopAndHover
-from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.plan_status import FlightPhase
 from mathnavi.sim.interfaces.protocols import Planner
@@ -43,7 +43,7 @@ def arrival(
     asked: Callable[[float], float | None], fails_from: float = math.inf, config: FlightConfig = SCHEDULE
 ) -> tuple[float, list[Plan]]:
     """When a vehicle on its plans arrives [s], which is asked for ``asked(t)`` from the second request on."""
-    raw, tracker = SafeFlight.build(config, MISSION)
+    raw, tracker = FlightController.build(config, MISSION)
     certificate = Certificate.of(MISSION, tracker.bound)
     planner = Certified(
         FailsFrom(raw, fails_from), partial(StopAndHover, period=raw.period), certificate, tracker.bound, 4.0

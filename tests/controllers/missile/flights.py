@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mathnavi.controllers.missile.plugin import MissileConfig, MissileGuidance
+from mathnavi.controllers.missile.plugin import MissileConfig, MissileController
 from mathnavi.models.missile.coordinates import PLANAR, SPATIAL, Coordinates
 from mathnavi.models.missile.mission import CASES, MissileMission, Target
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
@@ -31,7 +31,7 @@ def mission(coordinates: Coordinates = PLANAR, case: str = "SM2", **changes: Any
 
 def built(of: MissileMission, **fields: Any) -> tuple[Planner, Tracker]:
     """Planner and autopilot; in CasADi's virtual machine, which starts sooner."""
-    return MissileGuidance.build(MissileConfig(**{"backend": "fatrop"} | fields), of)
+    return MissileController.build(MissileConfig(**{"backend": "fatrop"} | fields), of)
 
 
 def first_plan(of: MissileMission, **fields: Any) -> Plan:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.controllers.missile.plugin import MissileGuidance
+from mathnavi.controllers.missile.plugin import MissileController
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.scenarios.missile_fields import MissileGuidanceConfig
-from mathnavi.sim.scenarios.missile_guidance import MissileGuidance as Scenario
+from mathnavi.sim.scenarios.missile_guidance import MissileGuidance
 from mathnavi.sim.sweep.trial import trial
 
 ROUGH = {
@@ -71,7 +71,8 @@ def test_in_space_pitch_and_yaw_planners_meet_a_target_that_moves_across() -> No
 def test_the_same_seed_gives_the_same_flight() -> None:
     config = MissileGuidanceConfig(case="FAST")
     one, other = (
-        Scenario.build(config, 3, PluginSpec.of(MissileGuidance, backend="fatrop")).run().arrays for _ in range(2)
+        MissileGuidance.build(config, 3, PluginSpec.of(MissileController, backend="fatrop")).run().arrays
+        for _ in range(2)
     )
     for name, array in one.items():
         np.testing.assert_array_equal(array, other[name], err_msg=name)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from mathnavi.controllers.missile.plugin import MissileConfig, MissileGuidance
+from mathnavi.controllers.missile.plugin import MissileConfig, MissileController
 from mathnavi.controllers.ocp.solver import transcription
 from mathnavi.models.missile.coordinates import SPATIAL
 from mathnavi.sim.interfaces.signals import Estimate, PlanRequest
@@ -51,7 +51,7 @@ def test_without_a_compiler_the_first_plan_says_so_and_is_the_same(
     of = mission()
     wanted = first_plan(of, backend="fatrop")
     monkeypatch.setenv("PATH", str(tmp_path))
-    planner, _ = MissileGuidance.build(MissileConfig(), of)
+    planner, _ = MissileController.build(MissileConfig(), of)
     plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, of.start_state), None))
     assert plan.ok
     assert plan.notes == ("backend",)
@@ -67,12 +67,12 @@ def test_a_compiler_that_fails_is_quoted_and_done_without(monkeypatch: pytest.Mo
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     transcription.cache_clear()  # or what was compiled before is at hand
     of = mission()
-    planner, _ = MissileGuidance.build(MissileConfig(), of)
+    planner, _ = MissileController.build(MissileConfig(), of)
     plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, of.start_state), None))
     assert plan.ok
     assert "cc: out of order" in plan.message
     with pytest.raises(OSError, match="cc: out of order"):
-        MissileGuidance.build(MissileConfig(backend="fatrop-compiled"), of)
+        MissileController.build(MissileConfig(backend="fatrop-compiled"), of)
 
 
 @pytest.mark.parametrize("spatial", ["pitch-and-yaw", "joint"])

@@ -19,25 +19,26 @@ from mathnavi.controllers.ocp.methods.gate import gated
 from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, UNIFORM, Monitor
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.residual import local_errors
 from mathnavi.controllers.ocp.solution import Outcome, Solution
 from mathnavi.controllers.ocp.solver import transcription
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 
 
-def coasting(longest: float) -> OptimalControlProblem:
+def coasting(longest: float) -> ProblemFunctions:
     """J asks nothing of the final time, at most ``longest`` [s]."""
-    ocp = Statement("coasting")
+    ocp = OptimalControlProblem("coasting")
     x, u = ocp.state("x"), ocp.control("u")
     ocp.free_duration(guess=0.5 * longest, lower=1e-3, upper=longest)
     ocp.minimise(running=u**2)
     ocp.dynamics(x, u)
     ocp.start(x, 0.0)
-    return ocp.problem()
+    return ocp.functions()
 
 
 @pytest.mark.parametrize(("epsilon", "step"), [(0.1, 0.1), (0.3, 0.3), (0.6, 0.6), (0.9, 0.6), (5.0, 0.6)])

@@ -9,23 +9,24 @@ import numpy as np
 import pytest
 
 from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.replay import replayed
 from mathnavi.controllers.ocp.solution import Outcome, Solution
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 
 
-def problem_with(rate: float, upper: float = 10.0) -> OptimalControlProblem:
+def problem_with(rate: float, upper: float = 10.0) -> ProblemFunctions:
     """x' = rate x + u from 1 to 0 over [0, 2], ∫ u^2."""
-    ocp = Statement(f"rate {rate}")
+    ocp = OptimalControlProblem(f"rate {rate}")
     x, u = ocp.state("x", upper=upper, scale=2.0), ocp.control("u", guess=(-1.0,))
     ocp.duration(2.0)
     ocp.minimise(running=u**2, terminal=3.0)
     ocp.dynamics(x, rate * x + u)
     ocp.start(x, 1.0)
     ocp.end(x, 0.0)
-    return ocp.problem()
+    return ocp.functions()
 
 
 def replay_of(solution: Solution) -> float:
@@ -65,27 +66,27 @@ def test_a_control_that_is_changed_is_found_out() -> None:
 
 
 def test_a_path_constraint_is_looked_at_on_the_replayed_path() -> None:
-    ocp = Statement("path constraint")
+    ocp = OptimalControlProblem("path constraint")
     x, u = ocp.state("x"), ocp.control("u")
     ocp.duration(1.0)
     ocp.minimise(running=u**2)
     ocp.dynamics(x, u)
     ocp.constrain(x - ca.sin(3.0 * ocp.t), lower=0.0)
     ocp.start(x, 0.0)
-    solution = solve(ocp.problem(), 5, scheme=HermiteSimpson())
+    solution = solve(ocp.functions(), 5, scheme=HermiteSimpson())
     assert solution.replay is not None
     t = np.linspace(0.0, 1.0, 2001)
     assert solution.replay.violation == pytest.approx((np.sin(3.0 * t) - solution.state(t)[:, 0]).max(), rel=0.1)
 
 
 def test_a_failed_solve_has_no_replay() -> None:
-    ocp = Statement("out of reach")
+    ocp = OptimalControlProblem("out of reach")
     x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
     ocp.duration(1.0)
     ocp.minimise(running=u**2)
     ocp.dynamics(x, u)
     ocp.start(x, 0.0)
     ocp.end(x, 5.0)
-    solution = solve(ocp.problem(), 11)
+    solution = solve(ocp.functions(), 11)
     assert solution.status is Outcome.INFEASIBLE
     assert solution.replay is None

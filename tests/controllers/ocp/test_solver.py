@@ -9,26 +9,27 @@ import pytest
 from mathnavi.controllers.ocp.backend import Options
 from mathnavi.controllers.ocp.grid import uniform
 from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
 from mathnavi.controllers.ocp.solution import Outcome
 from mathnavi.controllers.ocp.solver import transcription
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
 
 SHOOTING = MultipleShooting(1)
 
 
-def reaching(end: float) -> OptimalControlProblem:
+def reaching(end: float) -> ProblemFunctions:
     """x' = u, |u| <= 1, from 0 to ``end`` within a second."""
-    ocp = Statement(f"reaching {end}")
+    ocp = OptimalControlProblem(f"reaching {end}")
     x, u = ocp.state("x"), ocp.control("u", lower=-1.0, upper=1.0)
     ocp.duration(1.0)
     ocp.minimise(running=u**2)
     ocp.dynamics(x, u)
     ocp.start(x, 0.0)
     ocp.end(x, end)
-    return ocp.problem()
+    return ocp.functions()
 
 
 @pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
@@ -42,20 +43,20 @@ def test_boundary_conditions_out_of_reach_are_a_status(backend: str) -> None:
 
 @pytest.mark.parametrize("backend", ["ipopt", "fatrop"])
 def test_dynamics_that_are_not_finite_are_a_status(backend: str, capfd: pytest.CaptureFixture[str]) -> None:
-    ocp = Statement("root of a negative number")
+    ocp = OptimalControlProblem("root of a negative number")
     x, u = ocp.state("x"), ocp.control("u")
     ocp.duration(1.0)
     ocp.minimise(running=u**2)
     ocp.dynamics(x, ca.sqrt(x - 1.0) + u)
     ocp.start(x, 0.0)
-    failed = solve(ocp.problem(), 11, scheme=SHOOTING, options=Options(backend=backend))  # type: ignore[arg-type]
+    failed = solve(ocp.functions(), 11, scheme=SHOOTING, options=Options(backend=backend))  # type: ignore[arg-type]
     assert failed.status in (Outcome.NOT_FINITE, Outcome.FAILED)
     assert "casadi" not in failed.message
     assert "NaN" not in "".join(capfd.readouterr())
 
 
 def test_a_parameter_that_is_not_finite_is_a_status() -> None:
-    ocp = Statement("parameter")
+    ocp = OptimalControlProblem("parameter")
     x, u = ocp.state("x"), ocp.control("u")
     k = ocp.parameter("k", 1.0)
     ocp.duration(1.0)
@@ -63,7 +64,7 @@ def test_a_parameter_that_is_not_finite_is_a_status() -> None:
     ocp.dynamics(x, k * u)
     ocp.start(x, 0.0)
     ocp.end(x, 1.0)
-    problem = ocp.problem()
+    problem = ocp.functions()
     assert solve(problem, 5, parameters=np.array([np.nan])).status is Outcome.NOT_FINITE
     assert solve(problem, 5, parameters=problem.values(k=2.0)).cost == pytest.approx(0.25)
     with pytest.raises(ValueError, match=r"parameters: shape \(2,\)"):

@@ -10,8 +10,9 @@ import pytest
 
 from mathnavi.controllers.ocp.distribution import Equidistributed, Fixed, NodeDistribution
 from mathnavi.controllers.ocp.nlp import Programme, programme
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.missile import missile
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
@@ -20,9 +21,9 @@ from mathnavi.controllers.ocp.transcriptions.scheme import Scheme
 from mathnavi.sim.interfaces.signals import Array
 
 
-def constrained() -> OptimalControlProblem:
+def constrained() -> ProblemFunctions:
     """Everything a problem may have: parameters, path constraints, time, nonlinear ends and a terminal cost."""
-    ocp = Statement("constrained")
+    ocp = OptimalControlProblem("constrained")
     x, v, u = ocp.state("x", lower=-2.0), ocp.state("v", scale=3.0), ocp.control("u", upper=1.0)
     k = ocp.parameter("k", 0.7)
     T = ocp.free_duration(guess=2.0, lower=0.1)
@@ -32,10 +33,10 @@ def constrained() -> OptimalControlProblem:
     ocp.constrain(x * v + u**2, upper=4.0)
     ocp.start_constraint(x**2 + v**2, lower=1.0, upper=2.0)
     ocp.end_constraint(x * v * T + k, lower=0.0, upper=1.0)
-    return ocp.problem()
+    return ocp.functions()
 
 
-CASES: list[tuple[OptimalControlProblem, Scheme, NodeDistribution, int]] = [
+CASES: list[tuple[ProblemFunctions, Scheme, NodeDistribution, int]] = [
     (constrained(), Euler(), Fixed(), 2),
     (constrained(), MultipleShooting(2), Fixed(), 5),
     (constrained(), MultipleShooting(1), Equidistributed(), 4),
@@ -55,7 +56,7 @@ def somewhere(nlp: Programme) -> tuple[Array, Array, Array]:
 @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0].name}-{case[1].name}-{case[3]}")
 def test_they_are_the_derivatives_of_the_programme(
-    case: tuple[OptimalControlProblem, Scheme, NodeDistribution, int], solver: str
+    case: tuple[ProblemFunctions, Scheme, NodeDistribution, int], solver: str
 ) -> None:
     nlp = programme(*case)
     x, p, lam = somewhere(nlp)

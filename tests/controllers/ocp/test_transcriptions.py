@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 
 from mathnavi.controllers.ocp.grid import stretched, uniform
 from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.statement import OptimalControlProblem, Statement
+from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.transcriptions.euler import Euler
 from mathnavi.controllers.ocp.transcriptions.hermite_simpson import HermiteSimpson
 from mathnavi.controllers.ocp.transcriptions.multiple_shooting import MultipleShooting
@@ -28,9 +29,9 @@ SCHEMES = [
 schemes = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.name)
 
 
-def pendulum() -> OptimalControlProblem:
+def pendulum() -> ProblemFunctions:
     """Nothing to choose: a pendulum with a drive that depends on time; J = ∫ x^2 dt."""
-    ocp = Statement("pendulum")
+    ocp = OptimalControlProblem("pendulum")
     x, v = ocp.state("x"), ocp.state("v")
     ocp.duration(2.0)
     ocp.minimise(running=x**2, terminal=v)
@@ -38,18 +39,18 @@ def pendulum() -> OptimalControlProblem:
     ocp.dynamics(v, -ca.sin(x) + ca.cos(3.0 * ocp.t))
     ocp.start(x, 1.0)
     ocp.start(v, 0.0)
-    return ocp.problem()
+    return ocp.functions()
 
 
-def linear_quadratic() -> OptimalControlProblem:
+def linear_quadratic() -> ProblemFunctions:
     """x' = u, ∫ (x^2 + u^2) / 2 over [0, 1] from 1: J* = tanh(1) / 2, u = -sinh(1 - t) / cosh(1)."""
-    ocp = Statement("linear-quadratic")
+    ocp = OptimalControlProblem("linear-quadratic")
     x, u = ocp.state("x"), ocp.control("u")
     ocp.duration(1.0)
     ocp.minimise(running=(x**2 + u**2) / 2)
     ocp.dynamics(x, u)
     ocp.start(x, 1.0)
-    return ocp.problem()
+    return ocp.functions()
 
 
 @schemes
@@ -132,7 +133,7 @@ def test_two_nodes_are_enough(scheme: Scheme) -> None:
 
 @schemes
 def test_a_path_constraint_on_the_state_holds_at_the_last_node_too(scheme: Scheme) -> None:
-    ocp = Statement("wall")
+    ocp = OptimalControlProblem("wall")
     x, u = ocp.state("x"), ocp.control("u")
     ocp.duration(1.0)
     ocp.minimise(running=(u - 1.0) ** 2)
@@ -140,7 +141,7 @@ def test_a_path_constraint_on_the_state_holds_at_the_last_node_too(scheme: Schem
     ocp.start(x, 0.0)
     ocp.constrain(x, upper=0.5)
     ocp.constrain(x + 0.1 * u, lower=-5.0)  # depends on u, which a zero-order hold does not have there
-    found = solve(ocp.problem(), 6, scheme=scheme)
+    found = solve(ocp.functions(), 6, scheme=scheme)
     assert found.x[-1, 0] == pytest.approx(0.5, abs=1e-6)
     assert found.cost == pytest.approx(0.25, rel=1e-3)
 

@@ -101,7 +101,10 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--estimator oracle", ["--estimator", "oracle", "full_state", "kalman", "package.module:Class"]),
         ("--controller nowhere:Planner", ["--controller", "nowhere:Planner", "cannot be imported"]),
         ("--controller mathnavi.controllers.flight.planner:RecedingHorizon", ["--controller", "no frozen dataclass"]),
-        ("--estimator mathnavi.controllers.flight.plugin:SafeFlight", ["--estimator", "no sensors and no quality"]),
+        (
+            "--estimator mathnavi.controllers.flight.plugin:FlightController",
+            ["--estimator", "no sensors and no quality"],
+        ),
         ("--controller json:JSONDecoder", ["--controller", "json:JSONDecoder", "no frozen dataclass"]),
         ("--planner.nods 3", ["--planner.nods", "did you mean --planner.nodes"]),
         ("--nodes 3", ["--nodes", "did you mean --planner.nodes"]),

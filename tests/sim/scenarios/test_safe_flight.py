@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mathnavi.controllers.flight.plugin import FlightConfig
-from mathnavi.controllers.flight.plugin import SafeFlight as Flight
+from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.library import load_terrain
@@ -178,7 +177,7 @@ class Stranger:
 
     @staticmethod
     def build(config: StrangerConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
-        return Straight(config, mission), Flight.build(FlightConfig(), mission)[1]
+        return Straight(config, mission), FlightController.build(FlightConfig(), mission)[1]
 
 
 class Straight:
@@ -207,7 +206,7 @@ class Raising:
 
     @staticmethod
     def build(config: StrangerConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
-        return AlwaysRaises(), Flight.build(FlightConfig(), mission)[1]
+        return AlwaysRaises(), FlightController.build(FlightConfig(), mission)[1]
 
 
 class AlwaysRaises:

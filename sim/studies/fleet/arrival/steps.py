@@ -17,7 +17,7 @@ import numpy as np
 from mathnavi.controllers.arrival.outlier import is_outlier
 from mathnavi.controllers.flight.certificate import Certificate
 from mathnavi.controllers.flight.planner import RecedingHorizon
-from mathnavi.controllers.flight.plugin import FlightConfig, SafeFlight
+from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.problem import LengthToGo, Problem
 from mathnavi.controllers.flight.sqp import CondensedSqp
 from mathnavi.controllers.flight.tracker import tracking_bound
@@ -64,7 +64,7 @@ def one_step(change: ArrivalChange) -> ArrivalStep | None:
     rng = np.random.default_rng(change.seed)
     mission = _drawn(change.place.ground, rng)
     flight = FlightConfig(nodes=NODES)
-    planner, _ = SafeFlight.build(flight, mission)
+    planner, _ = FlightController.build(flight, mission)
     assert isinstance(planner, RecedingHorizon)
     certificate = Certificate.of(mission, tracking_bound(flight.bandwidth, mission))
     current: Plan | None = None
@@ -85,16 +85,16 @@ def one_step(change: ArrivalChange) -> ArrivalStep | None:
 def _complied(
     planner: RecedingHorizon, certificate: Certificate, x: Array, share: float, deviation: float
 ) -> ArrivalStep | None:
-    parameters, landscape = planner.parameters, planner.landscape
-    free = CondensedSqp().solve(Problem(parameters, landscape, x), np.zeros(3 * parameters.arcs + 1))
+    parameters, environment = planner.parameters, planner.environment
+    free = CondensedSqp().solve(Problem(parameters, environment, x), np.zeros(3 * parameters.arcs + 1))
     if isinstance(free, str):
         return None
     h, horizon, speed = parameters.h, parameters.horizon, certificate.speed_max
 
     def eta(accelerations: Array, start: Array) -> float:
-        s = parameters.stencil
+        s = parameters.matrices
         end = start[:3] + s.base[-2] * start[3:] + s.weights[-2] @ accelerations
-        return float(horizon + landscape.cost(end)[0] / speed)
+        return float(horizon + environment.cost(end)[0] / speed)
 
     own = eta(free.accelerations, x)
     if own < 2.0 * horizon:
@@ -102,8 +102,8 @@ def _complied(
     agreed = own * (1.0 + deviation)
     first = free.accelerations[0]
     following = np.concatenate([x[:3] + h * x[3:] + 0.5 * h * h * first, x[3:] + h * first])
-    wanted = speed * (agreed - h - horizon)
-    problem = replace(Problem(parameters, landscape, following), wanted=LengthToGo(wanted))
+    length = speed * (agreed - h - horizon)
+    problem = replace(Problem(parameters, environment, following), length_to_go=LengthToGo(length))
     found = CondensedSqp(iteration_limit=50).solve(problem, free.unknowns)
     done = not isinstance(found, str) and abs(eta(found.accelerations, following) + h - agreed) <= TOLERANCE
     return ArrivalStep(share, deviation > 0.0, done, is_outlier(agreed, own, h))

@@ -12,7 +12,7 @@ from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.study_report import Table
 from mathnavi.sim.interfaces.bounds import Count, configuration
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.records.statistics import Rate as Share
+from mathnavi.sim.records.statistics import Proportion
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.introduction.observer_properties.measures import ranging_drift
@@ -176,6 +176,6 @@ def _figure(seen: Mapping[str, PropertyRuns], judged: Mapping[Subject, list[Prop
     return figure
 
 
-def _share(axes: Axes, height: float, share: Share, colour: str) -> None:
+def _share(axes: Axes, height: float, share: Proportion, colour: str) -> None:
     axes.plot([share.low, share.high], [height, height], color=colour, lw=2.2, alpha=0.45, solid_capstyle="round")
     axes.plot(share.value, height, "o", ms=6, color=colour)

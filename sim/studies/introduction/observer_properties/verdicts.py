@@ -12,8 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
-from mathnavi.sim.records.statistics import Rate as Share
-from mathnavi.sim.records.statistics import rate
+from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.introduction.observer_properties.measures import Decay
@@ -69,7 +68,7 @@ class PropertyRuns:
         return float((figures(self.near, "largest") / figures(self.near, "start")).max())
 
 
-def found(runs: Sequence[Record]) -> Share:
+def found(runs: Sequence[Record]) -> Proportion:
     """The share of runs whose error has gone."""
     return rate(sum(bool(record.summary["found"]) for record in runs), len(runs))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.records.statistics import Rate
+from mathnavi.sim.records.statistics import Proportion
 from mathnavi.sim.studies.ranging.observability.maps import FIRST_ESTIMATES, SENSORS
 from mathnavi.sim.studies.ranging.observability.measures import FlagsRank, PropositionTrial
 
@@ -29,13 +29,13 @@ class ObservabilityResults:
     counts: Mapping[tuple[str, str, str], Sequence[tuple[int, int]]]  # by wall, sensors, motion: states, known images
     rotations: Mapping[str, int]  # of each wall
     still_ranks: Mapping[str, Array]  # by sensors: least singular values of h' over poses
-    still_found: Mapping[str, Rate]  # by sensors: poses that are found exactly
-    driving_found: Mapping[str, Rate]
+    still_found: Mapping[str, Proportion]  # by sensors: poses that are found exactly
+    driving_found: Mapping[str, Proportion]
     flags: Sequence[FlagsRank]
     moving: Sequence[PropositionTrial]
     standing: Sequence[PropositionTrial]
     equal_rates: Array  # [m] least differences of the output flow on {Q = 0}, NaN where it does not reach
-    maps: Mapping[MapKey, Rate]
+    maps: Mapping[MapKey, Proportion]
 
 
 def claims(e: ObservabilityResults) -> list[Claim]:
@@ -170,5 +170,5 @@ def _of_the_map(e: ObservabilityResults) -> Claim:
     )  # fmt: skip
 
 
-def _told(key: MapKey, found: Rate) -> str:
+def _told(key: MapKey, found: Proportion) -> str:
     return f"{key[0]} {key[1]:.3g} with {key[2]}: {found.text()}"

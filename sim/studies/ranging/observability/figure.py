@@ -22,7 +22,7 @@ from mathnavi.estimators.observability.range_outputs import RangeOutputs, motion
 from mathnavi.models.field.curve import Curve
 from mathnavi.renders.figures import INK, STYLE
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.records.statistics import Rate
+from mathnavi.sim.records.statistics import Proportion
 
 APART, ALIKE = "#0d5fa8", "#c2183b"
 COLOURS = LinearSegmentedColormap.from_list("flow", (ALIKE, "#f0a07c", "#8fc3e6", APART))
@@ -47,7 +47,7 @@ class Series:
     label: str
     colour: str
     dashed: bool
-    rates: Sequence[Rate]
+    rates: Sequence[Proportion]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.sim.interfaces.bounds import Count, configuration
-from mathnavi.sim.records.statistics import Rate, rate
+from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.ranging.observability.claims import MapKey, ObservabilityResults, claims
@@ -194,14 +194,14 @@ def _evidence(
     )
 
 
-def _rate(outcomes: Sequence[bool]) -> Rate:
+def _rate(outcomes: Sequence[bool]) -> Proportion:
     return rate(sum(outcomes), len(outcomes))
 
 
 # ---- what is drawn
 
 
-def _families(cases: Sequence[MapCase], maps: Mapping[MapKey, Rate]) -> list[Family]:
+def _families(cases: Sequence[MapCase], maps: Mapping[MapKey, Proportion]) -> list[Family]:
     labels = {
         "eccentricity": ("(c) eccentricity of an ellipse", "$c_1 / c_2$"),
         "symmetry": ("(d) rotations of the wall", "rotations that map it onto itself"),

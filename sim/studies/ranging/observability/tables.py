@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.renders.study_report import Table
-from mathnavi.sim.records.statistics import Rate
+from mathnavi.sim.records.statistics import Proportion
 from mathnavi.sim.studies.ranging.observability.claims import RANKED, MapKey, ObservabilityResults
 from mathnavi.sim.studies.ranging.observability.gramians import GramianResult
 from mathnavi.sim.studies.ranging.observability.maps import ESTIMATORS, FIRST_ESTIMATES, SENSORS
@@ -47,13 +47,13 @@ def rows(
     ]  # fmt: skip
 
 
-def _map_row(key: MapKey, found: Rate, isolated: float) -> dict[str, Any]:
+def _map_row(key: MapKey, found: Proportion, isolated: float) -> dict[str, Any]:
     family, value, sensors, estimator = key
     where = {"what": "map", "family": family, "value": value, "sensors": sensors, "estimator": estimator}
     return {**where, **_share(found), "isolation": isolated}
 
 
-def _share(found: Rate) -> dict[str, Any]:
+def _share(found: Proportion) -> dict[str, Any]:
     return {
         "starts": found.trials, "converged": found.events, "share": found.value, "low": found.low, "high": found.high,
     }  # fmt: skip

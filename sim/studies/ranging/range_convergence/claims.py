@@ -11,7 +11,7 @@ import numpy as np
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.consistency import Consistency, RootMeanSquare, consistency, root_mean_square
 from mathnavi.sim.records.claims import Claim
-from mathnavi.sim.records.statistics import Rate, rate
+from mathnavi.sim.records.statistics import Proportion, rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.ranging.range_convergence.costs import ALL_ALIVE, BANK_LOOP, PARTICLE_LOOP
@@ -37,13 +37,13 @@ FoundKey = tuple[str, str, str]
 class ConvergenceResults:
     """Results from which the claims are evaluated."""
 
-    observed: Mapping[str, Rate]  # by sensors: starts from which the observer finds the state, without noise
+    observed: Mapping[str, Proportion]  # by sensors: starts from which the observer finds the state, without noise
     found: Mapping[FoundKey, Sequence[EstimatorResult]]
     costs: Mapping[str, Mapping[str, Array]]  # by sensors and name: (R,) [us] an update
     drives: Mapping[tuple[str, float], Sequence[Record]]  # by sensors and friction
     run_cpu: Array  # (R,) CPU time of a run on wheels over its duration
 
-    def share(self, wall: str, sensors: str, estimator: str) -> Rate:
+    def share(self, wall: str, sensors: str, estimator: str) -> Proportion:
         """Share of the runs in which an estimator converged."""
         runs = self.found[wall, sensors, estimator]
         return rate(len(converged(runs)), len(runs))

@@ -15,7 +15,7 @@ from mathnavi.renders.figures import INK, STYLE
 from mathnavi.renders.palette import COLOURS, SceneElement, hexadecimal
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.consistency import consistency
-from mathnavi.sim.records.statistics import Rate
+from mathnavi.sim.records.statistics import Proportion
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.studies.ranging.range_convergence.claims import (
     BEAN_WALL,
@@ -67,7 +67,7 @@ def figure(e: ConvergenceResults, seconds: float) -> Figure:
 
 
 def _shares(axes: Axes, e: ConvergenceResults) -> None:
-    lines: list[tuple[str, str, Mapping[str, Rate]]] = [("observer,\nno noise", OBSERVER, e.observed)]
+    lines: list[tuple[str, str, Mapping[str, Proportion]]] = [("observer,\nno noise", OBSERVER, e.observed)]
     lines += [(_short(name), COLOUR[name], _sets(e, ELLIPSE, name)) for name in LIKENED]
     lines.insert(2, ("bank,\nin a bean", COLOUR[BANK], _sets(e, BEAN_WALL, BANK)))
     for k, (_, colour, rates) in enumerate(lines):
@@ -84,7 +84,7 @@ def _shares(axes: Axes, e: ConvergenceResults) -> None:
     axes.grid(visible=False, axis="y")
 
 
-def _sets(e: ConvergenceResults, wall: str, estimator: str) -> dict[str, Rate]:
+def _sets(e: ConvergenceResults, wall: str, estimator: str) -> dict[str, Proportion]:
     return {sensors: e.share(wall, sensors, estimator) for sensors in BEYOND_EKF}
 
 

@@ -7,9 +7,9 @@
                 s_lower <= s(x(T), T; p) <= s_upper                  x(T) in S_f
 
 with states x, controls u, known parameters p and a final time T, fixed or free. An integral constraint is a state of
-its own, and so is a constant that is to be found. ``Statement`` is the sheet of paper on which a problem is written:
+its own, and so is a constant that is to be found. A problem is stated call by call, and solved:
 
-    ocp = Statement("Bryson-Denham")
+    ocp = OptimalControlProblem("Bryson-Denham")
     x, v = ocp.state("x", upper=1 / 9), ocp.state("v")
     u = ocp.control("u", scale=5.0)
     ocp.duration(1.0)
@@ -17,90 +17,28 @@ its own, and so is a constant that is to be found. ``Statement`` is the sheet of
     ocp.dynamics(x, v)
     ocp.dynamics(v, u)
     ocp.start(x, 0.0), ocp.start(v, 1.0), ocp.end(x, 0.0), ocp.end(v, -1.0)
-    problem = ocp.problem()
+    solution = ocp.solve()
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
+from mathnavi.controllers.ocp.solution import Solution
+from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
+NODES = 40  # of a solution unless the caller says else
 _MOST_DURATION = 1e9  # [s] beyond which a final time is no number to search among
-
-
-class StatementError(ValueError):
-    """A problem that contradicts itself: dimensions that do not fit, bounds that leave nothing between them."""
-
-
-class Interval(NamedTuple):
-    """Lower and upper limits, arrays of one shape; equal where a value is fixed."""
-
-    lower: Array
-    upper: Array
-
-
-@dataclass(frozen=True, eq=False)
-class OptimalControlProblem:
-    """The problem of the module docstring; every function is CasADi's, over SX columns.
-
-    ``nx`` states, ``nu`` controls, ``np`` parameters. The scales are typical magnitudes: a solver sees x / x_scale.
-    """
-
-    name: str
-    states: tuple[str, ...]  # nx names
-    controls: tuple[str, ...]  # nu names
-    parameters: tuple[str, ...]  # np names
-    dynamics: ca.Function  # f(x, u, t, p) -> (nx,)
-    running_cost: ca.Function  # L(x, u, t, p) -> ()
-    terminal_cost: ca.Function  # Psi(x, T, p) -> ()
-    path: ca.Function  # d(x, u, t, p) -> (nd,)
-    initial: ca.Function  # i(x, p) -> (ni,)
-    final: ca.Function  # s(x, T, p) -> (ns,)
-    state_bounds: Interval  # (nx,) each
-    control_bounds: Interval  # (nu,)
-    path_bounds: Interval  # (nd,)
-    initial_bounds: Interval  # (ni,)
-    final_bounds: Interval  # (ns,)
-    duration_bounds: tuple[float, float]  # [s] equal for a fixed T
-    state_scale: Array  # (nx,)
-    control_scale: Array  # (nu,)
-    nominal: Array  # (np,) values of the parameters unless a solve says else
-    guess_times: Array  # (k,) in [0, 1], fractions of T
-    guess_states: Array  # (k, nx)
-    guess_controls: Array  # (k, nu)
-    guess_duration: float  # [s]
-
-    @property
-    def nx(self) -> int:
-        return len(self.states)
-
-    @property
-    def nu(self) -> int:
-        return len(self.controls)
-
-    @property
-    def free_duration(self) -> bool:
-        return self.duration_bounds[0] < self.duration_bounds[1]
-
-    def values(self, **parameters: float) -> Array:
-        """The parameters (np,), the nominal ones but for those given by name; ValueError for an unknown name."""
-        values = self.nominal.copy()
-        for name, value in parameters.items():
-            if name not in self.parameters:
-                known = ", ".join(self.parameters) or "none"
-                raise ProblemError(f"{self.name}: parameter {name!r} is not known; allowed: {known}")
-            if not math.isfinite(value):
-                raise ProblemError(f"{self.name}: parameter {name} = {value!r}; allowed: a finite number")
-            values[self.parameters.index(name)] = value
-        return values
 
 
 @dataclass
@@ -139,8 +77,11 @@ class _Constraints:
         return ca.vertcat(*self.expressions) if self.expressions else ca.SX(0, 1)
 
 
-class Statement:
-    """Collects variables, objective, dynamics, constraints and guess; ``problem()`` checks and freezes them.
+class OptimalControlProblem:
+    """An optimal control problem: variables, objective, dynamics, constraints and guess; ``solve()`` solves it.
+
+    A problem on which nothing is declared is the one of that name among those whose optimum is known
+    (``mathnavi.controllers.ocp.problems.library``). Symbols are CasADi's.
 
     Times in a guess are fractions of T, spread evenly over the values given: ``guess=(0, 5, 2)`` is 0 at the start, 5
     in the middle and 2 at the end, straight in between. In terminal cost and end constraints a state's symbol means
@@ -188,7 +129,7 @@ class Statement:
         """A number that is known when the problem is solved and may differ from solve to solve."""
         self._check_name(name)
         if not math.isfinite(nominal):
-            raise StatementError(f"{self.name}: parameter {name} = {nominal!r}; allowed: a finite number")
+            raise ProblemError(f"{self.name}: parameter {name} = {nominal!r}; allowed: a finite number")
         symbol = ca.SX.sym(name)
         self._parameters.append((name, symbol, nominal))
         return symbol
@@ -200,34 +141,34 @@ class Statement:
     def free_duration(self, *, guess: float, lower: float = 1e-3, upper: float = _MOST_DURATION) -> ca.SX:
         """A free final time T [s]; returns its symbol, for terminal cost and end constraints."""
         if not (0.0 < lower <= guess <= upper <= _MOST_DURATION):
-            raise StatementError(
+            raise ProblemError(
                 f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
                 f"allowed: 0 < lower <= guess <= upper <= {_MOST_DURATION:g} s"
             )
         if self._duration is not None:
-            raise StatementError(f"{self.name}: the duration is given twice; allowed: once")
+            raise ProblemError(f"{self.name}: the duration is given twice; allowed: once")
         self._duration = guess, lower, upper
         return self._final_time
 
     def minimise(self, running: ca.SX | float = 0.0, terminal: ca.SX | float = 0.0) -> None:
         """J = ∫ running dt + terminal; said once."""
         if self._stated:
-            raise StatementError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
+            raise ProblemError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
         self._stated = True
         for what, expression in (("running", running), ("terminal", terminal)):
             if ca.SX(expression).numel() != 1:
-                raise StatementError(f"{self.name}: the {what} cost has shape {ca.SX(expression).shape}; allowed: one")
+                raise ProblemError(f"{self.name}: the {what} cost has shape {ca.SX(expression).shape}; allowed: one")
         self._running, self._terminal = ca.SX(running), ca.SX(terminal)
 
     def dynamics(self, state: ca.SX, rate: ca.SX | float) -> None:
         """x' = rate for one state."""
         variable = self._find(state, self._states, "dynamics")
         if ca.SX(rate).numel() != 1:
-            raise StatementError(
+            raise ProblemError(
                 f"{self.name}: dynamics of {variable.name} have shape {ca.SX(rate).shape}; allowed: one expression"
             )
         if variable.name in self._rates:
-            raise StatementError(f"{self.name}: dynamics of {variable.name} are given twice; allowed: once")
+            raise ProblemError(f"{self.name}: dynamics of {variable.name} are given twice; allowed: once")
         self._rates[variable.name] = ca.SX(rate)
 
     def constrain(self, expression: ca.SX, *, lower: float = -math.inf, upper: float = math.inf) -> None:
@@ -252,24 +193,46 @@ class Statement:
         """lower <= s(x(T), T; p) <= upper."""
         self._final.add(f"{self.name}: end constraint", expression, lower, upper)
 
-    def problem(self) -> OptimalControlProblem:
-        """The finished problem.
+    def solve(
+        self,
+        nodes: int = NODES,
+        *,
+        adaptive: bool = False,
+        guess: Solution | None = None,
+        parameters: Mapping[str, float] | None = None,
+    ) -> Solution:
+        """The solution on ``nodes`` uniform nodes by Hermite-Simpson collocation, replayed through its own dynamics.
 
-        Raises StatementError where something is missing or contradicts itself, naming it.
+        With ``adaptive`` nodes are added where the local error is, ``nodes`` at most. ``guess`` is a solution to begin
+        with, ``parameters`` are values by name, the nominal ones where none is given. Whether there is a solution is in
+        its ``status``: ``solution.ok``.
+
+        Raises ProblemError for a problem that is not complete or contradicts itself, and for fewer than two nodes.
+        """
+        problem = self.functions()
+        values = problem.values(**(parameters or {}))
+        if adaptive:
+            return refine(problem, min(6, nodes), most_nodes=nodes, guess=guess, parameters=values)
+        return solve(problem, nodes, guess=guess, parameters=values)
+
+    def functions(self) -> ProblemFunctions:
+        """The problem as compiled functions, checked.
+
+        Raises ProblemError where something is missing or contradicts itself, naming it.
         """
         if not self._states:
-            raise StatementError(f"{self.name}: no state is declared; allowed: at least one")
+            return self._of_the_literature()
         if missing := [v.name for v in self._states if v.name not in self._rates]:
-            raise StatementError(f"{self.name}: no dynamics for {', '.join(missing)}; allowed: one for each state")
+            raise ProblemError(f"{self.name}: no dynamics for {', '.join(missing)}; allowed: one for each state")
         if self._duration is None:
-            raise StatementError(f"{self.name}: no duration is given; allowed: duration() or free_duration()")
+            raise ProblemError(f"{self.name}: no duration is given; allowed: duration() or free_duration()")
         x, u = _column(v.symbol for v in self._states), _column(v.symbol for v in self._controls)
         t, p, final_time = self.t, _column(symbol for _, symbol, _ in self._parameters), self._final_time
         rates = ca.vertcat(*(self._rates[v.name] for v in self._states))
         along, at_end = [x, u, t, p], [x, final_time, p]
         times, states, controls = self._guesses()
         guess, shortest, longest = self._duration
-        return OptimalControlProblem(
+        return ProblemFunctions(
             name=self.name,
             states=tuple(v.name for v in self._states),
             controls=tuple(v.name for v in self._controls),
@@ -295,15 +258,28 @@ class Statement:
             guess_duration=guess,
         )
 
+    def __repr__(self) -> str:
+        states, controls = ([each.name for each in declared] for declared in (self._states, self._controls))
+        return f"OptimalControlProblem({self.name!r}, states {states}, controls {controls})"
+
+    def _of_the_literature(self) -> ProblemFunctions:
+        """The problem of this name whose optimum is known."""
+        from mathnavi.controllers.ocp.problems.library import PROBLEMS  # each of them imports this module
+
+        if self.name not in PROBLEMS:
+            known = allowed_for(self.name, list(PROBLEMS))
+            raise ProblemError(f"{self.name}: no state is declared, and no problem with a known optimum; {known}")
+        return PROBLEMS[self.name].problem()
+
     def _declare(
         self, among: list[_Variable], name: str, lower: float, upper: float, scale: float, guess: Sequence[float]
     ) -> ca.SX:
         self._check_name(name)
         _check_limits(f"{self.name}: {name}", lower, upper)
         if not (math.isfinite(scale) and scale > 0.0):
-            raise StatementError(f"{self.name}: {name}: scale = {scale!r}; allowed: a finite value > 0")
+            raise ProblemError(f"{self.name}: {name}: scale = {scale!r}; allowed: a finite value > 0")
         if not len(guess) or not np.isfinite(guess).all():
-            raise StatementError(f"{self.name}: {name}: guess = {list(guess)!r}; allowed: finite numbers, at least one")
+            raise ProblemError(f"{self.name}: {name}: guess = {list(guess)!r}; allowed: finite numbers, at least one")
         symbol = ca.SX.sym(name)
         among.append(_Variable(name, symbol, lower, upper, scale, guess))
         return symbol
@@ -311,19 +287,19 @@ class Statement:
     def _check_name(self, name: str) -> None:
         taken = [v.name for v in (*self._states, *self._controls)] + [name for name, _, _ in self._parameters]
         if not name or name in taken:
-            raise StatementError(f"{self.name}: variable {name!r} is empty or taken; allowed: other than {taken}")
+            raise ProblemError(f"{self.name}: variable {name!r} is empty or taken; allowed: other than {taken}")
 
     def _find(self, symbol: ca.SX, among: list[_Variable], where: str) -> _Variable:
         for variable in among:
             if ca.is_equal(variable.symbol, symbol):
                 return variable
-        raise StatementError(f"{self.name}: {where}: {symbol} is not a state; allowed: {[v.name for v in among]}")
+        raise ProblemError(f"{self.name}: {where}: {symbol} is not a state; allowed: {[v.name for v in among]}")
 
     def _function(self, name: str, arguments: list[ca.SX], result: ca.SX, what: str) -> ca.Function:
         known = ca.vertcat(*arguments)
         free = [s for s in ca.symvar(result) if not ca.depends_on(s, known)]
         if free:
-            raise StatementError(f"{self.name}: the {what} depend on {free}, which is not among {ca.symvar(known)}")
+            raise ProblemError(f"{self.name}: the {what} depend on {free}, which is not among {ca.symvar(known)}")
         return ca.Function(name, arguments, [result])
 
     def _guesses(self) -> tuple[Array, Array, Array]:
@@ -349,4 +325,4 @@ def _bounds(variables: list[_Variable]) -> Interval:
 
 def _check_limits(where: str, lower: float, upper: float) -> None:
     if not lower <= upper or lower == math.inf or upper == -math.inf:  # NaN too
-        raise StatementError(f"{where}: lower = {lower!r}, upper = {upper!r}; allowed: lower <= upper")
+        raise ProblemError(f"{where}: lower = {lower!r}, upper = {upper!r}; allowed: lower <= upper")

@@ -210,7 +210,7 @@ class RecedingHorizon:
         speed = max(float(np.linalg.norm(start[3:])), _COMMIT_SPEED)
         first = max(2, math.ceil(float(np.linalg.norm(self._certificate.target - start[:3])) / (h * speed)))
         # A little more than the horizon is within reach of slightly longer arcs. Beyond it the terminal cost
-        # would have to tell how to fly past the target, which it cannot.
+        # would have to shape the flight past the target, which it cannot.
         possible = [n * h for n in range(first, first + _COMMIT_TRIES) if self._within_reach(n * h)]
         return fixed + [duration for duration in possible if self._arrival is None or duration > left]
 

@@ -1,4 +1,4 @@
-"""What every benchmark finds: rows that set our software beside other people's, the table of them, and its file.
+"""Results of a benchmark: rows that compare this software with others, their table, and its file.
 
 A row holds the figures of R repetitions, in each of which ours and the other ran one after the other. It shows the
 median of either and the median, the least and the greatest of the R ratios of neighbours; so a machine that slows down
@@ -61,7 +61,7 @@ class Comparison:
 
     @property
     def holds(self) -> bool | None:
-        """Whether the ratio is as wanted; None if nothing is."""
+        """True if the ratio meets its bound; None without a bound."""
         if not self.wanted:
             return None
         low = -np.inf if self.at_least is None else self.at_least
@@ -87,11 +87,11 @@ class Comparison:
 
 
 class Findings(Protocol):
-    """What one benchmark comes back with."""
+    """Result of one benchmark."""
 
     @property
     def title(self) -> str:
-        """What was measured, in a line."""
+        """Description of the measurement, in a line."""
         ...
 
     def comparisons(self) -> list[Comparison]:
@@ -99,7 +99,7 @@ class Findings(Protocol):
         ...
 
     def show(self, console: Console) -> None:
-        """What it has to say beside these rows."""
+        """Remarks beside these rows."""
         ...
 
     def plain(self) -> dict[str, Any]:
@@ -113,7 +113,7 @@ def _load() -> list[float]:
 
 @dataclass(frozen=True)
 class Machine:
-    """What it ran on, as it was when this was made."""
+    """Machine and versions of the run."""
 
     processor: str
     cores: int  # that this process may use

@@ -34,7 +34,7 @@ class DoMpc:
         self._mpc: Any = None
 
     def prepare(self, problem: Problem, guess: Array) -> None:
-        """What is not timed: the model of a new environment, and the guess."""
+        """Prepare, untimed, the model of a new environment, and the guess."""
         if self._environment is not problem.environment:
             self._environment, self._mpc = problem.environment, _do_mpc(problem, self._tolerance)
         mpc, h, x = self._mpc, problem.parameters.h, problem.start

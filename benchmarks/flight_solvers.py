@@ -108,7 +108,7 @@ def record(terrain: str, count: int, tell: Tell) -> Recorded:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What one solver did with every problem."""
+    """Results of one solver on every problem."""
 
     ms: Array  # (R, n) thread CPU time [ms]
     cost: Array  # (n,) NaN where it failed
@@ -188,7 +188,7 @@ def _gap(cost: Array, best: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class SolverFindings:
-    """What every solver did, and what two of them find at a tight tolerance."""
+    """Results of every solver, and of two of them at a tight tolerance."""
 
     terrain: str
     nodes: int
@@ -239,7 +239,7 @@ class SolverFindings:
         return rows
 
     def claims(self) -> list[dict[str, Any]]:
-        """What our figures were to be, and are; costs but for the problems that lead to two minima."""
+        """Claims on our figures; costs without the problems that have two minima."""
         ours = self.results[OURS]
         mean, p99 = float(np.median(ours.mean_ms)), float(np.median(ours.percentile_ms(99.0)))
         gap = float(np.nanmax(np.where(self.elsewhere, np.nan, _gap(ours.cost, self.results[IPOPT].cost))))

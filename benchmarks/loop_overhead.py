@@ -1,4 +1,4 @@
-"""What the closed loop costs beside the physics in it: thread CPU time of a flight against that of its physics alone.
+"""Overhead of the closed loop over the physics in it: thread CPU time of a flight against that of its physics alone.
 
     python benchmarks/loop_overhead.py [--seconds 120] [--repetitions 11]
 
@@ -82,7 +82,7 @@ class IdlePlanner:
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """What a flight did: what the others have to do again."""
+    """Record of a flight, which the other loops repeat."""
 
     model: mujoco.MjModel
     start: Array  # (6,)
@@ -172,7 +172,7 @@ def dm_control_steps(flight: Flight) -> float:
 
 
 def _timed(work: Callable[[], Made]) -> tuple[Made, float]:
-    """What the work makes, and its thread CPU time [s]; the rubbish of the work before is not its own."""
+    """Result of the work, and its thread CPU time [s], after a garbage collection."""
     gc.collect()
     began = time.thread_time()
     made = work()

@@ -28,7 +28,7 @@ ORDER, SEGMENTS, REFINEMENTS = 3, 6, 8  # of the first grid, and how often it ma
 
 
 def prepared(problem: ProblemFunctions, tolerance: float) -> Callable[[], float | None]:
-    """What solves the problem to dymos' ``tolerance`` and returns J, None where the optimiser failed."""
+    """Function that solves the problem to dymos' ``tolerance`` and returns J, None where the optimiser failed."""
     os.environ["OPENMDAO_REPORTS"] = "0"  # before OpenMDAO is imported: it would write folders of them
     with _quietly():
         import dymos as dm

@@ -23,7 +23,7 @@ IPOPT = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.
 
 
 def prepared(problem: ProblemFunctions, tolerance: float) -> Callable[[], float | None]:
-    """What solves the problem to MAPTOR's ``tolerance`` and returns J, None where it did not converge."""
+    """Function that solves the problem to MAPTOR's ``tolerance`` and returns J, None where it did not converge."""
     import maptor
 
     stated = _stated(problem)

@@ -135,7 +135,7 @@ class Entry:
 
 @dataclass(frozen=True, eq=False)
 class PeerFindings:
-    """What everyone took."""
+    """Errors and times of every software."""
 
     entries: list[Entry]
 

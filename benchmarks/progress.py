@@ -21,7 +21,7 @@ class Tell(Protocol):
 
 @contextmanager
 def progress(console: Console, what: str, total: int) -> Iterator[Tell]:
-    """Show how much of ``total`` is done, as it is told."""
+    """Show how much of ``total`` is done, as it is reported."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     began = told = time.monotonic()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -1,4 +1,4 @@
-"""What an update of a range estimator costs: thread CPU time, ours beside a particle filter and beside filterpy's.
+"""Cost of an update of a range estimator: thread CPU time, ours beside a particle filter and beside filterpy's.
 
     python benchmarks/range_estimators.py [--seconds 20] [--repetitions 7]
 

@@ -81,7 +81,7 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class StartUp:
-    """What was measured, in the order of the repetitions."""
+    """Measurements, in the order of the repetitions."""
 
     before: str  # the commit, "" for none
     wall: dict[Case, list[float]] = field(default_factory=dict)  # [s]

@@ -65,7 +65,7 @@ class Arguments:
 
 @dataclass(frozen=True)
 class Left:
-    """What a sweep has left behind."""
+    """State that a sweep has left behind."""
 
     seconds: float
     kills: int
@@ -137,7 +137,7 @@ def local_cluster(workers: int) -> Iterator[str]:
 
 
 def verdict(found: Mapping[str, Left], arguments: Arguments) -> dict[str, bool]:
-    """Whether everything is as it has to be, by what was asked."""
+    """True if everything is as it has to be."""
     first = found[UNDISTURBED]
     same = all((one.rows, one.digest, one.integrity) == (first.rows, first.digest, "ok") for one in found.values())
     return {

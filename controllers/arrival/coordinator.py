@@ -3,7 +3,7 @@
     plan proposed -> Separation, over the network, with every other vehicle -> admitted, or the stored plan stays
     ``ArrivalEstimate`` of the plan being flown -> Consensus, with the neighbours in the graph -> t_a for the planner
 
-Once a planning period the vehicle tells its consensus when it can arrive itself. What is agreed is rounded up to the
+Once a planning period the vehicle gives its consensus its own time of arrival. What is agreed is rounded up to the
 fleet's time grid, so that a vehicle which knows it to a rounding error asks its planner for the same instant as all
 others, and is communicated to the planner when it changes. Separation and agreement know nothing of each other.
 """
@@ -19,7 +19,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import Message, Outbox, Plan
 
-AGREEMENT = "arrival consensus"  # the topic of what consensus tells
+AGREEMENT = "arrival consensus"  # the topic of the consensus's messages
 
 _ROUNDING = 1e-3  # of the time grid: what is that little above a grid point is on it
 
@@ -36,7 +36,7 @@ class FleetCoordinator:
         planning_period: float,
         grid: float,
     ) -> None:
-        """``neighbours`` are heard by ``consensus``; ``grid`` [s] is that of common arrival times.
+        """``neighbours`` send to ``consensus``; ``grid`` [s] is that of common arrival times.
 
         The period is that of the consensus' rounds. ValueError for a grid that is not positive.
         """

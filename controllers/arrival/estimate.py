@@ -29,7 +29,7 @@ from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Plan
 
 SpeedName = Literal["max", "mean", "largest"]
 
-_SLOWEST = 1e-3  # [m/s] below which a plan tells no time
+_SLOWEST = 1e-3  # [m/s] below which a plan gives no time
 
 
 @configuration

@@ -17,7 +17,7 @@ from mathnavi.sim.interfaces.signals import Message
 class ConsensusPayload:
     """Message of a vehicle to all its neighbours."""
 
-    value: float | None  # None: an outlier that has heard of no other value yet
+    value: float | None  # None: an outlier that has received no other value yet
     valency: float  # d_m of the sender, its links' weights together
     outlier: bool = False  # the sender's own number takes no part
 
@@ -58,7 +58,7 @@ class Inbox:
         return self._heard
 
     def begin(self, t: float, received: Sequence[Any]) -> None:
-        """Forget what was heard, and what has arrived by t [s]; what was sent before t counts no longer."""
+        """Forget the messages received and arrived by t [s]; messages sent before t count no longer."""
         self._since = math.inf
         self.take(t, received)
         self._since = t

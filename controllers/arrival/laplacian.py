@@ -3,16 +3,16 @@
     eta_m' = s sum_l a_lm (eta_l - eta_m),        eta' = -s L eta,
 
 which reaches the average of the starts with the rate s lambda_2. A vehicle integrates its own state over each round of
-length h with the values that it heard last, held:
+length h with the values that it received last, held:
 
     eta_m <- eta_m + sum_l w_lm (eta_l - eta_m),        w_lm = a_lm min(s h, 1 / (2 max(d_l, d_m))).
 
-- w is symmetric, because the two ends of a link know both valencies (each tells its own). So the average is conserved
+- w is symmetric, because the two ends of a link know both valencies (each sends its own). So the average is conserved
   on a static graph without loss or delay. The exponential that integrates each state exactly with its neighbours held,
   1 - exp(-s h d_m), conserves sum_m eta_m d_m / (1 - exp(-s h d_m)) instead, which is not the average where valencies
   differ, and is slower than lambda_2 by about s h d_m / 2.
 - A state is replaced by a convex combination with at least half of itself, so for every h and every s it stays within
-  what is heard, and I - W has its eigenvalues between 0 and 1: no disagreement grows or swings.
+  the received ones, and I - W has its eigenvalues between 0 and 1: no disagreement grows or swings.
 - While s h max d <= 1/2 the round is I - s h L, and the rate -ln(1 - s h lambda_2) / h, above s lambda_2 by a
   fraction of about s h lambda_2 / 2. With longer rounds the links saturate and it falls behind.
 
@@ -21,7 +21,7 @@ it is now: it agrees for any delay (a convex combination still), more slowly, an
 "then"`` it compares with what it was when the message was sent, as Olfati-Saber and Murray analyse it: the average is
 kept, and it is stable if and only if s tau < pi / (2 lambda_n).
 
-An outlier (A.14) tells the average of its neighbours' values, weighted by a_lm; see ``outlier``. With links this makes
+An outlier (A.14) sends the average of its neighbours' values, weighted by a_lm; see ``outlier``. With links this makes
 the others' graph its Schur complement (Kron reduction), whose Laplacian is symmetric again and which is connected
 if the whole graph is: their average is kept but for the one round by which the outlier lags.
 """
@@ -142,7 +142,7 @@ class LaplacianConsensus:
         oldest = t - self._config.memory - TIME_TOLERANCE
         return [
             (self._node.weights[name], message.payload.value, message.payload.valency, message.t)
-            for name, message in sorted(self._inbox.heard.items())  # so that sums do not depend on who spoke first
+            for name, message in sorted(self._inbox.heard.items())  # sums independent of the order of messages
             if message.t >= oldest and message.payload.value is not None
         ]
 

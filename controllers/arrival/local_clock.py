@@ -1,7 +1,7 @@
 """Vehicles that have no clock in common: each reads its own, and they agree on a time beside what they agree on else.
 
-A vehicle's clock shows c_m(t) = (1 + rho_m) t + o_m; what it tells the others, and hears from them, is in corrected
-time
+A vehicle's clock shows c_m(t) = (1 + rho_m) t + o_m; what it sends to the others, and receives from them, is in
+corrected time
 
     T_m = c_m + x_m,
 
@@ -23,7 +23,7 @@ from mathnavi.controllers.arrival.coordinator import FleetCoordinator
 from mathnavi.controllers.flight.planner import ARRIVAL
 from mathnavi.sim.interfaces.signals import Message, Outbox, Plan
 
-CLOCK = "clock consensus"  # the topic of what the consensus tells
+CLOCK = "clock consensus"  # the topic of the consensus's messages
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """The plug-in ``maximum``: the vehicles agree on the largest of their numbers, which only rises.
 
 The least times in which the vehicles can arrive have one common value that all can keep: their maximum, up to the
-deadline D of the fleet. Each vehicle tells the largest that it knows, so all know it after as many rounds as the
+deadline D of the fleet. Each vehicle sends the largest that it knows, so all know it after as many rounds as the
 graph's diameter, whatever the order of messages, and no message that is late, lost or doubled makes it fall. A vehicle
 whose own number is above D announces itself an outlier: it follows what the others agree on, and comes back when its
 own number is at most D again.
@@ -49,7 +49,7 @@ class MaximumConsensus:
         self.period = config.period
         self._node = node
         self._inbox = Inbox(node, ConsensusPayload.sound, 2.0 * node.clock_error)
-        self._beyond = 0  # numbers heard above D
+        self._beyond = 0  # numbers received above D
         self._largest: float | None = None
         self._own = math.nan
 

@@ -1,10 +1,10 @@
 """Separation of vehicles by acknowledged plans: sound though messages are lost, late, doubled or cut off.
 
 Own_i = {current, pending} are the plans that vehicle i flies or may come to fly. i *proposes* pi' under an id that is
-never used again; pi' is pending from then on, before anyone hears of it. j answers a proposal once, in one step with
-its check: it acknowledges if and only if pi' keeps the zone from all of Own_j. i *adopts* pi' at its start time t_s if
-every other vehicle has acknowledged it, and then Own_i = {pi'}; otherwise the stored plan stays. i may withdraw pi' at
-any time before: a plan that is not adopted is never flown.
+never used again; pi' is pending from then on, before any other vehicle receives it. j answers a proposal once, in one
+step with its check: it acknowledges if and only if pi' keeps the zone from all of Own_j. i *adopts* pi' at its start
+time t_s if every other vehicle has acknowledged it, and then Own_i = {pi'}; otherwise the stored plan stays. i may
+withdraw pi' at any time before: a plan that is not adopted is never flown.
 
 **Invariant.** Current plans are pairwise at least D (``Zone``) apart for all future time.
 
@@ -18,7 +18,7 @@ Nothing is said of when messages arrive, or whether. Two adoptions at one instan
 
 What follows from this for the corners:
   - *j need not remember what it acknowledged*: what it later proposes itself i will check, against Own_i, which has
-    held pi_i since before j heard of it. It does remember its latest answer to each, so that a copy of a proposal gets
+    held pi_i since before j received it. It does remember its latest answer to each, so that a copy of a proposal gets
     the same answer again, as if the first had been late or doubled, and costs no second check.
   - *i withdraws after some acknowledgements*: they are for an id that is void, and are ignored whenever they arrive.
     Nobody has to be informed.
@@ -72,7 +72,7 @@ class SeparationReply:
 class Separation:
     """The protocol of one vehicle. It keeps no time and sends nothing by itself: ``exchange`` is to be called often.
 
-    ``events`` are what happened since they were last taken away: ``separation-refused``, ``separation-yielded``,
+    ``events`` are those since they were last taken: ``separation-refused``, ``separation-yielded``,
     ``separation-late`` (not admitted by its start), ``separation-ignored`` (a message that cannot be) and
     ``separation-unguaranteed`` (a rebase: the guarantee is lost until the next adoption).
     """
@@ -103,7 +103,7 @@ class Separation:
         return (self._current, self._pending.trajectory) if self._pending else (self._current,)
 
     def propose(self, plan: Plan | PlannedTrajectory) -> int:
-        """Make a plan pending, in place of one that may be, and return its id; ``exchange`` tells the others.
+        """Make a plan pending, in place of one that may be, and return its id; ``exchange`` sends it to the others.
 
         ValueError for what ``PlannedTrajectory.of`` refuses: that is never pending.
         """
@@ -141,7 +141,7 @@ class Separation:
     def rebase(self, plan: Plan | PlannedTrajectory) -> None:
         """The vehicle has left its plan and flies this one unasked: the guarantee is lost until it next adopts one.
 
-        The others learn of it as their proposals are checked against it. The invariant holds again between any two
+        The others receive it as their proposals are checked against it. The invariant holds again between any two
         that have adopted a plan since they were last rebased: the proof is about adopted plans only.
         """
         self._current = PlannedTrajectory.of(plan)

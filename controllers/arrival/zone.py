@@ -25,7 +25,7 @@ from mathnavi.sim.interfaces.signals import Array, Plan
 
 @configuration
 class Zone:
-    """What every vehicle keeps free around itself; all of a fleet have the same."""
+    """Safety zone that every vehicle keeps free around itself, the same for all of a fleet."""
 
     distance: Positive  # [m] d_s, between vehicles
     bound: NonNegative = 0.0  # [m] r, of a vehicle from its plan

@@ -93,6 +93,7 @@ class AsPrintedFlight:
 
     @staticmethod
     def build(config: AsPrintedConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
+        """Return the planner of a mission, and the tracker of its plans."""
         bound = tracking_bound(config.bandwidth, mission)
         if bound.feedback >= mission.acceleration_max:
             raise ValueError(
@@ -104,7 +105,7 @@ class AsPrintedFlight:
 
 @dataclass(frozen=True, eq=False)
 class EulerNlp:
-    """(A.2) from one state: the nodes, the objective and the constraints as functions of a = (a_1, ..., a_{N-1})."""
+    """Problem (A.2) from one state: nodes, objective and constraints as functions of a = (a_1, ..., a_{N-1})."""
 
     terrain: HeightField
     cost: TrilinearCost
@@ -119,6 +120,7 @@ class EulerNlp:
 
     @property
     def psi_per_metre(self) -> float:
+        """Terminal cost of one metre to go."""
         return self.beta / REFERENCE_SPEED
 
     def states(self, a: Array) -> tuple[Array, Array]:
@@ -128,12 +130,13 @@ class EulerNlp:
         return p, v
 
     def objective(self, a: Array) -> float:
+        """Objective of (A.2) at the unknowns a (3 (N - 1),) [m/s^2]."""
         p, _ = self.states(a)
         effort = float((a * a).sum()) + self.beta * (self.nodes - 1)
         return self.h * effort + self.psi_per_metre * float(self.cost(p[-1:])[0])
 
     def gradient(self, a: Array) -> Array:
-        """(3 (N - 1),)."""
+        """Gradient (3 (N - 1),) of the objective."""
         p, _ = self.states(a)
         slope = self.psi_per_metre * self.cost.gradient(p[-1:])[0]
         gradient: Array = 2.0 * self.h * a + position_weights(self.nodes, self.h)[-1][:, None] * slope
@@ -173,14 +176,14 @@ class EulerNlp:
 
 @lru_cache(maxsize=16)
 def velocity_weights(nodes: int, h: float) -> Array:
-    """(N, N - 1) [s]: v_i = v_1 + sum_j weights_ij a_j."""
+    """Weights (N, N - 1) [s] of v_i = v_1 + sum_j weights_ij a_j."""
     i, j = np.arange(nodes)[:, None], np.arange(nodes - 1)[None, :]
     return np.where(j < i, h, 0.0)
 
 
 @lru_cache(maxsize=16)
 def position_weights(nodes: int, h: float) -> Array:
-    """(N, N - 1) [s^2]: p_i = p_1 + (i - 1) h v_1 + sum_j weights_ij a_j."""
+    """Weights (N, N - 1) [s^2] of p_i = p_1 + (i - 1) h v_1 + sum_j weights_ij a_j."""
     i, j = np.arange(nodes)[:, None], np.arange(nodes - 1)[None, :]
     weights: Array = h * h * np.maximum(0.0, i - 1.0 - j)
     return weights
@@ -241,6 +244,7 @@ class AsPrinted:
         self._learn(mission.knowledge)
 
     def plan(self, request: PlanRequest) -> Plan:
+        """Plan from the plan being flown, or a failure with its reason."""
         self._listen(request)
         config, mission = self._config, self._mission
         start = self._measured(request)

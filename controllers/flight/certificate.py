@@ -139,7 +139,7 @@ class Certificate:
         return self.check_clearance(plan)
 
     def clearances(self, plan: Plan) -> Array:
-        """(K,) [m] least clearance of each arc of a plan; -inf off the map."""
+        """Least clearance (K,) [m] of each arc of a plan; -inf off the map."""
         return self.terrain.path_clearance(plan.x[:-1, :3], plan.x[:-1, 3:], plan.u, np.diff(plan.t))
 
     def check_clearance(self, plan: Plan) -> Refusal | None:
@@ -200,7 +200,7 @@ def pass_time(plan: Plan, target: Array, after: float) -> float:
 
 
 def remainder(plan: Plan, t: float) -> Plan:
-    """What is left of a plan from ``t`` [s] on, itself a plan: of one that has come to its end, a second of rest."""
+    """Remainder of a plan from ``t`` [s] on, itself a plan: of one that has come to its end, a second of rest."""
     if t >= plan.t_end - TIME_TOLERANCE:
         x = np.vstack([plan.x[-1], plan.x[-1]])
         rest = np.array([t, t + 1.0]), x, np.zeros((1, x.shape[1] // 2)), np.array([FlightPhase.HOVER], np.int64)

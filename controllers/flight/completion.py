@@ -32,6 +32,7 @@ class ArcList:
 
     @staticmethod
     def begin(t: float, x: Array) -> ArcList:
+        """Return an empty list that begins at ``t`` [s] in the state ``x`` (6,)."""
         return ArcList([t], [np.asarray(x, dtype=float)], [], [])
 
     def add(self, u: Array, duration: float, phase: FlightPhase) -> None:
@@ -58,6 +59,7 @@ class ArcList:
         self.x[-1] = np.concatenate([self.x[-1][:3], np.zeros(3)])
 
     def plan(self, cost: float, solve_ms: float) -> Plan:
+        """Return the arcs as a plan with its cost and its solve time [ms]."""
         u = np.array(self.u) if self.u else np.empty((0, 3))
         phase = np.array(self.phase, dtype=np.int64)
         return Plan(np.array(self.t), np.array(self.x), u, phase, cost=cost, solve_ms=solve_ms)

@@ -77,11 +77,12 @@ class TerrainGrid:
 
     @property
     def shape(self) -> tuple[int, int, int]:
+        """Number of layers, rows and columns."""
         return (self.layers, *self.ground.shape)
 
     @cached_property
     def positions(self) -> Array:
-        """(layers, rows, columns, 3) [m]."""
+        """Positions (layers, rows, columns, 3) [m] of the nodes."""
         k, i, j = np.meshgrid(*(np.arange(n, dtype=float) for n in self.shape), indexing="ij")
         x, y = self.x_0 + self.spacing * j, self.y_0 + self.spacing * i
         return np.stack([x, y, self.ground + self.level_0 + self.layer_spacing * k], axis=-1)
@@ -105,7 +106,7 @@ class TerrainGrid:
         return starts.astype(np.int32), neighbours[inside], np.asarray(length[inside], dtype=np.float64)
 
     def flat_distance(self) -> Array:
-        """What the 26-neighbour graph would measure from the target over flat ground, (layers, rows, columns) [m].
+        """Distance (layers, rows, columns) [m] from the target by the 26-neighbour graph over flat ground.
 
         On a flat layer the shortest way over (m, n) cells is min(m, n) diagonals and the rest straight; the height
         difference is joined by Pythagoras.
@@ -156,13 +157,14 @@ class FactoredCost:
 
     @staticmethod
     def build(grid: TerrainGrid, distance: Array) -> FactoredCost:
+        """Return the cost-to-go of node distances (layers, rows, columns) [m] on a grid."""
         ratio = np.sqrt(distance**2 + TARGET_LENGTH**2) / np.sqrt(grid.flat_distance() ** 2 + TARGET_LENGTH**2)
         target = grid.positions[grid.target]
         return FactoredCost(grid, target, spline.coefficients(grid.ground), spline.coefficients(ratio))
 
     @cached_property
     def scales(self) -> Array:
-        """(x_0, y_0, spacing, level_0, layer_spacing, target x, y, z): what the kernels need beside the splines."""
+        """Numbers (8,) of the grid for the kernels: x_0, y_0, spacing, level_0, layer_spacing, target x, y, z."""
         g = self.grid
         return np.array([g.x_0, g.y_0, g.spacing, g.level_0, g.layer_spacing, *self.target])
 
@@ -171,7 +173,7 @@ class FactoredCost:
         return cost_many(self.ground, self.ratio, self.scales, np.atleast_2d(points))[0]
 
     def gradient(self, points: Array) -> Array:
-        """Its gradient (n, 3) at (n, 3) points [m]."""
+        """Gradient (n, 3) at points (n, 3) [m]."""
         return cost_many(self.ground, self.ratio, self.scales, np.atleast_2d(points))[1]
 
 
@@ -192,7 +194,7 @@ class TrilinearCost:
         return self._evaluate(points)[0]
 
     def gradient(self, points: Array) -> Array:
-        """Its gradient (n, 3), one-sided on the faces of cells."""
+        """Gradient (n, 3) at points (n, 3) [m], one-sided on the faces of cells."""
         return self._evaluate(points)[1]
 
     def _evaluate(self, points: Array) -> tuple[Array, Array]:

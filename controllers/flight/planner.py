@@ -87,6 +87,7 @@ class RecedingHorizon:
             _ = part.matrices  # computed now rather than in flight
 
     def plan(self, request: PlanRequest) -> Plan:
+        """Plan from the plan being flown, one period ahead; a failure with its reason where there is none."""
         self._listen(request.messages)
         current = request.current
         start = request.estimate.x if current is None else state_at(current, request.t_start)
@@ -113,7 +114,7 @@ class RecedingHorizon:
 
     @property
     def parameters(self) -> Parameters:
-        """Of the problems that it solves."""
+        """Parameters of the problems that the planner solves."""
         return self._parameters
 
     @property
@@ -122,7 +123,7 @@ class RecedingHorizon:
         return self._environment
 
     def length_to_go(self, points: Array) -> Array:
-        """(n,) [m] from points (n, 3) [m] to the target, around the ground and the threats known so far."""
+        """Length (n,) [m] from points (n, 3) [m] to the target, around the ground and the threats known so far."""
         return self._environment.cost(points)
 
     def _solved(
@@ -209,7 +210,7 @@ class RecedingHorizon:
         speed = max(float(np.linalg.norm(start[3:])), _COMMIT_SPEED)
         first = max(2, math.ceil(float(np.linalg.norm(self._certificate.target - start[:3])) / (h * speed)))
         # A little more than the horizon is within reach of slightly longer arcs. Beyond it the terminal cost
-        # would have to tell how to fly past the target, which it cannot.
+        # would have to shape the flight past the target, which it cannot.
         possible = [n * h for n in range(first, first + _COMMIT_TRIES) if self._within_reach(n * h)]
         return fixed + [duration for duration in possible if self._arrival is None or duration > left]
 
@@ -274,6 +275,7 @@ class StopAndHover:
         self._certificate = certificate
 
     def plan(self, request: PlanRequest) -> Plan:
+        """Plan that stops at once and completes from hover; a failure where that leaves the map."""
         start = request.estimate.x if request.current is None else state_at(request.current, request.t_start)
         arcs = ArcList.begin(request.t_start, start)
         speed = float(np.linalg.norm(start[3:]))

@@ -74,7 +74,7 @@ class RecedingHorizonConfig:
 
     @property
     def lengths(self) -> tuple[float, ...]:
-        """(nodes - 1,) [s] of the arcs."""
+        """Lengths (nodes - 1,) [s] of the arcs."""
         return proportional([self.stretch**i for i in range(self.nodes - 1)], self.duration)
 
     def replan_period(self, control_period: float) -> float:
@@ -105,6 +105,7 @@ class FlightController:
 
     @staticmethod
     def build(config: FlightConfig, mission: FlightMission) -> tuple[Planner, Tracker]:
+        """Return the planner of a mission, and the tracker of its plans."""
         bound = tracking_bound(config.bandwidth, mission)
         return planner(config, mission, bound), CriticallyDamped(mission.control_period, config.bandwidth, bound)
 

@@ -76,7 +76,7 @@ class Parameters:
 
     @property
     def points(self) -> tuple[int, ...]:
-        """(n,) number of points at which each arc is checked."""
+        """Number (n,) of points at which each arc is checked."""
         if min(self.lengths) == max(self.lengths):
             return self.arcs * (POINTS_PER_ARC,)
         return tuple(math.ceil(length * self.speed_max / _PATH) for length in self.lengths)
@@ -88,10 +88,12 @@ class Parameters:
 
     @cached_property
     def matrices(self) -> PredictionMatrices:
+        """Prediction matrices of the horizon, computed once."""
         return prediction_matrices(self.lengths, self.points, self.manoeuvre_duration)
 
     @property
     def psi_per_metre(self) -> float:
+        """Terminal cost psi of one metre to go."""
         return self.beta / REFERENCE_SPEED
 
 
@@ -178,10 +180,12 @@ class Problem:
 
     @property
     def arcs(self) -> int:
+        """Number of arcs n."""
         return self.parameters.arcs
 
     @property
     def matrices(self) -> PredictionMatrices:
+        """Prediction matrices of the horizon."""
         return self.parameters.matrices
 
     @property
@@ -237,4 +241,5 @@ class PlanSolution:
 
     @property
     def unknowns(self) -> Array:
+        """Unknowns (3 n + 1,): the accelerations [m/s^2], then the climb rate [m/s]."""
         return np.append(self.accelerations.ravel(), self.climb)

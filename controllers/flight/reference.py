@@ -282,7 +282,7 @@ def _values(problem: Problem) -> tuple[_Shape, list[Array]]:
 
 
 class InteriorPoint:
-    """Solves ``Problem`` after ``Problem`` by an interior-point method on CasADi's statement of it.
+    """Solves ``Problem`` after ``Problem`` by an interior-point method on its CasADi formulation.
 
     A solve starts from the guess and, if the last one of the same shape succeeded, from its multipliers. ``compiled``
     translates the statement's derivatives to C once per shape (tens of seconds, kept in the user's cache folder);

@@ -73,6 +73,7 @@ class CriticallyDamped:
         self._limit = bound.feedback
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        """Acceleration (3,) [m/s^2] at ``t`` [s] that tracks the plan."""
         gust = estimate.extra.get("gust", _STILL)
         for name, value, shape in (("state", estimate.x, (6,)), ("gust", gust, (3,))):
             if value.shape != shape:  # compiled code would read on

@@ -55,6 +55,7 @@ class SolverAnswer:
 
     @property
     def ok(self) -> bool:
+        """True if the status is that of a solution."""
         return self.status is Outcome.OPTIMAL
 
 

@@ -26,16 +26,16 @@ class NodeDistribution(Hashable, Protocol):
 
     @property
     def moving(self) -> bool:
-        """Whether the nodes are unknowns."""
+        """True if the nodes are unknowns."""
         ...
 
     @property
     def constants(self) -> int:
-        """How many unknown constants s the constraints speak of."""
+        """Number of unknown constants s in the constraints."""
         ...
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
-        """What vanishes on every interval."""
+        """Constraints that vanish on every interval."""
         ...
 
     def functional(self, mesh: Mesh) -> ca.SX:

@@ -33,7 +33,7 @@ class Grid:
 
     @property
     def widths(self) -> Array:
-        """(N - 1,) fractions of T, d_i / T."""
+        """Widths (N - 1,) as fractions of T, d_i / T."""
         return np.diff(self.nodes)
 
 

@@ -31,7 +31,7 @@ RELATIVE_WIDTHS = (0.02, 20.0)
 
 @dataclass(frozen=True, eq=False)
 class ProgrammeLayout:
-    """Where in the vector of unknowns what lies."""
+    """Layout of the vector of unknowns: the place and the scale of each part."""
 
     problem: ProblemFunctions
     scheme: Scheme
@@ -41,11 +41,12 @@ class ProgrammeLayout:
 
     @property
     def free_duration(self) -> bool:
+        """True if T is an unknown."""
         return self.problem.free_duration
 
     @property
     def state_size(self) -> int:
-        """Of z."""
+        """Size of z."""
         return self.problem.nx + int(self.free_duration) + self.constants + int(self.moving)
 
     @property
@@ -55,27 +56,29 @@ class ProgrammeLayout:
 
     @property
     def input_size(self) -> int:
-        """Of w, but for the last stage."""
+        """Size of w, but for the last stage."""
         p = self.problem
         return self.own_points * p.nu + self.scheme.interior * p.nx + int(self.moving)
 
     @property
     def last_input_size(self) -> int:
+        """Size of w in the last stage."""
         return self.problem.nu if self.scheme.shared else 0
 
     @property
     def size(self) -> int:
+        """Number of unknowns."""
         return (self.nodes - 1) * (self.state_size + self.input_size) + self.state_size + self.last_input_size
 
     @cached_property
     def state_scale(self) -> Array:
-        """(state_size,)"""
+        """Scales (state_size,) of z."""
         duration = [self.problem.guess_duration] if self.free_duration else []
         return np.concatenate([self.problem.state_scale, duration, np.ones(self.constants + int(self.moving))])
 
     @cached_property
     def input_scale(self) -> Array:
-        """(input_size,)"""
+        """Scales (input_size,) of w."""
         p = self.problem
         return np.concatenate(
             [
@@ -87,7 +90,7 @@ class ProgrammeLayout:
 
     @cached_property
     def scale(self) -> Array:
-        """(size,)"""
+        """Scales (size,) of the unknowns."""
         stage = np.concatenate([self.state_scale, self.input_scale])
         last = [self.state_scale, self.problem.control_scale if self.scheme.shared else np.empty(0)]
         return np.concatenate([np.tile(stage, self.nodes - 1), *last])

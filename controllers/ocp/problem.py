@@ -23,7 +23,7 @@ its own, and so is a constant that is to be found. A problem is stated call by c
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -38,6 +38,8 @@ from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
 NODES = 40  # of a solution unless the caller says else
+KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
+"""problems with a known optimum by name, which ``mathnavi.controllers.ocp.problems.library`` enters"""
 _MOST_DURATION = 1e9  # [s] beyond which a final time is no number to search among
 
 
@@ -264,12 +266,12 @@ class OptimalControlProblem:
 
     def _of_the_literature(self) -> ProblemFunctions:
         """The problem of this name whose optimum is known."""
-        from mathnavi.controllers.ocp.problems.library import PROBLEMS  # each of them imports this module
-
-        if self.name not in PROBLEMS:
-            known = allowed_for(self.name, list(PROBLEMS))
+        if not KNOWN:
+            raise ProblemError(f"{self.name}: no state is declared; allowed: at least one")
+        if self.name not in KNOWN:
+            known = allowed_for(self.name, list(KNOWN))
             raise ProblemError(f"{self.name}: no state is declared, and no problem with a known optimum; {known}")
-        return PROBLEMS[self.name].problem()
+        return KNOWN[self.name]()
 
     def _declare(
         self, among: list[_Variable], name: str, lower: float, upper: float, scale: float, guess: Sequence[float]

@@ -55,14 +55,17 @@ class ProblemFunctions:
 
     @property
     def nx(self) -> int:
+        """Number of states."""
         return len(self.states)
 
     @property
     def nu(self) -> int:
+        """Number of controls."""
         return len(self.controls)
 
     @property
     def free_duration(self) -> bool:
+        """True if T is an unknown."""
         return self.duration_bounds[0] < self.duration_bounds[1]
 
     def values(self, **parameters: float) -> Array:

@@ -26,14 +26,14 @@ _NEIGHBOUR = 0.3  # of an interval's mass that its neighbours have at least: a l
 
 
 def local_errors(solution: Solution) -> Array:
-    """(N - 1,) η of each interval; ProblemError for a scheme whose state has no polynomial."""
+    """Local error η (N - 1,) of each interval; ProblemError for a scheme whose state has no polynomial."""
     residual, _ = _residuals(solution)
     errors: Array = (residual / solution.problem.state_scale).max(axis=1)
     return errors
 
 
 def cost_errors(solution: Solution) -> Array:
-    """(N - 1,) ηJ of each interval, in units of J; ProblemError as for ``local_errors``."""
+    """Error of the cost ηJ (N - 1,) of each interval, in units of J; ProblemError as for ``local_errors``."""
     residual, quadrature = _residuals(solution)
     errors: Array = (residual * np.abs(solution.costates)).sum(axis=1) + quadrature
     return errors

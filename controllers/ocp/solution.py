@@ -72,7 +72,7 @@ class Solution:
 
     @property
     def ok(self) -> bool:
-        """Whether this is a solution of the transcribed problem."""
+        """True if this is a solution of the transcribed problem."""
         return self.status in (Outcome.OPTIMAL, Outcome.REFUSED)
 
     def __repr__(self) -> str:
@@ -98,22 +98,23 @@ class Solution:
 
     @property
     def nodes(self) -> int:
+        """Number of nodes N."""
         return len(self.grid)
 
     @property
     def t(self) -> Array:
-        """(N,) [s] times of the nodes."""
+        """Times (N,) [s] of the nodes."""
         return self.grid.nodes * self.duration
 
     @property
     def costate_times(self) -> Array:
-        """(N - 1,) [s]"""
+        """Times (N - 1,) [s] of the costates."""
         times: Array = self.t[:-1] + self.scheme.costate_at * np.diff(self.t)
         return times
 
     @cached_property
     def rates(self) -> Array:
-        """(N - 1, k, nx) f at the scheme's points."""
+        """Rates f (N - 1, k, nx) at the scheme's points."""
         count, k, nx = self.inner.shape
         points = np.array(self.scheme.points)
         times = (self.t[:-1, None] + points * np.diff(self.t)[:, None]).ravel()
@@ -141,7 +142,7 @@ class Solution:
         return values[0] if np.ndim(t) == 0 else values
 
     def scaled_derivative(self, tau: Array, order: int) -> Array:
-        """(k, nx) derivative of x~ = S^-1 x with respect to τ = t / T, of order 1, 2 or 3.
+        """Derivative (k, nx) of x~ = S^-1 x with respect to τ = t / T, of order 1, 2 or 3.
 
         From a spline through the rates at all of the scheme's points, so that the third derivative exists whatever the
         scheme.
@@ -163,7 +164,7 @@ class Solution:
         return CubicSpline(tau, rates * self.duration / self.problem.state_scale, axis=0)
 
     def with_replay(self, replay: ReplayResult, replay_ms: float) -> Solution:
-        """The same with its replay."""
+        """Return the solution with its replay."""
         return dataclasses.replace(self, replay=replay, timing=self.timing + Timing(replay_ms=replay_ms))
 
     def _locate(self, times: Array) -> tuple[Integers, Array]:

@@ -79,7 +79,7 @@ _PLACES = {
     "ellipse": "models.field.curve",
     "wall_through": "sim.scripting.localisation",
     # optimal control
-    "OptimalControlProblem": "controllers.ocp.problem",
+    "OptimalControlProblem": "controllers.ocp.problems.library",  # which enters the problems of the literature
     # terrain
     "load_terrain": "models.terrain.library",
     "import_terrain": "models.terrain.dem:import_dem",

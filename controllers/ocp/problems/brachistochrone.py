@@ -20,13 +20,13 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 @cache
 def brachistochrone(gravity: float = 9.8) -> ProblemFunctions:
-    """From (0, 0) to (2, 2), y downwards."""
+    """Fastest slide from (0, 0) to (2, 2), y downwards."""
     return _slide(f"brachistochrone, g = {gravity:g}", (0.0, 0.0), (2.0, 2.0), gravity, downwards=1.0)
 
 
 @cache
 def brachistochrone_drop() -> ProblemFunctions:
-    """From (0, 10) to (10, 5), y upwards."""
+    """Fastest slide from (0, 10) to (10, 5), y upwards."""
     return _slide("brachistochrone, drop", (0.0, 10.0), (10.0, 5.0), 9.80665, downwards=-1.0)
 
 

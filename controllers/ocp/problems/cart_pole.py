@@ -21,7 +21,7 @@ CART, POLE, LENGTH, GRAVITY = 1.0, 0.3, 0.5, 9.81  # [kg], [kg], [m], [m/s^2]
 
 @cache
 def cart_pole() -> ProblemFunctions:
-    """From hanging to standing, one metre on, in 2 s."""
+    """Swing-up from hanging to standing, one metre on, in 2 s."""
     M, m, L, g = CART, POLE, LENGTH, GRAVITY
     ocp = OptimalControlProblem("cart-pole")
 

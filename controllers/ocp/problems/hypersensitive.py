@@ -18,13 +18,13 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 @cache
 def hypersensitive() -> ProblemFunctions:
-    """From 1 to 1.5 in 10^4 s: the layers take a thousandth of the time."""
+    """Transfer from 1 to 1.5 in 10^4 s: the layers take a thousandth of the time."""
     return _layers("hypersensitive", 1.0, 1.5, 1e4)
 
 
 @cache
 def hypersensitive_short() -> ProblemFunctions:
-    """From 1.5 to 1 in 50 s."""
+    """Transfer from 1.5 to 1 in 50 s."""
     return _layers("hypersensitive, short", 1.5, 1.0, 50.0)
 
 

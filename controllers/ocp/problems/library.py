@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from mathnavi.controllers.ocp.problem import KNOWN
+from mathnavi.controllers.ocp.problem import OptimalControlProblem as OptimalControlProblem
 from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 from mathnavi.controllers.ocp.problems.alp_rider import alp_rider
 from mathnavi.controllers.ocp.problems.brachistochrone import brachistochrone, brachistochrone_drop
@@ -65,6 +67,8 @@ PROBLEMS: dict[str, KnownOptimum] = {
     "alp rider": KnownOptimum(alp_rider, 2030.8559, "Betts", tolerance=1e-3),
 }
 """the problems of the literature by name"""
+
+KNOWN.update({name: known.problem for name, known in PROBLEMS.items()})  # to be solved by their names
 
 MISSILES: dict[str, KnownOptimum] = {
     f"missile, {name}": KnownOptimum(partial(missile, name), optimum.cost, "independent code, N = 301")

@@ -38,7 +38,7 @@ OPTIMA = {
 
 @cache
 def missile(case: str = "SM2") -> ProblemFunctions:
-    """From (0, 10) at level flight to (700, 0) straight down."""
+    """Dive from (0, 10) in level flight to (700, 0) straight down."""
     if case not in CASES:
         raise ProblemError(f"case = {case!r}; allowed: {', '.join(CASES)}")
     c, T = CASES[case], OPTIMA[case].duration

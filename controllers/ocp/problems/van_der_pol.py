@@ -16,7 +16,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 @cache
 def van_der_pol() -> ProblemFunctions:
-    """To rest within 20 s."""
+    """Regulation to rest within 20 s."""
     ocp = OptimalControlProblem("van der Pol")
 
     x1 = ocp.state("x1")

@@ -39,7 +39,7 @@ class Scheme(Hashable, Protocol):
 
     @property
     def name(self) -> str:
-        """As one says it."""
+        """Name of the scheme."""
         ...
 
     @property
@@ -54,7 +54,7 @@ class Scheme(Hashable, Protocol):
 
     @property
     def shared(self) -> bool:
-        """Whether the control at the end of an interval is the one at the start of the next."""
+        """True if the control at the end of an interval is the one at the start of the next."""
         ...
 
     @property
@@ -64,7 +64,7 @@ class Scheme(Hashable, Protocol):
 
     @property
     def explicit(self) -> bool:
-        """Whether x_1 follows from x_0 and U without solving for it."""
+        """True if x_1 follows from x_0 and U without solving for it."""
         ...
 
     @property
@@ -80,12 +80,12 @@ class Scheme(Hashable, Protocol):
 
 
 def weights(points: tuple[float, ...], at: Array) -> Array:
-    """(n, k) l_j(at): what the values at the points weigh in the polynomial's value at fractions (n,)."""
+    """Weights (n, k) l_j(at) of the values at the points in the polynomial's value at fractions (n,)."""
     return _basis(points, at)
 
 
 def integral_weights(points: tuple[float, ...], to: Array) -> Array:
-    """(n, k) ∫_0^to l_j: what the rates at the points weigh in the integral up to fractions (n,); exact quadrature."""
+    """Weights (n, k) ∫_0^to l_j of the rates at the points in the integral up to fractions (n,); exact quadrature."""
     nodes, share = np.polynomial.legendre.leggauss(len(points) // 2 + 1)
     basis = _basis(points, (0.5 * to[:, None] * (nodes + 1.0)).ravel()).reshape(len(to), len(nodes), len(points))
     integrals: Array = 0.5 * to[:, None] * np.einsum("g,ngk->nk", share, basis)

@@ -23,7 +23,7 @@ from mathnavi.models.manifold.system import LagrangianSystem
 from mathnavi.models.manifold.systems import PointSystem
 from mathnavi.models.mechanism.entity import build_model
 from mathnavi.models.mechanism.system import MechanismSystem
-from mathnavi.sim.interfaces.errors import FieldError, ProblemError
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Estimator
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement, Status
@@ -165,8 +165,8 @@ class VelocityObserver(LagrangianObserver):
     ``method`` is a plug-in: riemannian_observer, high_gain, lagrangian_ekf, lagrangian_ukf or filtered_differences, and
     ``fields`` are its own. ``noise`` [rad, m] and ``speed_max`` as of an ``IntrinsicObserver``.
 
-    Raises ProblemError for a model that is no such mechanism, PluginError for a method that is not known, FieldError
-    for a field or a value that is not allowed.
+    Raises FieldError for a model that is no such mechanism and for a field or a value that is not allowed, PluginError
+    for a method that is not known.
     """
 
     def __init__(
@@ -178,11 +178,9 @@ class VelocityObserver(LagrangianObserver):
         speed_max: float = ANY_SPEED,
         **fields: Any,
     ) -> None:
-        try:
+        with raising(FieldError):
             model = mechanism if isinstance(mechanism, mujoco.MjModel) else build_model(mechanism)
             system = MechanismSystem(model)
-        except ValueError as error:  # a FieldError of the name among them
-            raise ProblemError(str(error)) from error
         super().__init__(system, method, noise, speed_max, fields)
 
 

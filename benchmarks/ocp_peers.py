@@ -4,9 +4,10 @@
 
 Everyone gets the same CasADi functions, bounds, scales and coarse guess. Each has a list of settings, from a coarse
 mesh tolerance to a fine one; the first whose J is within the problem's tolerance of the known optimum is the one that
-is timed, and who has none is told. Ours is held to more: the solution has to pass the replay gate, and J has to be as
-near when it is replayed. What is timed is all from the stated problem to J: transcription, solves, refinement, of ours
-the replays too; nothing is kept from the run before. Wall clock, since MAPTOR and dymos may use several threads.
+is timed, and a peer without one is named. Ours is held to more: the solution has to pass the replay gate, and J has to
+be as near when it is replayed. What is timed is all from the stated problem to J: transcription, solves, refinement,
+of ours the replays too; nothing is kept from the run before. Wall clock, since MAPTOR and dymos may use several
+threads.
 """
 
 from __future__ import annotations

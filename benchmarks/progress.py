@@ -23,16 +23,16 @@ class Tell(Protocol):
 def progress(console: Console, what: str, total: int) -> Iterator[Tell]:
     """Show how much of ``total`` is done, as it is reported."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    began = told = time.monotonic()
+    began = reported = time.monotonic()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(what, total=total)
 
         def tell(done: int, doing: str = "") -> None:
-            nonlocal told
+            nonlocal reported
             description = f"{what}: {doing}" if doing else what
             bar.update(task, completed=done, total=max(total, done), description=description)
-            if not console.is_terminal and time.monotonic() - told > LINE_EVERY:
-                told = time.monotonic()
+            if not console.is_terminal and time.monotonic() - reported > LINE_EVERY:
+                reported = time.monotonic()
                 console.print(f"{description}: {done} of {max(total, done)}", highlight=False)
 
         if not console.is_terminal:

@@ -42,10 +42,10 @@ def check(site: Path) -> tuple[list[str], int, int]:
     """What is wrong, the number of pages, and that of links."""
     pages = {path: Page(path.read_text(encoding="utf-8")) for path in sorted(site.rglob("*.html"))}
     wrong = [
-        f"{path.relative_to(site)}:{line}: {target}: {told}"
+        f"{path.relative_to(site)}:{line}: {target}: {error}"
         for path, page in pages.items()
         for line, target, shown in page.links
-        if (told := _wrong(path, target, shown, site, pages))
+        if (error := _wrong(path, target, shown, site, pages))
     ]
     wrong += list(_styles(site))
     return wrong, len(pages), sum(len(page.links) for page in pages.values())

@@ -44,7 +44,7 @@ class MechanismSystem:
         }
         if found := [what for what, is_so in wrong.items() if is_so]:
             raise ValueError(
-                f"model = one with {', '.join(found)}; allowed: actuators that do at once what they are told"
+                f"model = one with {', '.join(found)}; allowed: actuators without dynamics of their own"
             )
         self._model = copy.copy(model)
         self._data = data = mujoco.MjData(self._model)

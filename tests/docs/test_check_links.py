@@ -17,7 +17,7 @@ def run(folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize(
-    ("link", "told"),
+    ("link", "expected"),
     [
         ('<a href="c.html">c</a>', "no such file"),
         ('<a href="b.html#nowhere">b</a>', "nothing is called nowhere"),
@@ -27,14 +27,14 @@ def run(folder: Path) -> subprocess.CompletedProcess[str]:
         ('<img src="missing.png">', "no such file"),
     ],
 )
-def test_a_link_that_leads_nowhere_is_told_of(tmp_path: Path, link: str, told: str) -> None:
+def test_a_link_that_leads_nowhere_is_told_of(tmp_path: Path, link: str, expected: str) -> None:
     (tmp_path / "a.html").write_text(f"{GOOD}\n{link}\n")
     (tmp_path / "b.html").write_text('<p id="there">here</p>')
     done = run(tmp_path)
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert line.startswith("a.html:2: ")
-    assert told in line
+    assert expected in line
 
 
 def test_a_site_that_is_whole_passes(tmp_path: Path) -> None:

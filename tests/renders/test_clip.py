@@ -64,7 +64,7 @@ def test_what_would_be_too_large_is_refused(folder: Path, tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize(
-    ("flags", "told"),
+    ("flags", "expected"),
     [
         ("--clip --begin 2", "--begin = 2 s; allowed: 0 to less than 2 s, the length of the run"),
         ("--clip --begin -1", "--begin = -1 s; allowed: 0 to less than 2 s, the length of the run"),
@@ -77,9 +77,11 @@ def test_what_would_be_too_large_is_refused(folder: Path, tmp_path: Path, monkey
         ("--clip --time 1", "--time = 1.0; allowed: only together with --still"),
     ],
 )
-def test_bad_input_is_told_in_one_line(flags: str, told: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_is_told_in_one_line(
+    flags: str, expected: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["render", str(folder), *flags.split()]) == 2
-    assert capsys.readouterr().err == f"mathnavi: {told}\n"
+    assert capsys.readouterr().err == f"mathnavi: {expected}\n"
     assert not list(folder.glob("*.webp"))
 
 
@@ -116,5 +118,5 @@ def test_a_label_gives_way_to_a_notice_and_to_another_label() -> None:
     first, second = Label("target", 300.0, 200.0), Label("radar", 310.0, 205.0)
     assert (written(first) != written()).any()
     np.testing.assert_array_equal(written(first, second), written(first))
-    told = written(annotation="radar on")
-    np.testing.assert_array_equal(written(Label("radar", 560.0, 54.0), annotation="radar on"), told)
+    expected = written(annotation="radar on")
+    np.testing.assert_array_equal(written(Label("radar", 560.0, 54.0), annotation="radar on"), expected)

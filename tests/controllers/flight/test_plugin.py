@@ -36,7 +36,7 @@ def test_a_period_that_is_given_is_kept_to_its_digits(period: float, ticks: int)
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "expected"),
     [
         *(({"stretch": ratio}, "stretch = .*; allowed at nodes = 13: ") for ratio in (0.0, -1.2, math.nan, math.inf)),
         ({"stretch": 2.0}, "stretch = 2.0; allowed at nodes = 13: 0.5337 to 1.874, .* 1000 times"),
@@ -46,13 +46,15 @@ def test_a_period_that_is_given_is_kept_to_its_digits(period: float, ticks: int)
         ({"period": 5.1, "horizon": 5.0}, "period = 5.1; .* at most the horizon of 5 s"),
     ],
 )
-def test_grids_and_periods_that_make_no_sense_are_refused(fields: dict[str, Any], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_grids_and_periods_that_make_no_sense_are_refused(fields: dict[str, Any], expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
         FlightConfig(**fields)
 
 
 @pytest.mark.parametrize(("period", "nearest"), [(1.675, "1.66667|1.68333"), (0.003, "0.0166667"), (1.66, "1.66667")])
 def test_a_period_between_two_commands_is_refused(period: float, nearest: str) -> None:
-    told = rf"period = {period}; allowed: a whole number of control periods of 0\.0166667 s; the nearest is ({nearest})"
-    with pytest.raises(ValueError, match=told):
+    expected = (
+        rf"period = {period}; allowed: a whole number of control periods of 0\.0166667 s; the nearest is ({nearest})"
+    )
+    with pytest.raises(ValueError, match=expected):
         FlightController.build(FlightConfig(period=period), flight.mission())

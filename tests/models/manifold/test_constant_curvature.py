@@ -126,7 +126,7 @@ def test_frames_are_orthonormal(space: ConstantCurvature) -> None:
 
 
 @pytest.mark.parametrize(
-    ("space", "point", "told"),
+    ("space", "point", "expected"),
     [
         (sphere(2), [1.0, 0.1, 0.0], r"off S\^2: <p, p> = 1.01; allowed: 1"),
         (sphere(2), [1.0, 0.0], "allowed on S\\^2: 3 finite numbers"),
@@ -136,8 +136,8 @@ def test_frames_are_orthonormal(space: ConstantCurvature) -> None:
         (flat_space(2), [math.inf, 0.0], "2 finite numbers"),
     ],
 )
-def test_points_off_the_space_are_refused(space: ConstantCurvature, point: list[float], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_points_off_the_space_are_refused(space: ConstantCurvature, point: list[float], expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
         space.check(np.array(point))
 
 

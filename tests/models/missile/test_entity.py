@@ -59,7 +59,7 @@ def test_the_true_body_is_the_one_that_is_given() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         ({"name": ""}, "empty"),
         ({"name": "a/b"}, "'/'"),
@@ -69,6 +69,6 @@ def test_the_true_body_is_the_one_that_is_given() -> None:
         ({"input_max": (1.0, -1.0, 1.0)}, "F_z"),
     ],
 )
-def test_what_makes_no_model_is_refused(arguments: dict[str, object], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_makes_no_model_is_refused(arguments: dict[str, object], expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
         build_spec(PLANAR, **({"input_max": (1e5,) * 3} | arguments))  # type: ignore[arg-type]

@@ -91,11 +91,11 @@ def test_a_pole_that_resonates_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("system", "order", "told"),
+    ("system", "order", "expected"),
     [(EXAMPLE_2_2, 3, "without inputs"), (KAZANTZIS_KRAVARIS, 0, "1 to 15"), (KAZANTZIS_KRAVARIS, 16, "1 to 15")],
 )
-def test_what_has_no_series_is_refused(system: System, order: int, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_has_no_series_is_refused(system: System, order: int, expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
         solved(system, POLES, order)
 
 

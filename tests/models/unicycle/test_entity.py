@@ -78,7 +78,7 @@ def test_wheels_grip_and_casters_slip() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         ({"name": ""}, "empty"),
         ({"name": "a/b"}, "'/'"),
@@ -86,6 +86,6 @@ def test_wheels_grip_and_casters_slip() -> None:
         ({"friction": math.nan}, "friction = nan"),
     ],
 )
-def test_what_makes_no_robot_is_refused(arguments: dict[str, Any], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_makes_no_robot_is_refused(arguments: dict[str, Any], expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
         build_model(STANDARD, (0.0,), "differential", **arguments)

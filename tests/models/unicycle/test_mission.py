@@ -26,7 +26,7 @@ small = st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.2, 0.
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "expected"),
     [
         ({"angles": ()}, "one sensor or more"),
         ({"angles": (0.0, 2.0 * math.pi)}, "one direction twice"),
@@ -35,8 +35,8 @@ small = st.tuples(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.2, 0.
         ({"start": KnownStart((5.0, 0.0, 0.0))}, "outside"),
     ],
 )
-def test_what_makes_no_mission_is_refused(fields: dict[str, Any], told: str) -> None:
-    with pytest.raises(ValueError, match=rf"= .*{told}|{told}.*allowed"):
+def test_what_makes_no_mission_is_refused(fields: dict[str, Any], expected: str) -> None:
+    with pytest.raises(ValueError, match=rf"= .*{expected}|{expected}.*allowed"):
         dataclasses.replace(MISSION, **fields)
 
 
@@ -65,5 +65,5 @@ def test_in_a_circle_only_what_is_relative_counts(r: float, at: float, heading: 
 
 def test_nothing_known_of_the_start_is_the_centre() -> None:
     np.testing.assert_array_equal(MISSION.start_pose, 0.0)
-    told = dataclasses.replace(MISSION, start=KnownStart((1.0, -1.0, 0.5)))
-    np.testing.assert_array_equal(told.start_pose, [1.0, -1.0, 0.5])
+    expected = dataclasses.replace(MISSION, start=KnownStart((1.0, -1.0, 0.5)))
+    np.testing.assert_array_equal(expected.start_pose, [1.0, -1.0, 0.5])

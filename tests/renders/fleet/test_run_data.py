@@ -50,11 +50,11 @@ def test_the_video_covers_the_run_and_ends_at_the_slots_with_the_verdict(fleet_r
     frames = drawing.frames(fleet_run, "tour", 4)
     assert frames[-1].camera == "arrival"
     assert frames[-1].t == fleet_run.duration
-    told = f"all 3 arrived within {fleet_run.spread:.2f} s"
-    assert annotations_of(fleet_run)[-1] == (fleet_run.duration, told)
+    expected = f"all 3 arrived within {fleet_run.spread:.2f} s"
+    assert annotations_of(fleet_run)[-1] == (fleet_run.duration, expected)
     assert annotations_of(fleet_run)[0][1].startswith("agreed to arrive at ")
-    assert overlay(fleet_run, frames[-1]).state == told
-    assert any(frame.annotation == told for frame in frames)
+    assert overlay(fleet_run, frames[-1]).state == expected
+    assert any(frame.annotation == expected for frame in frames)
     assert all(frame.camera == "top" for frame in drawing.frames(fleet_run, "top", 2))
     begin, end = highlight(fleet_run)
     assert 0.0 < begin < end == fleet_run.duration
@@ -103,17 +103,17 @@ BROKEN: dict[str, tuple[Callable[[Arrays], Arrays], str]] = {
 
 @pytest.mark.parametrize("case", BROKEN)
 def test_a_broken_log_is_one_clear_error(fleet_dir: Path, tmp_path: Path, case: str) -> None:
-    change, told = BROKEN[case]
+    change, expected = BROKEN[case]
     copy = shutil.copytree(fleet_dir, tmp_path / "run")
     with np.load(copy / "log.npz") as log:
         keep = {k: rows for k, rows in log.items() if "measurement" not in k and "estimate" not in k}
     np.savez(copy / "log.npz", **change(keep))
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=expected):
         load_run(copy)
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "expected"),
     [
         (lambda config: config["mission"].pop("vehicles"), "does not describe the flight of a fleet: KeyError"),
         (lambda config: config["mission"]["vehicles"]["vehicle_1"].pop("target"), "does not describe a flight"),
@@ -124,13 +124,13 @@ def test_a_broken_log_is_one_clear_error(fleet_dir: Path, tmp_path: Path, case: 
     ],
 )
 def test_a_broken_configuration_is_one_clear_error(
-    fleet_dir: Path, tmp_path: Path, change: Callable[[Any], None], told: str
+    fleet_dir: Path, tmp_path: Path, change: Callable[[Any], None], expected: str
 ) -> None:
     copy = shutil.copytree(fleet_dir, tmp_path / "run")
     config = json.loads((copy / "config.json").read_text())
     change(config)
     (copy / "config.json").write_text(json.dumps(config))
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=expected):
         load_run(copy)
 
 

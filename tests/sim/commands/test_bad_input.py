@@ -68,7 +68,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
 
 
 @pytest.mark.parametrize(
-    ("flags", "told"),
+    ("flags", "expected"),
     [
         ("--start 3000 3000 400", ["--start", "400.0", "under ground", "z >="]),
         ("--target 7000 3000 400", ["--target", "400.0", "under ground", "z >="]),
@@ -122,7 +122,7 @@ def refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capt
         ("--start 1 2", ["--start", "1 2", "3 values: x, y, z [m]"]),
     ],
 )
-def test_run_refuses_what_no_mission_can_be(refused: Refusal, mission: Words, flags: str, told: list[str]) -> None:
+def test_run_refuses_what_no_mission_can_be(refused: Refusal, mission: Words, flags: str, expected: list[str]) -> None:
     replaced = [word for word in flags.split() if word.startswith("--")]
     words = list(mission)
     for flag in ("--start", "--target", "--terrain"):
@@ -130,7 +130,7 @@ def test_run_refuses_what_no_mission_can_be(refused: Refusal, mission: Words, fl
             k = words.index(flag)
             del words[k : k + (2 if flag == "--terrain" else 4)]
     line = refused("run", *words, *flags.split(), "--out", "former")
-    for word in told:
+    for word in expected:
         assert word in line
     refused("run", *words, *flags.split(), "--out", "new/run")
 
@@ -186,7 +186,7 @@ def test_a_start_without_a_certificate_is_refused(refused: Refusal, hills: Path)
 
 
 @pytest.mark.parametrize(
-    ("argv", "told"),
+    ("argv", "expected"),
     [
         ("fly", ["COMMAND", "fly", "list, run, sweep, store, study, estimate, render, view, compare, terrain"]),
         ("run", ["SCENARIO", "safe-flight"]),
@@ -209,9 +209,9 @@ def test_a_start_without_a_certificate_is_refused(refused: Refusal, hills: Path)
         ("run --from former", ["former/config.json", "not the configuration of a run"]),
     ],
 )
-def test_commands_refuse_what_is_not_there(refused: Refusal, argv: str, told: list[str]) -> None:
+def test_commands_refuse_what_is_not_there(refused: Refusal, argv: str, expected: list[str]) -> None:
     line = refused(*argv.split())
-    for word in told:
+    for word in expected:
         assert word in line
 
 
@@ -243,7 +243,7 @@ PLANNER, TRACKER = "Made(period=1.0, plan=print)", "Made(period=1.0, command=pri
 
 
 @pytest.mark.parametrize(
-    ("body", "told"),
+    ("body", "expected"),
     [
         ("return mission.colour", ["build() failed", "AttributeError", "colour", ".py:14)"]),
         ("return int('x')", ["build() failed", "ValueError", "int()", ".py:14)"]),
@@ -257,7 +257,7 @@ PLANNER, TRACKER = "Made(period=1.0, plan=print)", "Made(period=1.0, command=pri
     ],
 )
 def test_a_controller_that_builds_the_wrong_thing_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, body: str, told: list[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, body: str, expected: list[str]
 ) -> None:
     name = tmp_path.name  # another one for every test
     (tmp_path / f"{name}.py").write_text(PLUGIN.format(body=body))
@@ -265,7 +265,7 @@ def test_a_controller_that_builds_the_wrong_thing_is_named(
     part = PluginSpec.of(load("controllers", f"{name}:Mine"))
     with pytest.raises(ValueError, match=f"controllers: '{name}:Mine': build") as info:
         checked_controller(part, flight_mission(), TrackingBound)
-    for word in told:
+    for word in expected:
         assert word in str(info.value)
 
 
@@ -298,12 +298,12 @@ def test_an_estimator_that_builds_the_wrong_thing_is_named() -> None:
         build = sensors = quality = staticmethod(lambda config, mission: None)
 
     part = PluginSpec.of(Wrong)
-    for check, told in (
+    for check, expected in (
         (checked_estimator, "the estimator None without period [s] and update()"),
         (checked_sensors, "None; allowed: a tuple of sensors"),
         (partial(checked_quality, quality=EstimateQuality), "None; allowed: EstimateQuality"),
     ):
-        with pytest.raises(ValueError, match=re.escape(told)):
+        with pytest.raises(ValueError, match=re.escape(expected)):
             check(part, flight_mission())
 
 
@@ -367,7 +367,7 @@ HOLE = np.where(np.arange(1600).reshape(40, 40) == 777, np.nan, 0.0)
 
 
 @pytest.mark.parametrize(
-    ("name", "write", "flags", "told"),
+    ("name", "write", "flags", "expected"),
     [
         ("N42E080.hgt", void_tile, "", ["void", "row"]),
         ("N42E080.hgt", lambda path: path.write_bytes(b"\0" * 999), "", ["999 bytes", "1201"]),
@@ -387,16 +387,16 @@ HOLE = np.where(np.arange(1600).reshape(40, 40) == 777, np.nan, 0.0)
     ],
 )  # fmt: skip
 def test_a_broken_elevation_model_is_refused(
-    refused: Refusal, tmp_path: Path, name: str, write: Callable[[Path], None], flags: str, told: list[str]
+    refused: Refusal, tmp_path: Path, name: str, write: Callable[[Path], None], flags: str, expected: list[str]
 ) -> None:
     write(tmp_path / name)
     line = refused("terrain", "import", name, "--out", "map.npz", *flags.split())
-    for word in ("" if flags.startswith("--spacing") else Path(name).stem, *told):
+    for word in ("" if flags.startswith("--spacing") else Path(name).stem, *expected):
         assert word in line
     if name.endswith(".npz") and not flags:
         flown = refused("run", "safe-flight", "--terrain", name)
         assert name in flown
-        assert told[0] in flown
+        assert expected[0] in flown
 
 
 @pytest.fixture
@@ -424,7 +424,7 @@ def saved(hills: Path, tmp_path: Path) -> Callable[..., str]:
 
 
 @pytest.mark.parametrize(
-    ("changes", "told"),
+    ("changes", "expected"),
     [
         ({"terrain": {"digest": "0123"}}, ["digest", "0123"]),
         ({"scenario": None}, ["scenario", "missing"]),
@@ -444,10 +444,10 @@ def saved(hills: Path, tmp_path: Path) -> Callable[..., str]:
     ],
 )
 def test_a_broken_configuration_is_refused(
-    refused: Refusal, saved: Callable[..., str], changes: dict[str, Any], told: list[str]
+    refused: Refusal, saved: Callable[..., str], changes: dict[str, Any], expected: list[str]
 ) -> None:
     line = refused("run", "--from", saved(**changes))
-    for word in told:
+    for word in expected:
         assert word in line
 
 

@@ -23,16 +23,16 @@ def shown(kind: str, *points: EntryPoint, full: bool = False) -> str:
 
 @pytest.mark.parametrize("full", [False, True])
 @pytest.mark.parametrize(
-    ("place", "told"),
+    ("place", "expected"),
     [
         ("no_such_package.planner:Planner", "No module named 'no_such_package'"),
         ("mathnavi.sim.no_such_module:Planner", "No module named 'mathnavi.sim.no_such_module'"),
         ("mathnavi.sim.interfaces.checks:Planner", "has no attribute 'Planner'"),
     ],
 )
-def test_a_broken_plugin_is_told_and_hides_no_other(place: str, told: str, full: bool) -> None:
+def test_a_broken_plugin_is_told_and_hides_no_other(place: str, expected: str, full: bool) -> None:
     said = shown("terrains", EntryPoint("broken", place, "g"), *installed("terrains"), full=full)
-    assert f"cannot be imported: {told}" in " ".join(said.split()) or told in " ".join(said.split())
+    assert f"cannot be imported: {expected}" in " ".join(said.split()) or expected in " ".join(said.split())
     assert "jacksboro" in said
 
 

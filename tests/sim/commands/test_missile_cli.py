@@ -56,7 +56,7 @@ def test_a_mission_that_fails_exits_with_1(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (("--mismatch.mass", "0"), ("--mismatch.mass = 0.0", "allowed")),
         (("--start", "0", "5", "10"), ("--start: its y = 5.0", "dimension = spatial")),
@@ -67,10 +67,10 @@ def test_a_mission_that_fails_exits_with_1(tmp_path: Path) -> None:
     ],
 )
 def test_bad_input_is_one_line_that_names_the_flag(
-    words: Sequence[str], told: Sequence[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: Sequence[str], expected: Sequence[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     line = refused(["run", *NEAR, *words, "--out", str(tmp_path / "run")], capsys)
-    for word in told:
+    for word in expected:
         assert word in line
     assert not list(tmp_path.iterdir())
 

@@ -52,7 +52,7 @@ def test_a_run_again_takes_other_sensors_as_a_whole(finished: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (("--start", "5", "0", "0"), ("--start = (5.0, 0.0, 0.0)", "outside", "allowed: within it")),
         (("--start", "3.7", "0", "0"), ("--start = ", "from the wall")),
@@ -83,12 +83,12 @@ def test_a_run_again_takes_other_sensors_as_a_whole(finished: Path, tmp_path: Pa
     ],
 )
 def test_bad_input_is_one_line_that_names_the_flag(
-    words: Sequence[str], told: Sequence[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: Sequence[str], expected: Sequence[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = SHORT if "--estimator" not in words else SHORT[:3]
     assert main(["run", *given, *words, "--out", str(tmp_path / "run")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    for word in told:
+    for word in expected:
         assert word in line
     assert not list(tmp_path.iterdir())
 

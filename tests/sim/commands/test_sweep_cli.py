@@ -138,7 +138,7 @@ def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: p
     assert sweep(COIN, *words) == 0
     out, err = capsys.readouterr()
     assert err == f"0 of 24 trials are already in {path}\n"
-    for told in (
+    for expected in (
         "24 trials: 11 did what they should, 2 raised",
         "Clopper-Pearson",
         "(<= 22.1)",
@@ -150,7 +150,7 @@ def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: p
         "RuntimeError: seed 3 is out of order",
         str(path),
     ):
-        assert told in out.replace("\n", " ") or told in out
+        assert expected in out.replace("\n", " ") or expected in out
     assert main(["store", "show", str(path)]) == 0
     shown = capsys.readouterr().out
     assert "24 trials: 11 did what they should, 2 raised" in shown
@@ -188,11 +188,11 @@ def test_a_store_shows_a_drawn_field_in_bins(path: Path, capsys: pytest.CaptureF
 
 def test_a_sweep_says_what_it_finds_in_the_store(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = (COIN, "--store", str(path), "--trials")
-    told = []
+    expected = []
     for count in ("4", "6", "6"):
         assert sweep(*words, count) == 0
-        told.append(capsys.readouterr().err.partition(" are already")[0])
-    assert told == ["0 of 4 trials", "4 of 6 trials", "6 of 6 trials"]
+        expected.append(capsys.readouterr().err.partition(" are already")[0])
+    assert expected == ["0 of 4 trials", "4 of 6 trials", "6 of 6 trials"]
 
 
 def test_a_store_is_exported(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -312,8 +312,8 @@ def test_a_full_disk_ends_in_one_line_and_keeps_what_was_committed(path: Path) -
     assert len(err.splitlines()) == 2, err
     kept = len(trials_of(path))
     assert 0 < kept < 400
-    for told in (str(path), "full", f"{kept} of 400 trials are stored", "to go on: mathnavi sweep"):
-        assert told in err
+    for expected in (str(path), "full", f"{kept} of 400 trials are stored", "to go on: mathnavi sweep"):
+        assert expected in err
     assert sweep(*words) == 0
     assert len(trials_of(path)) == 400
 
@@ -342,7 +342,7 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyt
 
 
 @pytest.mark.parametrize(
-    ("flags", "told"),
+    ("flags", "expected"),
     [
         ("--vary colour=1,2", ["--vary colour=1,2", "--part.*", "allowed"]),
         ("--vary part.shar=1,2", ["part.shar", "did you mean --part.share"]),
@@ -391,11 +391,11 @@ def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pyt
         ("--out here", ["--out", "not a field"]),
     ],
 )
-def test_a_sweep_refuses_what_it_cannot_be(refused: Refusal, path: Path, flags: str, told: list[str]) -> None:
+def test_a_sweep_refuses_what_it_cannot_be(refused: Refusal, path: Path, flags: str, expected: list[str]) -> None:
     trials = () if "--trials " in flags and "bias" not in flags else ("--trials", "2")
     words = (COIN, *trials, "--store", str(path), *flags.split())
     line = refused("sweep", *words)
-    for word in told:
+    for word in expected:
         assert word in line
     with Store.open(path):
         pass
@@ -412,9 +412,9 @@ def of_another_schema(path: Path) -> None:
         connection.execute("PRAGMA user_version = 99")
 
 
-@pytest.mark.parametrize(("make", "told"), [(not_a_store, "not a database"), (of_another_schema, "schema 99")])
+@pytest.mark.parametrize(("make", "expected"), [(not_a_store, "not a database"), (of_another_schema, "schema 99")])
 def test_what_is_no_store_is_refused_and_left_alone(
-    refused: Refusal, path: Path, make: Callable[[Path], None], told: str
+    refused: Refusal, path: Path, make: Callable[[Path], None], expected: str
 ) -> None:
     make(path)
     for argv in (
@@ -424,11 +424,11 @@ def test_what_is_no_store_is_refused_and_left_alone(
     ):
         line = refused(*argv)
         assert str(path) in line
-        assert told in line
+        assert expected in line
 
 
 @pytest.mark.parametrize(
-    ("argv", "told"),
+    ("argv", "expected"),
     [
         ("sweep", ["SCENARIO", "safe-flight"]),
         ("sweep --trials 3", ["--trials", "safe-flight"]),
@@ -454,9 +454,9 @@ def test_what_is_no_store_is_refused_and_left_alone(
         ("store export s.db --out table.csv", ["s.db", "no such file"]),
     ],
 )
-def test_commands_refuse_what_is_not_there(refused: Refusal, argv: str, told: list[str]) -> None:
+def test_commands_refuse_what_is_not_there(refused: Refusal, argv: str, expected: list[str]) -> None:
     line = refused(*argv.split())
-    for word in told:
+    for word in expected:
         assert word in line
 
 
@@ -464,12 +464,12 @@ def test_what_only_building_finds_is_refused_before_anything_is_run(
     refused: Refusal, path: Path, mission: Words
 ) -> None:
     words = ("sweep", *mission[:3], "--trials", "3", "--store", str(path))
-    for flags, told in (
+    for flags, expected in (
         ("--planner.bandwidth 100", "leaves nothing to plan with; allowed"),
         ("--vary planner.bandwidth=2,100", "leaves nothing to plan with; allowed"),
         ("--start 0 0 0", "--start = "),
     ):
-        assert told in refused(*words, *flags.split())
+        assert expected in refused(*words, *flags.split())
     line = refused(
         "sweep", COIN, "--trials", "3", "--store", str(path), "--refuse-gain", "2", "--vary", "planner.gain=1,2"
     )
@@ -492,8 +492,8 @@ def test_two_names_of_one_content_are_not_two_combinations(refused: Refusal, hil
     words = ("sweep", "safe-flight", "--trials", "2", "--store", "s.db", "--vary", "terrain=a.npz,b.npz")
     for more in ((), ("--vary", "planner.nodes=7,11"), ("--vary", "noise.position=0..1")):
         line = refused(*words, *more)
-        for told in ("--vary terrain", "a.npz", "b.npz", "the same content", "allowed"):
-            assert told in line
+        for expected in ("--vary terrain", "a.npz", "b.npz", "the same content", "allowed"):
+            assert expected in line
 
 
 def test_a_table_is_written_whole_or_not_at_all(refused: Refusal, path: Path, tmp_path: Path) -> None:

@@ -349,10 +349,10 @@ def test_several_vehicles_fly_by_themselves_and_are_logged_by_name() -> None:
 
 
 def test_progress_is_told_once_a_simulated_second() -> None:
-    told: list[float] = []
+    expected: list[float] = []
     agent = Agent(ReadsState(), Answers(there_and_stop), Follows())
-    simulate(flight.PointMass(START, DT), {"vehicle": agent}, 4.0, progress=told.append)
-    assert told == pytest.approx([float(k) for k in range(4)], abs=0.11)
+    simulate(flight.PointMass(START, DT), {"vehicle": agent}, 4.0, progress=expected.append)
+    assert expected == pytest.approx([float(k) for k in range(4)], abs=0.11)
 
 
 @pytest.mark.parametrize(("estimator", "tracker", "look"), [(1, 1, 1), (5, 5, 5), (2, 4, 2), (5, 25, 5)])
@@ -396,7 +396,7 @@ class Fails(ReadsState):
 
 
 @pytest.mark.parametrize(
-    ("answer", "told"),
+    ("answer", "expected"),
     [
         (lambda t: 1 / 0, "ZeroDivisionError"),
         (lambda t: None, "update() returned NoneType; allowed: Estimate"),
@@ -405,13 +405,13 @@ class Fails(ReadsState):
     ],
 )
 def test_an_estimator_that_fails_is_told_once_and_the_vehicle_keeps_its_plan(
-    answer: Callable[[float], Any], told: str
+    answer: Callable[[float], Any], expected: str
 ) -> None:
     flown = Flight(estimator=Fails(answer=answer))
     recording = flown.run()
     (event,) = [event for event in recording.events if event.kind == "estimate-unusable"]
     assert event.t == pytest.approx(20 * DT)
-    assert told in event.message
+    assert expected in event.message
     statuses = [estimate.status for estimate in recording.agents["vehicle"].estimates]
     assert statuses == [Status.OK] * 20 + [Status.LOST] * 21
     assert recording.t[-1] == pytest.approx(flown.duration)

@@ -64,7 +64,7 @@ def test_runs_start_where_they_are_put_and_a_bad_start_or_command_is_refused() -
     states = rollouts.states(starts, np.zeros((2, 3, 3)))
     np.testing.assert_array_equal(states[:, 0], starts)
     assert not np.array_equal(states[0, 1], states[1, 1])
-    for bad, commands, told in (
+    for bad, commands, expected in (
         (starts[:, :6], np.zeros((2, 3, 3)), "starts has shape (2, 6); allowed: (N, 7), N >= 1"),
         (starts, np.zeros((1, 3, 3)), "commands has shape (1, 3, 3); allowed: (2, K, 3), a sequence for each start"),
         (starts, np.full((2, 3, 3), np.nan), "commands[(0, 0, 0)] = nan; allowed: finite numbers"),
@@ -72,18 +72,18 @@ def test_runs_start_where_they_are_put_and_a_bad_start_or_command_is_refused() -
     ):
         with pytest.raises(ValueError, match="allowed") as refusal:
             rollouts.states(bad, commands)
-        assert told in str(refusal.value)
+        assert expected in str(refusal.value)
 
 
 @pytest.mark.parametrize(
-    ("scenario", "fields", "told"),
+    ("scenario", "fields", "expected"),
     [
         ("textbook-observer", {}, "is an ODE; allowed: one that MuJoCo moves"),
         ("missile-guidance", {"actuator": {"delay": 0.01}}, "actuators of 'missile-guidance' are 10 ticks late"),
         ("sphere-observer", {"threads": -1}, "threads = -1; allowed: a whole number >= 0"),
     ],
 )
-def test_what_cannot_be_rolled_out_is_refused(scenario: str, fields: dict[str, Any], told: str) -> None:
+def test_what_cannot_be_rolled_out_is_refused(scenario: str, fields: dict[str, Any], expected: str) -> None:
     with pytest.raises(ValueError, match="allowed") as refusal:
         load(scenario, **fields)
-    assert told in str(refusal.value)
+    assert expected in str(refusal.value)

@@ -31,7 +31,7 @@ def test_every_scenario_passes_the_checker_of_dm_env(scenario: str) -> None:
     result = unittest.TestResult()
     unittest.defaultTestLoader.loadTestsFromTestCase(Checked).run(result)
     assert result.testsRun >= 4
-    assert not [told for _, told in (*result.failures, *result.errors)]
+    assert not [expected for _, expected in (*result.failures, *result.errors)]
 
 
 @pytest.mark.parametrize("scenario", ["safe-flight", "simultaneous-arrival", "quadrotor-canyon", "missile-guidance"])
@@ -156,7 +156,7 @@ def test_another_estimator_is_observed_by_its_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("scenario", "fields", "told"),
+    ("scenario", "fields", "expected"),
     [
         ("safe-fight", {}, "scenarios: 'safe-fight' is not known; "),
         ("safe-flight", {"speed": 3.0}, "speed is not a field; "),
@@ -167,24 +167,24 @@ def test_another_estimator_is_observed_by_its_name() -> None:
         ("textbook-observer", {"system": "kazantzis-kravaris"}, "has no actuators, so there is nothing to command"),
     ],
 )
-def test_what_cannot_be_an_environment_is_refused(scenario: str, fields: dict[str, Any], told: str) -> None:
+def test_what_cannot_be_an_environment_is_refused(scenario: str, fields: dict[str, Any], expected: str) -> None:
     with pytest.raises(ValueError, match="allowed") as refusal:
         load(scenario, **fields)
-    assert told in str(refusal.value)
+    assert expected in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.parametrize(
-    ("action", "told"),
+    ("action", "expected"),
     [
         (np.zeros(2), "action has shape (2,); allowed: (3,), of acceleration_x [m/s^2], "),
         (np.array([0.0, np.nan, 0.0]), "action = [0.0, nan, 0.0]; allowed: finite numbers"),
         (np.array([0.0, 1e200, 0.0]), "action = [0.0, 1e+200, 0.0]; allowed: finite numbers, whose squares are"),
     ],
 )
-def test_an_action_that_is_none_is_refused(action: Any, told: str) -> None:
+def test_an_action_that_is_none_is_refused(action: Any, expected: str) -> None:
     environment = missions.environment("safe-flight")
     environment.reset()
     with pytest.raises(ValueError, match="allowed") as refusal:
         environment.step(action)
-    assert told in str(refusal.value)
+    assert expected in str(refusal.value)

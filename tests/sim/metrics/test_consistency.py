@@ -64,7 +64,7 @@ def test_the_band_is_that_of_its_seed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "make"),
+    ("expected", "make"),
     [
         ("squares have shape", lambda: consistency([], 3)),
         ("1 of 2 are NaN", lambda: consistency([1.0, math.nan], 3)),
@@ -74,6 +74,6 @@ def test_the_band_is_that_of_its_seed() -> None:
         ("resamples = 0", lambda: root_mean_square([1.0, 2.0], np.random.default_rng(0), resamples=0)),
     ],
 )
-def test_what_cannot_be_judged_is_refused(told: str, make: object) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_cannot_be_judged_is_refused(expected: str, make: object) -> None:
+    with pytest.raises(ValueError, match=expected):
         make()  # type: ignore[operator]

@@ -70,11 +70,11 @@ def test_a_rate_says_how_sure_it_is(events: int, trials: int, text: str) -> None
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [((0, 0), "trials = 0"), ((-1, 5), "events = -1"), ((6, 5), "events = 6"), ((1, 5, 1.0), "confidence = 1.0")],
 )
-def test_what_is_no_rate_is_refused(arguments: tuple[int, ...], told: str) -> None:
-    with pytest.raises(ValueError, match=f"{told}; allowed"):
+def test_what_is_no_rate_is_refused(arguments: tuple[int, ...], expected: str) -> None:
+    with pytest.raises(ValueError, match=f"{expected}; allowed"):
         rate(*arguments)
 
 
@@ -145,8 +145,8 @@ def test_a_band_says_what_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "told"), [([], r"shape \(0,\)"), ([1.0, math.nan, math.nan], "2 of 3 are NaN"), ([[1.0]], "shape")]
+    ("values", "expected"), [([], r"shape \(0,\)"), ([1.0, math.nan, math.nan], "2 of 3 are NaN"), ([[1.0]], "shape")]
 )
-def test_what_has_no_median_is_refused(values: list[float], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_has_no_median_is_refused(values: list[float], expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
         median_band(values, np.random.default_rng(0))

@@ -199,7 +199,7 @@ def a_folder(path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "told"),
+    ("make", "expected"),
     [
         (a_text, "file is not a database"),
         (of_something_else, "something else"),
@@ -209,14 +209,14 @@ def a_folder(path: Path) -> None:
         (a_folder, "unable to open"),
     ],
 )
-def test_what_is_no_store_is_refused_and_left_alone(path: Path, make: Callable[[Path], None], told: str) -> None:
+def test_what_is_no_store_is_refused_and_left_alone(path: Path, make: Callable[[Path], None], expected: str) -> None:
     make(path)
     before = path.read_bytes() if path.is_file() else None
     for refuse in (Store.open, Store.existing):
         with pytest.raises(ValueError, match=r"store\.db: ") as info:
             refuse(path)
         if path.is_file() or refuse is Store.open:
-            assert told in str(info.value)
+            assert expected in str(info.value)
     assert [entry.name for entry in path.parent.iterdir()] == [path.name]
     assert (path.read_bytes() if path.is_file() else None) == before
 
@@ -319,15 +319,15 @@ def test_a_writer_that_is_killed_loses_nothing_that_it_has_told(path: Path) -> N
         path.unlink(missing_ok=True)
         writer = subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True)
         assert writer.stdout is not None
-        for told in writer.stdout:
-            if int(told) >= 20:
+        for expected in writer.stdout:
+            if int(expected) >= 20:
                 writer.kill()
                 break
-        told = (told + writer.stdout.read()).split()[-1]
+        expected = (expected + writer.stdout.read()).split()[-1]
         writer.wait()
         writer.stdout.close()
         with Store.open(path) as store:
-            assert len(store.keys()) in (int(told) + 1, int(told) + 2)
+            assert len(store.keys()) in (int(expected) + 1, int(expected) + 2)
         assert is_whole(path)
 
 
@@ -339,11 +339,11 @@ def test_the_table_has_a_line_a_trial_and_a_column_a_figure(path: Path, tmp_path
         store.export_jsonl(tmp_path / "table.jsonl")
     with (tmp_path / "table.csv").open(newline="", encoding="utf-8") as file:
         first, second = csv.DictReader(file)
-    told = {"key": "a", "seed": "7", "status": "ok", "success": "true", "scenario": "flat", "code": "1+abc"}
-    told |= {"noise.rate": "2.0", "start": "[1.0,2.0]", "controller": "mine", "planner.nodes": "3"}
-    told |= {"estimator": "theirs", "estimator.rate": "10.0", "path_m": "12.5", "arrived": "true", "none": ""}
-    told |= {"least_m": "-inf", "solve_ms_mean": "0.5", "name": "Gipfel ü"}
-    assert first == {**first, **told}
+    expected = {"key": "a", "seed": "7", "status": "ok", "success": "true", "scenario": "flat", "code": "1+abc"}
+    expected |= {"noise.rate": "2.0", "start": "[1.0,2.0]", "controller": "mine", "planner.nodes": "3"}
+    expected |= {"estimator": "theirs", "estimator.rate": "10.0", "path_m": "12.5", "arrived": "true", "none": ""}
+    expected |= {"least_m": "-inf", "solve_ms_mean": "0.5", "name": "Gipfel ü"}
+    assert first == {**first, **expected}
     assert second == {**second, "key": "b", "success": "", "path_m": "", "error": failed.error}
     lines = [json.loads(line) for line in (tmp_path / "table.jsonl").read_text(encoding="utf-8").splitlines()]
     assert lines == [vars(record("a")), vars(failed)]

@@ -89,8 +89,8 @@ def test_a_state_that_diverges_at_once_is_a_run_without_pictures(
         data.qvel[:] = np.nan
 
     monkeypatch.setattr(mujoco, "mj_step", diverging)
-    told = ["--duration", "1", "--settled", "0.5", "--report", "--video", "--out", str(tmp_path / "run")]
-    assert main(["run", "sphere-observer", *told]) == 1
+    expected = ["--duration", "1", "--settled", "0.5", "--report", "--video", "--out", str(tmp_path / "run")]
+    assert main(["run", "sphere-observer", *expected]) == 1
     printed = capsys.readouterr()
     assert "velocity error, rms is not known" in " ".join(printed.out.split())
     for kind in ("video", "report"):
@@ -153,16 +153,16 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("scenario", "words", "told"), BAD, ids=[" ".join(words) for _, words, _ in BAD])
+@pytest.mark.parametrize(("scenario", "words", "expected"), BAD, ids=[" ".join(words) for _, words, _ in BAD])
 def test_bad_input_is_one_clear_error(
-    scenario: str, words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scenario: str, words: list[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "run"
     assert main(["run", scenario, *words, "--out", str(out)]) == 2
     error = capsys.readouterr().err.strip()
     assert error.startswith("mathnavi: ")
     assert "\n" not in error
-    assert re.search(told, error), error
+    assert re.search(expected, error), error
     assert not out.exists()
 
 

@@ -78,10 +78,10 @@ def test_what_is_not_as_declared_matters(calm: RunResult) -> None:
 
 
 def test_a_moving_target_is_hit_by_who_is_told_and_missed_by_who_is_not() -> None:
-    known, told, blind = (fly(target_velocity=(20.0, 0.0, 0.0), target_told=when) for when in (0.0, 2.0, 1e3))
+    known, expected, blind = (fly(target_velocity=(20.0, 0.0, 0.0), target_told=when) for when in (0.0, 2.0, 1e3))
     assert known.success
-    assert told.success
-    assert "message" in kinds(told)
+    assert expected.success
+    assert "message" in kinds(expected)
     assert "message" not in kinds(known)
     assert not blind.success
     assert blind.summary["miss_m"] > 100.0
@@ -146,7 +146,7 @@ def test_a_mission_without_a_first_plan_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "fields"),
+    ("expected", "fields"),
     [
         ("start: its y", {"start": (0.0, 5.0, 10.0)}),
         ("target: its y", {"target": (700.0, 5.0, 0.0)}),
@@ -157,14 +157,14 @@ def test_a_mission_without_a_first_plan_is_refused() -> None:
         ("gust.torque: its x or z", {"gust": MissileGust(torque=(5.0, 0.0, 0.0))}),
     ],
 )
-def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(told: str, fields: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=rf"{told} = 5.0 .*allowed: 0, or dimension = spatial"):
+def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(expected: str, fields: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=rf"{expected} = 5.0 .*allowed: 0, or dimension = spatial"):
         MissileGuidanceConfig(**fields)
     MissileGuidanceConfig(dimension="spatial", **fields)
 
 
 @pytest.mark.parametrize(
-    ("told", "make"),
+    ("expected", "make"),
     [
         ("start: its height z", lambda: MissileGuidanceConfig(start=(0.0, 0.0, -1.0))),
         ("target", lambda: MissileGuidanceConfig(target=(0.0, 0.0, 10.0))),
@@ -188,6 +188,6 @@ def test_what_leads_out_of_the_plane_is_refused_there_and_not_in_space(told: str
         ("faults.late_plan_rate", lambda: MissileFaults(late_plan_rate=-0.1)),
     ],
 )
-def test_fields_out_of_range_are_refused_by_their_names(told: str, make: Any) -> None:
-    with pytest.raises(ValueError, match=rf"{told}.*= .*allowed"):
+def test_fields_out_of_range_are_refused_by_their_names(expected: str, make: Any) -> None:
+    with pytest.raises(ValueError, match=rf"{expected}.*= .*allowed"):
         make()

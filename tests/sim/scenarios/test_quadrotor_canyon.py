@@ -86,9 +86,9 @@ def test_ends_are_drawn_on_the_floor_of_the_canyon_by_the_seed() -> None:
     ground = load_terrain("canyon:2")
     ends = []
     for seed in (0, 1):
-        told = QuadrotorCanyon.build(QuadrotorCanyonConfig(terrain="canyon:2"), seed).config
-        assert told["terrain"] == {"name": "canyon 2", "path": "canyon:2", "digest": ground.digest}
-        start, target = told["mission"]["start"], told["mission"]["target"]
+        expected = QuadrotorCanyon.build(QuadrotorCanyonConfig(terrain="canyon:2"), seed).config
+        assert expected["terrain"] == {"name": "canyon 2", "path": "canyon:2", "digest": ground.digest}
+        start, target = expected["mission"]["start"], expected["mission"]["target"]
         for x, y, z in (start, target):
             low = float(ground.height(x, y))
             assert low <= ground.z.min() + 0.1 * np.ptp(ground.z) + 5.0
@@ -113,7 +113,7 @@ def test_an_estimator_of_something_else_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "expected"),
     [
         ({"start": (180.0, 290.0, 1100.0)}, r"start = .* is under ground"),
         ({"start": (300.0, 275.0, 1218.0)}, r"start = .* is below the least clearance"),
@@ -136,13 +136,13 @@ def test_an_estimator_of_something_else_is_refused() -> None:
         ({"faults": AerialFaults(gust_rms=30.0, gust_limit=90.0)}, r"gust rms = 30\.0"),
     ],
 )
-def test_bad_input_names_the_culprit(fields: dict[str, Any], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_bad_input_names_the_culprit(fields: dict[str, Any], expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
         QuadrotorCanyon.build(QuadrotorCanyonConfig(**{**SHORT, **fields}), 0)
 
 
 @pytest.mark.parametrize(
-    ("build", "told"),
+    ("build", "expected"),
     [
         (lambda: QuadrotorMismatch(mass=0.0), r"mismatch\.mass = 0\.0"),
         (lambda: QuadrotorMismatch(mass=4.0), r"mismatch\.mass = 4\.0; allowed: < 3\.058"),
@@ -155,6 +155,6 @@ def test_bad_input_names_the_culprit(fields: dict[str, Any], told: str) -> None:
         ),
     ],
 )
-def test_a_mismatch_or_fault_that_cannot_be_is_refused(build: Any, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_a_mismatch_or_fault_that_cannot_be_is_refused(build: Any, expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
         build()

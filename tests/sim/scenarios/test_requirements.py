@@ -15,7 +15,7 @@ SUMMARY = {"arrived": False, "min_clearance_m": 45.13, "speed_max_m_s": 397.61, 
 
 
 @pytest.mark.parametrize(
-    ("requirement", "told"),
+    ("requirement", "expected"),
     [
         (Requirement("min_clearance_m", least=50.0), "min clearance 45.13 m < 50 m allowed"),
         (Requirement("speed_max_m_s", most=300.0), "speed max 397.6 m/s > 300 m/s allowed"),
@@ -28,16 +28,16 @@ SUMMARY = {"arrived": False, "min_clearance_m": 45.13, "speed_max_m_s": 397.61, 
         (Requirement("touched_wall", least=True), ""),
     ],
 )  # fmt: skip
-def test_a_requirement_that_is_missed_names_figure_limit_and_unit(requirement: Requirement, told: str) -> None:
-    assert requirement.missed(SUMMARY) == told
+def test_a_requirement_that_is_missed_names_figure_limit_and_unit(requirement: Requirement, expected: str) -> None:
+    assert requirement.missed(SUMMARY) == expected
 
 
 @given(st.floats(), st.floats(allow_nan=False), st.floats(allow_nan=False))
 def test_a_requirement_is_missed_exactly_beyond_its_limits(value: float, least: float, most: float) -> None:
-    told = Requirement("miss_m", least, most).missed({"miss_m": value})
-    assert bool(told) == (not least <= value <= most)
-    if told and not math.isnan(value):
-        _, figure, _, sign, limit, *_ = told.split(" ")
+    expected = Requirement("miss_m", least, most).missed({"miss_m": value})
+    assert bool(expected) == (not least <= value <= most)
+    if expected and not math.isnan(value):
+        _, figure, _, sign, limit, *_ = expected.split(" ")
         assert sign in "<>"
         assert figure != limit
 

@@ -82,9 +82,9 @@ def test_the_same_seed_is_the_same_log(terrain: str) -> None:
 def test_arrivals_and_separation_are_those_of_the_log(terrain: str) -> None:
     built = SimultaneousArrival.build(config(terrain), 2)
     outcome = built.run()
-    told = outcome.config["mission"]["vehicles"]
+    expected = outcome.config["mission"]["vehicles"]
     t, truths = outcome.recording.t, outcome.recording.truths
-    for name, place in told.items():
+    for name, place in expected.items():
         away = np.linalg.norm(truths[name][:, :3] - np.array(place["target"]), axis=1)
         assert np.array(place["start"]) == pytest.approx(truths[name][0, :3])
         assert away.min() <= 50.0
@@ -93,7 +93,7 @@ def test_arrivals_and_separation_are_those_of_the_log(terrain: str) -> None:
     pairs = [("vehicle_1", "vehicle_2"), ("vehicle_1", "vehicle_3"), ("vehicle_2", "vehicle_3")]
     sampled = min(float(np.linalg.norm(truths[a][:, :3] - truths[b][:, :3], axis=1).min()) for a, b in pairs)
     assert sampled - 10.0 <= outcome.summary["separation_min_m"] <= sampled
-    assert least_separation(outcome.recording, list(told))[0] == outcome.summary["separation_min_m"]
+    assert least_separation(outcome.recording, list(expected))[0] == outcome.summary["separation_min_m"]
 
 
 def test_a_fleet_that_is_told_where_to_start_starts_there(terrain: str) -> None:
@@ -102,8 +102,8 @@ def test_a_fleet_that_is_told_where_to_start_starts_there(terrain: str) -> None:
     ring = [each["target"] for each in drawn["mission"]["vehicles"].values()]
     middle = tuple(np.mean(ring, axis=0)[:2])
     height = float(flight.mountains().height(*middle))
-    told = config(terrain, start=starts, target=(*middle, height + 300.0))
-    assert SimultaneousArrival.build(told, 7).config["fields"]["start"] == starts
+    expected = config(terrain, start=starts, target=(*middle, height + 300.0))
+    assert SimultaneousArrival.build(expected, 7).config["fields"]["start"] == starts
 
 
 def test_what_is_learnt_on_the_way_is_told_to_all(terrain: str) -> None:
@@ -115,9 +115,9 @@ def test_what_is_learnt_on_the_way_is_told_to_all(terrain: str) -> None:
     )  # fmt: skip
     assert outcome.success, outcome.summary
     for name in ("north", "east", "south"):
-        told = [e.message.split()[0] for e in outcome.recording.events if e.kind == "message" and e.agent == name]
-        assert told.count("radars") == 4
-        assert told.count("terrain") == 1
+        expected = [e.message.split()[0] for e in outcome.recording.events if e.kind == "message" and e.agent == name]
+        assert expected.count("radars") == 4
+        assert expected.count("terrain") == 1
 
 
 def test_without_a_clock_in_common_they_agree_on_one_and_then_arrive_at_one_time(terrain: str) -> None:
@@ -199,28 +199,28 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
 
 @pytest.mark.parametrize("case", range(30))
 def test_bad_input_names_the_culprit(terrain: str, case: int) -> None:
-    fields, told = bad(terrain)[case]
-    with pytest.raises(ValueError, match=told):
+    fields, expected = bad(terrain)[case]
+    with pytest.raises(ValueError, match=expected):
         SimultaneousArrival.build(config(terrain, **fields), 0)
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "expected"),
     [({"loss": 2.0}, r"radio\.loss = 2\.0"), ({"delay": (0.3, 0.1)}, r"radio\.delay = 0\.1"),
      ({"partition": (5.0, 1.0)}, r"radio\.partition = 1\.0")],
 )  # fmt: skip
-def test_a_radio_that_cannot_be_is_refused(fields: dict[str, Any], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_a_radio_that_cannot_be_is_refused(fields: dict[str, Any], expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
         Radio(**fields)
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "expected"),
     [({"offset": 50.0}, r"clocks\.offset = 50\.0"), ({"drift": math.nan}, r"clocks\.drift = nan"),
      ({"offset": 1.0}, r"clocks\.error = 0\.0 with clocks\.offset = 1"), ({"settling": -1.0}, r"clocks\.settling")],
 )  # fmt: skip
-def test_clocks_that_cannot_be_are_refused(fields: dict[str, Any], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_clocks_that_cannot_be_are_refused(fields: dict[str, Any], expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
         Clocks(**fields)
 
 

@@ -94,7 +94,7 @@ def test_a_run_leaves_what_every_run_leaves_and_can_be_run_again(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         (("--start", "1"), "--start = (1.0,); allowed: 3 finite numbers, of x_1 [-], x_2 [-], x_3 [-]"),
         (("--start-error", "1", "x", "2"), "--start-error = 1 x 2; allowed: FLOAT..."),
@@ -111,9 +111,9 @@ def test_a_run_leaves_what_every_run_leaves_and_can_be_run_again(tmp_path: Path)
     ],
 )
 def test_bad_input_is_one_line_that_names_the_flag(
-    words: Sequence[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: Sequence[str], expected: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["run", "textbook-observer", *words, "--out", str(tmp_path / "run")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert told in line
+    assert expected in line
     assert not list(tmp_path.iterdir())

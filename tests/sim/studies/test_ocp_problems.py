@@ -99,11 +99,11 @@ def test_a_figure_tells_errors_over_the_tolerance_and_why_there_is_none() -> Non
 
 
 @pytest.mark.parametrize(
-    ("excess", "told"),
+    ("excess", "expected"),
     [(6e-12, "6e-12"), (9.9e-3, "1e-2"), (0.036, "0.036"), (71.2, "71"), (129.0, "129"), (1e6, "1e6")],
 )
-def test_a_ratio_is_short(excess: float, told: str) -> None:
-    assert _ratio(excess) == told
+def test_a_ratio_is_short(excess: float, expected: str) -> None:
+    assert _ratio(excess) == expected
 
 
 def test_the_points_inside_an_interval_count_as_nodes() -> None:

@@ -205,7 +205,7 @@ def test_a_study_that_asks_for_a_terrain_it_said_it_does_not_need_is_told(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "expected"),
     [
         ((), ("NAME", "horizon", "all")),
         (("nonsense",), ("nonsense", "horizon")),
@@ -226,12 +226,12 @@ def test_a_study_that_asks_for_a_terrain_it_said_it_does_not_need_is_told(
     ],
 )
 def test_bad_input_is_one_line_with_exit_code_2(
-    words: tuple[str, ...], told: tuple[str, ...], capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    words: tuple[str, ...], expected: tuple[str, ...], capsys: pytest.CaptureFixture[str], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     assert main(["study", *words]) == 2
     error = capsys.readouterr().err
     assert len(error.splitlines()) == 1, error
-    assert all(word in error for word in told), error
+    assert all(word in error for word in expected), error
     assert list(tmp_path.iterdir()) == []

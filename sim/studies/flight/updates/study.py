@@ -82,8 +82,8 @@ class Updates:
             tables=(_table(rows),),
             figure=_figure(of, shown, setup, notices),
             caption="(a) One mission, with a radar that appears on the way, and with a target that moves. (b) Time in "
-            "sight of a radar, told of and not. (c) Flights that stay at h_min or above, of those over a hill that is "
-            "not on the map, with 95 % limits, over the time between when it is told and when it would be hit.",
+            "sight of a radar, known or not. (c) Flights that stay at h_min or above, of those over a hill that is "
+            "not on the map, with 95 % limits, over the time between when it is communicated and when it would be hit.",
             claims=_claims(of, notices),
             tracks=[track(name, shown[name], colour) for name, colour in COLOURS.items()],
             places=ends(shown["as it was"]),
@@ -181,7 +181,7 @@ def _claims(of: Mapping[str, Sequence[Record]], notices: Sequence[float]) -> lis
             "flight.updates", "target", "What is learnt on the way keeps the guarantee, or its loss is announced.",
             "A.1, A.5",
             f"radars and targets that change: all safe, and arrive by the deadline in force; a hill known {ENOUGH:g} s "
-            "ahead is cleared; no failure that nobody was told of",
+            "ahead is cleared; no failure that was not announced",
             f"radars and targets: {kept} of {len(others)}; hill known {ENOUGH:g} s ahead or more: {saved} of "
             f"{len(early)} at h_min or above ({by_notice}); not announced: {silent} of {len(others) + len(over_hills)}",
             kept == len(others) and saved == len(early) and silent == 0,

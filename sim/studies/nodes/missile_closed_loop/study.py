@@ -2,8 +2,9 @@
 
 The thesis stops at the reference trajectory and assumes an autopilot. Here the plan is flown: open loop, by feedback
 linearisation with an integral term, and by a time-varying linear-quadratic regulator; with a plan once and for all or
-with a new one ten times a second; against a body that is heavier than told, weak thrusters, wind, limits, delay, noise,
-and a target that moves. The miss is the closest approach to the true target, the aspect error that of the nose then.
+with a new one ten times a second; against a body that is heavier than declared, weak thrusters, wind, limits, delay,
+noise, and a target that moves. The miss is the closest approach to the true target, the aspect error that of the nose
+then.
 """
 
 from __future__ import annotations
@@ -172,7 +173,7 @@ def _claims(
             "MuJoCo at 1 kHz, every case: miss <= .02 m", f"at most {miss:.2g} m", miss <= 0.02,
         ),
         Claim(
-            "missile.feedback", "target", "An autopilot makes up for what was not told.", "B.4, Figure B.3",
+            "missile.feedback", "target", "An autopilot makes up for what was not declared.", "B.4, Figure B.3",
             "one plan, +10 % mass and inertia, then also -5 % force, 400 N, 20 N m, every case: feedback linearisation "
             "<= .05 m and .1°, TVLQR <= .15 m and .2°",
             f"at most {linearised[0]:.3f} m and {linearised[1]:.3f}°; {regulated[0]:.3f} m and {regulated[1]:.3f}°",

@@ -75,10 +75,10 @@ class ActiveControl:
         evidence = _evidence(flown, tracks, float(config.seconds))
         return StudyResult(
             summary=(
-                f"Two sensors at ±60° in the standard ellipse, 5 % range noise, an EKF that is told the start to .3 m "
+                f"Two sensors at ±60° in the standard ellipse, 5 % range noise, an EKF that is given the start to .3 m "
                 f"and .3 rad. Time: the last instant with a position error above {LIMIT} m; a run that is not below it "
                 f"for good after {config.seconds} s, or touches the wall, counts as {config.seconds} s. Medians, with "
-                "95 % bootstrap bands. Start, what is told of it and noise are the same for every mode.",
+                "95 % bootstrap bands. Start, what is known of the start, and noise are the same for every mode.",
             ),
             rows=list(chain(_rows(flown, config.seconds), _track_rows(tracks))),
             tables=(_mode_table(evidence), _track_table(tracks)),

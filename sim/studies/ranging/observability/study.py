@@ -110,10 +110,10 @@ class Observability:
         return StudyResult(
             summary=(
                 f"Every share is of {config.starts} starts: the robot drives a figure of eight of 1.5 m by .55 m for "
-                f"{config.seconds} s, without noise, and the estimator is told a pose drawn from all over the field. "
+                f"{config.seconds} s, without noise, and the estimator is given a pose drawn from all over the field. "
                 "Converged: RMS error below .3 m and .2 rad over the last quarter, modulo the symmetry of the wall. "
                 "The walls have the area of the standard ellipse. The observer is (C.5) with the manifold "
-                "feed-forward; the EKF is told that ranges err by 5 %.",
+                "feed-forward; the EKF assumes that ranges err by 5 %.",
             ),
             rows=rows(evidence, isolations, gramians),
             tables=(

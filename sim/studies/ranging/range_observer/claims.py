@@ -134,7 +134,7 @@ def _printed(e: LockResults) -> list[Claim]:
         ),
         Claim(
             "C.observer", "printed", "(C.5) is an observer: from Ψ(x(0)) it stays on Ψ(x).", "C.4, Definition C.7",
-            f"{SHOWN} from the thesis' start, told as it is: the position is never off by more than {SMALL} m",
+            f"{SHOWN} from the thesis' start, known exactly: the position is never off by more than {SMALL} m",
             f"off by up to {worst_of_truth.worst:.2f} m; with feed-forward [m]: {ours}", worst_of_truth.worst <= SMALL,
         ),
         Claim(

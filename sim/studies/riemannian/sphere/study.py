@@ -107,9 +107,9 @@ class Sphere:
                 "The noisy runs are of a body in MuJoCo under torques, attitudes at 1 kHz with .01 rad of noise about "
                 "every axis, the observer with omega = 10; errors of the body rate once a third of a run is over, over "
                 "the same readings for every estimator. Tuned: the best of a sweep of one field on another run, of "
-                f"seed {TUNED_ON}. In stationary noise and with an exact model a tuned EKF wins: it is told how large "
+                f"seed {TUNED_ON}. In stationary noise and with an exact model a tuned EKF wins: it is given how large "
                 "the noise is, and its gain falls as it learns. It also settles first, from any rate. The observer is "
-                "told nothing of the noise, and settles in 6.6 / omega where |v|, half the body rate, is less than "
+                "given nothing of the noise, and settles in 6.6 / omega where |v|, half the body rate, is less than "
                 "about 3 omega; high gain of the same omega does so too, and more surely at the greatest rate.",
             ),
             rows=_rows(evidence),

@@ -43,9 +43,7 @@ class MechanismSystem:
             "flexible parts": model.nflex > 0,
         }
         if found := [what for what, is_so in wrong.items() if is_so]:
-            raise ValueError(
-                f"model = one with {', '.join(found)}; allowed: actuators without dynamics of their own"
-            )
+            raise ValueError(f"model = one with {', '.join(found)}; allowed: actuators without dynamics of their own")
         self._model = copy.copy(model)
         self._data = data = mujoco.MjData(self._model)
         self._at = forces.Actuated(

@@ -146,7 +146,14 @@ def transcription(
     distribution: NodeDistribution = FIXED,
     options: Options = DEFAULT,
 ) -> Transcription:
-    """The transcription, built once."""
+    """The transcription, built once.
+
+    Raises ProblemError for what is not the functions of a problem, an ``OptimalControlProblem`` itself for one.
+    """
+    if not isinstance(problem, ProblemFunctions):
+        raise ProblemError(
+            f"problem = {problem!r}; allowed: ProblemFunctions, OptimalControlProblem.functions() for one"
+        )
     return Transcription(problem, scheme, distribution, nodes, options)
 
 

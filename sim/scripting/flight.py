@@ -269,6 +269,9 @@ def _joined(parts: Sequence[Plan]) -> Plan:
 def _ground(terrain: Terrain) -> HeightField:
     if isinstance(terrain, HeightField):
         return terrain
+    if not isinstance(terrain, str | Path):
+        kind = type(terrain).__name__
+        raise TerrainError(f"terrain = a {kind}; allowed: HeightField(z, spacing), a terrain's name or its .npz file")
     try:
         return load_terrain(terrain)
     except (OSError, ValueError) as error:

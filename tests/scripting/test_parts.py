@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import mathnavi as mn
+from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.problems.library import PROBLEMS
 
 START, TARGET = (3000.0, 4000.0, 900.0), (26000.0, 27000.0, 1200.0)
@@ -212,6 +213,8 @@ WRONG: dict[str, tuple[type[ValueError], str, Callable[[], object]]] = {
     "reading's shape": (mn.FieldError, r"y has shape", lambda: mn.IntrinsicObserver(mn.Sphere(3)).step(0.1, [1.0])),
     "step back": (mn.FieldError, "dt = -1", lambda: mn.IntrinsicObserver(mn.Sphere(2)).step(-1.0, None)),
     "input's shape": (mn.FieldError, "u = ", lambda: mn.IntrinsicObserver(mn.Sphere(2)).step(0.1, None, [1.0])),
+    "bare heights": (mn.TerrainError, "HeightField", lambda: mn.plan_flight(np.zeros((9, 9)), START, TARGET)),
+    "not its functions": (mn.ProblemError, r"functions\(\)", lambda: redistribute(mn.OptimalControlProblem("own"), 9)),
     "mechanism": (mn.FieldError, "mechanism = ", lambda: mn.VelocityObserver("nowhere.xml")),
     "method": (mn.PluginError, "did you mean high_gain", lambda: mn.VelocityObserver("two-link", "hi_gain")),
     "no sensors": (mn.FieldError, "angles", lambda: mn.FeasibleSetBank(mn.ellipse(3.0, 2.0), [])),

@@ -16,7 +16,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mathnavi.controllers.ocp.problem import OptimalControlProblem
+    from mathnavi.controllers.ocp.problems.library import OptimalControlProblem
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
     from mathnavi.models.manifold.constant_curvature import flat_space as EuclideanSpace  # noqa: N812

@@ -3,7 +3,7 @@
     python -m tests.regression.compare BEFORE AFTER [--renamed OLD=NEW ...] [--show N]
 
 Compared for every file of both: arrays of logs bit for bit, numbers of summaries, fields, CSV tables, events, exit
-codes, pixels of pictures. Left out: wall-clock times, versions, digests and keys of the code. Of texts, which may get
+codes, pixels of pictures. Left out: wall-clock times, versions and keys of the code. Of texts, which may get
 better words, only the number of those that differ is printed; ``--renamed`` lists names that were changed on purpose.
 The exit code is 1 if anything differs.
 """
@@ -22,12 +22,10 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-TIMES = re.compile(
-    r"(^|[._ ])(solve_ms|solve_time|wall|real_time|real time|versions?|code|key|seconds|processor|pace|cpu|elapsed|"
-    r"digest|drawing|time to solve)|_ms$|ms\]|us\]|\[s\] of solving",
-    re.IGNORECASE,
-)
-FORMER = re.compile(r"^(?:mathnavi\.)?(models|sim|controllers|estimators|renders)\.[\w.]+(:\w+)?$")
+from mathnavi.sim.records.former_names import present_name
+
+_NAMES = r"solve_ms\w*|wall_s|\w+_wall_s|wall_seconds|real_time_factor|versions?|code|key"
+TIMES = re.compile(rf"(^|[._ ])({_NAMES})($|[.\[])")
 
 
 def main() -> int:
@@ -113,7 +111,7 @@ def _plain(one: Any, other: Any, where: str, renamed: Mapping[str, str]) -> Iter
         for k, (a, b) in enumerate(zip(one, other, strict=False)):
             yield from _plain(a, b, f"{where}[{k}]", renamed)
     elif isinstance(one, str) and isinstance(other, str):
-        if renamed.get(one, one) != other and not (FORMER.match(one) and FORMER.match(other)):
+        if renamed.get(one, present_name(one)) != other:
             yield "words" if " " in one or " " in other else f"{where}: {one!r} became {other!r}"
     elif one != other and not (one != one and other != other):
         yield f"{where}: {one!r} became {other!r}"

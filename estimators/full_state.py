@@ -44,8 +44,8 @@ class FullStateMission(Protocol):
         """Covariance (nx, nx) of a reading propagated for ``age`` [s]."""
         ...
 
-    def full_state_quality(self) -> Any:
-        """Quality of the readings, in the terms of the scenario."""
+    def full_state_quality(self, rate: float | None, timeout: float) -> Any:
+        """Quality of readings ``rate`` [Hz] times a second, lost after ``timeout`` [s], in the scenario's terms."""
         ...
 
 
@@ -83,7 +83,7 @@ class FullState:
     @staticmethod
     def quality(config: FullStateConfig, mission: FullStateMission) -> Any:
         """Quality of the readings, as the mission states it."""
-        return mission.full_state_quality()
+        return mission.full_state_quality(config.rate, config.timeout)
 
     @staticmethod
     def properties(config: FullStateConfig) -> ObserverProperties:

@@ -10,21 +10,29 @@ model is discretised exactly, Q by Van Loan's matrix exponential. The filter pre
 each fix at the time of the fix.
 
 A gust vector clipped to a length has a smaller variance than its rms says; the filter uses that of the clipped one.
+
+The filter watches the normalised innovations nu' S^-1 nu of its fixes, chi-squared with three degrees of freedom while
+gusts and noise are what the mission declares. A fix beyond all likelihood is an outlier and is not used, unless many
+follow each other: then it is the filter that is off. Where the last fixes together are unlikely, the gusts or the noise
+are stronger than declared, and the covariance of the estimate is that of the filter times how much stronger.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 from scipy.special import gammainc
+from scipy.stats import chi2
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from mathnavi.models.aerial.sensors import PositionSensor
+from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
@@ -32,6 +40,11 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Measurement
 
 _H = np.array([[1.0, 0.0, 0.0]])  # a fix reads the position
 _EYE = np.eye(3)
+_AXES = 3
+_OUTLIER = float(chi2.isf(1e-9, _AXES))
+_LASTING = 10  # outliers in a row
+_WINDOW = 20  # fixes
+_UNLIKELY = float(chi2.isf(1e-9, _AXES * _WINDOW))
 
 
 @configuration
@@ -39,8 +52,8 @@ class KalmanConfig:
     """Fields of the command line."""
 
     timeout: Positive = 1.0  # [s] without a fix after which the estimate is lost
-    start_position_std: Positive = 5.0  # [m] of the start as the mission states it, per axis
-    start_velocity_std: Positive = 1.0  # [m/s]
+    start_position_std: Positive | None = None  # [m] of the stated start, per axis; if not given, as good as later on
+    start_velocity_std: Positive | None = None  # [m/s] likewise
     noise_floor: Positive = 0.1  # [m] least standard deviation that a fix is trusted with: R stays positive
     gust_floor: Positive = 0.05  # [m/s^2] least gust assumed: without any the filter would stop listening to its fixes
 
@@ -86,10 +99,12 @@ class Kalman:
         self._discrete: dict[float, tuple[Array, Array, Array]] = {}
         self._filter = KalmanFilter(dim_x=3, dim_z=1, dim_u=1)
         self._filter.x = np.vstack([mission.start, np.zeros((2, 3))])  # (3, 3) one column an axis
-        self._filter.P = np.diag([config.start_position_std, config.start_velocity_std, self._model.gust_rms]) ** 2
+        self._filter.P = _first(config, mission)
         self._filter.R = np.array([[self._model.fix_std**2]])
         self._filter.H = _H
         self._t: float | None = None  # [s] of the filter's state; None before the first call
+        self._innovations: deque[float] = deque(maxlen=_WINDOW)  # normalised, of the last fixes that were used
+        self._outliers = 0  # in a row
 
     @staticmethod
     def build(config: KalmanConfig, mission: FlightMission) -> Kalman:
@@ -106,9 +121,10 @@ class Kalman:
         """The stationary filter, by its discrete Riccati equation at the rate of the fixes.
 
         P is the covariance just before a fix, when each variance is largest; a fix feeds K S K' into the estimate, with
-        S = H P H' + R.
+        S = H P H' + R. The time between fixes is the longest that there can be while the estimate is not lost.
         """
-        model, interval = AxisModel.of(config, mission), 1.0 / mission.position_rate
+        model = AxisModel.of(config, mission)
+        interval = longest_gap(1.0 / mission.position_rate, mission.dropout_rate, config.timeout)
         F, _, Q = model.discretised(interval)
         R = np.array([[model.fix_std**2]])
         before = solve_discrete_are(F.T, _H.T, Q, R)
@@ -135,7 +151,7 @@ class Kalman:
                 self._condition(fix)
         self._predict(t, command)
         x, P = self._filter.x, self._filter.P
-        covariance = (P[:2, None, :2, None] * _EYE[None, :, None, :]).reshape(6, 6)
+        covariance = self._excess() * (P[:2, None, :2, None] * _EYE[None, :, None, :]).reshape(6, 6)
         return Estimate(
             t,
             x[:2].flatten(),
@@ -158,9 +174,33 @@ class Kalman:
             self._t = t
 
     def _condition(self, fix: Measurement) -> None:
+        variance = float(self._filter.P[0, 0] + self._filter.R[0, 0])
+        difference = fix.value - self._filter.x[0]
+        normalised = float(difference @ difference) / variance
+        if normalised > _OUTLIER:
+            self._outliers += 1
+            if self._outliers <= _LASTING:
+                return
+            self._filter.P = self._filter.P * (normalised / _AXES)
+        else:
+            self._innovations.append(normalised)
+        self._outliers = 0
         # With H given, filterpy leaves the row z (1, 3) as it is; a flat z would be made a column and spoil the state.
         self._filter.update(fix.value[np.newaxis, :], H=_H)
         self._timeout_monitor.note(fix.t)
+
+    def _excess(self) -> float:
+        """How many times the covariance of the last innovations is that of the filter; 1 while that is likely."""
+        total = sum(self._innovations)
+        return max(1.0, total / (_AXES * _WINDOW)) if total > _UNLIKELY else 1.0
+
+
+def _first(config: KalmanConfig, mission: FlightMission) -> Array:
+    """Covariance (3, 3) of the filter at the start, which the mission states."""
+    stationary = np.sqrt(np.diag(Kalman.quality(config, mission).error))
+    position = config.start_position_std or stationary[0]
+    velocity = config.start_velocity_std or stationary[1]
+    return np.diag([position, velocity, stationary[2]]) ** 2
 
 
 def clipped_rms(gust: GustModel) -> float:

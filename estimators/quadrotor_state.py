@@ -44,7 +44,7 @@ class QuadrotorState:
     @staticmethod
     def quality(config: FullStateConfig, mission: QuadrotorMission) -> EstimateQuality:
         """Quality of the readings, as the mission states it."""
-        return mission.full_state_quality()
+        return mission.full_state_quality(config.rate, config.timeout)
 
     @staticmethod
     def properties(config: FullStateConfig) -> ObserverProperties:

@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Sensor, StateView
 from mathnavi.sim.interfaces.signals import Array
+
+
+_NEVER = 1e-9  # probability of a gap between readings that nothing has to allow for
+
+
+def longest_gap(interval: float, dropout_rate: float, timeout: float) -> float:
+    """Longest time [s] without a reading that is to be allowed for, while an estimate is not yet lost.
+
+    Readings come every ``interval`` [s], a fraction ``dropout_rate`` of them is lost, each by itself, and after
+    ``timeout`` [s] without one the estimate is lost. Longer gaps begin with one reading in 10^9.
+    """
+    if dropout_rate >= 1.0:
+        return timeout
+    lost = 0 if dropout_rate == 0.0 else math.ceil(math.log(_NEVER) / math.log(dropout_rate))
+    return min((1 + lost) * interval, timeout)
 
 
 class Dropout:

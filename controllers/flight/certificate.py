@@ -2,7 +2,8 @@
 
 A plan pi is certified, C(pi), if over its whole future the least clearance above the triangles is at least h_min +
 delta (delta the tracking bound), it stays that far inside the map, |v| and |a| keep the bounds left to a
-plan, its arcs join, and it rests within reach of the target.
+plan, its arcs join, it rests within reach of the target, and it is trackable: the vehicle's lag from holding each
+command (``held_input``) is no more than the tracking bound sets aside.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
@@ -36,6 +38,9 @@ class TrackingBound:
     vertical: float  # [m] r_z
     speed: float  # [m/s] r_v
     feedback: float  # [m/s^2] a_fb
+    held: float | None = None
+    """[m] of both distances that is set aside for the lag of a held input; None for a tracker that keeps its bound over
+    every plan within v_max and a_max"""
 
     def broken_by(self, error: Array) -> bool:
         """True if an error (6,) [m, m/s] of the state lies outside."""
@@ -65,10 +70,14 @@ class Certificate:
     border: float = 0.0  # [m] that is kept from the edge of the map
     rise: float = 0.0  # [m] by which the terrain was raised, beside what ``border`` asks for
     cruise_level: float = -np.inf  # [m] below which no completion path flies level
+    held: HeldInput | None = None  # of a tracker that does not follow every plan
 
     @staticmethod
-    def of(mission: FlightMission, bound: TrackingBound) -> Certificate:
-        """The certificate of a mission whose tracker keeps ``bound``; ValueError if that leaves nothing to fly with."""
+    def of(mission: FlightMission, bound: TrackingBound, held: HeldInput | None = None) -> Certificate:
+        """The certificate of a mission whose tracker keeps ``bound``, over plans whose lag ``held`` allows.
+
+        Raises ValueError if the bound leaves nothing to fly with.
+        """
         speed = mission.speed_max - bound.speed
         acceleration = mission.acceleration_max - bound.feedback
         radius = mission.arrival_radius - float(np.hypot(bound.horizontal, bound.vertical))
@@ -92,6 +101,7 @@ class Certificate:
             bound.horizontal,
             bound.vertical,
             mission.cruise_level,
+            held,
         )
 
     def updated_with(self, messages: Sequence[Message]) -> Certificate:
@@ -109,8 +119,11 @@ class Certificate:
         """True if a plan ends within ``arrival_radius`` of the target."""
         return float(np.linalg.norm(plan.x[-1, :3] - self.target)) <= self.arrival_radius
 
-    def check(self, plan: Plan) -> Refusal | None:
-        """Check C(plan): None if it holds, else the first reason why not."""
+    def check(self, plan: Plan, lag: Array = NO_LAG) -> Refusal | None:
+        """Check C(plan): None if it holds, else the first reason why not.
+
+        ``lag`` (6,) [m, m/s] is that of the vehicle when the plan takes over (``HeldInput``).
+        """
         if malformed := _malformed(plan):
             return malformed
         duration = np.diff(plan.t)
@@ -136,7 +149,19 @@ class Certificate:
         if not self.reaches_target(plan) or speed[-1] > _BOUND:
             miss = float(np.linalg.norm(p[-1] - self.target))
             return Refusal(FlightStatus.NO_ARRIVAL, f"ends {miss:.1f} m from the target at {speed[-1]:.2f} m/s")
-        return self.check_clearance(plan)
+        return self._check_lag(plan, lag) or self.check_clearance(plan)
+
+    def _check_lag(self, plan: Plan, lag: Array) -> Refusal | None:
+        if self.held is None:
+            return None
+        greatest = self.held.greatest(plan, lag)
+        if greatest <= self.held.allowed:
+            return None
+        return Refusal(
+            FlightStatus.NOT_TRACKABLE,
+            f"commands held for {1e3 * self.held.period:.3g} ms fall {greatest:.3g} m behind it; "
+            f"allowed {self.held.allowed:.3g}",
+        )
 
     def clearances(self, plan: Plan) -> Array:
         """Least clearance (K,) [m] of each arc of a plan; -inf off the map."""

@@ -4,6 +4,9 @@
 
     x(t) = x_pi(t) (within the tracking bound),  C(pi),  t_e <= gamma V_0.
 
+That the vehicle is within the bound is known as well as its estimate is: at every control step the estimate must be as
+good as was declared when the bound was made, and within the bound of the plan.
+
 A candidate replaces the plan being flown at its start time if and only if it starts on it, is certified, and ends by
 the deadline. Otherwise the stored plan stays, which is safe and arrives. This is Propositions A.2 and A.3, made true
 for arcs instead of nodes, for any planner. The one exception is announced before it is flown: where the map turns out
@@ -13,6 +16,7 @@ to be wrong and nothing can be certified any more, of two plans that cannot the 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -25,12 +29,15 @@ from mathnavi.controllers.flight.certificate import (
     pass_time,
     remainder,
 )
+from mathnavi.controllers.flight.held_input import NO_LAG
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.protocols import Planner
-from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest, Status
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
+
+_ROUNDING = 1e-3  # share of a declared deviation, and [m, m/s]
 
 
 def _owned(plan: Plan) -> Plan:
@@ -48,8 +55,13 @@ class Certified:
     ``fallback(certificate)`` makes the planner that is asked where there is no plan to fall back on: at the start, when
     the vehicle has left its plan, and when its plan turns out to be unsafe.
 
+    Between two planning instants ``monitor`` checks, at every control step, what cannot wait. *A vehicle outside its
+    tracking bound* ("tracking-breach"): a plan from its estimate takes over at once, or the loss is announced
+    ("guarantee-lost"). *An estimate that is lost, or worse than declared*: the loss is announced, and the plan being
+    flown stays, for nobody knows better where the vehicle is.
+
     New information (``mathnavi.models.aerial.knowledge``) is checked at the next planning instant, a map as soon as it
-    arrives (``alarmed``). *A map that was wrong*: if what is left of the plan being flown is safe over the map as it is
+    arrives. *A map that was wrong*: if what is left of the plan being flown is safe over the map as it is
     now, the guarantee is kept. Otherwise a certified plan from where the plan is now takes over without delay; if none
     can be had, the loss is announced ("guarantee-lost"), the present plan or that of the fallback planner is flown,
     whichever has more clearance, and the search goes on at every period until there is one ("guarantee-regained"). *A
@@ -66,7 +78,11 @@ class Certified:
         certificate: Certificate,
         bound: TrackingBound,
         deadline_factor: float,
+        worst: tuple[float, float] = (np.inf, np.inf),
     ) -> None:
+        """``worst`` are the declared standard deviations of an estimate's position [m] and velocity [m/s], per axis, at
+        their worst; ``bound`` was made with them.
+        """
         if not deadline_factor >= 1.0:
             raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
         self.period = planner.period
@@ -78,7 +94,12 @@ class Certified:
         self._next_pass = np.inf  # [s] of the plan that was being flown at the last request
         self._unheard: tuple[Message, ...] = ()  # of requests that could not be answered
         self._unsure = False  # True if the plan being flown was certified over another map
-        self._lost = False  # True once it was announced that it is not safe over this one
+        self._lost = False  # True from when the loss of the guarantee was announced until it is regained
+        self._doubted = False  # True while the estimate is lost or worse than declared
+        self._breached = False  # True once a breach was answered since the last planning instant
+        self._worst = tuple((1.0 + _ROUNDING) * each + _ROUNDING for each in worst)
+        self._flown: Plan | None = None  # the plan being flown, at the last request
+        self._lag, self._lag_t = NO_LAG, 0.0  # (6,) [m, m/s] of the vehicle behind it, at [s]
         self._astray = 0  # planning instants at which it has led elsewhere
         self._announced = False  # True once that was announced
 
@@ -105,12 +126,14 @@ class Certified:
             notes = (*notes, "missed-pass")
             left = max(current.t_end - request.t, self.period)
             self.deadline = max(self.deadline, request.t + self._factor * left)
-        error = x - state_at(current, request.t)
-        if request.estimate.status is not Status.OK:
+        self._follow(current, request.t)
+        self._breached = False
+        self._doubted = bool(self._doubt(request.estimate))
+        if self._doubted:
             # Nobody knows where the vehicle is: its plan is the best guess, and no estimate to plan from anew.
+            self._lost = True
             notes = (*notes, "guarantee-lost")
-        elif self._bound.broken_by(error):
-            far = f"{np.hypot(error[0], error[1]):.1f} m across, {error[2]:.1f} m up from the plan"
+        elif (far := self._breach(request)) is not None:
             answer = self._rebased(request, request.estimate, (*notes, "tracking-breach"), far)
             return answer if self._danger(current, request.t) is None else self._evading(answer, request)
         if (danger := self._danger(current, request.t)) is not None:
@@ -121,16 +144,73 @@ class Certified:
         plan = self._judged(self._planner, request)
         return dataclasses.replace(plan, notes=notes + self._following(current, plan) + plan.notes)
 
-    def alarmed(self, request: PlanRequest) -> Plan | None:
-        """Check a message between two planning instants: a plan that has to take over at once, or None.
+    def monitor(self, request: PlanRequest) -> Plan | None:
+        """Check at a control step what cannot wait for the next planning instant.
 
-        Its messages are those of the next request too.
+        Returns a plan that takes over at once, a failure that announces a loss, or None. The request's messages are
+        those of the next one too.
         """
+        current = request.current
         self._listen(request.messages)
-        danger = None if request.current is None else self._danger(request.current, request.t)
-        if danger is None or request.current is None:
+        if current is None or request.estimate.x.shape != (6,):
             return None
-        return self._endangered(request, request.current, danger, ())
+        self._follow(current, request.t)
+        if request.messages and (danger := self._danger(current, request.t)) is not None:
+            return self._endangered(request, current, danger, ())
+        doubt, doubted = self._doubt(request.estimate), self._doubted
+        self._doubted = bool(doubt)
+        if doubt:
+            self._lost = True
+            return None if doubted else Plan.failure(Status.LOST, doubt, notes=("guarantee-lost",))
+        far = None if self._breached else self._breach(request)
+        if far is None:
+            return None
+        self._breached = True
+        return self._rebased(request, request.estimate, ("tracking-breach",), far)
+
+    def _doubt(self, estimate: Estimate) -> str:
+        """Why the tracking bound cannot be relied on with an estimate; "" if it can."""
+        if estimate.status is not Status.OK:
+            return estimate.status.value
+        if estimate.covariance is None:
+            return ""
+        variance = np.diag(estimate.covariance)
+        for what, unit, values, worst in (
+            ("position", "m", variance[:3], self._worst[0]),
+            ("velocity", "m/s", variance[3:], self._worst[1]),
+        ):
+            deviation = math.sqrt(max(0.0, float(values.max())))
+            if not deviation <= worst:
+                return f"the estimate's {what} is off by {deviation:.3g} {unit}, one sigma; declared: {worst:.3g}"
+        return ""
+
+    def _breach(self, request: PlanRequest) -> str | None:
+        """How far a vehicle outside its tracking bound is from the plan; None for one within."""
+        assert request.current is not None
+        error = request.estimate.x - state_at(request.current, request.t)
+        if not self._bound.broken_by(error):
+            return None
+        return f"{np.hypot(error[0], error[1]):.1f} m across, {error[2]:.1f} m up from the plan"
+
+    def _follow(self, current: Plan, t: float) -> None:
+        """Carry the lag of a held input on to t [s], along the plan being flown."""
+        held, flown = self._certificate.held, self._flown
+        if held is None or (flown is current and t - self._lag_t < self.period - TIME_TOLERANCE):
+            return
+        if current is not flown:
+            lag = NO_LAG
+            if flown is not None and np.abs(current.x[0] - state_at(flown, current.t_start)).max() <= STATE_TOLERANCE:
+                lag = held.after(flown, self._lag, self._lag_t, current.t_start)
+            self._flown, self._lag, self._lag_t = current, lag, current.t_start
+        if t > self._lag_t:
+            self._lag, self._lag_t = held.after(current, self._lag, self._lag_t, t), t
+
+    def _lag_at(self, t: float) -> Array:
+        """Lag (6,) with which a plan takes over at t [s] from the one being flown."""
+        held = self._certificate.held
+        if held is None or self._flown is None or t <= self._lag_t:
+            return self._lag
+        return held.after(self._flown, self._lag, self._lag_t, t)
 
     def _endangered(self, request: PlanRequest, current: Plan, danger: Refusal, notes: tuple[str, ...]) -> Plan:
         """Leave the plan being flown from where it is now."""
@@ -216,6 +296,7 @@ class Certified:
         """The plan being flown is worth nothing: plan anew from ``origin``, at once, or announce the loss."""
         plan = self._fresh(dataclasses.replace(request, t_start=request.t, current=None, estimate=origin))
         if not plan.ok:
+            self._lost = True
             return dataclasses.replace(plan, notes=(*notes, "guarantee-lost"), message=f"{why}; {plan.message}")
         return dataclasses.replace(plan, notes=(*notes, *self._extended(plan, request.t), "rebased"), message=why)
 
@@ -241,7 +322,8 @@ class Certified:
         if not plan.ok:
             return plan
         plan = _owned(plan)
-        refusal = self._certificate.check(plan)
+        lag = NO_LAG if request.current is None else self._lag_at(request.t_start)
+        refusal = self._certificate.check(plan, lag)
         if refusal is None and abs(plan.t_start - request.t_start) > TIME_TOLERANCE:
             refusal = Refusal(
                 FlightStatus.WRONG_START, f"starts at {plan.t_start:.3f} s, asked for {request.t_start:.3f} s"

@@ -3,25 +3,25 @@
     u = a_ref - omega^2 (p^ - p_ref) - 2 omega (v^ - v_ref) - g^,   the last three terms' norm clipped to a_fb,
 
 g^ the gust that the estimator sees, if it does. ``a_ref`` is the plan's mean acceleration until the next command, so
-arcs may change between commands. With the estimate x^ = x - e of a linear-Gaussian estimator, the loop's stationary
-covariance follows from one Lyapunov equation per axis (see ``EstimateQuality``); five of its standard deviations are
-the bound that plans are certified with.
+arcs may change between commands (``held_input``). With the estimate x^ = x - e of a linear-Gaussian estimator, the
+loop's stationary covariance follows from one Lyapunov equation per axis (see ``EstimateQuality``); five of its standard
+deviations are the bound that plans are certified with.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
-from scipy.linalg import solve_continuous_lyapunov
+from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.held_input import HeldInput
 from mathnavi.models.aerial.kernels import state_on
-from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 _DEVIATIONS = 5.0
+_PHASES = 16  # of a period at which its covariance is taken
 _FASTEST = 0.1  # bandwidth times period
 _STILL = np.zeros(3)  # no gust
 _NUMERICAL = TrackingBound(0.05, 0.05, 0.05, 0.1)  # what rounding and feedback on it need
@@ -30,32 +30,78 @@ _NUMERICAL = TrackingBound(0.05, 0.05, 0.05, 0.1)  # what rounding and feedback 
 def tracking_bound(bandwidth: float, mission: FlightMission) -> TrackingBound:
     """Five standard deviations of the tracked vehicle about its plan, and of the feedback that keeps it there.
 
-    Per axis, with the estimated error (p^ - p_ref, v^ - v_ref, g^): d/dt = A . + noise of covariance W per second, A
-    = [[0, 1, 0], [-omega^2, -2 omega, c], [0, 0, -1/tau]], c = 0 if the gust's estimate is fed forward and 1 if not;
-    the true error's covariance is that of the estimated one plus P.
-
     Commands are held for the mission's control period h: where the plan's acceleration changes by up to 2 a_max between
-    two of them, its mean keeps the velocity at both ends but is off by up to a_max h^2 / 4 in position. There is room
-    for four such changes before the feedback answers.
+    two of them, its mean keeps the velocity at both ends but is off by up to a_max h^2 / 4 in position. ``held`` sets
+    four times that aside; a plan that needs more is not certified.
     """
-    quality, gust = mission.quality, mission.gust
     held = mission.acceleration_max * mission.control_period**2
-    omega, forward = bandwidth, 1.0 if quality.estimates_gust else 0.0
-    a = np.array([[0.0, 1.0, 0.0], [-(omega**2), -2.0 * omega, 1.0 - forward], [0.0, 0.0, -1.0 / gust.time_constant]])
-    estimated = solve_continuous_lyapunov(a, -quality.driving)
-    true = estimated + quality.error
-    gain = np.array([omega**2, 2.0 * omega, forward])
-    position = _DEVIATIONS * math.sqrt(max(0.0, true[0, 0]))
-    speed = _DEVIATIONS * math.sqrt(max(0.0, true[1, 1]))
-    # Where no filter stands between, the noise of a position reading reaches the feedback directly.
-    feedback = _DEVIATIONS * math.sqrt(max(0.0, float(gain @ estimated @ gain) + omega**4 * quality.error[0, 0]))
+    spread = stationary_deviations(bandwidth, mission.quality, mission.gust)
+    position, speed, feedback = (_DEVIATIONS * each for each in spread)
     floor = _NUMERICAL
     return TrackingBound(
         floor.horizontal + held + position,
         floor.vertical + held + position,
         floor.speed + speed,
-        floor.feedback + omega**2 * held + feedback,
+        floor.feedback + bandwidth**2 * held + feedback,
+        held,
     )
+
+
+def stationary_deviations(bandwidth: float, quality: EstimateQuality, gust: GustModel) -> tuple[float, float, float]:
+    """Standard deviations of position [m], velocity [m/s] and feedback [m/s^2] about a plan, on one axis.
+
+    The estimated error z = (p^ - p_ref, v^ - v_ref, g^) obeys z' = A z + noise of covariance W per second,
+
+        A = [[0, 1, 0], [-omega^2, -2 omega, c], [0, 0, -1 / tau]],
+
+    c = 0 if the gust's estimate is fed forward and 1 if not; the true error's covariance is that of z plus P.
+
+    Between readings that are up to T = ``quality.age`` apart an estimate that knows no gust misses what the gust does,
+    (eps, eps') with eps'' = g. A reading moves the estimate by it. The covariance of (p^, v^, g, eps, eps') is periodic
+    with T then: Sigma = R (F Sigma F' + Q) R', F and Q over T and R the reading; the greatest variances over a period
+    count. The noise of a reading is independent of both.
+    """
+    omega, forward = bandwidth, 1.0 if quality.estimates_gust else 0.0
+    late = quality.age > 0.0 and not quality.estimates_gust
+    # (p^, v^, g, eps, eps'), the last two for a late reading only.
+    n = 5 if late else 3
+    A, W = np.zeros((n, n)), np.zeros((n, n))
+    A[0, 1], A[1, :2], A[2, 2] = 1.0, (-(omega**2), -2.0 * omega), -1.0 / gust.time_constant
+    W[:3, :3] = quality.driving
+    if late:
+        A[3, 4] = A[4, 2] = 1.0
+        covariances = _periodic(A, W, quality.age)
+        true = np.hstack([np.eye(2), np.zeros((2, 1)), np.eye(2)])
+    else:
+        A[1, 2] = 1.0 - forward
+        covariances = np.array([solve_continuous_lyapunov(A, -W)])
+        true = np.eye(2, n)
+    gain = np.zeros(n)
+    gain[:3] = omega**2, 2.0 * omega, forward
+    position, speed = np.einsum("ki,nij,kj->nk", true, covariances, true).max(axis=0) + np.diag(quality.error)[:2]
+    # Where no filter stands between, the noise of a position reading reaches the feedback directly.
+    feedback = float(np.einsum("i,nij,j->n", gain, covariances, gain).max()) + omega**4 * quality.error[0, 0]
+    deviations = np.sqrt(np.maximum([position, speed, feedback], 0.0))
+    return float(deviations[0]), float(deviations[1]), float(deviations[2])
+
+
+def _periodic(A: Array, W: Array, period: float) -> Array:
+    """Covariances (n, 5, 5) over a period [s] of x' = A x + noise of W per second, with a reading at its end."""
+    reading = np.eye(5)
+    reading[:2, 3:], reading[3:, 3:] = np.eye(2), 0.0
+    step = period / _PHASES
+    exponential = expm(step * np.block([[-A, W], [np.zeros((5, 5)), A.T]]))  # C. F. Van Loan
+    F = exponential[5:, 5:].T
+    Q = F @ exponential[:5, 5:]
+    whole, noise = np.eye(5), np.zeros((5, 5))
+    for _ in range(_PHASES):
+        whole, noise = F @ whole, F @ noise @ F.T + Q
+    covariance = solve_discrete_lyapunov(reading @ whole, reading @ noise @ reading.T)
+    covariances = [covariance]
+    for _ in range(_PHASES):
+        covariance = F @ covariance @ F.T + Q
+        covariances.append(covariance)
+    return np.array(covariances)
 
 
 class CriticallyDamped:
@@ -71,6 +117,7 @@ class CriticallyDamped:
         self.period, self.bound = period, bound
         self._bandwidth = bandwidth
         self._limit = bound.feedback
+        self.held = None if bound.held is None else HeldInput(period, bandwidth, bound.held)
 
     def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         """Acceleration (3,) [m/s^2] at ``t`` [s] that tracks the plan."""

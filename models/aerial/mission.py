@@ -7,15 +7,17 @@ holds no truth of a run.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK, flow
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.sensors import FullStateSensor
+from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
+from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array
 
 
@@ -26,6 +28,16 @@ class GustModel:
     rms: float = 0.0  # [m/s^2] on each axis, before clipping
     time_constant: float = 3.0  # [s]
     limit: float = 4.0  # [m/s^2] on the Euclidean norm
+
+    def held(self, period: float) -> GustModel:
+        """Continuous model of gusts that are drawn anew, and held, every ``period`` [s].
+
+        Held, a gust of autocorrelation rho = exp(-h / tau) from one period to the next changes a velocity as much in
+        the long run as a continuous one of the time constant (h / 2) (1 + rho) / (1 - rho), which is never less than
+        tau.
+        """
+        ratio = 0.5 * period / self.time_constant
+        return replace(self, time_constant=self.time_constant * ratio / math.tanh(ratio))
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +52,12 @@ class EstimateQuality:
     error: Array  # (3, 3) P, units [m, m/s, m/s^2]
     driving: Array  # (3, 3) W, the same units squared per second
     estimates_gust: bool = False  # whether an estimate carries the gust as extra["gust"], (3,) [m/s^2]
+    age: float = 0.0  # [s]
+
+    def worst(self, gust: GustModel) -> tuple[float, float]:
+        """Standard deviations of position [m] and velocity [m/s] at that age; a constant gust bounds every other."""
+        position, velocity = math.sqrt(self.error[0, 0]), math.sqrt(self.error[1, 1])
+        return math.hypot(position, 0.5 * gust.rms * self.age**2), math.hypot(velocity, gust.rms * self.age)
 
     @staticmethod
     def exact(gust: GustModel) -> EstimateQuality:
@@ -63,6 +81,7 @@ class FlightMission:
     arrival_radius: float = 50.0  # [m] r_f
     position_noise: float = 0.0  # [m] standard deviation of a position reading, per axis
     position_rate: float = 10.0  # [Hz] of the position fixes
+    dropout_rate: float = 0.0  # fraction of the sensors' readings that are lost
     gust: GustModel = GustModel()
     quality: EstimateQuality = field(default_factory=lambda: EstimateQuality.exact(GustModel()))
     control_period: float = CONTROL_TICKS * TICK  # [s] of estimator and tracker
@@ -97,6 +116,14 @@ class FlightMission:
         covariance: Array = np.einsum("ij,kl->ikjl", axis, np.eye(3)).reshape(6, 6)
         return covariance
 
-    def full_state_quality(self) -> EstimateQuality:
-        """Quality of full-state readings: independent position noise; only the gusts drive the loop."""
-        return EstimateQuality(np.diag([self.position_noise**2, 0.0, 0.0]), EstimateQuality.exact(self.gust).driving)
+    def full_state_quality(self, rate: float | None, timeout: float) -> EstimateQuality:
+        """Quality of full-state readings: independent position noise; only the gusts drive the loop.
+
+        ``rate`` [Hz] and ``timeout`` [s] are those of the estimator (``full_state_sensor``).
+        """
+        error = np.diag([self.position_noise**2, 0.0, 0.0])
+        interval = self.control_period if rate is None else 1.0 / rate
+        gap = longest_gap(interval, self.dropout_rate, timeout)
+        # A reading at every control step is never old when it is used.
+        age = gap if gap > self.control_period + TIME_TOLERANCE else 0.0
+        return EstimateQuality(error, EstimateQuality.exact(self.gust).driving, age=age)

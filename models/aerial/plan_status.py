@@ -12,6 +12,7 @@ class FlightStatus(Enum):
     LOW_CLEARANCE = "the plan comes closer to the ground than allowed"
     OFF_MAP = "the plan leaves the map"
     BOUNDS = "the plan exceeds the speed or acceleration bound"
+    NOT_TRACKABLE = "the plan changes faster than the tracker can follow within its bound"
     DEADLINE = "the plan ends after the deadline"
     NO_ARRIVAL = "the plan does not come to rest at the target"
 

@@ -67,5 +67,5 @@ class LagrangianMission:
         n = len(self.system.states)
         return np.zeros((n, n))
 
-    def full_state_quality(self) -> None:
+    def full_state_quality(self, rate: float | None, timeout: float) -> None:
         """Nothing is certified from it."""

@@ -176,6 +176,6 @@ class MissileMission:
         ]
         return np.diag(self.noise.deviations(self.coordinates) ** 2 + np.square(deviations))
 
-    def full_state_quality(self) -> Any:
+    def full_state_quality(self, rate: float | None, timeout: float) -> Any:
         """The covariance of a reading: nothing is certified from it."""
         return self.full_state_covariance(0.0)

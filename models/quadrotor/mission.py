@@ -81,6 +81,6 @@ class QuadrotorMission:
         covariance[rest, rest] = (_STIFF * age) ** 2
         return covariance
 
-    def full_state_quality(self) -> EstimateQuality:
-        """Quality of the readings of the point mass."""
-        return self.flight.full_state_quality()
+    def full_state_quality(self, rate: float | None, timeout: float) -> EstimateQuality:
+        """Quality of the readings of the point mass, ``rate`` [Hz] times a second and lost after ``timeout`` [s]."""
+        return self.flight.full_state_quality(rate, timeout)

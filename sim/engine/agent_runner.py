@@ -98,7 +98,7 @@ class AgentRunner:
             self._ask(t, estimate)
             self._adopt(t)
         else:
-            self._alarm(t, estimate)
+            self._monitor(k, t, estimate)
         if self.plan is not None and k % self.tracker_ticks == 0:
             self._track(t, estimate, self.plan)
 
@@ -151,14 +151,15 @@ class AgentRunner:
         self.delivered += due
         return due
 
-    def _alarm(self, t: float, estimate: Estimate) -> None:
-        """Replan between two planning instants where a message that falls due now calls for it."""
-        alarmed = getattr(self.agent.planner, "alarmed", None)
-        if alarmed is None or self.plan is None or not self.undelivered or self.undelivered[0].t > t + TIME_TOLERANCE:
+    def _monitor(self, k: int, t: float, estimate: Estimate) -> None:
+        """Ask the planner what cannot wait for the next planning instant."""
+        monitor = getattr(self.agent.planner, "monitor", None)
+        news = bool(self.undelivered) and self.undelivered[0].t <= t + TIME_TOLERANCE
+        if monitor is None or self.plan is None or not (news or k % self.estimator_ticks == 0):
             return
         request = PlanRequest(t, t, estimate, self.plan, tuple(self._deliver(t)))
         try:
-            plan = alarmed(request)
+            plan = monitor(request)
         except (Exception, SystemExit) as error:
             plan = Plan.raised(error)
         if plan is None:

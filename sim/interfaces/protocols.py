@@ -144,8 +144,9 @@ class Estimator(Protocol):
 class Planner(Protocol):
     """Estimate to plan, slowly.
 
-    One that also has ``alarmed(request) -> Plan | None`` is asked that as soon as messages arrive between two planning
-    instants: for a plan that has to take over at once. Those messages are the next request's too.
+    One that also has ``monitor(request) -> Plan | None`` is asked that at every control step between two planning
+    instants, with the messages that have arrived: for a plan that has to take over at once, or a failure that announces
+    a loss. Those messages are the next request's too.
     """
 
     period: float  # [s]

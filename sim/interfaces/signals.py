@@ -102,10 +102,17 @@ class Plan:
         return float(self.t[-1])
 
     @staticmethod
-    def failure(status: Enum, message: str = "", *, ready: float = -np.inf, solve_ms: float = np.nan) -> Plan:
+    def failure(
+        status: Enum,
+        message: str = "",
+        *,
+        ready: float = -np.inf,
+        solve_ms: float = np.nan,
+        notes: tuple[str, ...] = (),
+    ) -> Plan:
         """A plan that is not there, and why."""
-        nothing = np.empty((0, 0))
-        return Plan(np.empty(0), nothing, nothing, np.empty(0, np.int64), status, message, ready, solve_ms=solve_ms)
+        nothing, none = np.empty((0, 0)), np.empty(0, np.int64)
+        return Plan(np.empty(0), nothing, nothing, none, status, message, ready, solve_ms=solve_ms, notes=notes)
 
     @staticmethod
     def raised(error: BaseException) -> Plan:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
-REJECTIONS = ("low-clearance", "off-map", "bounds", "deadline", "no-arrival", "wrong-start")
+REJECTIONS = ("low-clearance", "off-map", "bounds", "not-trackable", "deadline", "no-arrival", "wrong-start")
 
 
 def solve_times(solve_ms: Sequence[float]) -> dict[str, float]:

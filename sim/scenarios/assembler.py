@@ -21,11 +21,13 @@ import numpy as np
 
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.held_input import HeldInput
 from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.network import Network
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.fields import plain
 from mathnavi.sim.interfaces.protocols import Estimator, Planner, Plant, Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
@@ -96,14 +98,14 @@ class Assembler:
         planner = with_planner_faults(raw, self.faults, self.streams)
         sensors = with_sensor_faults(carried, self.faults, self.streams)
         if certified_flight is not None and getattr(self.controller.plugin, "certified", True):
-            planner = certified(planner, certified_flight, tracker.bound)
+            planner = certified(planner, certified_flight, tracker)
         return VehicleStack(sensors, estimator, planner, tracker)
 
     def first_plan(self, mission: Any, flight: FlightMission) -> Plan:
         """The certified planner's answer at the start; a controller without a certificate is held to it here too."""
         planner, tracker = checked_controller(self.controller, mission, TrackingBound)
         request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
-        return certified(planner, flight, tracker.bound).plan(request)
+        return certified(planner, flight, tracker).plan(request)
 
     def observer(self, mission: Any) -> Estimator:
         """The estimator alone; PluginError if it does not fit the mission."""
@@ -165,10 +167,24 @@ class Assembler:
         }
 
 
-def certified(planner: Planner, flight: FlightMission, bound: TrackingBound) -> Certified:
-    """The planner behind a certificate, and what flies in its place where there is no certified plan."""
-    certificate = Certificate.of(flight, bound)
-    return Certified(planner, partial(StopAndHover, period=planner.period), certificate, bound, flight.deadline_factor)
+def certified(planner: Planner, flight: FlightMission, tracker: Any) -> Certified:
+    """The planner behind a certificate, and what flies in its place where there is no certified plan.
+
+    ``tracker`` states its ``bound``, and ``held`` if that depends on how fast a plan changes. Raises PluginError for a
+    planner whose plans begin between two commands of such a tracker.
+    """
+    held: HeldInput | None = getattr(tracker, "held", None)
+    if held is not None:
+        periods = planner.period / held.period
+        if abs(periods - round(periods)) > 1e-6:
+            raise PluginError(
+                f"the planner's period = {planner.period!r} s; allowed: a whole number of control periods of "
+                f"{held.period:.6g} s, for its plans are certified for commands that are held so long"
+            )
+    certificate = Certificate.of(flight, tracker.bound, held)
+    fallback = partial(StopAndHover, period=planner.period)
+    worst = flight.quality.worst(flight.gust)
+    return Certified(planner, fallback, certificate, tracker.bound, flight.deadline_factor, worst)
 
 
 def _plugin_record(part: PluginSpec) -> dict[str, Any]:

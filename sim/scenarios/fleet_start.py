@@ -157,7 +157,7 @@ def _vehicle(
             f"controller = {parts.controller.name!r}: its planner has no length to go; allowed: one that has "
             "length_to_go(points), by which its vehicle knows when it can arrive"
         )
-    planner = certified(with_planner_faults(raw, parts.faults, streams), mission, tracker.bound)
+    planner = certified(with_planner_faults(raw, parts.faults, streams), mission, tracker)
     stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None))
     if not stored.ok:
         raise _NoFleetError(

@@ -71,6 +71,7 @@ class FlightFields(Protocol):
 
 def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar, ...] = ()) -> FlightMission:
     """The mission of a vehicle but for its start, its target, and how good its estimates are."""
+    control_period = round(1.0 / (config.control_rate * TICK)) * TICK
     return FlightMission(
         terrain=terrain,
         start=(math.nan,) * 3,
@@ -82,8 +83,9 @@ def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar
         arrival_radius=config.arrival_radius,
         position_noise=config.noise.position,
         position_rate=config.noise.position_rate,
-        control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
-        gust=config.faults.gust_model,
+        control_period=control_period,
+        dropout_rate=config.faults.dropout_rate,
+        gust=config.faults.gust_model.held(control_period),
         radars=radars,
     )
 

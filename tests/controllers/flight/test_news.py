@@ -51,9 +51,10 @@ class Watched:
         self._examine(request, answer)
         return answer
 
-    def alarmed(self, request: PlanRequest) -> Plan | None:
-        answer = self._planner.alarmed(request)
-        self._examine(request, answer)
+    def monitor(self, request: PlanRequest) -> Plan | None:
+        answer = self._planner.monitor(request)
+        if request.messages:  # without news nothing is announced again
+            self._examine(request, answer)
         return answer
 
     def _examine(self, request: PlanRequest, answer: Plan | None) -> None:

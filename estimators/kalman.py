@@ -130,7 +130,7 @@ class Kalman:
         before = solve_discrete_are(F.T, _H.T, Q, R)
         before = 0.5 * (before + before.T)
         correction = before @ _H.T @ np.linalg.solve(_H @ before @ _H.T + R, _H @ before)
-        return EstimateQuality(before, 0.5 * (correction + correction.T) / interval, estimates_gust=True)
+        return EstimateQuality(before, 0.5 * (correction + correction.T) / interval, estimates_gust=True, age=interval)
 
     @staticmethod
     def properties(config: KalmanConfig) -> ObserverProperties:
@@ -196,11 +196,16 @@ class Kalman:
 
 
 def _first(config: KalmanConfig, mission: FlightMission) -> Array:
-    """Covariance (3, 3) of the filter at the start, which the mission states."""
-    stationary = np.sqrt(np.diag(Kalman.quality(config, mission).error))
-    position = config.start_position_std or stationary[0]
-    velocity = config.start_velocity_std or stationary[1]
-    return np.diag([position, velocity, stationary[2]]) ** 2
+    """Covariance (3, 3) of the filter at the start, which the mission states: the stationary one, but for the stated.
+
+    Anything wider would let the first fixes move the estimate by more than the declared quality says.
+    """
+    P = Kalman.quality(config, mission).error.copy()
+    for k, stated in enumerate((config.start_position_std, config.start_velocity_std)):
+        if stated is not None:
+            P[k, :] = P[:, k] = 0.0
+            P[k, k] = stated**2
+    return P
 
 
 def clipped_rms(gust: GustModel) -> float:

@@ -12,14 +12,14 @@ from mathnavi.sim.interfaces.protocols import Sensor, StateView
 from mathnavi.sim.interfaces.signals import Array
 
 
-_NEVER = 1e-9  # probability of a gap between readings that nothing has to allow for
+_NEVER = 5.7e-7  # probability of a gap that nothing has to allow for: that of five standard deviations
 
 
 def longest_gap(interval: float, dropout_rate: float, timeout: float) -> float:
     """Longest time [s] without a reading that is to be allowed for, while an estimate is not yet lost.
 
     Readings come every ``interval`` [s], a fraction ``dropout_rate`` of them is lost, each by itself, and after
-    ``timeout`` [s] without one the estimate is lost. Longer gaps begin with one reading in 10^9.
+    ``timeout`` [s] without one the estimate is lost. A longer gap is as unlikely as five standard deviations.
     """
     if dropout_rate >= 1.0:
         return timeout

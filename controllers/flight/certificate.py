@@ -87,9 +87,11 @@ class Certificate:
             ("arrival_radius", radius, mission.arrival_radius),
         ):
             if left <= 0.0:
+                age = mission.quality.age
+                late = f" with up to {age:.3g} s without a reading" if age > 0.0 else ""
                 raise ValueError(
                     f"{name} = {whole:g} leaves nothing to plan with; allowed: > {whole - left:.3g}, "
-                    "which noise and gusts take"
+                    f"which noise and gusts take{late}"
                 )
         return Certificate(
             _raised(mission.terrain, bound.horizontal, bound.vertical),

@@ -171,7 +171,7 @@ class Certified:
     def _doubt(self, estimate: Estimate) -> str:
         """Why the tracking bound cannot be relied on with an estimate; "" if it can."""
         if estimate.status is not Status.OK:
-            return estimate.status.value
+            return str(estimate.status.value)
         if estimate.covariance is None:
             return ""
         variance = np.diag(estimate.covariance)

@@ -18,6 +18,8 @@ the tracker makes up for most of it; across it theta is an acceleration by tilt,
 * What the vehicle may be off by from what is believed is bounded and otherwise free: the peak-to-peak gain times
   mass_tolerance |a_r| + drag_tolerance |D| v_max / m, on the vertical also the greatest answer to a step times
   mass_tolerance g.
+* Between readings that come up to T apart the feedback misses what a gust g does: k_p |g| T^2 / 2 + k_v |g| T, an input
+  like the one before.
 
 That is exact for the linear loop; the tests hold it against the flight in MuJoCo. Rotors have bounds: a plan is left
 what they can do beside the feedback, up and down, where drag helps neither, what they have the moments for when plans
@@ -121,6 +123,13 @@ def _gains(config: TrackerConfig) -> tuple[float, float, float]:
     return omega**2, 2.0 * config.position_damping * omega, config.disturbance_bandwidth
 
 
+def _unread(config: TrackerConfig, mission: FlightMission) -> float:
+    """Error of the feedback [m/s^2] from what gusts do in the longest time without a reading."""
+    k_p, k_v, _ = _gains(config)
+    age = mission.quality.age
+    return min(_DEVIATIONS * mission.gust.rms, mission.gust.limit) * (0.5 * k_p * age**2 + k_v * age)
+
+
 def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMission) -> TrackingBound:
     """Tracking bound over a mission of the vehicle that is believed to fly; ``feedback`` is what a_max has to yield to
     it.
@@ -137,7 +146,7 @@ def tracking_bound(config: TrackerConfig, vehicle: Quadrotor, mission: FlightMis
     parts = []
     for build, drag in zip((AxisLoop.across, AxisLoop.along), drags, strict=True):
         loop = build(config, vehicle, mission.control_period)
-        unknown = tolerance * foreseen.acceleration * a_max + config.drag_tolerance * drag
+        unknown = tolerance * foreseen.acceleration * a_max + config.drag_tolerance * drag + _unread(config, mission)
         gains, steps = loop.peak_gains
         spread = _DEVIATIONS * loop.deviations(mission)
         if mission.position_noise == 0.0:

@@ -57,6 +57,8 @@ class EstimateQuality:
     def worst(self, gust: GustModel) -> tuple[float, float]:
         """Standard deviations of position [m] and velocity [m/s] at that age; a constant gust bounds every other."""
         position, velocity = math.sqrt(self.error[0, 0]), math.sqrt(self.error[1, 1])
+        if self.estimates_gust:
+            return position, velocity
         return math.hypot(position, 0.5 * gust.rms * self.age**2), math.hypot(velocity, gust.rms * self.age)
 
     @staticmethod

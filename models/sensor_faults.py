@@ -27,6 +27,15 @@ def longest_gap(interval: float, dropout_rate: float, timeout: float) -> float:
     return min((1 + lost) * interval, timeout)
 
 
+def rms_gap(interval: float, dropout_rate: float, timeout: float) -> float:
+    """Root of the mean square [s] of the time since the last reading, at its longest before the next one falls due.
+
+    With n lost readings in a row of probability (1 - q) q^n, E (1 + n)^2 = (1 + q) / (1 - q)^2.
+    """
+    q = dropout_rate
+    return timeout if q >= 1.0 else min(interval * math.sqrt(1.0 + q) / (1.0 - q), timeout)
+
+
 class Dropout:
     """A sensor that loses a fraction ``rate`` of its readings.
 

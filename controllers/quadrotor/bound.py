@@ -18,8 +18,8 @@ the tracker makes up for most of it; across it theta is an acceleration by tilt,
 * What the vehicle may be off by from what is believed is bounded and otherwise free: the peak-to-peak gain times
   mass_tolerance |a_r| + drag_tolerance |D| v_max / m, on the vertical also the greatest answer to a step times
   mass_tolerance g.
-* Between readings that come up to T apart the feedback misses what a gust g does: k_p |g| T^2 / 2 + k_v |g| T, an input
-  like the one before.
+* Between readings T apart the feedback misses what a gust g does: k_p |g| T^2 / 2 + k_v |g| T, an input like the one
+  before; T^2 is the mean square where readings are lost at random, for the loop is slower than they come.
 
 That is exact for the linear loop; the tests hold it against the flight in MuJoCo. Rotors have bounds: a plan is left
 what they can do beside the feedback, up and down, where drag helps neither, what they have the moments for when plans
@@ -124,9 +124,9 @@ def _gains(config: TrackerConfig) -> tuple[float, float, float]:
 
 
 def _unread(config: TrackerConfig, mission: FlightMission) -> float:
-    """Error of the feedback [m/s^2] from what gusts do in the longest time without a reading."""
+    """Error of the feedback [m/s^2] from what gusts do between readings, by the mean square of the time without one."""
     k_p, k_v, _ = _gains(config)
-    age = mission.quality.age
+    age = mission.quality.rms_age
     return min(_DEVIATIONS * mission.gust.rms, mission.gust.limit) * (0.5 * k_p * age**2 + k_v * age)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK, flow
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.sensors import FullStateSensor
-from mathnavi.models.sensor_faults import longest_gap
+from mathnavi.models.sensor_faults import longest_gap, rms_gap
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -53,6 +53,7 @@ class EstimateQuality:
     driving: Array  # (3, 3) W, the same units squared per second
     estimates_gust: bool = False  # whether an estimate carries the gust as extra["gust"], (3,) [m/s^2]
     age: float = 0.0  # [s]
+    rms_age: float = 0.0  # [s] root of the mean square of that time
 
     def worst(self, gust: GustModel) -> tuple[float, float]:
         """Standard deviations of position [m] and velocity [m/s] at that age; a constant gust bounds every other."""
@@ -127,5 +128,7 @@ class FlightMission:
         interval = self.control_period if rate is None else 1.0 / rate
         gap = longest_gap(interval, self.dropout_rate, timeout)
         # A reading at every control step is never old when it is used.
-        age = gap if gap > self.control_period + TIME_TOLERANCE else 0.0
-        return EstimateQuality(error, EstimateQuality.exact(self.gust).driving, age=age)
+        if gap <= self.control_period + TIME_TOLERANCE:
+            return EstimateQuality(error, EstimateQuality.exact(self.gust).driving)
+        rms = rms_gap(interval, self.dropout_rate, timeout)
+        return EstimateQuality(error, EstimateQuality.exact(self.gust).driving, age=gap, rms_age=rms)

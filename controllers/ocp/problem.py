@@ -29,8 +29,8 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
+from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.sim.interfaces.checks import allowed_for
@@ -199,23 +199,34 @@ class OptimalControlProblem:
         self,
         nodes: int = NODES,
         *,
-        adaptive: bool = False,
+        method: Method = "direct",
+        monitor: Monitor | str | None = None,
         guess: Solution | None = None,
         parameters: Mapping[str, float] | None = None,
     ) -> Solution:
-        """The solution on ``nodes`` uniform nodes by Hermite-Simpson collocation, replayed through its own dynamics.
+        """Solve the problem by Hermite-Simpson collocation and replay the solution through its own dynamics.
 
-        With ``adaptive`` nodes are added where the local error is, ``nodes`` at most. ``guess`` is a solution to begin
-        with, ``parameters`` are values by name, the nominal ones where none is given. Whether there is a solution is in
-        its ``status``: ``solution.ok``.
+        Args:
+            nodes: number N of nodes, for ``refine`` the most that it may use.
+            method: "direct", uniform nodes; "redistribute", nodes moved between two solves to where the monitor
+                function is large; "distribute", nodes that are unknowns of the programme, (B.1), and hold the monitor
+                function in equal shares; "refine", nodes added where the local error is.
+            monitor: monitor function w of "redistribute" and "distribute", or the name of one: "arclength",
+                "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
+            guess: a solution to start from, on any grid; None for the guess that was stated.
+            parameters: values by name, the nominal ones where none is given.
 
-        Raises ProblemError for a problem that is not complete or contradicts itself, and for fewer than two nodes.
+        Returns:
+            The solution; ``solution.ok`` says whether it is one, its ``status`` why not. An adaptive solution that
+            replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
+
+        Raises:
+            ProblemError: for a problem that is not complete or contradicts itself, fewer than two nodes, an unknown
+                method, monitor or parameter, and a monitor that its method cannot take.
         """
         problem = self.functions()
         values = problem.values(**(parameters or {}))
-        if adaptive:
-            return refine(problem, min(6, nodes), most_nodes=nodes, guess=guess, parameters=values)
-        return solve(problem, nodes, guess=guess, parameters=values)
+        return solve_by(problem, nodes, method, monitor, guess=guess, parameters=values)
 
     def functions(self) -> ProblemFunctions:
         """The problem as compiled functions, checked.

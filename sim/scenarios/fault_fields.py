@@ -21,7 +21,7 @@ import numpy as np
 from annotated_types import Interval, Le
 
 from mathnavi.models.aerial.dynamics import TICK
-from mathnavi.models.aerial.mission import GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts
 from mathnavi.models.sensor_faults import Dropout
 from mathnavi.sim.engine.faults import (
     CorruptedPlan,
@@ -189,9 +189,9 @@ class RandomGusts(Fault):
         return (Gusts(mass * self.gust_rms, self.gust_time_constant, mass * self.gust_limit, rng),)
 
     @property
-    def gust_model(self) -> GustModel:
-        """The gusts as a mission declares them."""
-        return GustModel(self.gust_rms, self.gust_time_constant, self.gust_limit)
+    def declared_gusts(self) -> DeclaredGusts:
+        """These gusts as the mission declares them."""
+        return DeclaredGusts(self.gust_rms, self.gust_time_constant, self.gust_limit)
 
 
 @configuration(prefix="faults.")

@@ -83,7 +83,7 @@ def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar
         position_noise=config.noise.position,
         position_rate=config.noise.position_rate,
         control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
-        gust=config.faults.gust_model,
+        gust=config.faults.declared_gusts,
         radars=radars,
     )
 

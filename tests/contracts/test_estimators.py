@@ -24,7 +24,7 @@ import pytest
 
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
 from mathnavi.models.aerial.dynamics import TICK, flow
-from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.manifold.attitude import nearer
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space
 from mathnavi.models.manifold.mission import LagrangianMission
@@ -94,7 +94,7 @@ def flight_bench(silent: bool = False) -> Bench:
     terrain = HeightField(np.zeros((3, 3)), 5000.0)
     noise = 0.0 if silent else 2.0
     mission = FlightMission(
-        terrain, (4000.0, 4000.0, 900.0), (9000.0, 9000.0, 900.0), position_noise=noise, gust=GustModel(1.0)
+        terrain, (4000.0, 4000.0, 900.0), (9000.0, 9000.0, 900.0), position_noise=noise, gust=DeclaredGusts(1.0)
     )
     return Bench(
         mission,

@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.equidistribution import distribute
+from mathnavi.controllers.ocp.methods.distribution import distribute
 from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR

@@ -11,7 +11,7 @@ from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.quadrotor.bound import AxisLoop, tracking_bound
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
 from mathnavi.models.aerial.dynamics import state_at
-from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor, at_rest
 from mathnavi.models.quadrotor.entity import RotorDrive
 from mathnavi.sim.engine.faults import ConstantWrench, Gusts
@@ -20,7 +20,7 @@ from mathnavi.sim.interfaces.signals import OPTIMISED, Array
 from tests.quadrotor import PERIOD, TICKS, built, estimate_of, flight_mission, flown, hovering, plain, turning
 
 CONFIG = TrackerConfig()
-GUSTS = GustModel(0.7, 2.0, 1.5)
+GUSTS = DeclaredGusts(0.7, 2.0, 1.5)
 HEAVY = dataclasses.replace(NOMINAL, mass=1.1 * NOMINAL.mass)
 
 
@@ -39,7 +39,7 @@ def test_a_step_of_force_is_answered_as_the_linear_loop_answers(axis: int, share
 
 def test_the_spread_under_gusts_is_that_of_flights() -> None:
     """The standard deviation of 25 s in gusts that no limit clips."""
-    gust = GustModel(0.4, 1.0, 9.0)
+    gust = DeclaredGusts(0.4, 1.0, 9.0)
     expected = AxisLoop.across(CONFIG, NOMINAL, PERIOD).deviations(mission(gust=gust))[0]
     m = NOMINAL.mass
     gusts = Gusts(m * gust.rms, gust.time_constant, m * gust.limit, np.random.default_rng(1))
@@ -70,7 +70,7 @@ def test_the_bound_is_kept_in_gusts(true: Quadrotor, seed: int) -> None:
 @pytest.mark.parametrize("rough", [False, True])
 def test_the_bound_is_kept_by_plans_that_take_over_unforeseen(rough: bool) -> None:
     """Every half second another plan, of turns drawn anew with all that the bound leaves of a_max, however large."""
-    flight = mission(acceleration_max=5.0, gust=GUSTS if rough else GustModel())
+    flight = mission(acceleration_max=5.0, gust=GUSTS if rough else DeclaredGusts())
     bound = tracking_bound(CONFIG, NOMINAL, flight)
     left = flight.acceleration_max - bound.feedback
     assert 1.5 < left < 3.0  # at more the rotors have not the moments
@@ -110,18 +110,18 @@ def test_more_to_allow_for_is_a_wider_bound() -> None:
         return np.array([bound.horizontal, bound.vertical, bound.speed])
 
     still = of()
-    assert (of(gust=GustModel(0.2, 2.0, 1.5)) > still).all()
-    assert (of(gust=GustModel(0.4, 2.0, 1.5)) > of(gust=GustModel(0.2, 2.0, 1.5))).all()
+    assert (of(gust=DeclaredGusts(0.2, 2.0, 1.5)) > still).all()
+    assert (of(gust=DeclaredGusts(0.4, 2.0, 1.5)) > of(gust=DeclaredGusts(0.2, 2.0, 1.5))).all()
     assert (of(position_noise=0.02) > still).all()
     less = dataclasses.replace(CONFIG, mass_tolerance=0.0, drag_tolerance=0.0)
     assert (of(less) < still).all()
 
 
 def test_what_gusts_take_of_the_rotors_is_taken_from_the_plans() -> None:
-    calm, stormy = (tracking_bound(CONFIG, NOMINAL, mission(gust=gust)) for gust in (GustModel(), GUSTS))
+    calm, stormy = (tracking_bound(CONFIG, NOMINAL, mission(gust=gust)) for gust in (DeclaredGusts(), GUSTS))
     assert 0.0 <= calm.feedback < stormy.feedback < 5.0
     with pytest.raises(ValueError, match=r"gust rms = 3\.0.*more than the rotors have"):
-        tracking_bound(CONFIG, NOMINAL, mission(gust=GustModel(3.0, 2.0, 6.0)))
+        tracking_bound(CONFIG, NOMINAL, mission(gust=DeclaredGusts(3.0, 2.0, 6.0)))
 
 
 def test_gains_that_the_rotors_cannot_follow_are_refused() -> None:

@@ -15,7 +15,7 @@ from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.controllers.quadrotor.plugin import QuadrotorConfig, QuadrotorFlight
 from mathnavi.estimators.quadrotor_state import QuadrotorState
 from mathnavi.models.aerial.dynamics import state_at
-from mathnavi.models.aerial.mission import GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts
 from mathnavi.models.quadrotor.dynamics import NOMINAL, POSITION, VELOCITY, Quadrotor
 from mathnavi.models.quadrotor.entity import RotorDrive
 from mathnavi.models.quadrotor.mission import QuadrotorMission
@@ -26,9 +26,9 @@ from mathnavi.sim.interfaces.protocols import Plant
 from tests.quadrotor import built, flight_mission, hills
 
 
-def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> dict[str, Any]:
+def mission_flown(true: Quadrotor = NOMINAL, gust: DeclaredGusts | None = None) -> dict[str, Any]:
     """What came of a mission across the hills, as a scenario would fly it."""
-    gust = gust or GustModel()
+    gust = gust or DeclaredGusts()
     flight = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0), gust=gust)
     mission, sensing, gusting = QuadrotorMission(flight), *np.random.default_rng(5).spawn(2)
     raw, tracker = QuadrotorFlight.build(QuadrotorConfig(), mission)
@@ -68,10 +68,12 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> d
 
 @pytest.mark.parametrize(
     ("true", "gust"),
-    [(NOMINAL, None), (dataclasses.replace(NOMINAL, mass=1.32, motor_lag=0.035), GustModel(0.6, 3.0, 1.5))],
+    [(NOMINAL, None), (dataclasses.replace(NOMINAL, mass=1.32, motor_lag=0.035), DeclaredGusts(0.6, 3.0, 1.5))],
     ids=["still air", "gusts, mass and lag"],
 )
-def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(true: Quadrotor, gust: GustModel | None) -> None:
+def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(
+    true: Quadrotor, gust: DeclaredGusts | None
+) -> None:
     came = mission_flown(true, gust)
     bound, off, flight = came["bound"], came["off"], came["flight"]
     assert came["contacts"] == 0

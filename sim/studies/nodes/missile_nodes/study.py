@@ -21,7 +21,7 @@ from annotated_types import Interval
 from mathnavi.controllers.ocp.distribution import Equidistributed, Free
 from mathnavi.controllers.ocp.indirect import solve_indirect
 from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.equidistribution import distribute
+from mathnavi.controllers.ocp.methods.distribution import distribute
 from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, Monitor
 from mathnavi.controllers.ocp.problems.missile import OPTIMA, missile

@@ -91,6 +91,7 @@ class OptimalControlProblem:
     """
 
     def __init__(self, name: str) -> None:
+        """Begin an empty problem of this name, or the problem of the literature that has it."""
         self.name = name
         self.t = ca.SX.sym("t")
         """time [s] since the start"""
@@ -112,7 +113,12 @@ class OptimalControlProblem:
         scale: float = 1.0,
         guess: Sequence[float] = (0.0,),
     ) -> ca.SX:
-        """A state with its bounds along the path, its typical magnitude and its guess."""
+        """Declare a state; returns its symbol ().
+
+        ``lower`` and ``upper`` bound it along the path, ``scale`` > 0 is its typical magnitude, ``guess`` (k,) are
+        values spread evenly over [0, T]; all in the state's own unit. ProblemError for a name that is taken, limits
+        that contradict each other, and numbers that are not finite.
+        """
         return self._declare(self._states, name, lower, upper, scale, guess)
 
     def control(
@@ -124,11 +130,14 @@ class OptimalControlProblem:
         scale: float = 1.0,
         guess: Sequence[float] = (0.0,),
     ) -> ca.SX:
-        """A control, likewise."""
+        """Declare a control; returns its symbol (). Arguments and errors are those of ``state``."""
         return self._declare(self._controls, name, lower, upper, scale, guess)
 
     def parameter(self, name: str, nominal: float) -> ca.SX:
-        """A number that is known when the problem is solved and may differ from solve to solve."""
+        """Declare a parameter p, known at each solve, with its nominal value; returns its symbol ().
+
+        ProblemError for a name that is taken and a value that is not finite.
+        """
         self._check_name(name)
         if not math.isfinite(nominal):
             raise ProblemError(f"{self.name}: parameter {name} = {nominal!r}; allowed: a finite number")
@@ -137,11 +146,14 @@ class OptimalControlProblem:
         return symbol
 
     def duration(self, value: float) -> None:
-        """A fixed final time T [s]."""
+        """Fix the final time T [s]; ProblemError unless 0 < T <= 1e9 s, and if it is given twice."""
         self.free_duration(guess=value, lower=value, upper=value)
 
     def free_duration(self, *, guess: float, lower: float = 1e-3, upper: float = _MOST_DURATION) -> ca.SX:
-        """A free final time T [s]; returns its symbol, for terminal cost and end constraints."""
+        """Free the final time, lower <= T <= upper [s]; returns its symbol, for terminal cost and end constraints.
+
+        ProblemError unless 0 < lower <= guess <= upper <= 1e9 s, and if it is given twice.
+        """
         if not (0.0 < lower <= guess <= upper <= _MOST_DURATION):
             raise ProblemError(
                 f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
@@ -153,7 +165,7 @@ class OptimalControlProblem:
         return self._final_time
 
     def minimise(self, running: ca.SX | float = 0.0, terminal: ca.SX | float = 0.0) -> None:
-        """J = ∫ running dt + terminal; said once."""
+        """State the objective J = ∫ running dt + terminal; ProblemError if it is stated twice or is no scalar."""
         if self._stated:
             raise ProblemError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
         self._stated = True
@@ -163,7 +175,7 @@ class OptimalControlProblem:
         self._running, self._terminal = ca.SX(running), ca.SX(terminal)
 
     def dynamics(self, state: ca.SX, rate: ca.SX | float) -> None:
-        """x' = rate for one state."""
+        """State the dynamics x' = rate [1/s] of one state; ProblemError for no state, a second rate or no scalar."""
         variable = self._find(state, self._states, "dynamics")
         if ca.SX(rate).numel() != 1:
             raise ProblemError(
@@ -174,25 +186,28 @@ class OptimalControlProblem:
         self._rates[variable.name] = ca.SX(rate)
 
     def constrain(self, expression: ca.SX, *, lower: float = -math.inf, upper: float = math.inf) -> None:
-        """lower <= d(x, u, t; p) <= upper along the whole path."""
+        """Constrain an expression, or each of several, along the path: lower <= d(x, u, t; p) <= upper.
+
+        ProblemError for limits that contradict each other.
+        """
         self._path.add(f"{self.name}: path constraint", expression, lower, upper)
 
     def start(self, state: ca.SX, value: float | ca.SX) -> None:
-        """x(0) = value for one state; the value is a number or an expression of parameters."""
+        """Start one state at x(0) = value, a number or an expression of parameters; ProblemError for no state."""
         self._find(state, self._states, "start")
         self._initial.add(f"{self.name}: start", state - value, 0.0, 0.0)
 
     def start_constraint(self, expression: ca.SX, *, lower: float = 0.0, upper: float = 0.0) -> None:
-        """lower <= i(x(0); p) <= upper."""
+        """Constrain the start: lower <= i(x(0); p) <= upper; ProblemError for limits that contradict each other."""
         self._initial.add(f"{self.name}: start constraint", expression, lower, upper)
 
     def end(self, state: ca.SX, value: float | ca.SX) -> None:
-        """x(T) = value for one state; the value is a number or an expression of T and of parameters."""
+        """End one state at x(T) = value, a number or an expression of T and parameters; ProblemError for no state."""
         self._find(state, self._states, "end")
         self._final.add(f"{self.name}: end", state - value, 0.0, 0.0)
 
     def end_constraint(self, expression: ca.SX, *, lower: float = 0.0, upper: float = 0.0) -> None:
-        """lower <= s(x(T), T; p) <= upper."""
+        """Constrain the end: lower <= s(x(T), T; p) <= upper; ProblemError for limits that contradict each other."""
         self._final.add(f"{self.name}: end constraint", expression, lower, upper)
 
     def solve(

@@ -68,10 +68,9 @@ class HeightField:
         """Title and rows of the table that stands for the terrain."""
         rows, columns = self.z.shape
         return f"terrain {self.name!r}", [
-            ("nodes, south to north x west to east", f"{rows} x {columns}", ""),
+            ("shape", f"{rows} x {columns}", "nodes"),
             ("spacing", f"{self.spacing:g}", "m"),
-            ("lowest", f"{self.z.min():.1f}", "m"),
-            ("highest", f"{self.z.max():.1f}", "m"),
+            ("heights", f"{self.z.min():.1f} to {self.z.max():.1f}", "m"),
         ]
 
     def __repr__(self) -> str:

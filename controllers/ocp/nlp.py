@@ -5,7 +5,7 @@ Unknowns, stage by stage, each over its scale:
     z_1, w_1, z_2, w_2, ..., z_N, w_N,      z_i = (x_i, T, s, τ_i),  w_i = (U_i, X_i, D_i).
 
 The final time T and the constant s of an equidistribution are states that stay constant, so the programme has the band
-structure that a Riccati solver wants. D_i = d_i (N - 1) / T are the relative node distances and τ_i the running sum of
+structure that a Riccati solver needs. D_i = d_i (N - 1) / T are the relative node distances and τ_i the running sum of
 D_i / (N - 1); on a fixed grid both are parameters. The constraints of a stage are its gap, z_{i+1} - flow(z_i, w_i) =
 0, then what holds along its interval.
 """
@@ -298,13 +298,13 @@ def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tu
 
 
 def _sample_mesh(problem: ProblemFunctions) -> Mesh:
-    """Any mesh, to count with."""
+    """Any mesh, to count a distribution's constraints with."""
     one, column = ca.SX(1), ca.SX.ones(problem.nx)
     return Mesh(1, ca.SX(0), one, one, column, column)
 
 
 def _start(layout: ProgrammeLayout) -> _Part:
-    """i(x(0); p)."""
+    """Rows at the first node, i(x(0); p)."""
     problem = layout.problem
     z, p = ca.SX.sym("z", layout.state_size), ca.SX.sym("p", len(problem.parameters))
     rows = problem.initial(z[: problem.nx] * ca.DM(problem.state_scale), p)
@@ -312,7 +312,7 @@ def _start(layout: ProgrammeLayout) -> _Part:
 
 
 def _end(layout: ProgrammeLayout) -> _Part:
-    """What holds at the last node, and the terminal cost."""
+    """Rows at the last node, s(x(T), T; p) and path constraints, and the terminal cost."""
     problem = layout.problem
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.last_input_size)
     p = ca.SX.sym("p", len(problem.parameters))

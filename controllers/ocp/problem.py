@@ -37,7 +37,9 @@ from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
-NODES = 40  # of a solution unless the caller says else
+NODES = 40
+"""nodes of a solution by default"""
+
 KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
 """problems with a known optimum by name, which ``mathnavi.controllers.ocp.problems.library`` enters"""
 _MOST_DURATION = 1e9  # [s] beyond which a final time is no number to search among

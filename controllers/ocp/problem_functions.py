@@ -47,7 +47,7 @@ class ProblemFunctions:
     duration_bounds: tuple[float, float]  # [s] equal for a fixed T
     state_scale: Array  # (nx,)
     control_scale: Array  # (nu,)
-    nominal: Array  # (np,) values of the parameters unless a solve says else
+    nominal: Array  # (np,) values of the parameters by default
     guess_times: Array  # (k,) in [0, 1], fractions of T
     guess_states: Array  # (k, nx)
     guess_controls: Array  # (k, nu)

@@ -14,7 +14,7 @@ _SMALLEST_PIVOT = 1e-6  # far below CLIMB_WEIGHT, the smallest entry of the Hess
 
 @njit(cache=True, nogil=True)
 def add_norm_hessian(block: Array, v: Array, length: float, multiplier: float) -> None:
-    """Add the Hessian of multiplier * |v| to a 3 x 3 block."""
+    """Add the Hessian of multiplier * |v|, v (3,) of the given length, to a ``block`` (3, 3), if multiplier > 0."""
     if multiplier > 0.0:
         for a in range(3):
             for b in range(3):
@@ -26,7 +26,8 @@ def add_norm_hessian(block: Array, v: Array, length: float, multiplier: float) -
 def add_curvature(hessian: Array, clipped: Array, weights: Array, strength: float, curvature: Array) -> bool:
     """Add strength * ``curvature`` (3, 3) in the point sum_j weights_j a_j: its convex part to the Hessian.
 
-    The rest goes to ``clipped``; returns whether there was any. (Loops, because whole arrays compile for seconds.)
+    ``hessian`` and ``clipped`` (3n + 1, 3n + 1), ``weights`` (n,). The rest goes to ``clipped``; returns True if there
+    was any. (Loops, because whole arrays compile for seconds.)
     """
     convex, rest = np.empty((3, 3)), np.empty((3, 3))
     for a in range(3):
@@ -53,7 +54,7 @@ def add_curvature(hessian: Array, clipped: Array, weights: Array, strength: floa
 def convexify(hessian: Array, clipped: Array) -> bool:
     """Add as much of ``clipped`` (all, half, a quarter or nothing) as the Hessian stays positive definite with.
 
-    Returns whether it was all.
+    Both (3n + 1, 3n + 1). Returns True if it was all.
     """
     size = hessian.shape[0]
     trial = np.empty((size, size))
@@ -71,7 +72,7 @@ def convexify(hessian: Array, clipped: Array) -> bool:
 
 @njit(cache=True, nogil=True)
 def _is_positive_definite(matrix: Array) -> bool:
-    """Whether Cholesky's factorisation exists, its pivots clear of rounding."""
+    """True if Cholesky's factorisation of a symmetric matrix (m, m) exists, its pivots clear of rounding."""
     size = matrix.shape[0]
     factor = np.empty((size, size))
     for i in range(size):

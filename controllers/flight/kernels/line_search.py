@@ -22,7 +22,7 @@ _SUFFICIENT, _SHORTEST = 1e-4, 1e-3  # of the line search: share of the promised
 
 @njit(cache=True, nogil=True)
 def project(unknowns: Array, data: ProblemData, out: Array) -> None:
-    """Fills ``out`` with unknowns near the given ones that keep every bound on speed, acceleration and manoeuvre.
+    """Fill ``out`` (3n + 1,) with unknowns near the given ones that keep all bounds of speed, acceleration, manoeuvre.
 
     Velocities are pulled into the ball |v_i| <= v_max, then approached with |a_i| <= a_max, node by node; a node within
     the ball is reached from within the ball, so both bounds hold. w = 0 is always within reach of the manoeuvre.
@@ -72,7 +72,7 @@ def _model_decrease(step: Array, programme: QuadraticProgramme, soft: int) -> fl
 
 @njit(cache=True, nogil=True)
 def begin(guess: Array, known: tuple[Array, ...], terminal_position: Array, out: Array) -> tuple[float, float]:
-    """Fill ``out`` with the projected guess; its cost and its violation [m]."""
+    """Fill ``out`` (3n + 1,) with the projected guess (3n + 1,); returns its cost and its violation [m]."""
     data = ProblemData(*known)
     project(guess, data, out)
     return objective(out, data), end_violation(out, data, terminal_position)
@@ -94,8 +94,8 @@ def search(
     """Backtracking from the full step along the projected line until merit = cost + penalty * violation falls enough.
 
     ``cost`` and ``violation`` [m] are those of the unknowns; the first ``soft`` rows of the programme are soft. Fills
-    ``out``; returns the decrease that the quadratic model promises of the full step, the cost and violation of ``out``
-    and whether the merit fell.
+    ``out``; returns the decrease that the quadratic model promises of the full step, the cost and violation of ``out``,
+    and True if the merit fell.
     """
     data, programme = ProblemData(*known), QuadraticProgramme(*quadratic)
     decrease = penalty * violation + _model_decrease(step, programme, soft)

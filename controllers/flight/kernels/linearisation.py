@@ -45,7 +45,7 @@ def linearise(
     H is the Hessian of the Lagrangian, but for the terrain's curvature: ``multipliers`` (2n + 1,) are those of the
     speed, acceleration and manoeuvre rows in the step before, which curve the balls behind their tangent planes. Where
     the terminal cost is not convex, as much of its curvature stays as H remains positive definite with. Returns
-    whether all of it stayed.
+    True if all of it stayed.
     """
     data, programme = ProblemData(*known), QuadraticProgramme(*quadratic)
     lengths, weights = data.lengths, data.weights
@@ -96,7 +96,7 @@ def _own_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme
 def _terminal_terms(unknowns: Array, data: ProblemData, programme: QuadraticProgramme, clipped: Array) -> bool:
     """The length to go that is desired; terminal cost and the target approaching controls of Definition A.1, soft.
 
-    Returns whether curvature that is not convex went to ``clipped``.
+    Returns True if curvature that is not convex went to ``clipped`` (3n + 1, 3n + 1).
     """
     start, lengths, base, weights, _, _, ground, ratio, scales, packed = data
     hessian, gradient, rows, upper, lower = programme

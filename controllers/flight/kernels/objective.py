@@ -29,10 +29,10 @@ from mathnavi.sim.interfaces.signals import Array
 
 @njit(cache=True, nogil=True)
 def objective(unknowns: Array, data: ProblemData) -> float:
-    """The problem's cost with its soft penalties.
+    """Cost of unknowns U (3n + 1,), with the soft penalties of the problem.
 
-    ``base`` (Q,), ``weights`` (Q, n), ``climbs`` (Q,) place the Q points: the clearance points first, then
-    the last node, then one last arc's length beyond it.
+    ``data.base`` (Q,), ``data.weights`` (Q, n), ``data.climbs`` (Q,) place the Q points: the clearance points first,
+    then the last node, then one last arc's length beyond it.
     """
     start, lengths, base, weights, climbs, terrain, ground, ratio, scales, packed = data
     n = weights.shape[1]

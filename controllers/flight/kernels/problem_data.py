@@ -55,7 +55,7 @@ class QuadraticProgramme(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def position(out: Array, start: Array, unknowns: Array, s: float, c: Array, climb: float) -> None:
-    """Fills p = p_1 + s v_1 + sum_j c_j a_j + climb w e_z."""
+    """Fill ``out`` (3,) [m] with p = p_1 + s v_1 + sum_j c_j a_j + climb w e_z; s, climb [s] and c (n,) [s^2]."""
     n = c.shape[0]
     for axis in range(3):
         out[axis] = start[axis] + s * start[3 + axis]

@@ -1,6 +1,6 @@
 """Multiple shooting: x_{i+1} is the classical Runge-Kutta method's result from x_i, the control held.
 
-The only scheme here whose plan a zero-order hold flies as it was computed, and explicit, as FATROP wants it.
+The only scheme here whose plan a zero-order hold flies as it was computed, and explicit, as FATROP needs it.
 """
 
 from __future__ import annotations

@@ -131,12 +131,12 @@ def test_garbage_doubled_and_late_messages_raise_nothing_and_leave_a_finite_valu
 ) -> None:
     parts = built(plugin, LINE)
     started(parts, [100.0, 120.0, 90.0])
-    told: list[Message] = []
+    messages: list[Message] = []
     for k in range(8):
         t = k * parts["a"].period
-        received: list[Any] = [] if k == 0 else [m for m in told if m.sender in ("a", "c")][-2:]
+        received: list[Any] = [] if k == 0 else [m for m in messages if m.sender in ("a", "c")][-2:]
         for _ in range(data.draw(st.integers(0, 4))):
-            old = data.draw(st.sampled_from(told)) if told else Message(0.0, "a", "", None)
+            old = data.draw(st.sampled_from(messages)) if messages else Message(0.0, "a", "", None)
             payload = spoilt(old.payload, data.draw(st.integers(0, 4)), data.draw(numbers))
             stamp = data.draw(st.one_of(st.just(old.t), st.floats(), st.floats(-1.0, 1.0)))
             sender = data.draw(st.sampled_from(["a", "b", "c", "z"]))
@@ -144,7 +144,7 @@ def test_garbage_doubled_and_late_messages_raise_nothing_and_leave_a_finite_valu
             received.append(data.draw(st.sampled_from(bad)))
         payloads = {"b": parts["b"].exchange(t, received)}
         payloads |= {name: parts[name].exchange(t, []) for name in ("a", "c")}
-        told += [Message(t, name, "consensus", payload) for name, payload in payloads.items()]
+        messages += [Message(t, name, "consensus", payload) for name, payload in payloads.items()]
         assert math.isfinite(parts["b"].value)
 
 

@@ -145,13 +145,13 @@ def ranging_bench(silent: bool = False) -> Bench:
     The state is that of the ideal robot's joints: the pose and the two wheels.
     """
     start = np.array([0.6, -0.3, 0.8, 0.0, 0.0])
-    off = (0.0, 0.0, 0.0) if silent else (0.08, -0.05, 0.06)
+    start_error = (0.0, 0.0, 0.0) if silent else (0.08, -0.05, 0.06)
     mission = RangingMission(
         STANDARD,
         tuple(math.radians(angle) for angle in (0.0, 90.0, 180.0, 270.0)),
         RangeQuality() if silent else RangeQuality(0.02, dropout=0.05),
         OdometryQuality() if silent else OdometryQuality((0.05, 0.05), 0.02),
-        KnownStart(tuple(start[:3] + off), (0.3,) * 3 if silent else (0.1,) * 3),
+        KnownStart(tuple(start[:3] + start_error), (0.3,) * 3 if silent else (0.1,) * 3),
     )
     return Bench(
         mission,
@@ -180,10 +180,10 @@ class Shown(Truth):
 def textbook_bench(name: str, silent: bool = False) -> Bench:
     """A system of the textbook under its own input, with readings that are 0.005 off."""
     system = SYSTEMS[name]
-    off = np.zeros(len(system.states)) if silent else np.array(system.start_error)
+    start_error = np.zeros(len(system.states)) if silent else np.array(system.start_error)
     start = np.array(system.start)
     mission = TextbookMission(
-        system, tuple(start + off), tuple(np.maximum(np.abs(off), 1e-3)), noise=0.0 if silent else 0.005
+        system, tuple(start + start_error), tuple(np.maximum(np.abs(start_error), 1e-3)), noise=0.0 if silent else 0.005
     )
     return Bench(
         mission,
@@ -456,13 +456,13 @@ def test_what_else_it_tells_has_the_same_names_and_shapes_at_every_call(
     estimates: Sequence[Estimate], flight: list[Step]
 ) -> None:
     """NaN stands for what there is not; nothing is infinite."""
-    told = [
+    extras = [
         {name: values.shape for name, values in estimate.extra.items()}
         for estimate in estimates
         if not any(np.isinf(values).any() for values in estimate.extra.values())
     ]
-    assert len(told) == len(flight)
-    assert all(shapes == told[0] for shapes in told)
+    assert len(extras) == len(flight)
+    assert all(shapes == extras[0] for shapes in extras)
 
 
 def test_a_covariance_is_symmetric_and_positive_semidefinite(estimates: Sequence[Estimate]) -> None:

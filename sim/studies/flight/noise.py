@@ -81,11 +81,13 @@ class Noise:
             for seed in range(config.seeds)
         }
         records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {(p, w): [records[p, w, seed] for seed in range(config.seeds)] for p in PLANNERS for w in offsets}
-        rows = [_row(planner, offset, of[planner, offset]) for planner in PLANNERS for offset in offsets]
-        arrived = np.array([figures(of[MAIN, w], "arrived") > 0 for w in offsets])  # (offsets, seeds)
+        by_condition = {
+            (p, w): [records[p, w, seed] for seed in range(config.seeds)] for p in PLANNERS for w in offsets
+        }
+        rows = [_row(planner, offset, by_condition[planner, offset]) for planner in PLANNERS for offset in offsets]
+        arrived = np.array([figures(by_condition[MAIN, w], "arrived") > 0 for w in offsets])  # (offsets, seeds)
         paired = arrived.all(axis=0)
-        ours = [float(effort_norm(of[MAIN, w], H)[paired].mean()) for w in offsets] if paired.any() else []
+        ours = [float(effort_norm(by_condition[MAIN, w], H)[paired].mean()) for w in offsets] if paired.any() else []
         shown = setup.flown({offset: trials[MAIN, offset, 0] for offset in COLOURS if offset in offsets})
         return StudyResult(
             summary=(

@@ -58,9 +58,9 @@ class Threat:
             (name, seed): mission for seed in range(config.seeds) for name, mission in _missions(setup, seed).items()
         }
         records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {name: [records[name, seed] for seed in range(config.seeds)] for name in COLOURS}
-        near = np.all([np.isfinite(figures(some, "near_height_m")) for some in of.values()], axis=0)
-        rows = [_row(name, of[name], of["unaware"], near) for name in COLOURS]
+        by_condition = {name: [records[name, seed] for seed in range(config.seeds)] for name in COLOURS}
+        near = np.all([np.isfinite(figures(group, "near_height_m")) for group in by_condition.values()], axis=0)
+        rows = [_row(name, by_condition[name], by_condition["unaware"], near) for name in COLOURS]
         unaware, aware = rows[0], rows[-1]
         shown = setup.flown({name: trials[name, 0] for name in COLOURS})
         (radar,) = trials["unaware", 0].config.radar
@@ -71,7 +71,7 @@ class Threat:
             ),
             rows=rows,
             tables=(_table(rows),),
-            figure=_figure(of, shown, setup.ground),
+            figure=_figure(by_condition, shown, setup.ground),
             caption="The first mission: paths around the radar and their heights above ground; exposure of all "
             "missions.",
             claims=(
@@ -159,7 +159,7 @@ def _table(rows: Sequence[dict[str, Any]]) -> Table:
     return Table("Exposure to the radar (the print gives a picture, no numbers)", columns, cells)
 
 
-def _figure(of: dict[str, list[Record]], shown: dict[str, RunResult], ground: HeightField) -> Figure:
+def _figure(by_condition: dict[str, list[Record]], shown: dict[str, RunResult], ground: HeightField) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 3.9), layout="constrained")
         path, height, exposure = figure.subplots(1, 3, width_ratios=(1.2, 1.3, 0.8))
@@ -172,7 +172,7 @@ def _figure(of: dict[str, list[Record]], shown: dict[str, RunResult], ground: He
             height.plot(travelled / 1e3, heights(outcome), color=colour, lw=1.0)
         height.set(xlabel="distance flown [km]", ylabel="height above ground [m]", title="Height", ylim=(0.0, None))
         for k, (name, colour) in enumerate(COLOURS.items()):
-            sample = figures(of[name], "radar_exposure_s")
+            sample = figures(by_condition[name], "radar_exposure_s")
             exposure.plot(
                 np.full(len(sample), k) + np.linspace(-0.2, 0.2, len(sample)), np.sort(sample), "o", ms=3, color=colour
             )

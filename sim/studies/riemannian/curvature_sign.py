@@ -89,8 +89,8 @@ def _followed(
             observer.predict(STEP, u, x[:n])
             kept = observer.correct(x[:n], STEP).accepted
             if kept and k % round(OFTEN / STEP) == 0:
-                off = x[n:] - space.transport(observer.xi, x[:n], observer.eta)
-                left.append(space.norm(x[:n], off) / v0)
+                error = x[n:] - space.transport(observer.xi, x[:n], observer.eta)
+                left.append(space.norm(x[:n], error) / v0)
         except CutLocusError:
             kept = False
         if not kept:
@@ -137,7 +137,7 @@ class CurvatureSign:
             rows=[
                 {"space": s, "speed_over_omega": v, "C": NAMES[c], "strength": STRENGTH[s], "t_omega": t,
                  "converged": r.events, "runs": r.trials}
-                for (s, v, c), some in shares.items() for t, r in zip(TIMES, some, strict=True)
+                for (s, v, c), values in shares.items() for t, r in zip(TIMES, values, strict=True)
             ] + [
                 {"space": s, "speed_over_omega": JUDGED[s], "C": NAMES[c], "strength": factor * STRENGTH[s],
                  "t_omega": DURATION, "converged": r.events, "runs": r.trials}
@@ -214,7 +214,7 @@ def _figure(
         for k, space in enumerate(SPEEDS):
             _draw_errors(axes[k], {term: done[space, JUDGED[space], term] for term in TERMS})
             axes[k].set_title(f"({'ab'[k]}) ${space}$, $v_0 = {JUDGED[space]:g}\\,\\omega$")
-        _draw_shares(axes[2], {case: some[-1] for case, some in shares.items()})
+        _draw_shares(axes[2], {case: values[-1] for case, values in shares.items()})
         _draw_forces(axes[3], by_force)
     return page
 
@@ -255,11 +255,11 @@ def _draw_forces(axes: Axes, by_force: Mapping[Force, Proportion]) -> None:
     axes.set_title(f"(d) converged by {DURATION:g} / $\\omega$, by the force")
     for space, term in product(SPEEDS, COMPARED):
         own = sorted((f * STRENGTH[space], r) for (s, f, c), r in by_force.items() if (s, c) == (space, term))
-        x, some = [c for c, _ in own], [r for _, r in own]
+        x, ratios = [c for c, _ in own], [r for _, r in own]
         style, marker = ("-", "o") if space == "S^3" else ((0, (4, 2)), "s")
-        axes.plot(x, [r.value for r in some], color=COLOURS[term], ls=style, marker=marker, lw=1.8, ms=5.0,
+        axes.plot(x, [r.value for r in ratios], color=COLOURS[term], ls=style, marker=marker, lw=1.8, ms=5.0,
                   label=f"${space}$, {NAMES[term]}")  # fmt: skip
-        axes.vlines(x, [r.low for r in some], [r.high for r in some], color=COLOURS[term], lw=1.0, alpha=0.6)
+        axes.vlines(x, [r.low for r in ratios], [r.high for r in ratios], color=COLOURS[term], lw=1.0, alpha=0.6)
     axes.set_xscale("log")
     axes.set_xlabel(r"c [$\omega^2$]")
     axes.set_ylim(-0.02, 1.03)

@@ -79,9 +79,9 @@ def test_a_round_trip_that_took_too_long_or_came_before_it_was_sent_is_not_used(
 def test_a_clock_that_is_further_off_than_clocks_are_is_not_followed() -> None:
     part = ClockConsensus(ClockConfig(apart=60.0), Graph.line(("a", "b")).node("a"))
     part.exchange(1000.0, [])
-    told = ClockPayload(0.0, 0.0, 1.0, {"a": (1000.0, 1000.0)})
-    part.exchange(1000.1, [Message(1061.0, "b", "", told)])
-    part.exchange(1000.2, [Message(900.0, "b", "", told)])
+    payload = ClockPayload(0.0, 0.0, 1.0, {"a": (1000.0, 1000.0)})
+    part.exchange(1000.1, [Message(1061.0, "b", "", payload)])
+    part.exchange(1000.2, [Message(900.0, "b", "", payload)])
     part.exchange(1000.2, [Message(1000.1, "b", "", ClockPayload(math.nan, 0.0, 1.0, {}))])
     assert part.refused == {"from the future": 1, "late": 1, "garbage": 1}
     assert part.value == 0.0

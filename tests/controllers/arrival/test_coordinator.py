@@ -37,7 +37,7 @@ class Fleet:
 
     def __init__(self, times: dict[str, float], deadline: float = 1000.0) -> None:
         graph, rng = Graph.line(NAMES), np.random.default_rng(0)
-        self.air, self.told = IdealNetwork(NAMES), {name: [] for name in NAMES}  # type: ignore[var-annotated]
+        self.air, self.announced = IdealNetwork(NAMES), {name: [] for name in NAMES}  # type: ignore[var-annotated]
         self.events: list[tuple[str, str]] = []
         self.stored = {name: along(1000.0 * k) for k, name in enumerate(NAMES)}
         self.coordinators = {}
@@ -62,7 +62,7 @@ class Fleet:
                 assert isinstance(outbox, Outbox)
                 for receiver, message in outbox.messages:
                     self.air.send(message, receiver, float(t))
-                self.told[name] += [m.payload for m in outbox.planner_messages if m.topic == ARRIVAL]
+                self.announced[name] += [m.payload for m in outbox.planner_messages if m.topic == ARRIVAL]
                 self.events += outbox.events
 
 
@@ -72,11 +72,11 @@ def test_all_are_told_the_largest_of_the_least_times_on_the_grid() -> None:
     assert all(isinstance(coordinator, Coordinator) for coordinator in fleet.coordinators.values())
     fleet.exchange(0.0, 1.0)
     common = ROUND * math.ceil(123.45 / ROUND)
-    assert [told[-1] for told in fleet.told.values()] == [common] * 3
+    assert [each[-1] for each in fleet.announced.values()] == [common] * 3
     times["a"] = 130.0  # it has fallen behind, and says so at its next planning instant
     fleet.exchange(1.0, 4.0)
-    assert [told[-1] for told in fleet.told.values()] == [ROUND * math.ceil(130.0 / ROUND)] * 3
-    assert all(len(told) == len(set(told)) for told in fleet.told.values())  # told once
+    assert [each[-1] for each in fleet.announced.values()] == [ROUND * math.ceil(130.0 / ROUND)] * 3
+    assert all(len(each) == len(set(each)) for each in fleet.announced.values())  # told once
 
 
 def test_a_plan_that_keeps_clear_is_admitted_and_flown() -> None:
@@ -120,7 +120,7 @@ def test_what_cannot_be_understood_changes_nothing() -> None:
         for payload in (None, math.nan, "soon", 1e9):
             fleet.air.send(Message(0.0, "b", topic, payload), "a", 0.0)
     fleet.exchange(0.0, 1.0)
-    assert [told[-1] for told in fleet.told.values()] == [pytest.approx(100.0)] * 3
+    assert [each[-1] for each in fleet.announced.values()] == [pytest.approx(100.0)] * 3
 
 
 def test_a_grid_that_is_none_is_refused() -> None:

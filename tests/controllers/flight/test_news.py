@@ -113,11 +113,11 @@ def test_over_a_map_that_was_wrong_the_vehicle_is_safe_or_says_that_it_is_not(
     ground = hill_ahead(share, radius, height)
     recording, watched, kinds = flown([Message(t, "survey", TERRAIN, ground)], ground)
     assert not watched.broken
-    told = recording.t >= t
+    updated = recording.t >= t
     clear = flown_clearance(recording.t, recording.truths["vehicle"], dataclasses.replace(MISSION, terrain=ground))
     if "guarantee-lost" not in kinds and arrives(recording, MISSION.target):
-        assert clear[told[:-1]].min() >= MISSION.clearance_min
-    assert arrives(recording, MISSION.target) or "guarantee-lost" in kinds or not told[-1]
+        assert clear[updated[:-1]].min() >= MISSION.clearance_min
+    assert arrives(recording, MISSION.target) or "guarantee-lost" in kinds or not updated[-1]
 
 
 def test_a_hill_in_the_way_that_is_known_in_time_is_flown_around() -> None:
@@ -137,10 +137,10 @@ def test_a_map_that_was_wrong_is_judged_as_soon_as_it_is_told() -> None:
     for t in (15.2, 16.1):  # [s] planning instants are 15 and 16.67
         recording, watched, _ = flown([Message(t, "survey", TERRAIN, ground)], ground)
         assert not watched.broken
-        told = [event.t for event in recording.events if event.kind == "plan-endangered"]
-        assert told[0] == pytest.approx(t, abs=DT)
+        endangered = [event.t for event in recording.events if event.kind == "plan-endangered"]
+        assert endangered[0] == pytest.approx(t, abs=DT)
         taken = [(at, plan) for at, plan in recording.agents["vehicle"].plans if at >= t - DT]
-        assert taken[0][0] == pytest.approx(told[0])
+        assert taken[0][0] == pytest.approx(endangered[0])
         for (_, before), (at, after) in pairwise(taken):
             np.testing.assert_allclose(after.x[0], state_at(before, at), atol=1e-6)
 
@@ -226,9 +226,9 @@ def test_off_its_plan_over_a_wrong_map_it_takes_the_way_with_more_clearance(lost
         ground = with_hills(MISSION.terrain, (Hill(float(x), float(y), 700.0, 300.0),))
         estimate = Estimate(t, state_at(current, t) + np.array([0.0, 0.0, 0.0 if lost else 100.0, 0.0, 0.0, 0.0]))
         estimate = dataclasses.replace(estimate, status=Status.LOST if lost else Status.OK)
-        told = (Message(t, "survey", TERRAIN, ground),)
-        answer = planner.plan(PlanRequest(t, t + planner.period, estimate, current, told))
-        least = CERTIFICATE.updated_with(told).clearances
+        messages = (Message(t, "survey", TERRAIN, ground),)
+        answer = planner.plan(PlanRequest(t, t + planner.period, estimate, current, messages))
+        least = CERTIFICATE.updated_with(messages).clearances
         if answer.ok and "guarantee-lost" in answer.notes:
             tried += 1
             assert least(answer).min() > least(remainder(current, t)).min()
@@ -256,8 +256,8 @@ def test_what_is_told_while_nobody_can_answer_is_not_forgotten() -> None:
     t = 6 * planner.period
     x, y, _ = state_at(current, t + 8.0)[:3]
     ground = with_hills(MISSION.terrain, (Hill(float(x), float(y), 900.0, 900.0),))
-    told = (Message(t, "survey", TERRAIN, ground),)
-    malformed = planner.plan(PlanRequest(t, t + planner.period, Estimate(t, np.zeros(7)), current, told))
+    messages = (Message(t, "survey", TERRAIN, ground),)
+    malformed = planner.plan(PlanRequest(t, t + planner.period, Estimate(t, np.zeros(7)), current, messages))
     assert malformed.status is Status.MALFORMED
     assert "plan-endangered" in asked(planner, current, t + planner.period).notes
 

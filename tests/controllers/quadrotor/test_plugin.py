@@ -53,7 +53,7 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> d
     planned = np.array([state_at(plan, float(t)) for plan, t in zip(followed, recording.t, strict=True)])
     return {
         "bound": bound,
-        "off": np.hstack([x[:, POSITION], x[:, VELOCITY]]) - planned,
+        "deviation": np.hstack([x[:, POSITION], x[:, VELOCITY]]) - planned,
         "clearance": float((x[:, 2] - flight.terrain.height(x[:, 0], x[:, 1])).min()),
         "speed": float(np.linalg.norm(x[:, VELOCITY], axis=1).max()),
         "arrived": float(np.linalg.norm(x[-1, POSITION] - target)),
@@ -73,7 +73,7 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> d
 )
 def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(true: Quadrotor, gust: GustModel | None) -> None:
     came = mission_flown(true, gust)
-    bound, off, flight = came["bound"], came["off"], came["flight"]
+    bound, deviation, flight = came["bound"], came["deviation"], came["flight"]
     assert came["contacts"] == 0
     assert came["clearance"] >= flight.clearance_min
     assert came["arrived"] <= flight.arrival_radius
@@ -81,10 +81,10 @@ def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(true: Quadr
     assert came["speed"] <= flight.speed_max
     assert came["plans"] > 40  # replanned nearly every half second
     assert "tracking-breach" not in came["events"]
-    assert np.hypot(off[:, 0], off[:, 1]).max() <= bound.horizontal
-    assert np.abs(off[:, 2]).max() <= bound.vertical
+    assert np.hypot(deviation[:, 0], deviation[:, 1]).max() <= bound.horizontal
+    assert np.abs(deviation[:, 2]).max() <= bound.vertical
     if gust is None:
-        assert np.linalg.norm(off[:, :3], axis=1).max() < 0.06
+        assert np.linalg.norm(deviation[:, :3], axis=1).max() < 0.06
 
 
 def test_the_planner_of_the_point_mass_is_asked_for_half_seconds() -> None:

@@ -64,8 +64,8 @@ def nees(task: RangingMission, run: Run) -> float:
     """Of the last estimate."""
     step, estimate = run[-1]
     assert estimate.covariance is not None
-    off = task.difference(estimate.x, step.truth)
-    return float(off @ np.linalg.solve(estimate.covariance, off))
+    error = task.difference(estimate.x, step.truth)
+    return float(error @ np.linalg.solve(estimate.covariance, error))
 
 
 def with_ranges(step: Step, change: Callable[[Array], Array]) -> Step:

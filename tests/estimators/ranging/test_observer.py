@@ -152,8 +152,8 @@ def test_z_and_the_values_are_told_beside_the_pose() -> None:
     at, steps = mission("3", start=(1.0, -0.4, 1.5)), list(driven(mission("3"), START, 2.0))
     for step, estimate in zip(steps, followed(observer(at, feedforward="manifold"), steps), strict=True):
         s = at.curve.ranges(step.truth, at.alpha)[1]
-        off = estimate.extra["z"] - np.append(s, step.truth[2])
-        assert np.abs((off + np.pi) % (2.0 * np.pi) - np.pi).max() <= 1e-9
+        error = estimate.extra["z"] - np.append(s, step.truth[2])
+        assert np.abs((error + np.pi) % (2.0 * np.pi) - np.pi).max() <= 1e-9
         assert estimate.extra["value"].shape == (2,)
         assert estimate.extra["value"].max() <= 1e-18
 

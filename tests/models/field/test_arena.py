@@ -97,9 +97,9 @@ def test_the_bumper_touches_the_wall_where_the_curve_is(name: str) -> None:
     for s in rng.uniform(0.0, 2.0 * math.pi, 20):
         tangent = curve.tangent(np.array(s)) / np.linalg.norm(curve.tangent(np.array(s)))
         inward = np.array([-tangent[1], tangent[0]])
-        for away, touches in ((RADIUS - 8e-3, True), (RADIUS + 5e-3, False)):
-            place = curve.points(np.array(s)) + away * inward
-            if abs(curve.distance(place) - away) < 1e-3:  # no other part of the wall is nearer
+        for distance, touches in ((RADIUS - 8e-3, True), (RADIUS + 5e-3, False)):
+            place = curve.points(np.array(s)) + distance * inward
+            if abs(curve.distance(place) - distance) < 1e-3:  # no other part of the wall is nearer
                 data.qpos[:2] = place
                 mujoco.mj_forward(model, data)
-                assert (data.ncon > 0) == touches, (s, away)
+                assert (data.ncon > 0) == touches, (s, distance)

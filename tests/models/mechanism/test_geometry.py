@@ -82,8 +82,8 @@ def test_exp_and_log_err_by_the_fourth_order_and_transport_by_the_third(joints: 
     for share in (0.2, 0.1):
         q, v = along(manifold, p, share * w)
         carried_off = (manifold.transport(p, q, share * w) - v) / share
-        off = manifold.coordinates(q, manifold.exp(p, share * w)), manifold.log(p, q) - share * w, carried_off
-        errors.append([np.abs(each).max() for each in off])
+        differences = manifold.coordinates(q, manifold.exp(p, share * w)), manifold.log(p, q) - share * w, carried_off
+        errors.append([np.abs(each).max() for each in differences])
     (exp, log, transport), (exp_half, log_half, transport_half) = errors
     assert max(exp_half / exp, log_half / log) < 2.0**-3.3
     assert transport_half < max(2.0**-2.3 * transport, 1e-6)  # better than that in the plane

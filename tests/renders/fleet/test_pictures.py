@@ -124,10 +124,10 @@ def test_a_fleet_that_said_nothing_did_not_arrive_and_left_the_map_is_reported_t
     fleet_run: FleetRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MUJOCO_GL", "disable")
-    off = np.array([20_000.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    outside = np.array([20_000.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     mute: dict[str, Any] = {"plans": (), "adopted": np.empty(0), "events": ()}
     lost = {
-        name: replace(flight, log=replace(flight.log, x=flight.x + (off if name == "vehicle_2" else 0.0), **mute))
+        name: replace(flight, log=replace(flight.log, x=flight.x + (outside if name == "vehicle_2" else 0.0), **mute))
         for name, flight in fleet_run.vehicles.items()
     }
     bare = replace(fleet_run, vehicles=lost, events=(), summary={"shortfall": "arrived is no"})
@@ -138,5 +138,5 @@ def test_a_fleet_that_said_nothing_did_not_arrive_and_left_the_map_is_reported_t
     text = Page(source).text
     assert "Of the fleet 2 of 3 arrived (arrived is no)" in text
     assert "Nothing happened" in text
-    told = overlay(bare, Frame(0.5 * bare.duration, "overview", 0.0, 0.0))
-    assert ("AGREED ARRIVAL", "–", "known to 0 of 3") in told.numbers
+    shown = overlay(bare, Frame(0.5 * bare.duration, "overview", 0.0, 0.0))
+    assert ("AGREED ARRIVAL", "–", "known to 0 of 3") in shown.numbers

@@ -24,8 +24,8 @@ def drawn(*states: Progress, terminal: bool = True) -> str:
 def test_it_tells_rate_time_left_and_failures() -> None:
     states = [Progress(60, 10, done, 2, 3, False) for done in (10, 20)]
     shown = drawn(*states)
-    for told in ("coins", "20 of 60", "10 found", "/s", "0:00:0", "left", "2 failed, 3 unsuccessful"):
-        assert told in shown
+    for expected in ("coins", "20 of 60", "10 found", "/s", "0:00:0", "left", "2 failed, 3 unsuccessful"):
+        assert expected in shown
 
 
 @pytest.mark.parametrize("done", [0, 5])

@@ -76,8 +76,8 @@ def test_every_plan_but_the_first_is_proposed_and_taken_over_if_it_is_admitted()
     assert [t for t, _ in east.proposed] == pytest.approx(PERIOD * np.arange(1, 7))
     assert [plan for _, plan in east.taken][1:] == [plan for _, plan in east.proposed][:-1]
     assert [event.kind for event in events if event.kind == "not-admitted"] == []
-    told = [message for request in planners["east"].asked for message in request.messages]
-    assert [(message.topic, message.payload) for message in told] == [("arrival time", 42.0)]
+    received = [message for request in planners["east"].asked for message in request.messages]
+    assert [(message.topic, message.payload) for message in received] == [("arrival time", 42.0)]
     assert Event(0.0, "east", "spoke", "east") in events
 
 

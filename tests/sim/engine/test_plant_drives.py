@@ -24,13 +24,13 @@ ANGLES = (-0.5, 0.0, 2.0)
 class Looking:
     """A sensor that reads one of MuJoCo's own, as it is."""
 
-    of: str
+    sensor: str
     rate: float | None = None
     name: str = "looking"
     size: int = 1
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
-        return motion.sensed(self.of)
+        return motion.sensed(self.sensor)
 
 
 def test_a_drive_has_inputs_of_its_own_and_their_bounds() -> None:

@@ -61,7 +61,7 @@ def test_estimates_are_compared_with_the_centre(outcome: RunResult) -> None:
     x, truth = outcome.arrays["estimate.x"], outcome.arrays["truth.x"]
     errors = QuadrotorCanyon.errors(QuadrotorCanyonConfig(), x, truth)
     assert list(errors) == ["x [m]", "y [m]", "z [m]", "v_x [m/s]", "v_y [m/s]", "v_z [m/s]"]
-    assert all(np.abs(off).max() < 1e-9 for off in errors.values())  # its sensor has no noise
+    assert all(np.abs(error).max() < 1e-9 for error in errors.values())  # its sensor has no noise
 
 
 def test_the_clearance_is_that_of_the_whole_vehicle(outcome: RunResult) -> None:

@@ -366,13 +366,13 @@ def test_what_changes_on_the_way_is_told_and_flown_by(terrain: str) -> None:
         uncharted=((5500.0, 5500.0, 1500.0, 900.0),), uncharted_time=3.0,
     )  # fmt: skip
     assert_safe(outcome)
-    told = [(e.t, e.message.split()[0]) for e in outcome.recording.events if e.kind == "message"]
-    radars = [t for t, topic in told if topic == "radars"]
-    assert [t for t, topic in told if topic == "terrain"] == [pytest.approx(3.0, abs=5.0 / 3.0)]
+    messages = [(e.t, e.message.split()[0]) for e in outcome.recording.events if e.kind == "message"]
+    radars = [t for t, topic in messages if topic == "radars"]
+    assert [t for t, topic in messages if topic == "terrain"] == [pytest.approx(3.0, abs=5.0 / 3.0)]
     assert len(radars) == 4  # on, twice elsewhere, off
     assert radars[0] >= 5.0
     assert radars[-1] == pytest.approx(20.0, abs=5.0 / 3.0)
-    assert [t for t, topic in told if topic == "target"][-1] == pytest.approx(28.0, abs=5.0 / 3.0)
+    assert [t for t, topic in messages if topic == "target"][-1] == pytest.approx(28.0, abs=5.0 / 3.0)
     assert math.dist(outcome.recording.truths["vehicle"][-1, :3].tolist(), (x, y, z)) <= 50.0
     assert outcome.summary["min_clearance_m"] >= H_MIN
     assert outcome.config["terrain"]["digest"] != flight.mountains().digest

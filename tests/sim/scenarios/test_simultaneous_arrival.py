@@ -85,10 +85,10 @@ def test_arrivals_and_separation_are_those_of_the_log(terrain: str) -> None:
     expected = outcome.config["mission"]["vehicles"]
     t, truths = outcome.recording.t, outcome.recording.truths
     for name, place in expected.items():
-        away = np.linalg.norm(truths[name][:, :3] - np.array(place["target"]), axis=1)
+        distance = np.linalg.norm(truths[name][:, :3] - np.array(place["target"]), axis=1)
         assert np.array(place["start"]) == pytest.approx(truths[name][0, :3])
-        assert away.min() <= 50.0
-        first = float(t[np.flatnonzero(away <= 50.0)[0]])
+        assert distance.min() <= 50.0
+        first = float(t[np.flatnonzero(distance <= 50.0)[0]])
         assert outcome.summary["first_arrival_s"] <= first <= outcome.summary["arrival_time_s"] + 1.0 / 60.0
     pairs = [("vehicle_1", "vehicle_2"), ("vehicle_1", "vehicle_3"), ("vehicle_2", "vehicle_3")]
     sampled = min(float(np.linalg.norm(truths[a][:, :3] - truths[b][:, :3], axis=1).min()) for a, b in pairs)

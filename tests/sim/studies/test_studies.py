@@ -20,7 +20,7 @@ from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_findings
-from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, some
+from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, selected_kinds
 from mathnavi.sim.sweep import execution, serve
 from mathnavi.sim.sweep.child import StoppedError
 from mathnavi.sim.sweep.task import Ended, SweepTask
@@ -233,14 +233,14 @@ def assert_files(folder: Path, name: str, findings: StudyResult, terrain: str | 
 
 def test_every_kind_of_the_missiles_flights_can_be_flown() -> None:
     """Their smallest study flies only some."""
-    assert some(OTHERS, PAIRS) == KINDS
+    assert selected_kinds(OTHERS, PAIRS) == KINDS
     for kind in KINDS:
         assert len(kind.trials(len(CASES), 3)) == (3 if kind.seeded else len(CASES))
         kind.trials(1, 1)[0].build()
 
 
 @pytest.mark.parametrize(
-    ("name", "fields", "told"),
+    ("name", "fields", "named"),
     [
         ("noise", {"offsets": 8}, "offsets = 8; allowed: a whole number from 1 to 7"),
         ("run-time", {"nodes": 3}, "nodes = 3; allowed: a whole number from 4 to 6"),
@@ -251,6 +251,6 @@ def test_every_kind_of_the_missiles_flights_can_be_flown() -> None:
         ("consensus", {"vehicles": 5}, "vehicles = 5; allowed: an even number >= 4"),
     ],
 )
-def test_a_study_refuses_more_than_there_is(name: str, fields: dict[str, int], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_a_study_refuses_more_than_there_is(name: str, fields: dict[str, int], named: str) -> None:
+    with pytest.raises(ValueError, match=named):
         load("studies", name).Config(**fields)

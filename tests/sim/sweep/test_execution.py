@@ -38,7 +38,7 @@ def coins(count: int, **fields: Any) -> list[Trial]:
     return [trial(COIN, seed, **fields) for seed in range(count)]
 
 
-def told(records: Sequence[Record]) -> list[Record]:
+def comparable(records: Sequence[Record]) -> list[Record]:
     """The records without what depends on the time."""
     return [replace(record, timings={}) for record in records]
 
@@ -92,7 +92,7 @@ def test_results_are_those_of_the_same_process(mishaps: list[Record]) -> None:
 def test_order_and_number_of_workers_change_nothing(store: Store, mishaps: list[Record]) -> None:
     trials = coins(10, **MISHAPS)
     records = run_trials(trials[::-1], store, workers=1, timeout=TIMEOUT)
-    assert told(records[::-1]) == told(mishaps)
+    assert comparable(records[::-1]) == comparable(mishaps)
 
 
 def test_a_measure_joins_the_summary(store: Store) -> None:

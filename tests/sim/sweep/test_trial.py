@@ -72,8 +72,14 @@ def test_the_parameters_are_every_field_as_plain_data() -> None:
 
 def test_its_record_calls_the_fields_as_the_command_line_does() -> None:
     fields = trial(COIN, fields={"part.share": 0.25, "planner.gain": 3.0}).record("key", "ok").fields
-    told = {"part.share": 0.25, "controller": NOBODY, "planner.gain": 3.0, "estimator": NOBODY, "estimator.gain": 1.0}
-    assert fields == {**fields, **told}
+    expected = {
+        "part.share": 0.25,
+        "controller": NOBODY,
+        "planner.gain": 3.0,
+        "estimator": NOBODY,
+        "estimator.gain": 1.0,
+    }
+    assert fields == {**fields, **expected}
 
 
 def test_a_flight_has_its_own_plugins_by_default() -> None:
@@ -110,7 +116,7 @@ def test_keys_are_made_without_building_anything(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize(
-    ("asked", "told"),
+    ("asked", "message"),
     [
         ({"scenario": "hover"}, "'hover' is not known"),
         ({"scenario": COIN, "controller": "autopilot"}, "'autopilot' is not known"),
@@ -125,8 +131,8 @@ def test_keys_are_made_without_building_anything(monkeypatch: pytest.MonkeyPatch
         ({"scenario": COIN, "seed": LARGEST_SEED + 1}, "seed = "),
     ],
 )
-def test_what_no_trial_can_be_is_refused(asked: dict[str, Any], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_no_trial_can_be_is_refused(asked: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         trial(**asked)
 
 

@@ -84,7 +84,7 @@ KINDS = (
 )  # fmt: skip
 
 
-def some(others: int, pairs: int) -> tuple[Kind, ...]:
+def selected_kinds(others: int, pairs: int) -> tuple[Kind, ...]:
     """Kinds of flights that the claims need, with so many of the pairs of ``DECOUPLED``, and so many of the others."""
     paired = [kind for pair in DECOUPLED.values() for kind in pair]
     rest = [kind for kind in KINDS if kind not in CLAIMED and kind not in paired]

@@ -234,20 +234,20 @@ def _against_pontryagin(direct: Solution) -> dict[str, float]:
     """Distance of the direct solution from the boundary-value one."""
     found = solve_indirect(direct)
     scale = direct.problem.control_scale
-    off = (direct.control(found.t) - found.u) / scale
+    error = (direct.control(found.t) - found.u) / scale
     return {
         "converged": float(found.converged),
         "T_s": found.duration,
         "duration_error_s": abs(direct.duration - found.duration),
-        "control_error": float(np.sqrt((off**2).sum() / ((found.u / scale) ** 2).sum())),
+        "control_error": float(np.sqrt((error**2).sum() / ((found.u / scale) ** 2).sum())),
         "hamiltonian_spread": float(np.ptp(found.hamiltonian)),
     }
 
 
-def _ratio(table: Rows, key: tuple[str, str, int, str], of: str) -> float:
+def _ratio(table: Rows, key: tuple[str, str, int, str], measure: str) -> float:
     """An adaptive method's figure over that of the uniform grid."""
     case, scheme, n, _ = key
-    return float(table[key][of] / table[case, scheme, n, "uniform"][of])
+    return float(table[key][measure] / table[case, scheme, n, "uniform"][measure])
 
 
 def _targets(
@@ -272,7 +272,7 @@ def _targets(
         ("missile.redistribute", "redistributed, curvature", 0.3, 0.1),
         ("missile.equidistribute", "equidistributed", 0.65, 0.2),
     ):
-        error, missed = (_ratio(table, (*fast, method), of) for of in ("control_error", "miss_m"))
+        error, missed = (_ratio(table, (*fast, method), measure) for measure in ("control_error", "miss_m"))
         status = table[(*fast, method)]["status"]
         claims.append(
             Claim(
@@ -293,8 +293,8 @@ def _targets(
 
 
 def _printed(table: Rows, cases: Sequence[str], nodes: Sequence[int]) -> list[Claim]:
-    def ratios(scheme: Scheme, method: str, of: str) -> Array:
-        return np.array([_ratio(table, (case, scheme.name, n, method), of) for case in cases for n in nodes])
+    def ratios(scheme: Scheme, method: str, measure: str) -> Array:
+        return np.array([_ratio(table, (case, scheme.name, n, method), measure) for case in cases for n in nodes])
 
     better = {scheme.name: ratios(scheme, "equidistributed", "control_error") for scheme in SCHEMES}
     slower = ratios(HermiteSimpson(), "equidistributed", "solve_ms")
@@ -366,7 +366,7 @@ def _ratios(table: Rows, cases: Sequence[str]) -> Table:
                 for method in METHODS[1:]:
                     key = (case, scheme.name, n, method)
                     refused = table[key]["status"] == "refused"
-                    error, missed = (_ratio(table, key, of) for of in ("control_error", "miss_m"))
+                    error, missed = (_ratio(table, key, measure) for measure in ("control_error", "miss_m"))
                     cells.append("refused" if refused else f"{error:.2f} / {missed:.3f}")
                 start = f"{base['control_error']:.1e} / {base['miss_m']:.2g} m"
                 rows.append((case, scheme.name, str(n), start, *cells))

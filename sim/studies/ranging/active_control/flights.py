@@ -132,15 +132,15 @@ def tracked(outcome: RunResult) -> dict[str, Any]:
     fields, mission = outcome.config["controller"]["fields"], RangingMission(WALL, (0.0,))
     reference = ReferencePath(PATTERNS[fields["then"]](ActiveSensing.Config(**fields)), mission).poses[:, :2]
     truth = recording.truths[VEHICLE]
-    off = np.array([np.linalg.norm(reference - place, axis=1).min() for place in truth[:, :2]])
+    error = np.array([np.linalg.norm(reference - place, axis=1).min() for place in truth[:, :2]])
     errors, kept = _errors(outcome), _kept(outcome)
     joined = [event.t for event in recording.events if event.kind == "tracking"]
     return {
         "tracking_from_s": joined[0] if joined else None,
         "joins": len(joined),
-        "off_path_rms_m": rms(off[errors.last]),
+        "off_path_rms_m": rms(error[errors.last]),
         "slip_m": _slip(recording.agents[VEHICLE].readings["odometry"][: len(truth), 0], truth),
-        "off_path_m": off[kept].tolist(),
+        "off_path_m": error[kept].tolist(),
         "errors_m": errors.position[kept].tolist(),
         "places_m": truth[kept, :2].tolist(),
     }

@@ -156,10 +156,10 @@ def _least(band: Band) -> float:
 
 def _track_table(tracks: Mapping[str, Sequence[Record]]) -> Table:
     rows = [
-        (kind, r.seed, *(_told(r.summary[name]) for name in _TRACKED)) for kind, some in tracks.items() for r in some
+        (kind, r.seed, *(_cell(r.summary[name]) for name in _TRACKED)) for kind, group in tracks.items() for r in group
     ]
     return Table("A figure of eight on a slippery floor", ("loop", "seed", *_TRACKED), rows)
 
 
-def _told(value: object) -> object:
+def _cell(value: object) -> object:
     return "never" if value is None else value

@@ -49,22 +49,22 @@ class LockResults:
 
 def claims(e: LockResults) -> list[Claim]:
     """Evaluate every claim of the study."""
-    return [_identities(e), _print(e), *_printed(e)]
+    return [_identities(e), _as_printed(e), *_printed(e)]
 
 
-def median(some: Sequence[RunErrors], name: str = "position") -> float:
+def median(errors: Sequence[RunErrors], name: str = "position") -> float:
     """Median over runs of one of their errors."""
-    return float(np.median([getattr(verdict, name) for verdict in some]))
+    return float(np.median([getattr(verdict, name) for verdict in errors]))
 
 
-def locked(some: Sequence[RunErrors]) -> int:
+def locked(errors: Sequence[RunErrors]) -> int:
     """Number of runs that kept lock in X."""
-    return sum(verdict.locked for verdict in some)
+    return sum(verdict.locked for verdict in errors)
 
 
-def largest(some: Sequence[Identities], name: str) -> float:
+def largest(identities: Sequence[Identities], name: str) -> float:
     """Largest residual of those that are not guarded."""
-    return float(np.nanmax([getattr(each, name) for each in some]))
+    return float(np.nanmax([getattr(each, name) for each in identities]))
 
 
 def falls(e: LockResults) -> dict[tuple[str, str], list[float]]:
@@ -72,10 +72,10 @@ def falls(e: LockResults) -> dict[tuple[str, str], list[float]]:
     return {
         (sensors, drive): [
             slow.position / fast.position
-            for slow, fast in zip(some, e.drawn[sensors, drive, 10.0], strict=True)
+            for slow, fast in zip(errors, e.drawn[sensors, drive, 10.0], strict=True)
             if slow.locked and fast.locked
         ]
-        for (sensors, drive, k), some in e.drawn.items()
+        for (sensors, drive, k), errors in e.drawn.items()
         if k == 1.0
     }
 
@@ -96,9 +96,9 @@ def _identities(e: LockResults) -> Claim:
     )  # fmt: skip
 
 
-def _print(e: LockResults) -> Claim:
+def _as_printed(e: LockResults) -> Claim:
     ratios = falls(e)
-    every = [ratio for some in ratios.values() for ratio in some]
+    every = [ratio for group in ratios.values() for ratio in group]
     measured = f"{min(every):.1f} to {max(every):.1f} times" if every else "it keeps lock nowhere"
     print_locked = sum(locked(e.thesis[motion, "none"]) for motion in TURNING)
     ours = {name: sum(locked(e.thesis[motion, name]) for motion in TURNING) for name in FEED_FORWARDS}
@@ -121,7 +121,7 @@ def _print(e: LockResults) -> Claim:
 
 
 def _printed(e: LockResults) -> list[Claim]:
-    off = float(np.abs(e.start_off).max())
+    error = float(np.abs(e.start_off).max())
     best = min(MOVING, key=lambda motion: median(e.thesis[motion, "none"]))
     worst_of_truth = e.true_start["none"]
     ours = ", ".join(f"{name} {e.true_start[name].worst:.0e}" for name in FEED_FORWARDS)
@@ -130,7 +130,7 @@ def _printed(e: LockResults) -> list[Claim]:
         Claim(
             "C.start", "printed", "x(0) = (1, -1, π/2) is z(0) = (23π/4, 242π/1101, π/2).", "C.5",
             f"to {SAME:.0e} rad with sensors at -90° and -45° in the ellipse with half-axes 3.763 and √2",
-            f"off by {off:.1e} rad", off <= SAME,
+            f"off by {error:.1e} rad", error <= SAME,
         ),
         Claim(
             "C.observer", "printed", "(C.5) is an observer: from Ψ(x(0)) it stays on Ψ(x).", "C.4, Definition C.7",
@@ -140,12 +140,12 @@ def _printed(e: LockResults) -> list[Claim]:
         Claim(
             "C.converges-z", "printed", "Figures C.3 and C.4 show the convergence of the observer in Z.", "C.5",
             f"under one moving input at least, RMS of a component at the end below {HEADING} rad from every start",
-            _told(e, "locked_z", "in_z", "rad"), _holds(e, "locked_z"),
+            _lock_text(e, "locked_z", "in_z", "rad"), _holds(e, "locked_z"),
         ),
         Claim(
             "C.converges-x", "printed", "Figures C.5 and C.6 show its convergence in X.", "C.5",
             f"under one moving input at least, RMS at the end below {POSITION} m and {HEADING} rad from every start",
-            f"{_told(e, 'locked', 'position', 'm')}; least under '{best}', and not nought under any",
+            f"{_lock_text(e, 'locked', 'position', 'm')}; least under '{best}', and not nought under any",
             _holds(e, "locked"),
         ),
         *_noise(e),
@@ -159,7 +159,7 @@ def _printed(e: LockResults) -> list[Claim]:
     ]  # fmt: skip
 
 
-def _told(e: LockResults, flag: str, name: str, unit: str) -> str:
+def _lock_text(e: LockResults, flag: str, name: str, unit: str) -> str:
     return ", ".join(
         f"{motion} {sum(getattr(one, flag) for one in e.thesis[motion, 'none'])} of "
         f"{len(e.thesis[motion, 'none'])} ({median(e.thesis[motion, 'none'], name):.2f} {unit})"
@@ -223,18 +223,18 @@ def _proposition(e: LockResults) -> Claim:
     sets = tuple(dict.fromkeys(sensors for sensors, _, _ in e.drawn))
     fast = tuple(dict.fromkeys(sensors for sensors, _ in e.fast))
     errors = {
-        sensors: [median(some) for (name, _), some in e.fast.items() if name == sensors]
+        sensors: [median(group) for (name, _), group in e.fast.items() if name == sensors]
         if sensors in fast
-        else [median(some) for (name, drive, _), some in e.drawn.items() if (name, drive) == (sensors, "standard")]
+        else [median(group) for (name, drive, _), group in e.drawn.items() if (name, drive) == (sensors, "standard")]
         for sensors in sets
     }
     measured = "; ".join(
-        f"{sensors}: {', '.join(f'{value:.2g}' for value in some)}" for sensors, some in errors.items()
+        f"{sensors}: {', '.join(f'{value:.2g}' for value in group)}" for sensors, group in errors.items()
     )
     return Claim(
         "C.proposition-2", "printed", "The error of (C.5) can be made arbitrarily small by k_V and k_Q.",
         "Proposition C.2",
         f"from the truth, the median position error falls with k to below {SMALL} m: k = 1 to 1000 at 100 readings a "
         "second with three and four rays, 10³ to 10⁵ at 1000 a second with two",
-        f"[m] {measured}", all(some[-1] < SMALL and some[-1] < some[0] for some in errors.values()),
+        f"[m] {measured}", all(group[-1] < SMALL and group[-1] < group[0] for group in errors.values()),
     )  # fmt: skip

@@ -196,7 +196,7 @@ def _plane(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
 def _noise(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
     for feedforward, run in runs.items():
         axes.plot(run.t, run.position, color=OF[feedforward], lw=1.5)
-        axes.plot(run.t, np.abs(run.off[:, 2]), color=OF[feedforward], lw=0.9, ls=":")
+        axes.plot(run.t, np.abs(run.error[:, 2]), color=OF[feedforward], lw=0.9, ls=":")
     for label, style in (("position [m]", "-"), ("heading [rad]", ":")):
         axes.plot([], [], color=INK, ls=style, lw=1.4, label=label)
     _log(axes, (1e-4, 30.0))
@@ -212,11 +212,11 @@ def _shares(axes: Axes, e: LockResults) -> None:
     """Which inputs and feed-forwards keep lock, with the median error."""
     for i, motion in enumerate(MOTIONS):
         for j, feedforward in enumerate(NAMES):
-            some = e.thesis[motion, feedforward]
-            share = locked(some) / len(some)
+            errors = e.thesis[motion, feedforward]
+            share = locked(errors) / len(errors)
             colour = to_rgb(SHARES(share))
             axes.fill([j, j + 1, j + 1, j], [i, i, i + 1, i + 1], facecolor=colour, edgecolor="white", lw=1.4)
-            axes.text(j + 0.5, i + 0.5, f"{share:.0%}\n{median(some):.2g} m", ha="center", va="center", fontsize=8,
+            axes.text(j + 0.5, i + 0.5, f"{share:.0%}\n{median(errors):.2g} m", ha="center", va="center", fontsize=8,
                       color=readable_on(colour))  # fmt: skip
     axes.set(xlim=(0, len(NAMES)), ylim=(len(MOTIONS), 0))
     axes.set_xticks(np.arange(len(NAMES)) + 0.5, list(NAMES.values()))
@@ -229,10 +229,10 @@ def _shares(axes: Axes, e: LockResults) -> None:
 
 def _by_gain(axes: Axes, e: LockResults) -> None:
     for sensors, colour in SET_COLOURS.items():
-        runs = {k: some for (name, drive, k), some in e.drawn.items() if (name, drive) == (sensors, "standard")}
-        found = {k: median(some) for k, some in runs.items()}
+        runs = {k: errors for (name, drive, k), errors in e.drawn.items() if (name, drive) == (sensors, "standard")}
+        found = {k: median(errors) for k, errors in runs.items()}
         axes.plot(list(found), list(found.values()), "o-", color=colour, ms=4)
-        fast = {k: median(some) for (name, k), some in e.fast.items() if name == sensors}
+        fast = {k: median(errors) for (name, k), errors in e.fast.items() if name == sensors}
         axes.plot(list(fast), list(fast.values()), "o--", color=colour, ms=4.5, mfc="white", lw=1.1)
         x, y = (list(fast.items()) or list(found.items()))[-1]
         axes.annotate(sensors, (x, y), (8, {"3": 7, "4": -9}.get(sensors, 0)), va="center",

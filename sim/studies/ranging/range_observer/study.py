@@ -141,20 +141,20 @@ def _asked(config: RangeObserverStudyConfig) -> Jobs:
 def _evidence(done: Mapping[Any, list[Any]]) -> LockResults:
     psi = np.append(STANDARD.ranges(START, np.radians(SENSORS["2t"]))[1], START[2])
     return LockResults(
-        identities=[one for some in done["identities",] for one in some],
+        identities=[one for group in done["identities",] for one in group],
         start_off=wrapped(PRINTED_START - psi),
-        thesis={key[1:]: some for key, some in done.items() if key[0] == "thesis"},
-        noisy={key[1:]: some for key, some in done.items() if key[0] == "noisy"},
-        true_start={key[1]: some[0] for key, some in done.items() if key[0] == "true start"},
+        thesis={key[1:]: group for key, group in done.items() if key[0] == "thesis"},
+        noisy={key[1:]: group for key, group in done.items() if key[0] == "noisy"},
+        true_start={key[1]: group[0] for key, group in done.items() if key[0] == "true start"},
         drawn={
-            (*key[1:], k): [run[i] for run in some]
-            for key, some in done.items()
+            (*key[1:], k): [run[i] for run in group]
+            for key, group in done.items()
             if key[0] == "drawn"
             for i, k in enumerate(GAINS)
         },
         fast={
-            (key[1], k): [run[i] for run in some]
-            for key, some in done.items()
+            (key[1], k): [run[i] for run in group]
+            for key, group in done.items()
             if key[0] == "fast"
             for i, k in enumerate(FAST_GAINS)
         },
@@ -168,22 +168,27 @@ def _evidence(done: Mapping[Any, list[Any]]) -> LockResults:
 def _rows(e: LockResults) -> list[dict[str, Any]]:
     """The CSV: a row for each run, and for each set of sensors what is left of the identities."""
     groups: list[tuple[dict[str, Any], Sequence[RunErrors]]] = [
-        *(({"what": "thesis' start", "motion": m, **_gains(ObserverGains(f, *PRINTED_GAINS))}, some)
-          for (m, f), some in e.thesis.items()),
-        *(({"what": "thesis' start, 5 % noise", "motion": m, **_gains(g)}, some) for (m, g), some in e.noisy.items()),
-        *(({"what": "from the truth", "motion": d, "sensors": s, **_gains(ObserverGains("none", k, k))}, some)
-          for (s, d, k), some in e.drawn.items()),
+        *(({"what": "thesis' start", "motion": m, **_gains(ObserverGains(f, *PRINTED_GAINS))}, errors)
+          for (m, f), errors in e.thesis.items()),
+        *(({"what": "thesis' start, 5 % noise", "motion": m, **_gains(g)}, errors)
+          for (m, g), errors in e.noisy.items()),
+        *(({"what": "from the truth", "motion": d, "sensors": s, **_gains(ObserverGains("none", k, k))}, errors)
+          for (s, d, k), errors in e.drawn.items()),
         *(({"what": "from the truth, 1 kHz", "motion": "standard", "sensors": s,
-            **_gains(ObserverGains("none", k, k))}, some)
-          for (s, k), some in e.fast.items()),
+            **_gains(ObserverGains("none", k, k))}, errors)
+          for (s, k), errors in e.fast.items()),
     ]  # fmt: skip
     runs = [
         {"sensors": "2t", **run, "seed": seed, "position_rms_m": one.position, "heading_rms_rad": one.heading,
          "z_rms_rad": one.in_z, "keeps_lock": one.locked}
-        for run, some in groups for seed, one in enumerate(some)
+        for run, errors in groups for seed, one in enumerate(errors)
     ]  # fmt: skip
     left = [
-        {"what": f"identities: {name}", "sensors": sensors, "largest": largest(_of(e.identities, sensors), name)}
+        {
+            "what": f"identities: {name}",
+            "sensors": sensors,
+            "largest": largest(_with_sensors(e.identities, sensors), name),
+        }
         for sensors in SETS
         for name in ("Q", "s", "rho_dot", "manifold", "heun_s", "heun_rho_dot")
     ]
@@ -194,15 +199,15 @@ def _gains(gains: ObserverGains) -> dict[str, Any]:
     return {"feedforward": gains.feedforward, "k_v": gains.k_v, "k_q": gains.k_q}
 
 
-def _of(some: Sequence[Identities], sensors: str) -> list[Identities]:
-    return [one for one in some if one.sensors == sensors]
+def _with_sensors(identities: Sequence[Identities], sensors: str) -> list[Identities]:
+    return [one for one in identities if one.sensors == sensors]
 
 
 def _thesis_table(e: LockResults) -> Table:
     names: tuple[FeedForward, ...] = get_args(FeedForward)
     columns = ("input", *(f"{'print' if name == 'none' else name}: keeps lock, RMS [m], [rad]" for name in names))
     rows = [
-        (motion, *(_told(e.thesis[motion, name]) for name in names)) for motion in MOTIONS
+        (motion, *(_lock_cell(e.thesis[motion, name]) for name in names)) for motion in MOTIONS
     ]  # fmt: skip
     return Table("From the thesis' start, without noise, gains (5, 1)", columns, rows)
 
@@ -211,34 +216,34 @@ def _noise_table(e: LockResults) -> Table:
     columns = ("input", "feed-forward", "k_V, k_Q", "keeps lock, RMS [m], [rad]")
     rows = [
         (motion, "print" if gains.feedforward == "none" else gains.feedforward, f"{gains.k_v:g}, {gains.k_q:g}",
-         _told(some))
-        for (motion, gains), some in e.noisy.items()
+         _lock_cell(errors))
+        for (motion, gains), errors in e.noisy.items()
     ]  # fmt: skip
     return Table("From the thesis' start, with 5 % range noise", columns, rows)
 
 
-def _told(some: Sequence[RunErrors]) -> str:
-    return f"{locked(some)} of {len(some)}, {median(some):.2g}, {median(some, 'heading'):.2g}"
+def _lock_cell(errors: Sequence[RunErrors]) -> str:
+    return f"{locked(errors)} of {len(errors)}, {median(errors):.2g}, {median(errors, 'heading'):.2g}"
 
 
 def _gains_table(e: LockResults) -> Table:
     columns = ("sensors", "figure of eight", *(f"k = {k:g}" for k in GAINS), "k = 1 over k = 10")
     ratios = falls(e)
     rows = [
-        (sensors, drive, *(_told(e.drawn[sensors, drive, k]) for k in GAINS),
-         f"{min(some):.1f} to {max(some):.1f} in {len(some)}" if (some := ratios[sensors, drive]) else "no lock kept")
+        (sensors, drive, *(_lock_cell(e.drawn[sensors, drive, k]) for k in GAINS),
+         f"{min(own):.1f} to {max(own):.1f} in {len(own)}" if (own := ratios[sensors, drive]) else "no lock kept")
         for sensors in SETS for drive in DRIVES
     ]  # fmt: skip
     return Table("The print from drawn starts, started on the truth: keeps lock, RMS [m], [rad]", columns, rows)
 
 
-def _identities_table(some: Sequence[Identities]) -> Table:
+def _identities_table(identities: Sequence[Identities]) -> Table:
     columns = ("sensors", "states", "|Q| [m²/s]", "s [rad/s]", "rho_dot [rad/s]", "manifold, a period [rad]",
                "s, a period by Heun [rad]", "rho_dot, a period by Heun [rad]")  # fmt: skip
     names = ("Q", "s", "rho_dot", "manifold", "heun_s", "heun_rho_dot")
     rows = [
         (sensors, str(len(own)), *(f"{largest(own, name):.1e}" for name in names))
         for sensors in SETS
-        if (own := _of(some, sensors))
+        if (own := _with_sensors(identities, sensors))
     ]
     return Table("On the truth: the largest of what should vanish", columns, rows)

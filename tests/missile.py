@@ -38,7 +38,7 @@ class Glide:
 
 
 class GlidePlanner:
-    """From the plan being flown to where the target will be, as far as it has been told."""
+    """From the plan being flown to where the target will be, as far as it has been announced."""
 
     def __init__(self, config: GlideConfig, mission: MissileMission) -> None:
         self.period = config.period

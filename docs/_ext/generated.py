@@ -45,7 +45,7 @@ def commands() -> str:
         parts.append(f"## mathnavi {name}\n\n{purpose[0].upper()}{purpose[1:]}.\n\n{_fence(usage)}")
         for action in dict.fromkeys(re.findall(rf"^(?:usage:)? *mathnavi {name} ([a-z]\w*) ", usage, re.MULTILINE)):
             parts.append(f"### mathnavi {name} {action}\n\n{_fence(_printed(name, action, '--help'))}")
-        if name in OWN and "--help " not in usage.partition("options")[2]:  # else the help has told them
+        if name in OWN and "--help " not in usage.partition("options")[2]:  # else the help has shown them
             parts.append(table(EntryPoint(name, OWN[name][0], "").load()))
     return "\n\n".join(parts)
 
@@ -164,7 +164,7 @@ def _first_paragraph(documented: Any) -> str:
 
 
 def _printed(*words: str) -> str:
-    """What a command prints for its help, in a terminal of ``COLUMNS``."""
+    """Help text of a command, in a terminal of ``COLUMNS``."""
     before = os.environ.get("COLUMNS")
     os.environ["COLUMNS"] = COLUMNS
     try:

@@ -18,7 +18,7 @@ from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, 
 from mathnavi.sim.interfaces.protocols import Consensus, ConsensusPlugin
 from mathnavi.sim.interfaces.signals import Array, Message
 from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
-from mathnavi.sim.studies.fleet.consensus.exchange import talked
+from mathnavi.sim.studies.fleet.consensus.exchange import exchanged
 from tests.fleet import NAMES, Shuffled, graphs, started, starts_for
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.consensus")}
@@ -36,7 +36,7 @@ def built(plugin: type[ConsensusPlugin], graph: Graph) -> dict[str, Consensus]:
 
 
 def outbox(plugin: type[ConsensusPlugin], graph: Graph, starts: Array, network: Network, rounds: int) -> Array:
-    return talked(started(built(plugin, graph), starts), graph, network, rounds)
+    return exchanged(started(built(plugin, graph), starts), graph, network, rounds)
 
 
 def radio(graph: Graph, seed: int, loss: float, delay: float) -> Network:
@@ -177,5 +177,5 @@ def test_what_cannot_be_used_is_counted_by_why(plugin: type[ConsensusPlugin]) ->
 def test_a_vehicle_that_has_no_number_raises_nothing(plugin: type[ConsensusPlugin]) -> None:
     for number in (math.nan, math.inf, -math.inf):
         parts = started(built(plugin, LINE), [100.0, number, 90.0])
-        values = talked(parts, LINE, IdealNetwork(LINE.names), 100)
+        values = exchanged(parts, LINE, IdealNetwork(LINE.names), 100)
         assert np.isfinite(values[2:]).all()

@@ -511,7 +511,7 @@ def test_before_its_first_reading_it_is_initialising(estimator: Estimator, fligh
         assert estimator.update(step.t, (), step.command).status is Status.INITIALISING
 
 
-def test_missing_readings_are_survived_and_in_the_end_told(estimator: Estimator, flight: list[Step]) -> None:
+def test_missing_readings_are_survived_and_in_the_end_reported(estimator: Estimator, flight: list[Step]) -> None:
     middle = len(flight) // 2
     *_, (_, last_fed) = replay(estimator, flight[:middle])
     assert last_fed.status is Status.OK

@@ -176,7 +176,7 @@ def test_an_ellipsis_stands_for_lines_or_for_characters(printed: str, shown: str
     assert matches(printed.splitlines(), shown.splitlines()) is same
 
 
-def test_a_page_that_shows_something_else_is_told_of(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_that_shows_something_else_is_reported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def checked(page: str) -> None:
         run_page(blocks_of(page), "page.md", monkeypatch)
 

@@ -104,7 +104,7 @@ def test_what_makes_no_picture_is_refused() -> None:
         GalleryPicture("a.png", ((MATHNAVI, "list"),)).made("")
 
 
-def test_a_picture_is_made_by_its_commands_or_told_why_not(
+def test_a_picture_is_made_by_its_commands_or_the_reason_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     makes = ("sh", "-c", "echo new > made.png", "--screenshot=made.png")

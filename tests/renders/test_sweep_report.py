@@ -215,7 +215,7 @@ def test_figures_are_drawn_over_a_continuous_field() -> None:
     assert sum("faults.gust_rms" in label for label in labels) == 2
 
 
-def test_another_scenario_with_other_words_is_told_too() -> None:
+def test_another_scenario_with_other_words_is_reported_too() -> None:
     records = [
         Record(
             str(seed), "my.module:Chase", {"config": {"gain": gain}}, seed, "0.1.0", "ok", True,

@@ -41,7 +41,7 @@ class AsPrintedStudyConfig:
 
 
 class AsPrintedStudy:
-    """What the print's guarantee is worth in continuous time (Propositions A.1 to A.3)."""
+    """The guarantee of the thesis as printed, tested in continuous time (Propositions A.1 to A.3)."""
 
     Config = AsPrintedStudyConfig
     quick = AsPrintedStudyConfig(seeds=3)

@@ -67,7 +67,7 @@ class Beta:
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}, N = 13, gamma = 2. Time of flight and effort of "
-                "the print are those of one mission on its own terrain.",
+                "the thesis are those of one mission on its own terrain.",
             ),
             rows=rows,
             tables=(_table(rows),),

@@ -195,7 +195,7 @@ def _target(terrain: HeightField, count: int, rng: np.random.Generator) -> FlowT
     size = np.array([terrain.width, terrain.depth])
     radius = min(RADIUS, 0.2 * float(size.min()))
     x, y = rng.uniform(0.1 * size, 0.9 * size)
-    while True:  # more than half of the map lies so far from any point of it
+    while True:  # more than half of the map lies so far from any of its points
         place = rng.uniform(0.0, size)
         if np.hypot(*(place - (x, y))) > 1.2 * radius:
             break

@@ -84,7 +84,7 @@ FAULTS: dict[str, dict[str, Any]] = {
     "90 % of the solves fail": {"fields": {"faults.solver_failure_rate": 0.9}},
     "corrupted and late plans": {"fields": {"faults.corrupted_plan_rate": 0.3, "faults.late_plan_rate": 0.3}},
     "kalman, gusts": {"estimator": "kalman", "fields": ROUGH},
-    "all of it": {"estimator": "kalman", "fields": ROUGH | SOME},
+    "everything": {"estimator": "kalman", "fields": ROUGH | SOME},
 }
 
 
@@ -99,7 +99,7 @@ class FlightGridsConfig:
 
 
 class FlightGrids:
-    """What a stretched grid buys the flight planner, and that it keeps every guarantee (A with B)."""
+    """Benefit of a stretched grid for the flight planner, which keeps every guarantee (A with B)."""
 
     Config = FlightGridsConfig
     quick = FlightGridsConfig(seeds=2, faulted=1)

@@ -53,7 +53,7 @@ class HorizonConfig:
 
 
 class Horizon:
-    """What a longer prediction horizon buys and costs (Tables A.1 and A.2, Figure A.5)."""
+    """Benefit and cost of a longer prediction horizon (Tables A.1 and A.2, Figure A.5)."""
 
     Config = HorizonConfig
     quick = HorizonConfig(seeds=2)
@@ -94,7 +94,7 @@ class Horizon:
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name} (mean straight line {straight:,.0f} m), each "
-                "flown with four horizons. The print's unit of effort is unknown; what can be compared is how it "
+                "flown with four horizons. The thesis' unit of effort is unknown; what can be compared is how it "
                 "changes.",
             ),
             rows=rows,

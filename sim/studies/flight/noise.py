@@ -4,7 +4,7 @@ w_bar.
 T_p = 10 s and N = 6 as in the thesis, whose w_bar of 1 is 3670 m. Nothing guards against a jump: it may throw a vehicle
 into a mountain. So the missions begin and end 2 to 3 km above ground, and the planner flies them with its usual margin
 and with one that grows with the jumps, 25 m + 2.5 w_bar; the planner as printed flies them too. Within a jump of the
-target no planner can hit it, so arrival means within 2 km of it.
+target no planner can hit it, so arrival means within 2 km of the target.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Figure A.6: a radar of 10 km stands in the middle of the way; does the planner keep out of its sight?
 
-Each mission is flown unaware of the radar, and aware of it with two weights of the threat in the terminal cost. The
-exposure is the time in the radar's line of sight over the true terrain. The thesis' statement on the height is measured
-where it says it: within one and a half radii of the radar.
+Each mission is flown without knowledge of the radar, and with it under two weights of the threat in the terminal cost.
+The exposure is the time in the radar's line of sight over the true terrain. The thesis' statement on the height is
+measured where it says it: within one and a half radii of the radar.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class ThreatConfig:
 
 
 class Threat:
-    """Whether a radar in the way is avoided, and at what price (Figure A.6)."""
+    """Avoidance of a radar in the way, and its price (Figure A.6)."""
 
     Config = ThreatConfig
     quick = ThreatConfig(seeds=2)
@@ -123,7 +123,8 @@ def near_radar(outcome: RunResult) -> dict[str, Any]:
 
 
 def _row(name: str, records: Sequence[Record], unaware: Sequence[Record], near: Booleans) -> dict[str, Any]:
-    """``near`` are the missions that come near the radar whatever is known of it: only they can be compared there."""
+    """``near`` are the missions that come near the radar with and without knowing it: only they can be compared
+    there."""
     exposure, path = figures(records, "radar_exposure_s"), figures(records, "path_length_m")
     return {
         "planner": name,
@@ -156,7 +157,7 @@ def _table(rows: Sequence[dict[str, Any]]) -> Table:
         )
         for r in rows
     ]  # fmt: skip
-    return Table("Exposure to the radar (the print gives a picture, no numbers)", columns, cells)
+    return Table("Exposure to the radar (the thesis gives a picture, no numbers)", columns, cells)
 
 
 def _figure(by_condition: dict[str, list[Record]], shown: dict[str, RunResult], ground: HeightField) -> Figure:

@@ -36,7 +36,7 @@ NAMES = {"minus-one": "C = -1", "none": "C = 0", "plus-one": "C = 1"}
 LAW, WITHIN = 0.905, 0.02  # |eta| theta at the boundary, and how near to it
 THIN = 1e-2  # S up to which the law holds
 _SMALLEST, _LARGEST = 1e-3, 1.5  # [rad] theta
-SPEEDS = (0.0, 1.0, 10.0, 100.0)  # |eta| at which S = 0 is looked at
+SPEEDS = (0.0, 1.0, 10.0, 100.0)  # |eta| at which S = 0 is evaluated
 _ZERO = 1e-9  # [rad] theta that stands for S = 0
 _FASTEST = 1e4  # |eta|
 _PIXELS = 40  # along an axis of the map

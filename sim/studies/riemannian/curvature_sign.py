@@ -1,7 +1,8 @@
 """The sign that the curvature term of (D.6) needs: C = -1, that of Theorem D.2, none, and C = 1.
 
 A point is forced over S^3 and over H^2, and the observer starts where it is, at rest. How many runs have converged
-depends on when one looks and on the force; the claim is judged by the end of the runs, and earlier times are reported.
+depends on the time of the comparison and on the force; the claim is judged by the end of the runs, and earlier times
+are reported.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ NAMES = {"minus-one": "C = -1", "matched": "C of Theorem D.2", "none": "C = 0", 
 COLOURS = {"minus-one": "#0d5fa8", "matched": "#0f9472", "none": "#8a8f98", "plus-one": "#c2183b"}
 FACTORS = (1.0, 0.25, 0.5, 2.0, 4.0)  # of the strength, to see what it does
 OMEGA, STEP, DURATION = 1.0, 0.01, 20.0  # [1/s], [s] between readings, [s] of a run
-TIMES = (6.0, 12.0, DURATION)  # [s] at which runs are looked at; the last is when they are judged
+TIMES = (6.0, 12.0, DURATION)  # [s] at which runs are evaluated; the last decides the claim
 OFTEN = 0.1  # [s] between what is kept of a run
 GONE = 0.01  # of the velocity at the start
 CONVERGES, FAILS = 0.99, 0.05

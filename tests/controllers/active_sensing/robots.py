@@ -65,7 +65,7 @@ def fly(
     duration: float = 10.0,
     believing: Believing | None = None,
 ) -> Flight:
-    """The loop of ``mathnavi.sim.engine.loop`` for one ideal robot, whose estimate is the truth if not told
+    """The loop of ``mathnavi.sim.engine.loop`` for one ideal robot, whose estimate is the truth unless given
     otherwise."""
     planner, tracker = parts
     believing = believing or knowing()

@@ -1,4 +1,4 @@
-"""What the compiled look ahead computes, against the same formulas written down plainly."""
+"""The compiled prediction over the horizon, against the same formulas written in NumPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is told on the way: the guarantee is kept, or its loss announced, at every planning instant."""
+"""Messages in flight: the guarantee is kept, or its loss announced, at every planning instant."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Watched:
 
 
 def flown(news: Sequence[Message], ground: HeightField = MISSION.terrain) -> tuple[Recording, Watched, list[str]]:
-    """The flight of a vehicle that is told ``news``, until it arrives, hits ``ground``, or for five minutes."""
+    """The flight of a vehicle that receives ``news``, until it arrives, hits ``ground``, or for five minutes."""
     raw, _ = FlightController.build(FlightConfig(nodes=7), MISSION)
     planner = Certified(raw, partial(StopAndHover, period=raw.period), CERTIFICATE, BOUND, FACTOR)
     watched = Watched(planner)
@@ -96,7 +96,7 @@ def arrives(recording: Recording, target: Sequence[float]) -> bool:
 
 
 def hill_ahead(share: float, radius: float, height: float) -> HeightField:
-    """The ground with a hill on the straight way, at a share of it."""
+    """The ground with a hill on the straight line to the target, at a share of its length."""
     (x, y, _), (x_f, y_f, _) = MISSION.start, MISSION.target
     return with_hills(MISSION.terrain, (Hill(x + share * (x_f - x), y + share * (y_f - y), radius, height),))
 
@@ -131,7 +131,7 @@ def test_a_hill_in_the_way_that_is_known_in_time_is_flown_around() -> None:
     assert flown_clearance(recording.t, recording.truths["vehicle"], mission).min() >= MISSION.clearance_min
 
 
-def test_a_map_that_was_wrong_is_judged_as_soon_as_it_is_told() -> None:
+def test_a_map_that_was_wrong_is_checked_as_soon_as_the_correction_arrives() -> None:
     """Between two planning instants; what was to take over at the next one does not."""
     ground = hill_ahead(0.5, 1500.0, 1200.0)
     for t in (15.2, 16.1):  # [s] planning instants are 15 and 16.67
@@ -251,7 +251,7 @@ def test_a_guarantee_that_was_lost_is_regained_when_there_is_a_plan_again() -> N
     assert "guarantee-regained" in found.notes
 
 
-def test_what_is_told_while_nobody_can_answer_is_not_forgotten() -> None:
+def test_messages_with_a_malformed_request_are_not_forgotten() -> None:
     planner, current = certified()
     t = 6 * planner.period
     x, y, _ = state_at(current, t + 8.0)[:3]

@@ -25,16 +25,16 @@ PERIOD = 0.1
 
 
 class Scripted:
-    """An optimiser that notes what it is asked and fails when it is told to."""
+    """An optimiser that records its requests and fails on command."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[float, Array, TerminalCondition]] = []
         self.fails = False
 
-    def optimise(self, t: float, start: Array, aim: TerminalCondition) -> MissileTrajectory | Failed:
-        self.asked.append((t, start.copy(), aim))
+    def optimise(self, t: float, start: Array, condition: TerminalCondition) -> MissileTrajectory | Failed:
+        self.asked.append((t, start.copy(), condition))
         if self.fails:
-            return Failed("it was told to", infeasible=False)
+            return Failed("failure on command", infeasible=False)
         breaks = np.linspace(0.0, 2.0, 11)
         u = np.tile([100.0, -2000.0, 0.0], (10, 1))
         return MissileTrajectory(breaks, flown(start, breaks, u, PLANAR, mission().body), u, 1.0)
@@ -116,7 +116,7 @@ def test_a_failure_is_a_status_and_the_next_request_is_another_try() -> None:
     optimiser.fails = True
     failed = made.plan(request(plan, 0.1, plan.x[0]))
     assert failed.status is Status.SOLVER_FAILED
-    assert failed.message == "it was told to"
+    assert failed.message == "failure on command"
     assert failed.solve_ms >= 0.0
     optimiser.fails = False
     assert made.plan(request(plan, 0.2, plan.x[1])).ok

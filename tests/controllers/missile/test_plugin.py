@@ -1,4 +1,4 @@
-"""The plug-in: what it is told, what it refuses, and what it says when there is no compiler."""
+"""The plug-in: its configuration, what it refuses, and its message when there is no compiler."""
 
 from __future__ import annotations
 

@@ -77,8 +77,8 @@ def test_the_bound_is_kept_by_plans_that_take_over_unforeseen(rough: bool) -> No
     rng, high = np.random.default_rng(0), np.array([200.0, 200.0, 900.0])
     true = dataclasses.replace(NOMINAL, mass=1.1 * NOMINAL.mass, motor_lag=1.15 * NOMINAL.motor_lag)
     true = true if rough else NOMINAL
-    equipment = {"quad": VehicleSetup(at_rest(high), drive=RotorDrive(true))}
-    plant = MujocoPlant(built(plain(), true), equipment, np.random.default_rng(0))
+    setups = {"quad": VehicleSetup(at_rest(high), drive=RotorDrive(true))}
+    plant = MujocoPlant(built(plain(), true), setups, np.random.default_rng(0))
     gusts = Gusts(true.mass * GUSTS.rms, GUSTS.time_constant, true.mass * GUSTS.limit, rng)
     tracker = GeometricTracker(PERIOD, CONFIG, NOMINAL, bound)
     t, x, deviation = 0.0, np.array([*high, 0.0, 0.0, 0.0]), []

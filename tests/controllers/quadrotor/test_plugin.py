@@ -36,8 +36,8 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> d
     certificate = Certificate.of(flight, bound)
     planner = Certified(raw, partial(StopAndHover, period=raw.period), certificate, bound, flight.deadline_factor)
     config = QuadrotorState.Config()
-    equipment = VehicleSetup(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))
-    body = MujocoPlant(built(flight.terrain, true), {"quad": equipment}, sensing)
+    setup = VehicleSetup(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))
+    body = MujocoPlant(built(flight.terrain, true), {"quad": setup}, sensing)
     m = true.mass
     plant: Plant = body
     if gust.rms > 0.0:

@@ -89,7 +89,7 @@ def test_a_plan_that_is_elsewhere_is_begun_anew() -> None:
 
 @pytest.mark.parametrize("preview", [0.0, 0.25])
 def test_a_plan_that_takes_over_unchanged_changes_nothing(preview: float) -> None:
-    """Between two looks the reference was on its way by the old plan; the new one begins at the second."""
+    """Between two control steps the reference was on its way by the old plan; the new one begins at the second."""
     once, twice = ReferenceFilter(OMEGA, preview, 1.0), ReferenceFilter(OMEGA, preview, 1.0)
     rest = Plan(np.array([0.5, *TURN.t[1:]]), TURN.x.copy(), TURN.u, TURN.phase)
     rest.x[0] = state_at(TURN, 0.5)

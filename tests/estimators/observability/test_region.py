@@ -1,4 +1,4 @@
-"""Regions of convergence are told apart by what an estimator does, modulo the symmetry of the wall."""
+"""Regions of convergence are determined by running an estimator, modulo the symmetry of the wall."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_to_follow_an_indistinguishable_state_is_to_converge() -> None:
     assert region_of_convergence(DeadReckoning, NoConfig(), run, ELLIPSE.images(START), DEVIATION, WITHIN).all()
 
 
-def test_an_estimator_is_told_where_it_starts_and_how_sure_that_is() -> None:
+def test_an_estimator_is_given_its_start_and_the_deviation() -> None:
     starts = []
 
     class Listens(DeadReckoning):

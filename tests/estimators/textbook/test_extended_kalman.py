@@ -72,7 +72,7 @@ def test_flags_out_of_sight_are_left_out() -> None:
 
 
 def test_an_estimate_that_escapes_is_lost_and_finite() -> None:
-    """The truth of Example 2.1 rests, the estimate is told of a start that escapes, and reads nothing."""
+    """The truth of Example 2.1 rests, the estimator starts from a state that escapes, and receives no measurement."""
     observer = TextbookEkf.build(CONFIG, mission(EXAMPLE_2_1, (2.0, 3.0)))
     observer.update(0.0, [Measurement("output", 0.0, np.array([2.2]))], np.ones(1))
     for k in range(1, 80):

@@ -97,7 +97,7 @@ OBSERVERS = [
 
 @pytest.mark.parametrize(("plugin", "config", "system"), OBSERVERS)
 def test_started_on_the_truth_it_stays_there(plugin: type, config: object, system: System) -> None:
-    """Property 2.1. The print of (2.4) has it, too, but is so unstable that round-off leads it away."""
+    """Property 2.1. (2.4) as printed has it, too, but is so unstable that round-off leads it away."""
     given = list(steps(system, 1.5))
     observer = plugin.build(config, mission(system, [0.0] * len(system.states)))
     deviations = [np.abs(e.x - s.truth).max() for e, s in zip(replayed(observer, given), given, strict=True)]

@@ -12,11 +12,11 @@ from tests.estimators.velocity.runs import mission_of, moving
 
 
 def test_what_is_refused_ten_times_in_a_row_is_believed_from_then_on() -> None:
-    persistence = OutlierCounter()
-    assert persistence.admits(True)
-    assert [persistence.admits(False) for _ in range(12)] == [False] * 10 + [True] * 2
-    assert persistence.admits(True)
-    assert not persistence.admits(False)
+    counter = OutlierCounter()
+    assert counter.admits(True)
+    assert [counter.admits(False) for _ in range(12)] == [False] * 10 + [True] * 2
+    assert counter.admits(True)
+    assert not counter.admits(False)
 
 
 def test_a_reading_is_refused_that_the_system_cannot_have_come_to() -> None:

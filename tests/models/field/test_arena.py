@@ -1,4 +1,4 @@
-"""The arena: MuJoCo's rangefinders see the curve itself, eyes and bumpers a wall just outside of it."""
+"""The arena: MuJoCo's rangefinders measure to the curve itself, cameras and bumpers meet a wall just outside."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_a_ray_that_misses_the_wall_reads_minus_one() -> None:
 
 @walls
 def test_the_drawn_wall_stands_outside_of_the_curve_and_close_to_it(name: str) -> None:
-    """Nothing of it is within the curve, and its faces are within a centimetre."""
+    """No part of the mesh is within the curve, and its faces are within a centimetre."""
     curve, model = WALLS[name][0], model_of(name)
     boxes = [g for g in range(model.ngeom) if model.geom(g).name.startswith("wall_")]
     assert len(boxes) > 30

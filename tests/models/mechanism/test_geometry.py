@@ -235,7 +235,7 @@ def test_what_is_no_point_is_refused(wrong: list[float]) -> None:
         MechanismManifold(chain("hb")).check(np.array(wrong))
 
 
-def test_a_quaternion_off_by_rounding_is_brought_back() -> None:
+def test_a_quaternion_off_by_rounding_is_projected() -> None:
     p = MechanismManifold(chain("hb")).check(np.array([0.5, 0.6 + 3e-7, 0.0, 0.8, 0.0]))
     assert np.linalg.norm(p[1:]) == pytest.approx(1.0, abs=1e-15)
     assert p[0] == 0.5

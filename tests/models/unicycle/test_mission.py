@@ -41,7 +41,7 @@ def test_what_makes_no_mission_is_refused(fields: dict[str, Any], expected: str)
 
 
 @given(poses, small, st.integers(-2, 2))
-def test_an_error_is_that_of_the_nearest_pose_that_cannot_be_told_apart(x: Array, error: Array, turns: int) -> None:
+def test_an_error_is_that_of_the_nearest_pose_that_is_indistinguishable(x: Array, error: Array, turns: int) -> None:
     for image in STANDARD.images(x):
         estimate = image + error + [0.0, 0.0, 2.0 * math.pi * turns]
         np.testing.assert_allclose(MISSION.difference(estimate, x), error, rtol=0.0, atol=1e-12)

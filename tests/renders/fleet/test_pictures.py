@@ -41,7 +41,7 @@ def _lab(colour: tuple[float, float, float]) -> Array:
     return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
 
 
-def test_sixteen_vehicles_can_be_told_apart_and_from_paper_and_snow() -> None:
+def test_sixteen_vehicles_can_be_distinguished_from_each_other_and_from_paper_and_snow() -> None:
     """A difference of 2.3 is just noticeable; lines of a few pixels need ten times that."""
     assert len(VEHICLES) == 16
     places = [_lab(colour) for colour in (*VEHICLES, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))]

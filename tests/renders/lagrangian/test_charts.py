@@ -38,7 +38,7 @@ def test_a_nose_points_where_the_attitude_turns_the_first_axis(seed: int) -> Non
 
 
 def test_a_globe_shows_what_points_at_the_eye_in_its_middle() -> None:
-    globe = Globe(azimuth=90.0, elevation=0.0)  # the eye is to the south of it
+    globe = Globe(azimuth=90.0, elevation=0.0)  # the viewpoint is south of the globe
     to_the_eye, opposite, left, up = (
         np.array([math.cos(0.5 * angle), *(math.sin(0.5 * angle) * np.array(axis))])
         for angle, axis in (

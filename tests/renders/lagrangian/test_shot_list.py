@@ -36,7 +36,7 @@ def test_an_unknown_camera_is_refused(runs: dict[str, LagrangianRun]) -> None:
         drawing.frames(runs["body"], "chase")
 
 
-def test_a_viewer_is_told_of_what_happened(runs: dict[str, LagrangianRun]) -> None:
+def test_events_are_announced_to_the_viewer(runs: dict[str, LagrangianRun]) -> None:
     annotated = annotations_of(runs["body"])
     assert annotated == sorted(annotated)
     assert [text for _, text in annotated] == ["velocity found to one percent", verdict(runs["body"])]

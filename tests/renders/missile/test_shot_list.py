@@ -31,7 +31,7 @@ def test_the_end_is_slow_motion(missile_run: MissileRun) -> None:
     assert film[-2].rate < 0.5 * min(shot.rate for shot in film[:-2])
 
 
-def test_turns_of_the_target_limits_and_the_end_are_told(missile_run: MissileRun) -> None:
+def test_turns_of_the_target_limits_and_the_end_are_announced(missile_run: MissileRun) -> None:
     texts = [text for _, text in annotations_of(missile_run)]
     assert texts == ["the target changes its course", verdict(missile_run)]
     assert verdict(missile_run).startswith("hit, ")

@@ -1,4 +1,4 @@
-"""Estimators that say what pictures have to show: they reckon from the start they are told, and add what is asked.
+"""Estimators for the pictures: they dead-reckon from the known start, and add what is asked.
 
 With an exact start and faultless wheels the reckoning is the truth, so a test knows where everything has to be drawn.
 """
@@ -82,7 +82,7 @@ class Believer:
 
 
 def believed(kind: str = "bank", duration: float = 4.0, **fields: object) -> RunResult:
-    """A run with faultless wheels from a start that is told exactly."""
+    """A run with faultless wheels from a start that is known exactly."""
     noise = RangingNoise(odometry_noise=(0.0, 0.0), odometry_bias=0.0, dropout=0.1)
     start = {"start": START, "start_known": True, "start_error": (0.0, 0.0, 0.0)}
     return run(estimator=PluginSpec.of(Believer, kind=kind), duration=duration, **{"noise": noise, **start, **fields})

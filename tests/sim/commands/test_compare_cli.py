@@ -126,7 +126,7 @@ def test_trials_of_the_same_seeds_are_paired(sweep: Side) -> None:
     assert differ((rate(20, 40), rate(28, 40)), (), happened).startswith("not shown")
 
 
-def test_claims_that_changed_their_verdict_are_told(studies: Side) -> None:
+def test_claims_that_changed_their_verdict_are_reported(studies: Side) -> None:
     held, fell = studies("held", True), studies("fell", False, "it rose")
     comparison = compare(held, fell)
     assert comparison.verdict == "1 of 1 claims changed their verdict: 1 yes → no."

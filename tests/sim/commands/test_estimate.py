@@ -48,7 +48,7 @@ def assert_same_run(one: Path, other: Path) -> None:
     figures = [{key: value for key, value in summary.items() if not is_wall_clock(key)} for summary in summaries]
     assert figures[0] == figures[1]
     events = [sorted((run / "events.jsonl").read_text().splitlines()) for run in (one, other)]
-    assert events[0] == events[1]  # in another order within a look: what was commanded is known from the start
+    assert events[0] == events[1]  # in another order within a control step: the commands are known from the start
 
 
 def test_the_recorded_estimator_estimates_the_same_again(folder: Path, tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def test_it_says_that_kernels_are_compiled_until_the_first_trial_has_ended(done:
     assert ("compiling the numerical kernels" in drawn(Progress(60, 0, done, 0, 0, True))) == (done == 0)
 
 
-def test_where_there_is_no_terminal_a_line_is_told_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_there_is_no_terminal_a_line_is_printed_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     states = [Progress(60, 10, done, 0, 0, False) for done in (10, 15, 20)]
     assert not drawn(*states, terminal=False)
     monkeypatch.setattr(progress, "SELDOM", 0.0)

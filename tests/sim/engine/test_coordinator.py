@@ -1,4 +1,4 @@
-"""Vehicles that talk: what is said arrives over the network, and a plan takes over only where it is admitted."""
+"""Vehicles that communicate: messages arrive over the network, and a plan takes over only where it is admitted."""
 
 from __future__ import annotations
 

@@ -63,9 +63,9 @@ def test_how_often_it_is_looked_at_does_not_matter() -> None:
     np.testing.assert_allclose(often.state("v"), seldom.state("v"), atol=1e-9)
 
 
-def readings(plant: OdePlant, looks: int, ticks: int) -> list[Measurement]:
+def readings(plant: OdePlant, samples: int, ticks: int) -> list[Measurement]:
     found: list[Measurement] = []
-    for _ in range(looks):
+    for _ in range(samples):
         found += plant.sense("v")
         plant.step({"v": U}, ticks)
     return found

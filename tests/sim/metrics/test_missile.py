@@ -20,7 +20,7 @@ from tests.missile import fly
 
 
 def fall(offset: float, period: float, count: int = 60) -> tuple[Array, Array]:
-    """Looks (n,) and joints (n, 6) of a vertical fall past x = 700 m at ``offset`` m from it, 100 m/s at z = 0."""
+    """Times (n,) and joints (n, 6) of a vertical fall past x = 700 m at ``offset`` m from it, 100 m/s at z = 0."""
     t = period * np.arange(count, dtype=np.float64)
     passing = 0.6180339 * t[-1]
     s = t - passing

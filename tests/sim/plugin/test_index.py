@@ -1,4 +1,4 @@
-"""The index of plug-ins: it says what the plug-ins say, notices what changes, and is never in the way."""
+"""The index of plug-ins: it holds what the plug-ins declare, notices changes, and never fails a command."""
 
 from __future__ import annotations
 

@@ -166,7 +166,7 @@ def test_bad_input_is_one_clear_error(
     assert not out.exists()
 
 
-def test_what_leaves_the_hyperbolic_plane_s_bounds_is_told_and_estimates_stay_finite() -> None:
+def test_what_leaves_the_hyperbolic_plane_s_bounds_is_reported_and_estimates_stay_finite() -> None:
     outcome = flown("hyperbolic-plane", force="none", duration=4.0, rate=200.0)
     assert not outcome.success
     assert outcome.recording.events[-1].kind == "escaped"

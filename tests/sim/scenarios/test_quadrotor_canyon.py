@@ -33,7 +33,7 @@ def outcome() -> RunResult:
     return flown(faults=GUSTS, mismatch=HEAVY)
 
 
-def test_in_gusts_heavier_than_told_with_failing_solvers_it_arrives_safely_and_in_time(outcome: RunResult) -> None:
+def test_in_gusts_heavier_than_modelled_with_failing_solvers_it_arrives_safely_and_in_time(outcome: RunResult) -> None:
     summary = outcome.summary
     assert outcome.success, summary
     assert summary["arrival_time_s"] <= summary["deadline_s"]
@@ -98,7 +98,7 @@ def test_ends_are_drawn_on_the_floor_of_the_canyon_by_the_seed() -> None:
     assert ends[0] != ends[1]
 
 
-def test_a_rotor_too_weak_for_the_bound_is_told() -> None:
+def test_a_rotor_too_weak_for_the_bound_is_reported() -> None:
     """What a rotor of half its thrust does to the moments is in no bound."""
     summary = flown(mismatch=QuadrotorMismatch(rotor=0.5)).summary
     assert summary["tracking_breaches"] > 0

@@ -1,4 +1,4 @@
-"""The scenario of the robot that finds itself: what is drawn, what is told, what goes wrong, and that it repeats.
+"""The scenario of the robot that localises itself: drawn starts, the known start, faults, and repeatability.
 
 Flown by a fixed pattern and an estimator that only reckons, so that nothing here depends on a filter.
 """
@@ -127,7 +127,7 @@ def test_a_path_that_fits_nowhere_is_refused() -> None:
         build(0, PluginSpec.of(Cautious, speed=5.0, cycle=0.0))
 
 
-def test_what_is_told_of_the_start_is_off_as_declared_and_within_the_wall() -> None:
+def test_the_known_start_errs_as_declared_and_within_the_wall() -> None:
     starts = []
     for seed in range(60):
         mission = build(seed, start=(0.0, 0.0, 0.0), start_known=True, start_error=(0.5, 0.2, 30.0)).config["mission"]
@@ -158,7 +158,7 @@ def test_an_outage_takes_the_ranges_and_nothing_else() -> None:
     assert not np.isnan(arrays["measurement.odometry"][1:]).any()
 
 
-def test_commands_beyond_what_the_wheels_can_are_told() -> None:
+def test_commands_beyond_what_the_wheels_can_are_reported() -> None:
     outcome = run(duration=2.0, speed_max=0.3, **KNOWN_START)
     assert outcome.summary["inputs_clipped"] == 1
     path = np.linalg.norm(np.diff(outcome.arrays["truth.x"][:, :2], axis=0), axis=1).sum()
@@ -272,7 +272,7 @@ def test_by_default_the_robot_finds_itself_from_anywhere() -> None:
     assert outcome.summary["convergence_time_s"] < 5.0
 
 
-def test_seconds_without_ranges_are_told_and_got_over() -> None:
+def test_seconds_without_ranges_are_reported_and_survived() -> None:
     outcome = RangeLocalisation.build(RangeLocalisationConfig(duration=12.0, outage=((4.0, 6.0),)), 1).run()
     statuses = [event for event in outcome.recording.events if event.kind == "estimator-status"]
     assert any(event.message.startswith("lost") and 4.0 < event.t < 6.0 for event in statuses)

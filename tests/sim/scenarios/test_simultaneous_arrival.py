@@ -96,7 +96,7 @@ def test_arrivals_and_separation_are_those_of_the_log(terrain: str) -> None:
     assert least_separation(outcome.recording, list(expected))[0] == outcome.summary["separation_min_m"]
 
 
-def test_a_fleet_that_is_told_where_to_start_starts_there(terrain: str) -> None:
+def test_a_fleet_with_given_starts_starts_there(terrain: str) -> None:
     drawn = SimultaneousArrival.build(config(terrain), 1).config
     starts = tuple(tuple(each["start"]) for each in drawn["mission"]["vehicles"].values())
     ring = [each["target"] for each in drawn["mission"]["vehicles"].values()]
@@ -106,7 +106,7 @@ def test_a_fleet_that_is_told_where_to_start_starts_there(terrain: str) -> None:
     assert SimultaneousArrival.build(expected, 7).config["fields"]["start"] == starts
 
 
-def test_what_is_learnt_on_the_way_is_told_to_all(terrain: str) -> None:
+def test_new_information_is_sent_to_all(terrain: str) -> None:
     """A radar that drives and goes, and a hill that the map does not show; and with a graph of one's own."""
     outcome = flown(
         terrain, name=("north", "east", "south"), edge=(("north", "east", 1.0), ("east", "south", 0.5)),

@@ -19,7 +19,7 @@ from mathnavi.sim.studies.ranging.range_observer.observer_run import RunErrors, 
 from mathnavi.sim.studies.ranging.range_observer.runs import START, ObserverGains, ThesisRun
 from mathnavi.sim.studies.ranging.range_observer.study import PRINTED_START, SETS
 
-OURS, PRINT = ObserverGains("s", 5.0, 1.0), ObserverGains("none", 5.0, 1.0)
+OURS, AS_PRINTED = ObserverGains("s", 5.0, 1.0), ObserverGains("none", 5.0, 1.0)
 STEP = 1e-4  # [s]
 
 
@@ -76,7 +76,7 @@ def test_an_estimate_on_the_image_of_the_truth_is_not_off() -> None:
 
 
 def test_turning_from_the_thesis_start_the_print_loses_lock_and_the_feed_forward_does_not() -> None:
-    printed, ours = (runs.thesis_verdict(ThesisRun("circle", gains, 0, 8)) for gains in (PRINT, OURS))
+    printed, ours = (runs.thesis_verdict(ThesisRun("circle", gains, 0, 8)) for gains in (AS_PRINTED, OURS))
     assert not printed.locked
     assert not printed.locked_z
     assert ours.locked

@@ -100,10 +100,10 @@ def test_a_file_counts_by_what_is_in_it_and_not_by_its_place(hills: Path, tmp_pa
 
 
 def test_keys_are_made_without_building_anything(monkeypatch: pytest.MonkeyPatch) -> None:
-    looked: list[float] = []
+    measured: list[float] = []
 
     def inputs(config: CoinConfig) -> dict[str, str]:
-        looked.append(config.part.share)
+        measured.append(config.part.share)
         return {"part.share": f"digest of {config.part.share}"}
 
     monkeypatch.setattr(Coin, "build", None)
@@ -111,7 +111,7 @@ def test_keys_are_made_without_building_anything(monkeypatch: pytest.MonkeyPatch
     trials = [trial(COIN, seed, fields={"part.share": share}) for seed in range(50) for share in (0.25, 0.75)]
     made = keys(trials)
     assert len(set(made)) == 100
-    assert sorted(looked) == [0.25, 0.75]
+    assert sorted(measured) == [0.25, 0.75]
     assert made == [one.key for one in trials]
 
 
@@ -136,7 +136,7 @@ def test_what_no_trial_can_be_is_refused(asked: dict[str, Any], message: str) ->
         trial(**asked)
 
 
-def test_a_measure_that_is_nowhere_is_told() -> None:
+def test_a_measure_that_is_nowhere_is_reported() -> None:
     with pytest.raises(ValueError, match=r"measure = 'tests\.nowhere:at_all'.*package\.module:function"):
         _ = trial(COIN, measure="tests.nowhere:at_all").code
 
@@ -163,7 +163,7 @@ class _Thing:
     items: tuple[Any, ...] = field(default=())
 
 
-def test_what_cannot_be_stored_is_told() -> None:
+def test_what_cannot_be_stored_is_reported() -> None:
     odd = Trial(COIN, _Thing((object(),)), 0, NOBODY, _Thing(), NOBODY, _Thing())
     with pytest.raises(TypeError, match="cannot be stored"):
         _ = odd.key

@@ -1,4 +1,5 @@
-"""Vehicles that talk in rounds through a network: the fast time scale of A.8.2 alone, on which no plant flies."""
+"""Vehicles that exchange messages in rounds over a network: the fast time scale of A.8.2 alone, on which no plant
+flies."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ def graph_of(kind: Kind, n: int, seed: int = 0) -> Graph:
     return {"line": Graph.line, "ring": Graph.ring, "complete": Graph.complete}[kind](names_of(n))
 
 
-def talked(
+def exchanged(
     parts: Mapping[str, Consensus],
     graph: Graph | Switching,
     network: Network,

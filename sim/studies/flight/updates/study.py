@@ -76,7 +76,7 @@ class Updates:
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}; the ends of each are those drawn without a change. "
                 f"A new terminal cost takes {build:.0f} ms, {build / PERIOD / 10.0:.1f} % of a planning period: the "
-                "print's took 15.8 s, and 1.5 s for a changed threat (A.5).",
+                "thesis' took 15.8 s, and 1.5 s for a changed threat (A.5).",
             ),
             rows=rows,
             tables=(_table(rows),),
@@ -115,7 +115,7 @@ def build_ms(place: TerrainReference) -> MeasuredTime:
     return MeasuredTime(1e3 * min(spent))
 
 
-# ---- what came of it
+# ---- results
 
 
 def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
@@ -225,7 +225,7 @@ def _draw_exposure(axes: Axes, by_condition: Mapping[str, Sequence[Record]]) -> 
     names = [name for name in by_condition if name.startswith("radar ")]
     for k, name in enumerate(names):
         sample = np.sort(figures(by_condition[name], "radar_exposure_s"))
-        colour = "#5a6876" if name.endswith("not told") else "#c2183b"
+        colour = "#5a6876" if name.endswith("not announced") else "#c2183b"
         axes.plot(np.full(len(sample), k) + np.linspace(-0.2, 0.2, len(sample)), sample, "o", ms=3.5, color=colour)
         axes.hlines(median(sample).median, k - 0.3, k + 0.3, color=colour)
     labels = [name.removeprefix("radar ").replace(", ", ",\n") for name in names]

@@ -50,7 +50,7 @@ class ObserverPropertiesConfig:
 
 
 class ObserverPropertiesStudy:
-    """What estimators declare in the terms of Table 2.1, beside what their runs show."""
+    """Comparison of the declared properties of estimators (terms of Table 2.1) with those that their runs show."""
 
     Config = ObserverPropertiesConfig
     quick = ObserverPropertiesConfig(starts=2)
@@ -68,7 +68,7 @@ class ObserverPropertiesStudy:
         return StudyResult(
             summary=(
                 f"Runs without noise, of {config.seconds} s for the systems of the textbook, twice that for the "
-                f"robots and {BRIEF:g} times that for what finds a velocity. A start nearby is told with a tenth of "
+                f"robots and {BRIEF:g} times that for what finds a velocity. A start nearby is known with a tenth of "
                 "the error that a system has by itself, or .05 m and 3°; one from anywhere with three times that "
                 f"error, or not at all; of a velocity, the error is itself, {NEAR * SPEED:g} and {FAR * SPEED:g} rad/s "
                 "or 1/s. Found: a tenth of the error of the start is left, or, without a start, RMS below .3 m and "

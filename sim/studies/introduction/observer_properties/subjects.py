@@ -1,6 +1,7 @@
 """The estimators whose declared properties are measured, and the runs that this is done by.
 
-Every run is without noise. Starts are drawn over the whole space of the system, the same for every estimator of it.
+Every run is without noise. Starts are drawn over the whole space of the system, the same for every estimator of that
+system.
 """
 
 from __future__ import annotations

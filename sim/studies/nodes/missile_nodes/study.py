@@ -1,7 +1,7 @@
 """Figures B.2, B.5, B.6 and B.7: the missile's dive on uniform and on adaptive grids.
 
 The thesis gives neither the objective nor its numbers, only curves. Here the cases of
-``mathnavi.controllers.ocp.problems.missile`` stand for it, FAST first, whose dive looks most like Figure B.5. The
+``mathnavi.controllers.ocp.problems.missile`` stand for it, FAST first, whose dive resembles Figure B.5 most. The
 control error is the relative L2 distance, over the controls' scales and in fractions of T, to a Hermite-Simpson
 solution on 301 uniform nodes, which itself is held against Pontryagin's conditions; the miss is where the control
 takes the missile in the true dynamics, against where the transcription believes it to be.
@@ -370,7 +370,7 @@ def _ratios(table: Rows, cases: Sequence[str]) -> Table:
                     cells.append("refused" if refused else f"{error:.2f} / {missed:.3f}")
                 start = f"{base['control_error']:.1e} / {base['miss_m']:.2g} m"
                 rows.append((case, scheme.name, str(n), start, *cells))
-    return Table("Control error / replay miss: uniform, and the others as shares of it", columns, rows)
+    return Table("Control error / replay miss: uniform, and the others as shares of the uniform one", columns, rows)
 
 
 def _indirect_table(indirect: Mapping[str, Mapping[str, float]], nodes: int) -> Table:

@@ -16,7 +16,7 @@ from mathnavi.sim.studies.ranging.observability.measures import FlagsRank, Propo
 MapKey = tuple[str, float, str, str]
 """family, value, sensors, estimator"""
 
-EXCITING = "figure of eight"
+ACTIVE_INPUT = "figure of eight"
 FEW = ("1", "2s", "2t")  # sensors of which standing still is not enough
 RANKED = 1e-6  # [m per m or rad] a least singular value above which the rank is full
 FAILING, FINDING = 0.1, 0.85  # shares of starts from which a robot that stands still does not, and does, find itself
@@ -45,7 +45,7 @@ def claims(e: ObservabilityResults) -> list[Claim]:
 
 def _targets(e: ObservabilityResults) -> list[Claim]:
     ellipse = [
-        pair for key, counts in e.counts.items() if key[0] == "ellipse" and key[2] == EXCITING for pair in counts
+        pair for key, counts in e.counts.items() if key[0] == "ellipse" and key[2] == ACTIVE_INPUT for pair in counts
     ]
     full = {name: int((values > RANKED).sum()) for name, values in e.still_ranks.items()}
     ranks = ", ".join(f"{name}: {full[name]} of {len(e.still_ranks[name])}" for name in SENSORS)
@@ -75,7 +75,7 @@ def _targets(e: ObservabilityResults) -> list[Claim]:
 def _elsewhere(e: ObservabilityResults) -> str:
     parts = []
     for wall, rotations in e.rotations.items():
-        counts = {n for key, pairs in e.counts.items() if key[0] == wall and key[2] == EXCITING for n, _ in pairs}
+        counts = {n for key, pairs in e.counts.items() if key[0] == wall and key[2] == ACTIVE_INPUT for n, _ in pairs}
         if wall != "ellipse":
             parts.append(f"{wall} (rotations: {rotations}) {_set(counts)}")
     return "elsewhere " + ", ".join(parts)

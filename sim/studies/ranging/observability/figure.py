@@ -120,7 +120,7 @@ def _feasible(field: Axes, flow: Axes, outputs: RangeOutputs, x_0: Array) -> Non
     bar.outline.set_visible(False)
     field.set_title("(a) all that reads what the robot at its start reads")
     image = outputs.curve.images(x_0)[-1]
-    for text, x, offset in (("true start", x_0, (14, -13)), ("its image: never told apart", image, (12, 2))):
+    for text, x, offset in (("true start", x_0, (14, -13)), ("its image: indistinguishable", image, (12, 2))):
         field.annotate(text, (x[0], x[1]), offset, textcoords="offset points", fontsize=8.5)
     own = min(curves, key=lambda points: float(np.linalg.norm(pose_difference(points, x_0), axis=1).min()))
     _along(flow, outputs, x_0, own, motions)

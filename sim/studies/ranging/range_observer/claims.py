@@ -24,7 +24,7 @@ from mathnavi.sim.studies.ranging.range_observer.runs import (
 )
 
 FEED_FORWARDS: tuple[FeedForward, ...] = tuple(name for name in get_args(FeedForward) if name != "none")
-PRINT = ObserverGains("none", *PRINTED_GAINS)
+AS_PRINTED = ObserverGains("none", *PRINTED_GAINS)
 OBSERVER = ObserverGains("s", *PRINTED_GAINS)
 Q_ZERO, EXACT = 1e-7, 1e-9  # [m^2/s] of |Q|, [rad/s] and [rad] of a feed-forward on the truth
 FALL = (4.0, 11.0)  # times by which the printed observer's error falls from k = 1 to k = 10
@@ -104,7 +104,8 @@ def _as_printed(e: LockResults) -> Claim:
     ours = {name: sum(locked(e.thesis[motion, name]) for motion in TURNING) for name in FEED_FORWARDS}
     runs = sum(len(e.thesis[motion, "none"]) for motion in TURNING)
     return Claim(
-        "range.print", "target", "The print is off by 1/k where it keeps lock, and where it turns it loses lock.",
+        "range.as-printed", "target",
+            "The observer as printed errs by 1/k where it keeps lock, and where it turns it loses lock.",
         "C.4, C.5",
         f"its position error falls {FALL[0]:g} to {FALL[1]:g} times from k = 1 to k = 10 in every run that keeps "
         "lock at both; from the thesis' start with turning inputs and gains (5, 1) it keeps lock in no run, each "
@@ -175,15 +176,15 @@ def _holds(e: LockResults, flag: str) -> bool:
 def _noise(e: LockResults) -> list[Claim]:
     motions = tuple(dict.fromkeys(motion for motion, _ in e.noisy))
     tracked = {
-        flag: {motion: sum(getattr(one, flag) for one in e.noisy[motion, PRINT]) for motion in motions}
+        flag: {motion: sum(getattr(one, flag) for one in e.noisy[motion, AS_PRINTED]) for motion in motions}
         for flag in ("locked_z", "locked")
     }
-    runs = len(e.noisy[motions[0], PRINT])
+    runs = len(e.noisy[motions[0], AS_PRINTED])
     ours = ", ".join(f"{median(e.noisy[motion, OBSERVER]):.3f} m" for motion in motions)
     relative = {
         gains: tuple(median([one for motion in motions for one in e.noisy[motion, gains]], name)
                      for name in ("relative_position", "relative_heading"))
-        for gains in (PRINT, OBSERVER)
+        for gains in (AS_PRINTED, OBSERVER)
     }  # fmt: skip
     better = sum(mean < faulty for mean, faulty in e.averaged)
     share = float(np.median([mean / faulty for mean, faulty in e.averaged]))
@@ -198,7 +199,7 @@ def _noise(e: LockResults) -> list[Claim]:
             "C.noise-x", "printed", "With 5 % noise it tracks x as well.", "C.5, Figure C.8",
             f"under one input at least, RMS below {POSITION} m and {HEADING} rad in every run",
             "; ".join(
-                f"{motion}: {tracked['locked'][motion]} of {runs} ({median(e.noisy[motion, PRINT]):.2f} m)"
+                f"{motion}: {tracked['locked'][motion]} of {runs} ({median(e.noisy[motion, AS_PRINTED]):.2f} m)"
                 for motion in motions
             ) + f"; with s: {ours}",
             runs in tracked["locked"].values(),
@@ -206,7 +207,7 @@ def _noise(e: LockResults) -> list[Claim]:
         Claim(
             "C.position-better", "printed", "With noise the position is estimated much better than φ.", "C.5",
             "the relative error of (x_1, x_2) is below half that of φ, in the median",
-            "print {:.0%} and {:.0%}, s {:.1%} and {:.1%}".format(*relative[PRINT], *relative[OBSERVER]),
+            "as printed {:.0%} and {:.0%}, s {:.1%} and {:.1%}".format(*relative[AS_PRINTED], *relative[OBSERVER]),
             all(position < 0.5 * heading for position, heading in relative.values()),
         ),
         Claim(

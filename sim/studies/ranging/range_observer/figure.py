@@ -33,7 +33,7 @@ OF: Mapping[FeedForward, str] = {
     "rho_dot": hexadecimal(COLOURS[SceneElement.RAY]),
     "manifold": "#101824",
 }
-NAMES: Mapping[FeedForward, str] = {"none": "print", "s": "s", "rho_dot": "rho_dot", "manifold": "manifold"}
+NAMES: Mapping[FeedForward, str] = {"none": "as printed", "s": "s", "rho_dot": "rho_dot", "manifold": "manifold"}
 SET_COLOURS = dict(zip(("2s", "2t", "3", "4"), ("#0d5fa8", "#c2183b", "#e07b00", "#0f9472"), strict=True))
 SHARES = LinearSegmentedColormap.from_list("share", ("#b3202f", "#f0a07c", "#f4f1ea", "#6fb0dc", "#0d5fa8"))
 LEAST = 1e-15  # of an error that is drawn
@@ -90,7 +90,7 @@ def _components(panels: Sequence[Axes], runs: Mapping[FeedForward, ObserverRun])
 
 
 def _legend(axes: Axes, columns: int) -> None:
-    kinds = (("truth", TRUTH, (0, (4, 2))), ("print", OF["none"], "-"), ("feed-forward s", OF["s"], "-"))
+    kinds = (("truth", TRUTH, (0, (4, 2))), ("as printed", OF["none"], "-"), ("feed-forward s", OF["s"], "-"))
     for name, colour, style in kinds:
         axes.plot([], [], color=colour, ls=style, lw=2.0, label=name)
     axes.legend(fontsize=8, ncols=columns, loc="upper left", columnspacing=1.0, handlelength=1.8, borderaxespad=0.1)
@@ -115,7 +115,7 @@ def _field(axes: Axes, runs: Mapping[FeedForward, ObserverRun], *, noisy: bool) 
     halo = [patheffects.withStroke(linewidth=2.6, foreground="#f3f5f6")]
     labels = [
         ("truth, and around it s" if noisy else "truth, and on it s", least, (-8, 0), "right", INK),
-        ("print", astray, (-4, 12), "right", OF["none"]),
+        ("as printed", astray, (-4, 12), "right", OF["none"]),
     ]
     if not noisy:
         labels.append(("first estimate", runs["s"].x[0], (-2, 12), "center", OF["s"]))
@@ -209,7 +209,7 @@ def _noise(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
 
 
 def _shares(axes: Axes, e: LockResults) -> None:
-    """Which inputs and feed-forwards keep lock, with the median error."""
+    """Share of runs that keep lock, by input and feed-forward, with the median error."""
     for i, motion in enumerate(MOTIONS):
         for j, feedforward in enumerate(NAMES):
             errors = e.thesis[motion, feedforward]
@@ -246,7 +246,7 @@ def _by_gain(axes: Axes, e: LockResults) -> None:
     axes.plot(k, 0.03 / k, color=INK, lw=0.9)
     axes.annotate("1/k", (k[0], 0.03 / k[0]), (-3, -4), textcoords="offset points", ha="right", va="top")
     axes.set(xscale="log", xlabel="gain k = $k_V$ = $k_Q$", ylabel="position error, median RMS [m]",
-             title="(j) the print by its gain, from the truth")  # fmt: skip
+             title="(j) as printed, by its gain, from the truth")  # fmt: skip
     axes.set_xlim(0.6, 4e5)
     axes.set_yscale("log")
     axes.xaxis.set_minor_formatter(NullFormatter())

@@ -20,8 +20,8 @@ from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
 from mathnavi.sim.studies.ranging.range_observer.claims import (
+    AS_PRINTED,
     OBSERVER,
-    PRINT,
     LockResults,
     claims,
     falls,
@@ -71,7 +71,7 @@ class RangeObserverStudyConfig:
 
 
 class RangeObserverStudy:
-    """The active range observer: Figures C.3 to C.8, the print beside its feed-forwards."""
+    """The active range observer: Figures C.3 to C.8, the observer as printed beside its feed-forwards."""
 
     Config = RangeObserverStudyConfig
     quick = RangeObserverStudyConfig(starts=2, drives=1, states=50)
@@ -84,7 +84,7 @@ class RangeObserverStudy:
         e = _evidence(done)
         drawn = ShownRuns(
             exact={name: done["shown", name][0] for name in get_args(FeedForward)},
-            noisy={gains.feedforward: done["shown, noisy", gains.feedforward][0] for gains in (PRINT, OBSERVER)},
+            noisy={gains.feedforward: done["shown, noisy", gains.feedforward][0] for gains in (AS_PRINTED, OBSERVER)},
         )
         return StudyResult(
             summary=(
@@ -100,8 +100,8 @@ class RangeObserverStudy:
             caption=f"(a) The components of z in a {SHOWN} from the thesis' start (as Figure C.3), one first estimate. "
             "(b) The same in X (C.5), (c) the errors in X and (d) in Z (C.6, C.4), of all feed-forwards. (e) What the "
             "observer descends on. (f) The phase portrait in Z and (g) the path in X with 5 % range noise (C.7, C.8), "
-            "(h) the errors. (i) Shares of the first estimates from which lock is kept. (j) The print from starts that "
-            "are drawn, started on the truth, by its gain; hollow: with 1000 readings a second.",
+            "(h) the errors. (i) Shares of the first estimates from which lock is kept. (j) As printed, from starts "
+            "that are drawn, started on the truth, by its gain; hollow: with 1000 readings a second.",
             claims=claims(e),
         )  # fmt: skip
 
@@ -118,7 +118,7 @@ def _asked(config: RangeObserverStudyConfig) -> Jobs:
         for motion in MOTIONS:
             runs = [ThesisRun(motion, gains, seed, seconds) for seed in range(config.starts)]
             jobs.add(("thesis", motion, name), thesis_verdict, runs)
-    for gains in (PRINT, OBSERVER):
+    for gains in (AS_PRINTED, OBSERVER):
         jobs.add(("shown, noisy", gains.feedforward), shown_run, [ThesisRun(SHOWN, gains, 0, seconds, BOTH)])
     for motion in NOISY_MOTIONS:
         for gains in NOISY_GAINS:
@@ -205,7 +205,7 @@ def _with_sensors(identities: Sequence[Identities], sensors: str) -> list[Identi
 
 def _thesis_table(e: LockResults) -> Table:
     names: tuple[FeedForward, ...] = get_args(FeedForward)
-    columns = ("input", *(f"{'print' if name == 'none' else name}: keeps lock, RMS [m], [rad]" for name in names))
+    columns = ("input", *(f"{'as printed' if name == 'none' else name}: keeps lock, RMS [m], [rad]" for name in names))
     rows = [
         (motion, *(_lock_cell(e.thesis[motion, name]) for name in names)) for motion in MOTIONS
     ]  # fmt: skip
@@ -215,7 +215,7 @@ def _thesis_table(e: LockResults) -> Table:
 def _noise_table(e: LockResults) -> Table:
     columns = ("input", "feed-forward", "k_V, k_Q", "keeps lock, RMS [m], [rad]")
     rows = [
-        (motion, "print" if gains.feedforward == "none" else gains.feedforward, f"{gains.k_v:g}, {gains.k_q:g}",
+        (motion, "as printed" if gains.feedforward == "none" else gains.feedforward, f"{gains.k_v:g}, {gains.k_q:g}",
          _lock_cell(errors))
         for (motion, gains), errors in e.noisy.items()
     ]  # fmt: skip
@@ -234,7 +234,7 @@ def _gains_table(e: LockResults) -> Table:
          f"{min(own):.1f} to {max(own):.1f} in {len(own)}" if (own := ratios[sensors, drive]) else "no lock kept")
         for sensors in SETS for drive in DRIVES
     ]  # fmt: skip
-    return Table("The print from drawn starts, started on the truth: keeps lock, RMS [m], [rad]", columns, rows)
+    return Table("As printed, from drawn starts, started on the truth: keeps lock, RMS [m], [rad]", columns, rows)
 
 
 def _identities_table(identities: Sequence[Identities]) -> Table:

@@ -1,4 +1,4 @@
-"""Where the thesis stops (D.6): the observer on mechanisms of which no distance is known in closed form.
+"""The observer on mechanisms without a closed-form distance, which the thesis leaves open (D.6).
 
 The metric is MuJoCo's mass matrix. Two joints, seven joints, a cart and pendulum, and mechanisms that were not made for
 this: the suite of dm_control, some of which touch the ground, meet limits or are damped.

@@ -116,7 +116,7 @@ class Sphere:
             tables=(_identity_table(evidence), *noise_tables(evidence.noise)),
             figure=figure(SphereFigureData(runs, evidence.noise.errors, evidence.residuals)),
             caption="(a) to (f) Distance between x and xi, and length of v - v^, with the gains as printed and "
-            "repaired; dashed: 1 % of the velocity at the start. (g) v on S^3 and what the observer makes of it, "
+            "repaired; dashed: 1 % of the velocity at the start. (g) v on S^3 and its estimate by the observer, "
             "three of four ambient components (Figure D.4). (h) Lyapunov functions along the repaired run. (i) Body "
             "rates from noisy attitudes; blue: the observer.",
             claims=claims(evidence),

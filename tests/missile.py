@@ -1,4 +1,4 @@
-"""What the missile's tests share: a controller that needs no solver, and short ways to fly it."""
+"""Shared by the missile's tests: a controller that needs no solver, and short ways to fly it."""
 
 from __future__ import annotations
 

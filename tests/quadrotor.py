@@ -1,4 +1,4 @@
-"""What the quadrotor's tests share: hills, plans of a few arcs, and a flight of the tracker alone in MuJoCo."""
+"""Shared by the quadrotor's tests: hills, plans of a few arcs, and a flight of the tracker alone in MuJoCo."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the tests of the unicycle share: a robot in a plant of its own, and what its sensors see without physics."""
+"""Shared by the tests of the unicycle: a robot in a plant of its own, and its readings without physics."""
 
 from __future__ import annotations
 

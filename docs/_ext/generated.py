@@ -1,4 +1,4 @@
-"""What is said here about the software is read from it when the pages are built, so that it cannot go stale.
+"""Parts of the pages that are read from the software when they are built, so that they cannot go stale.
 
 A line ``<!-- generated: NAME -->`` of a page gives way to what ``PARTS[NAME]`` writes in Markdown, and a line
 ``<!-- outside: PATH -->`` to a file of the repository, its links made to lead there from the page.

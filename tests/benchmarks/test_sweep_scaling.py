@@ -1,4 +1,4 @@
-"""What counts as start and what as the time of a flight, and that both ways fly every trial."""
+"""Start-up and time of a flight are separated, and both ways fly every trial."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every entry of ``mathnavi.consensus`` keeps, whoever wrote it."""
+"""The contract of every entry of ``mathnavi.consensus``, whoever wrote it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every entry of ``mathnavi.estimators`` keeps, whoever wrote it.
+"""The contract of every entry of ``mathnavi.estimators``, whoever wrote it.
 
 An estimator is flown on every bench that fits the missions it is built for, by the type of ``build``'s argument
 ``mission``: a small simulated vehicle with the sensors that the estimator asks for. Those that declare what they are as
@@ -357,14 +357,14 @@ def flight(flown: tuple[str, str]) -> list[Step]:
 
 @cache
 def flight_of(name: str, bench: str) -> list[Step]:
-    """What all tests of a plug-in on a bench fly."""
+    """The flight shared by all tests of a plug-in on a bench."""
     plugin, built = PLUGINS[name].load(), BENCHES[bench](False)
     return fly(plugin, built, plugin.build(plugin.Config(), built.mission))
 
 
 @pytest.fixture
 def estimates(flown: tuple[str, str]) -> Sequence[Estimate]:
-    """What the plug-in says on the flight, for the tests that only read it."""
+    """Estimates of the plug-in on the flight, for the tests that only read them."""
     return estimates_of(*flown)
 
 

@@ -1,4 +1,4 @@
-"""What every planner behind an entry of ``mathnavi.controllers`` keeps, whoever wrote it.
+"""The contract of every planner behind an entry of ``mathnavi.controllers``, whoever wrote it.
 
 A planner is asked for plans of a mission that fits the type of ``build``'s argument ``mission``.
 """
@@ -217,7 +217,7 @@ def first_request(bench: Bench, t: float = 0.0) -> PlanRequest:
 def sequence(
     planner: Planner, bench: Bench, messages: Sequence[Message] = (), count: int = PERIODS
 ) -> list[tuple[PlanRequest, Plan]]:
-    """What a loop without faults asks, and the answers; a plan that is not there leaves the last one."""
+    """Requests of a loop without faults, and the answers; without a new plan the last one stays."""
     asked: list[tuple[PlanRequest, Plan]] = []
     current: Plan | None = None
     for k in range(count):

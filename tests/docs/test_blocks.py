@@ -1,4 +1,4 @@
-"""What the pages under docs/ and README.md show is run as printed.
+"""The blocks of the pages under docs/ and of README.md, run as shown.
 
 The blocks of a page are run in order, in one folder that is empty at first:
 
@@ -13,7 +13,7 @@ A command that ends in a backslash goes on in the next line. Every one ends with
 line for any characters; how many blanks stand between words does not count. A "mathnavi" without anything for a shell
 to do runs in this process, which has imported it already, all else in bash.
 
-README.md's ```sh blocks are not run, and its Python is run in test_readme.py, which says what has to come of it.
+README.md's ```sh blocks are not run, and its Python is run in test_readme.py, which checks its results.
 """
 
 from __future__ import annotations

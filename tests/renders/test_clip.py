@@ -32,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def drawn(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
-    """What ``video.draw`` does, in this process: it takes less time."""
+    """The same as ``video.draw``, in this process: it takes less time."""
     drawing = drawing_of(directory)
     with drawing.painter(drawing.load_run(directory), width, height, samples) as artist:
         yield from map(artist.paint, frames)

@@ -21,7 +21,7 @@ PERIOD = 0.01
 
 
 def corrected(graph: Graph, offsets: Array, rates: Array, network: Network, seconds: float, **fields: float) -> Array:
-    """What the corrected clocks show in the end (n,) [s]."""
+    """Final times of the corrected clocks (n,) [s]."""
     config = ClockConfig(period=PERIOD, **fields)
     parts = {name: ClockConsensus(config, graph.node(name)) for name in graph.names}
     clocks = {

@@ -124,7 +124,7 @@ LINE = Graph.line(NAMES[:5])
 
 
 def periods(owns: list[list[float]], rounds: int = 900) -> tuple[Array, dict[str, LaplacianConsensus]]:
-    """What the vehicles on a line hold after each planning period (k, 5)."""
+    """Values of the vehicles on a line after each planning period (k, 5)."""
     config = LaplacianConfig(period=1.0 / 600.0, scaling=100.0)
     parts = {name: LaplacianConsensus(config, LINE.node(name)) for name in LINE.names}
     network, ends = IdealNetwork(LINE.names), []

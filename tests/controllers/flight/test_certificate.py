@@ -195,7 +195,7 @@ def moved(plan: Plan, seconds: float) -> Plan:
 
 
 def braking_plan(certificate: Certificate, good: Plan, wait: float = 0.0) -> Plan:
-    """What a planner might say to ``later_request``: brake, wait, complete."""
+    """A possible answer to ``later_request``: brake, wait, complete."""
     request = later_request(good)
     arcs = ArcList.begin(request.t_start, state_at(good, request.t_start))
     v = arcs.x[-1][3:]

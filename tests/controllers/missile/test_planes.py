@@ -1,4 +1,4 @@
-"""What is planned in the pitch plane and in the yaw plane flies together in space exactly as planned."""
+"""Plans in the pitch plane and in the yaw plane, flown together in space, are followed exactly."""
 
 from __future__ import annotations
 

@@ -69,9 +69,8 @@ def test_a_later_plan_starts_from_where_the_estimate_will_be_and_not_from_the_pl
     t, start, _ = optimiser.asked[-1]
     there = guidance.coordinates.state_at(plan, 0.6)
     assert t == pytest.approx(0.6)
-    assert (
-        0.1 < np.linalg.norm((start - there)[4:]) / np.linalg.norm(offset[4:]) < 1.0
-    )  # part of it is made good by then
+    # Part of the offset is corrected by then.
+    assert 0.1 < np.linalg.norm((start - there)[4:]) / np.linalg.norm(offset[4:]) < 1.0
 
 
 def test_it_aims_where_the_target_will_be() -> None:

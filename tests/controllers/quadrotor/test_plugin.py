@@ -27,7 +27,7 @@ from tests.quadrotor import built, flight_mission, hills
 
 
 def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> dict[str, Any]:
-    """What came of a mission across the hills, as a scenario would fly it."""
+    """Results of a mission across the hills, flown as a scenario would."""
     gust = gust or GustModel()
     flight = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0), gust=gust)
     mission, sensing, gusting = QuadrotorMission(flight), *np.random.default_rng(5).spawn(2)

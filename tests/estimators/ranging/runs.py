@@ -45,7 +45,7 @@ def misplaced(task: RangingMission, rng: np.random.Generator) -> RangingMission:
 
 
 def steps_of(task: RangingMission, duration: float, rng: np.random.Generator) -> list[Step]:
-    """What is seen on a figure of eight from ``START``, the odometry's bias being of either sign."""
+    """Readings on a figure of eight from ``START``, the odometry's bias being of either sign."""
     bias = float(rng.choice((-1.0, 1.0))) * task.odometry.bias
     biased = dataclasses.replace(task, odometry=dataclasses.replace(task.odometry, bias=bias))
     return list(driven(biased, START, duration, eight, rng))

@@ -1,4 +1,4 @@
-"""What the Kalman and particle filters have in common: what they do with their readings, and what with nonsense."""
+"""Common properties of the Kalman and particle filters, with valid and with malformed readings."""
 
 from __future__ import annotations
 

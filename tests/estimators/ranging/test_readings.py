@@ -1,4 +1,4 @@
-"""What is no reading is not taken for one."""
+"""Malformed measurements are not taken for readings."""
 
 from __future__ import annotations
 

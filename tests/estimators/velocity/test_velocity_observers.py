@@ -30,7 +30,7 @@ def built(name: str, mission: object, **fields: object) -> object:
 
 
 def is_a_state(manifold: Manifold, estimate: Estimate) -> bool:
-    """Whether x is on the manifold and v tangent to it."""
+    """Return whether x is on the manifold and v tangent to it."""
     x, v = estimate.x[: manifold.size], estimate.x[manifold.size :]
     tangent = manifold.vector(x, manifold.components(x, v))
     return bool(np.allclose(manifold.check(x), x, atol=1e-9) and np.allclose(tangent, v, atol=1e-8))
@@ -104,7 +104,7 @@ def test_q_and_minus_q_are_one_reading(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(PLUGINS))
 def test_a_system_that_was_put_elsewhere_is_found_again(name: str) -> None:
-    """What is refused too often is believed."""
+    """Readings that are refused too often are accepted."""
     system, start = moving("rigid body", 0.3)
     mission = mission_of(system, noise=1e-3)
     calls = recorded(mission, start, 1.0)

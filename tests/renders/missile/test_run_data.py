@@ -1,4 +1,4 @@
-"""What pictures of a missile are drawn from agrees with what was flown."""
+"""The data of a missile's pictures agree with the flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What pictures of a robot that finds itself are drawn from agrees with what was driven, read and believed."""
+"""The data of the pictures of a robot that localises itself agree with motion, readings and estimates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is drawn around a pose has the size and the direction that it stands for."""
+"""Shapes around a pose have the size and the direction that they stand for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run prints says why it failed, and what a good end hides."""
+"""The printed summary of a run gives the reason of a failure, and what a success hides."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ NUMBERS = ("textbook-observer", "--duration", "0.2", "--tolerance", "1000")
 
 
 class Viewer:
-    """What ``mujoco.viewer`` hands out, for so many frames."""
+    """A stand-in for the handle of ``mujoco.viewer``, open for so many frames."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, frames: int) -> None:
         self.user_scn, self.cam, self.data = mujoco.MjvScene(model, 1000), SimpleNamespace(), data

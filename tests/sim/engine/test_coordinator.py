@@ -82,7 +82,7 @@ def test_every_plan_but_the_first_is_proposed_and_taken_over_if_it_is_admitted()
 
 
 def test_a_plan_that_is_not_admitted_is_on_record_and_the_one_before_stays() -> None:
-    """What is sent arrives too late to be of use."""
+    """Messages arrive too late to be of use."""
     east, west = Talks("east", "west", patience=0.0), Talks("west", "east")
     events, _ = flown(east, west, delay=10.0)
     refused = [event.t for event in events if (event.agent, event.kind) == ("east", "not-admitted")]

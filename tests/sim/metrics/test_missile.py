@@ -1,4 +1,4 @@
-"""What a missile's flight was worth: the closest approach is exact, angles and the cost are those of the thesis."""
+"""Metrics of a missile's flight: the closest approach is exact, angles and the cost are those of the thesis."""
 
 from __future__ import annotations
 

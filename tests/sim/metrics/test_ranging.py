@@ -1,4 +1,4 @@
-"""What a run was worth: convergence, when it came, and how honest the covariance was."""
+"""Metrics of a ranging run: convergence, its time, and the consistency of the covariance."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ def wanted(package: Path) -> Describe:
 
 @pytest.fixture
 def children(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """What each process that is started to import something imports."""
+    """Imports of each process that is started to import something."""
     started: list[list[str]] = []
     run = subprocess.run
 

@@ -99,7 +99,7 @@ def test_ends_are_drawn_on_the_floor_of_the_canyon_by_the_seed() -> None:
 
 
 def test_a_rotor_too_weak_for_the_bound_is_reported() -> None:
-    """What a rotor of half its thrust does to the moments is in no bound."""
+    """The effect of a rotor with half its thrust on the moments is in no bound."""
     summary = flown(mismatch=QuadrotorMismatch(rotor=0.5)).summary
     assert summary["tracking_breaches"] > 0
     assert summary["rebased_plans"] + summary["guarantee_lost"] > 0

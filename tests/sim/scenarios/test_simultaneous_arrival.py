@@ -52,7 +52,8 @@ def test_the_average_asks_some_for_more_than_they_can_and_costs_no_safety(terrai
 
 
 def test_alone_they_would_arrive_far_apart(terrain: str) -> None:
-    """What is agreed is what makes it one time: with a radio that loses everything, nobody knows of anybody's time."""
+    """The agreement makes the arrivals simultaneous: with a radio that loses everything, no vehicle knows another's
+    time."""
     outcome = flown(terrain, radio=Radio(loss=1.0))
     assert not outcome.success
     assert outcome.summary["ground_contacts"] == 0

@@ -1,4 +1,4 @@
-"""What the study of monitor functions measures."""
+"""The measures of the study of monitor functions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the study ``range-observer`` measures with."""
+"""The measures of the study ``range-observer``."""
 
 from __future__ import annotations
 

@@ -163,7 +163,7 @@ class Here:
 
 @pytest.fixture(scope="module")
 def outcomes() -> dict[str, RunResult]:
-    """What has been flown so far, by the key of a trial without a measure."""
+    """Results flown so far, by the key of a trial without a measure."""
     return {}
 
 

@@ -1,4 +1,4 @@
-"""What a trial is called by is what is in it."""
+"""The key of a trial is determined by its content."""
 
 from __future__ import annotations
 

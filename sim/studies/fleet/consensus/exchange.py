@@ -42,8 +42,8 @@ def exchanged(
 ) -> Array:
     """(rounds + 1, n) values after each round, the first at ``begin`` [s].
 
-    In a round every vehicle takes in what has arrived, and then all are heard by whom the graph links them with now.
-    ``clocks`` show each vehicle's own time at a true one [s], which is what it is given and what it stamps.
+    In a round every vehicle processes the messages that have arrived, and then sends to its present neighbours in the
+    graph. ``clocks`` map the true time [s] to each vehicle's own, with which its messages are stamped.
     """
     network = Linked(network, graph.linked) if isinstance(graph, Switching) else network
     union = graph.union if isinstance(graph, Switching) else graph

@@ -218,7 +218,9 @@ def _programme(shape: _Shape) -> _Programme:
     manoeuvre = ca.repmat(p_end, 1, POINTS_ON_MANOEUVRE) + v_end @ t + braking @ (t**2 / 2)
     low_manoeuvre = lowness(manoeuvre).T
     far = ca.MX(0, 1) if shape.fixed_end else ca.if_else(psi > 0, (there - here) / (beyond * beta) + 1 + epsilon, -1)
-    relaxed = [ca.vertcat(stage[: _STATE + _INPUT], ca.fmax(of, 0)) for stage, of in zip(stages, low, strict=True)]
+    relaxed = [
+        ca.vertcat(stage[: _STATE + _INPUT], ca.fmax(lowest, 0)) for stage, lowest in zip(stages, low, strict=True)
+    ]
     relaxed += [p_end, v_end, w, ca.fmax(low_manoeuvre, 0), ca.fmax(far, 0)]
 
     # Dynamics, stage by stage, with the path constraints of each stage after them; boundary conditions at both ends.

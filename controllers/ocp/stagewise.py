@@ -123,9 +123,9 @@ class Assembly:
         called: ca.MX = ca.Function(name, symbols, [result], {"cse": True}).map(block.copies)(*given)
         return called
 
-    def _gradient(self, name: str, of: Sequence[ca.SX]) -> ca.MX:
+    def _gradient(self, name: str, expressions: Sequence[ca.SX]) -> ca.MX:
         values, columns = [], []
-        for block, expression in zip(self._blocks, of, strict=True):
+        for block, expression in zip(self._blocks, expressions, strict=True):
             values.append(ca.vec(self._called(block, name, ca.gradient(expression, block.v))))
             columns.append(block.columns.ravel())
         every = np.concatenate(columns)

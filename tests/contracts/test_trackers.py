@@ -1,4 +1,4 @@
-"""What every tracker behind an entry of ``mathnavi.controllers`` keeps, whoever wrote it."""
+"""The contract of every tracker behind an entry of ``mathnavi.controllers``, whoever wrote it."""
 
 from __future__ import annotations
 

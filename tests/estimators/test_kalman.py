@@ -52,8 +52,8 @@ def hover(mission: FlightMission, duration: float) -> Flight:
             fixes.append(fix(t, x[:3] + mission.position_noise * rng.standard_normal(3)))
         if k % 3 == 0:
             estimate, fixes = filter_.update(t, fixes, u), []
-            off = estimate.x - reference
-            u = -(OMEGA**2) * off[:3] - 2.0 * OMEGA * off[3:]
+            error = estimate.x - reference
+            u = -(OMEGA**2) * error[:3] - 2.0 * OMEGA * error[3:]
             if t > 20.0:
                 states.append(x - reference)
                 if k % 30 == 27:

@@ -52,7 +52,7 @@ class Page(HTMLParser):
 
     @property
     def views(self) -> list[dict[str, Any]]:
-        """What the 3-D views are drawn from."""
+        """Data of the 3-D views."""
         return [json.loads(content) for kind, content in self.scripts if kind == "application/json"]
 
 

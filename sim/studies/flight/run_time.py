@@ -91,7 +91,7 @@ class RunTime:
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name} for each of {len(cells)} pairs of N and T_p. "
-                "Times are thread CPU times of one replan; the print's are seconds of a 2.8 GHz Xeon in 2006, NPOPT "
+                "Times are thread CPU times of one replan; the thesis' are seconds of a 2.8 GHz Xeon in 2006, NPOPT "
                 "under MATLAB.",
             ),
             rows=[*cells.values()],

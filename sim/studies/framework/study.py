@@ -113,9 +113,9 @@ class Setup:
     def compute(self, function: Callable[..., Result], arguments: Iterable[Any], **named: Any) -> list[Result]:
         """``function``, of a module, of each argument, in their order, computed where the store has no result.
 
-        ``named`` are passed on with each. Arguments are plain data or dataclasses of it; their field ``seed``, where
-        they have one, seeds the global generators too. What is timed is returned as a ``MeasuredTime``. StudyError if a
-        call did not return.
+        ``named`` are passed on with each. Arguments are plain data or dataclasses of plain data; their field ``seed``,
+        where they have one, seeds the global generators too. What is timed is returned as a ``MeasuredTime``.
+        StudyError if a call did not return.
         """
         return self.perform([call(function, argument, **named) for argument in arguments])
 
@@ -208,7 +208,7 @@ def first_look(config: Any) -> str:
     return ", ".join(smaller)
 
 
-def write_findings(
+def write_result(
     folder: Path, name: str, title: str, findings: StudyResult, setup: Setup, command: str, small: str = ""
 ) -> None:
     """NAME.csv, NAME.png, NAME.html, and NAME.json last, so that a JSON means a whole study.

@@ -151,7 +151,7 @@ def solved(outcome: PlanSolution | str) -> PlanSolution:
 def test_kernels_and_casadi_state_the_same_objective_and_gradient(environment: PlanningEnvironment) -> None:
     """The gradient of the kernels is the programme's, plus what its soft rows contribute at a zero step.
 
-    Their Hessian leaves the terrain's curvature out, so only what a descent direction needs is asked of it.
+    Their Hessian leaves the terrain's curvature out, so only what a descent direction needs is asserted.
     """
     rng = np.random.default_rng(1)
     for problem in some_problems(environment):

@@ -27,7 +27,7 @@ from tests.quadrotor import built, flight_mission, hills
 
 
 def mission_flown(true: Quadrotor = NOMINAL, gust: DeclaredGusts | None = None) -> dict[str, Any]:
-    """What came of a mission across the hills, as a scenario would fly it."""
+    """Results of a mission across the hills, flown as a scenario would."""
     gust = gust or DeclaredGusts()
     flight = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0), gust=gust)
     mission, sensing, gusting = QuadrotorMission(flight), *np.random.default_rng(5).spawn(2)
@@ -36,8 +36,8 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: DeclaredGusts | None = None) 
     certificate = Certificate.of(flight, bound)
     planner = Certified(raw, partial(StopAndHover, period=raw.period), certificate, bound, flight.deadline_factor)
     config = QuadrotorState.Config()
-    equipment = VehicleSetup(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))
-    body = MujocoPlant(built(flight.terrain, true), {"quad": equipment}, sensing)
+    setup = VehicleSetup(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))
+    body = MujocoPlant(built(flight.terrain, true), {"quad": setup}, sensing)
     m = true.mass
     plant: Plant = body
     if gust.rms > 0.0:
@@ -53,7 +53,7 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: DeclaredGusts | None = None) 
     planned = np.array([state_at(plan, float(t)) for plan, t in zip(followed, recording.t, strict=True)])
     return {
         "bound": bound,
-        "off": np.hstack([x[:, POSITION], x[:, VELOCITY]]) - planned,
+        "deviation": np.hstack([x[:, POSITION], x[:, VELOCITY]]) - planned,
         "clearance": float((x[:, 2] - flight.terrain.height(x[:, 0], x[:, 1])).min()),
         "speed": float(np.linalg.norm(x[:, VELOCITY], axis=1).max()),
         "arrived": float(np.linalg.norm(x[-1, POSITION] - target)),
@@ -75,7 +75,7 @@ def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(
     true: Quadrotor, gust: DeclaredGusts | None
 ) -> None:
     came = mission_flown(true, gust)
-    bound, off, flight = came["bound"], came["off"], came["flight"]
+    bound, deviation, flight = came["bound"], came["deviation"], came["flight"]
     assert came["contacts"] == 0
     assert came["clearance"] >= flight.clearance_min
     assert came["arrived"] <= flight.arrival_radius
@@ -83,10 +83,10 @@ def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(
     assert came["speed"] <= flight.speed_max
     assert came["plans"] > 40  # replanned nearly every half second
     assert "tracking-breach" not in came["events"]
-    assert np.hypot(off[:, 0], off[:, 1]).max() <= bound.horizontal
-    assert np.abs(off[:, 2]).max() <= bound.vertical
+    assert np.hypot(deviation[:, 0], deviation[:, 1]).max() <= bound.horizontal
+    assert np.abs(deviation[:, 2]).max() <= bound.vertical
     if gust is None:
-        assert np.linalg.norm(off[:, :3], axis=1).max() < 0.06
+        assert np.linalg.norm(deviation[:, :3], axis=1).max() < 0.06
 
 
 def test_the_planner_of_the_point_mass_is_asked_for_half_seconds() -> None:

@@ -1,4 +1,4 @@
-"""What a height field refuses, and what it keeps."""
+"""Input that a height field refuses, and invariants that it keeps."""
 
 from __future__ import annotations
 

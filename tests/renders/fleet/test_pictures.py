@@ -41,7 +41,7 @@ def _lab(colour: tuple[float, float, float]) -> Array:
     return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
 
 
-def test_sixteen_vehicles_can_be_told_apart_and_from_paper_and_snow() -> None:
+def test_sixteen_vehicles_can_be_distinguished_from_each_other_and_from_paper_and_snow() -> None:
     """A difference of 2.3 is just noticeable; lines of a few pixels need ten times that."""
     assert len(VEHICLES) == 16
     places = [_lab(colour) for colour in (*VEHICLES, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))]
@@ -124,10 +124,10 @@ def test_a_fleet_that_said_nothing_did_not_arrive_and_left_the_map_is_reported_t
     fleet_run: FleetRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MUJOCO_GL", "disable")
-    off = np.array([20_000.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    outside = np.array([20_000.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     mute: dict[str, Any] = {"plans": (), "adopted": np.empty(0), "events": ()}
     lost = {
-        name: replace(flight, log=replace(flight.log, x=flight.x + (off if name == "vehicle_2" else 0.0), **mute))
+        name: replace(flight, log=replace(flight.log, x=flight.x + (outside if name == "vehicle_2" else 0.0), **mute))
         for name, flight in fleet_run.vehicles.items()
     }
     bare = replace(fleet_run, vehicles=lost, events=(), summary={"shortfall": "arrived is no"})
@@ -138,5 +138,5 @@ def test_a_fleet_that_said_nothing_did_not_arrive_and_left_the_map_is_reported_t
     text = Page(source).text
     assert "Of the fleet 2 of 3 arrived (arrived is no)" in text
     assert "Nothing happened" in text
-    told = overlay(bare, Frame(0.5 * bare.duration, "overview", 0.0, 0.0))
-    assert ("AGREED ARRIVAL", "–", "known to 0 of 3") in told.numbers
+    shown = overlay(bare, Frame(0.5 * bare.duration, "overview", 0.0, 0.0))
+    assert ("AGREED ARRIVAL", "–", "known to 0 of 3") in shown.numbers

@@ -1,4 +1,4 @@
-"""The report of a run of Paper D stands alone and has a figure of all that is known of it."""
+"""The report of a run of Paper D stands alone and has a figure of every recorded quantity."""
 
 from __future__ import annotations
 

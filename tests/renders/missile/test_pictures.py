@@ -111,12 +111,12 @@ def test_a_flight_that_never_had_a_plan_is_reported_too(
 
 
 def test_the_figures_show_what_was_flown_however_small(missile_run: MissileRun) -> None:
-    off, end = missile_run.log.summary["tracking_error_max_m"], missile_run.approach
+    error, end = missile_run.log.summary["tracking_error_max_m"], missile_run.approach
     axes = figures.angles_figure(missile_run).axes[2]
     (unit,) = [name for name in figures.LENGTHS if axes.get_ylabel() == f"off the plan [{name}]"]
     (curve,) = axes.lines
     assert axes.get_yscale() == "linear"
-    assert np.nanmax(curve.get_ydata()) == pytest.approx(figures.LENGTHS[unit] * off, rel=1e-6)
+    assert np.nanmax(curve.get_ydata()) == pytest.approx(figures.LENGTHS[unit] * error, rel=1e-6)
     assert np.nanmax(curve.get_ydata()) >= 1.0
     distance = figures.approach_figure(missile_run).axes[0]
     curve, dot = distance.lines[:2]

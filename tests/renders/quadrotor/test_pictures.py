@@ -65,12 +65,12 @@ def test_a_frame_of_each_moment_and_the_flight_is_covered(quadrotor_run: Quadrot
 def test_the_caption_says_how_fast_how_high_and_how_tilted(quadrotor_run: QuadrotorRun) -> None:
     run, t = quadrotor_run, 0.4 * quadrotor_run.duration
     i = run.flight.index(t)
-    told = overlay(run, Frame(t, "chase", 0.0, 0.0))
-    values = {name: (value, note) for name, value, note in told.numbers}
+    caption = overlay(run, Frame(t, "chase", 0.0, 0.0))
+    values = {name: (value, note) for name, value, note in caption.numbers}
     assert values["SPEED"] == (f"{np.linalg.norm(run.truth[i, 7:10]):.1f} m/s", "bound 14 m/s")
     assert values["CLEARANCE"] == (f"{run.clearance[i]:.1f} m", "at least 4 m")
     assert values["TILT"][0] == f"{run.tilt[i]:.0f}°"
-    assert told.state == "flying the optimised plan"
+    assert caption.state == "flying the optimised plan"
 
 
 def test_the_small_map_shows_where_it_is(quadrotor_run: QuadrotorRun) -> None:

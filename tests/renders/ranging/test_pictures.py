@@ -110,21 +110,21 @@ def test_a_video_has_the_size_rate_and_length_asked_for(
 def test_the_caption_says_what_is_believed(
     bank_run: RangingRun, observer_run: RangingRun, silent_run: RangingRun
 ) -> None:
-    def told(run: RangingRun, t: float) -> tuple[str, str, str, str]:
+    def caption(run: RangingRun, t: float) -> tuple[str, str, str, str]:
         said = overlay(run, Frame(t, "top", 0.0, 0.0))
         (_, _, _), (_, place, note), (_, heading, _) = said.numbers
         return place, note, heading, said.state
 
-    assert told(bank_run, 0.02) == ("–", "", "–", "not knowing where it is")
-    place, note, heading, state = told(bank_run, 3.8)
+    assert caption(bank_run, 0.02) == ("–", "", "–", "not knowing where it is")
+    place, note, heading, state = caption(bank_run, 3.8)
     assert place.endswith("mm")
     assert note == "3σ 3.0 cm"
     assert heading == "0.0°"
     assert state == "1 hypothesis left"
-    assert told(bank_run, 0.5)[3] == "4 hypotheses left"
-    assert told(observer_run, 0.5)[1] == ""
-    assert told(observer_run, 0.5)[3] == "estimating"
-    assert told(silent_run, 0.5)[0] == "–"
+    assert caption(bank_run, 0.5)[3] == "4 hypotheses left"
+    assert caption(observer_run, 0.5)[1] == ""
+    assert caption(observer_run, 0.5)[3] == "estimating"
+    assert caption(silent_run, 0.5)[0] == "–"
 
 
 def test_the_legend_names_what_there_is_to_see(bank_run: RangingRun, observer_run: RangingRun) -> None:

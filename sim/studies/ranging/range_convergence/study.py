@@ -67,7 +67,7 @@ class RangeConvergenceConfig:
 
 
 class RangeConvergence:
-    """Whether range estimators find the pose, how exactly, how sure they are, and what they cost (Paper C)."""
+    """Convergence, accuracy, consistency and cost of the range estimators (Paper C)."""
 
     Config = RangeConvergenceConfig
     quick = RangeConvergenceConfig(seeds=10, peers=3, drives=1, repetitions=1)

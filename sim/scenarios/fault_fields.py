@@ -31,6 +31,8 @@ LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, an
 
 Magnitude = Annotated[NonNegative, Le(LARGEST)]
 PositiveMagnitude = Annotated[Positive, Le(LARGEST)]
+Factor = Annotated[float, Interval(ge=0.1, le=10.0), FINITE]
+"""A quantity of the true vehicle over that of the declared one."""
 
 PLANNER_STREAMS = ("solver_failures", "corrupted_plans", "late_plans")
 

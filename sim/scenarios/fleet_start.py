@@ -19,10 +19,11 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.sim.interfaces.errors import MissionError, PluginError
 from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import checked_controller
+from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.fault_fields import PLANNER_STREAMS
 from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
-from mathnavi.sim.scenarios.flight_parts import Point, check_above_ground, drawn_point
+from mathnavi.sim.scenarios.flight_parts import check_above_ground, drawn_point
 
 _DRAWS = 200
 

@@ -80,7 +80,7 @@ class Noise:
             for offset in offsets
             for seed in range(config.seeds)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         of = {(p, w): [records[p, w, seed] for seed in range(config.seeds)] for p in PLANNERS for w in offsets}
         rows = [_row(planner, offset, of[planner, offset]) for planner in PLANNERS for offset in offsets]
         arrived = np.array([figures(of[MAIN, w], "arrived") > 0 for w in offsets])  # (offsets, seeds)

@@ -54,10 +54,10 @@ def _anywhere(nodes: int) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class Fixed:
-    """The nodes are given when the programme is solved."""
+class _Unconstrained:
+    """Nodes that no equation of the programme holds."""
 
-    moving: bool = False
+    moving: bool
     constants: int = 0
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
@@ -71,20 +71,17 @@ class Fixed:
 
 
 @dataclass(frozen=True)
-class Free:
+class Fixed(_Unconstrained):
+    """The nodes are given when the programme is solved."""
+
+    moving: bool = False
+
+
+@dataclass(frozen=True)
+class Free(_Unconstrained):
     """The nodes are unknowns and nothing holds them: the optimiser places them where they hide the error."""
 
     moving: bool = True
-    constants: int = 0
-
-    def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
-        return ca.SX(0, 1)
-
-    def functional(self, mesh: Mesh) -> ca.SX:
-        return ca.SX(0)
-
-    def node_bounds(self, nodes: int) -> tuple[Array, Array]:
-        return _anywhere(nodes)
 
 
 @configuration

@@ -54,10 +54,10 @@ def _anywhere(nodes: int) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class Fixed:
-    """Fixed nodes, given when the programme is solved."""
+class _Unconstrained:
+    """Nodes that no equation of the programme holds."""
 
-    moving: bool = False
+    moving: bool
     constants: int = 0
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
@@ -74,23 +74,17 @@ class Fixed:
 
 
 @dataclass(frozen=True)
-class Free:
+class Fixed(_Unconstrained):
+    """Fixed nodes, given when the programme is solved."""
+
+    moving: bool = False
+
+
+@dataclass(frozen=True)
+class Free(_Unconstrained):
     """Free nodes: unknowns that nothing holds, so that the optimiser places them where they hide the error."""
 
     moving: bool = True
-    constants: int = 0
-
-    def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
-        """No constraint, (0,)."""
-        return ca.SX(0, 1)
-
-    def functional(self, mesh: Mesh) -> ca.SX:
-        """Zero: nothing is added to J."""
-        return ca.SX(0)
-
-    def node_bounds(self, nodes: int) -> tuple[Array, Array]:
-        """Limits (N,), (N,) of τ: 0 at the first node, 1 at the last, [0, 1] in between."""
-        return _anywhere(nodes)
 
 
 @configuration

@@ -13,7 +13,7 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.signals import Measurement
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
-from mathnavi.sim.scenarios.flight_parts import FlightNoise
+from mathnavi.sim.scenarios.flight_fields import FlightNoise
 from mathnavi.sim.scenarios.safe_flight import SafeFlight
 
 

@@ -83,7 +83,7 @@ class SeparationStudy:
             for size in sizes
             for seed in range(config.seeds)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         by_condition = {
             (kind, size): [records[kind, size, seed] for seed in range(config.seeds)]
             for kind in KINDS

@@ -59,7 +59,7 @@ class AsPrintedStudy:
             for planner in PLANNERS
             for seed in range(config.seeds)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         by_condition = {planner: [records[planner, seed] for seed in range(config.seeds)] for planner in PLANNERS}
         rows = [_row(planner, by_condition[planner]) for planner in PLANNERS]
         literal = rows[0]

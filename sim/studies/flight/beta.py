@@ -53,7 +53,7 @@ class Beta:
             for seed in range(config.seeds)
             for beta in BETAS
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         by_condition = {beta: [records[beta, seed] for seed in range(config.seeds)] for beta in BETAS}
         rows = [_row(beta, by_condition[beta]) for beta in BETAS]
         low, high = rows[0], rows[-1]

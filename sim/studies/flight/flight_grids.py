@@ -115,8 +115,7 @@ class FlightGrids:
             for k, (kind, named) in enumerate(FAULTS.items())  # each kind has missions of its own
             for seed in range(config.faulted)
         }
-        records = setup.fly([*clean.values(), *faulted.values()])
-        flown = dict(zip([*clean, *faulted], records, strict=True))
+        flown = setup.fly_each(clean | faulted)
         by_condition = {grid: [flown[grid, seed] for seed in range(config.seeds)] for grid in GRIDS}
         rows = {grid: _row(grid, by_condition[grid], by_condition[UNIFORM]) for grid in GRIDS}
         kinds = {kind: _kept(kind, [flown[kind, seed] for seed in range(config.faulted)]) for kind in FAULTS}

@@ -64,7 +64,7 @@ class Horizon:
         trials = {
             (n, seed): setup.trial(seed, fields={"planner.nodes": n}) for seed in range(config.seeds) for n in NODES
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         by_condition = {n: [records[n, seed] for seed in range(config.seeds)] for n in NODES}
         rows = [_row(n, by_condition[n]) for n in NODES]
         mean = {row["N"]: row for row in rows}

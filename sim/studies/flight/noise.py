@@ -80,7 +80,7 @@ class Noise:
             for offset in offsets
             for seed in range(config.seeds)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         by_condition = {
             (p, w): [records[p, w, seed] for seed in range(config.seeds)] for p in PLANNERS for w in offsets
         }

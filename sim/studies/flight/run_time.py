@@ -75,7 +75,7 @@ class RunTime:
             for n in nodes
             for horizon in horizons
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         cells = {
             (n, horizon): _cell(n, horizon, [records[n, horizon, seed] for seed in range(config.seeds)])
             for n in nodes

@@ -58,7 +58,7 @@ class Safety:
             for k, (name, named) in enumerate(GROUPS.items())  # each group has missions of its own
             for seed in range(config.missions)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         by_condition = {name: [records[name, seed] for seed in range(config.missions)] for name in GROUPS}
         rows = [_row(name, by_condition[name]) for name in GROUPS]
         total = sum(row["missions"] for row in rows)

@@ -57,7 +57,7 @@ class Threat:
         trials = {
             (name, seed): mission for seed in range(config.seeds) for name, mission in _missions(setup, seed).items()
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         by_condition = {name: [records[name, seed] for seed in range(config.seeds)] for name in COLOURS}
         near = np.all([np.isfinite(figures(group, "near_height_m")) for group in by_condition.values()], axis=0)
         rows = [_row(name, by_condition[name], by_condition["unaware"], near) for name in COLOURS]

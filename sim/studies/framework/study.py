@@ -110,6 +110,15 @@ class Setup:
                 )
         return records
 
+    def fly_each(self, trials: Mapping[Key, Trial]) -> dict[Key, Record]:
+        """The record of each trial, by its name; errors as of ``fly``."""
+        return dict(zip(trials, self.fly(list(trials.values())), strict=True))
+
+    def fly_groups(self, groups: Mapping[Key, Sequence[Trial]]) -> dict[Key, list[Record]]:
+        """The records of each group of trials, by its name; errors as of ``fly``."""
+        records = iter(self.fly([trial for trials in groups.values() for trial in trials]))
+        return {name: [next(records) for _ in trials] for name, trials in groups.items()}
+
     def compute(self, function: Callable[..., Result], arguments: Iterable[Any], **named: Any) -> list[Result]:
         """``function``, of a module, of each argument, in their order, computed where the store has no result.
 

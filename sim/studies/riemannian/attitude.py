@@ -70,9 +70,9 @@ class AttitudeStudy:
             **dict.fromkeys(BANDWIDTHS, config.others),
             JUDGED: config.seeds,
         }
-        trials = [flight(name, seed, float(config.seconds)) for name, n in counts.items() for seed in range(n)]
-        records = iter(setup.fly(trials))
-        flown = {name: [next(records) for _ in range(n)] for name, n in counts.items()}
+        flown = setup.fly_groups(
+            {name: [flight(name, seed, float(config.seconds)) for seed in range(n)] for name, n in counts.items()}
+        )
         times = {name: _times(group, float(config.seconds)) for name, group in flown.items()}
         bands = {name: median(group) for name, group in times.items()}
         return StudyResult(

@@ -15,7 +15,7 @@ from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
-from mathnavi.sim.scenarios.flight_parts import FlightNoise
+from mathnavi.sim.scenarios.flight_fields import FlightNoise
 from mathnavi.sim.scenarios.quadrotor_canyon import QuadrotorCanyon
 from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig, QuadrotorMismatch
 

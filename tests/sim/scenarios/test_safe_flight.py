@@ -21,8 +21,7 @@ from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
-from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
-from mathnavi.sim.scenarios.flight_parts import FlightNoise
+from mathnavi.sim.scenarios.flight_fields import FlightNoise, SafeFlightConfig
 from mathnavi.sim.scenarios.safe_flight import SafeFlight
 from tests import flight
 

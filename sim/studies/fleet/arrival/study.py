@@ -67,7 +67,7 @@ class Arrival:
             for size in (sizes if kind in (NOMINAL, FAULTED) else (PRINTED_SIZE,))
             for seed in range(config.seeds)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         by_condition = {
             (kind, size): [records[kind, size, seed] for seed in range(config.seeds)]
             for kind, size in dict.fromkeys((kind, size) for kind, size, _ in trials)

@@ -66,7 +66,7 @@ class Updates:
         seeds = range(config.seeds)
         varied = setup.compute(varied_mission, [MissionToVary(setup.place, seed, notices) for seed in seeds])
         trials = {(name, seed): mission for seed in seeds for name, mission in varied[seed].items()}
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         by_condition = {name: [records[name, seed] for seed in seeds] for name in varied[0]}
         rows = [_row(name, group) for name, group in by_condition.items()]
         (build,) = setup.compute(build_ms, [setup.place])

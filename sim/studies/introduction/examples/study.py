@@ -73,8 +73,7 @@ class IntroductionExamples:
                 asked[f"{system}, {form}"] = [
                     _drawn(system, "kazantzis_kravaris", fields, k) for k in range(config.starts)
                 ]
-        flown = iter(setup.fly([each for trials in asked.values() for each in trials]))
-        records = {name: [next(flown) for _ in trials] for name, trials in asked.items()}
+        records = setup.fly_groups(asked)
         (apart,) = setup.compute(output_separation, [config.pairs])
         examples = {("escape", 0): asked["escape"][0], ("oscillation", 0): asked["2.3"][0]}
         for form in ("printed", "corrected"):

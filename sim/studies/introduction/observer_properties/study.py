@@ -100,8 +100,7 @@ def _flown(
         asked[subject, "far"] = [subject.far(seed, seconds) for seed in range(config.starts)]
         for name in subject.arena.inputs:
             asked[subject, f"under {name}"] = [subject.under(name, seed, seconds) for seed in range(few)]
-    records = iter(setup.fly([one for trials in asked.values() for one in trials]))
-    done = {key: [next(records) for _ in trials] for key, trials in asked.items()}
+    done = setup.fly_groups(asked)
     robots = [subject for subject in subjects if subject.arena.tells_certainty]
     drifts = setup.compute(ranging_drift, [subject.on_truth(seed) for subject in robots for seed in range(few)])
     drifted = {subject: drifts[k * few : (k + 1) * few] for k, subject in enumerate(robots)}

@@ -81,8 +81,7 @@ class MissileClosedLoop:
     def run(config: MissileClosedLoopConfig, setup: Setup) -> StudyResult:
         kinds = selected_kinds(config.others, config.pairs)
         asked = {kind.name: kind.trials(config.cases, config.seeds) for kind in kinds}
-        flown = iter(setup.fly([each for trials in asked.values() for each in trials]))
-        records = {name: [next(flown) for _ in trials] for name, trials in asked.items()}
+        records = setup.fly_groups(asked)
         solvers = (
             ("fatrop-compiled", "fatrop", "ipopt-compiled", "ipopt") if compiler() is not None else ("fatrop", "ipopt")
         )

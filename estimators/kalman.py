@@ -30,7 +30,7 @@ from scipy.special import gammainc
 from scipy.stats import chi2
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
-from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.models.aerial.sensors import PositionSensor
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
@@ -208,7 +208,7 @@ def _first(config: KalmanConfig, mission: FlightMission) -> Array:
     return P
 
 
-def clipped_rms(gust: GustModel) -> float:
+def clipped_rms(gust: DeclaredGusts) -> float:
     """[m/s^2] on each axis, of a gust vector with three independent normal components, clipped to the length L.
 
     E min(|g|^2, L^2) = 3 s^2 F_5(L^2 / s^2) + L^2 (1 - F_3(L^2 / s^2)), F_k the chi-squared distribution with k degrees

@@ -11,7 +11,6 @@ from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Sensor, StateView
 from mathnavi.sim.interfaces.signals import Array
 
-
 _NEVER = 5.7e-7  # probability of a gap that nothing has to allow for: that of five standard deviations
 
 

@@ -18,6 +18,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -29,11 +31,14 @@ from mathnavi.controllers.flight.certificate import (
     pass_time,
     remainder,
 )
-from mathnavi.controllers.flight.held_input import NO_LAG
+from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
+from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest, Status
 
@@ -102,6 +107,27 @@ class Certified:
         self._lag, self._lag_t = NO_LAG, 0.0  # (6,) [m, m/s] of the vehicle behind it, at [s]
         self._astray = 0  # planning instants at which it has led elsewhere
         self._announced = False  # True once that was announced
+
+    @staticmethod
+    def of(planner: Planner, mission: FlightMission, tracker: Any) -> Certified:
+        """The planner behind the certificate of a mission; errors as of ``Certificate.of``.
+
+        ``tracker`` states its ``bound``, and ``held`` if that depends on how fast a plan changes. Where there is no
+        plan to fall back on, one that stops and hovers flies in its place. Raises PluginError for a planner whose plans
+        begin between two commands of such a tracker.
+        """
+        held: HeldInput | None = getattr(tracker, "held", None)
+        if held is not None:
+            periods = planner.period / held.period
+            if abs(periods - round(periods)) > _ROUNDING:
+                raise PluginError(
+                    f"the planner's period = {planner.period!r} s; allowed: a whole number of control periods of "
+                    f"{held.period:.6g} s, for its plans are certified for commands that are held so long"
+                )
+        certificate = Certificate.of(mission, tracker.bound, held)
+        fallback = partial(StopAndHover, period=planner.period)
+        worst = mission.quality.worst(mission.gust)
+        return Certified(planner, fallback, certificate, tracker.bound, mission.deadline_factor, worst)
 
     def plan(self, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown; a failure that says why not otherwise."""

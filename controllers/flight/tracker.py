@@ -17,7 +17,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_lyapuno
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.held_input import HeldInput
 from mathnavi.models.aerial.kernels import state_on
-from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 _DEVIATIONS = 5.0
@@ -47,7 +47,9 @@ def tracking_bound(bandwidth: float, mission: FlightMission) -> TrackingBound:
     )
 
 
-def stationary_deviations(bandwidth: float, quality: EstimateQuality, gust: GustModel) -> tuple[float, float, float]:
+def stationary_deviations(
+    bandwidth: float, quality: EstimateQuality, gust: DeclaredGusts
+) -> tuple[float, float, float]:
     """Standard deviations of position [m], velocity [m/s] and feedback [m/s^2] about a plan, on one axis.
 
     The estimated error z = (p^ - p_ref, v^ - v_ref, g^) obeys z' = A z + noise of covariance W per second,

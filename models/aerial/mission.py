@@ -22,14 +22,18 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
-class GustModel:
-    """First-order Gauss-Markov force per unit mass on each axis, its vector clipped to a length."""
+class DeclaredGusts:
+    """The gusts that a mission declares: a first-order Gauss-Markov force per unit mass on each axis, map frame.
+
+    w' = -w / time_constant + white noise, with the standard deviation ``rms`` on each axis; the vector is clipped to
+    the length ``limit``. Tracking bounds and estimators allow for these; the gusts that act are a disturbance.
+    """
 
     rms: float = 0.0  # [m/s^2] on each axis, before clipping
-    time_constant: float = 3.0  # [s]
+    time_constant: float = 3.0  # [s] of the correlation
     limit: float = 4.0  # [m/s^2] on the Euclidean norm
 
-    def held(self, period: float) -> GustModel:
+    def held(self, period: float) -> DeclaredGusts:
         """Continuous model of gusts that are drawn anew, and held, every ``period`` [s].
 
         Held, a gust of autocorrelation rho = exp(-h / tau) from one period to the next changes a velocity as much in
@@ -55,7 +59,7 @@ class EstimateQuality:
     age: float = 0.0  # [s]
     rms_age: float = 0.0  # [s] root of the mean square of that time
 
-    def worst(self, gust: GustModel) -> tuple[float, float]:
+    def worst(self, gust: DeclaredGusts) -> tuple[float, float]:
         """Standard deviations of position [m] and velocity [m/s] at that age; a constant gust bounds every other."""
         position, velocity = math.sqrt(self.error[0, 0]), math.sqrt(self.error[1, 1])
         if self.estimates_gust:
@@ -63,7 +67,7 @@ class EstimateQuality:
         return math.hypot(position, 0.5 * gust.rms * self.age**2), math.hypot(velocity, gust.rms * self.age)
 
     @staticmethod
-    def exact(gust: GustModel) -> EstimateQuality:
+    def exact(gust: DeclaredGusts) -> EstimateQuality:
         """Quality of a sensor that reads the state without error: only the gusts drive the loop."""
         driving = np.zeros((3, 3))
         driving[2, 2] = 2.0 * gust.rms**2 / gust.time_constant
@@ -85,8 +89,8 @@ class FlightMission:
     position_noise: float = 0.0  # [m] standard deviation of a position reading, per axis
     position_rate: float = 10.0  # [Hz] of the position fixes
     dropout_rate: float = 0.0  # fraction of the sensors' readings that are lost
-    gust: GustModel = GustModel()
-    quality: EstimateQuality = field(default_factory=lambda: EstimateQuality.exact(GustModel()))
+    gust: DeclaredGusts = DeclaredGusts()
+    quality: EstimateQuality = field(default_factory=lambda: EstimateQuality.exact(DeclaredGusts()))
     control_period: float = CONTROL_TICKS * TICK  # [s] of estimator and tracker
     radars: tuple[Radar, ...] = ()  # known from the start; others come as messages
     cruise_level: float = -math.inf  # [m] below which no completion path flies level: of a fleet, each has its own

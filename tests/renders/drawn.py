@@ -1,4 +1,4 @@
-"""Pictures that another process draws (``draw_and_leave_out.py``), and where two of them differ."""
+"""Pictures that another process draws (``draw_and_leave_out.py``), where two of them differ, and those of a video."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
-from mathnavi.renders import opengl
+from mathnavi.renders import opengl, video
+from mathnavi.renders.video import write_video
 from mathnavi.sim.interfaces.signals import Array
 
 SCRIPT = Path(__file__).with_name("draw_and_leave_out.py")
@@ -33,3 +35,16 @@ def differing(one: Array, other: Array, least: int = 12) -> tuple[Array, Array]:
     """Rows and columns of the pixels of which a channel differs by more than ``least``."""
     rows, columns = np.nonzero(np.abs(one.astype(int) - other.astype(int)).max(axis=-1) > least)
     return rows, columns
+
+
+def video_pictures(run: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, fps: int = 2) -> list[Array]:
+    """Pictures (90, 160, 3) of a small video written into an empty folder, which has the size and rate asked for."""
+    monkeypatch.setattr(video, "MOST_WORKERS", 1)  # a start costs more than these few pictures
+    path = write_video(run, path=folder / "run.mp4", width=160, height=90, fps=fps, progress=False)
+    assert [file.name for file in folder.iterdir()] == ["run.mp4"]
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        assert (stream.width, stream.height, stream.average_rate) == (160, 90, fps)
+    assert min(picture.std() for picture in pictures) > 10.0
+    return pictures

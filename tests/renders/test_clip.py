@@ -32,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def drawn(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
-    """What ``video.draw`` does, in this process: it takes less time."""
+    """The same as ``video.draw``, in this process: it takes less time."""
     drawing = drawing_of(directory)
     with drawing.painter(drawing.load_run(directory), width, height, samples) as artist:
         yield from map(artist.paint, frames)
@@ -77,7 +77,7 @@ def test_what_would_be_too_large_is_refused(folder: Path, tmp_path: Path, monkey
         ("--clip --time 1", "--time = 1.0; allowed: only together with --still"),
     ],
 )
-def test_bad_input_is_told_in_one_line(
+def test_bad_input_is_refused_in_one_line(
     flags: str, expected: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["render", str(folder), *flags.split()]) == 2

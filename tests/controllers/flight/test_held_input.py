@@ -17,7 +17,7 @@ from mathnavi.controllers.flight.plugin import FlightConfig, FlightController
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.models.aerial.dynamics import flow, state_at
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
-from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest
+from mathnavi.sim.interfaces.signals import OPTIMISED, Estimate, Plan, PlanRequest
 from tests import flight
 
 PERIOD = 1.0 / 60.0  # [s] of the commands
@@ -77,9 +77,7 @@ def test_the_lag_is_that_of_the_vehicle(seed: int, arcs: int, shortest: float, b
     for a, d in zip(u, length, strict=True):
         x.append(flow(x[-1], a, float(d)))
     x.append(flow(x[-1], -x[-1][3:] / 5.0, 5.0))
-    plan = Plan(
-        np.append(t, t[-1] + 5.0), np.array(x), np.vstack([u, -x[-2][3:] / 5.0]), np.full(arcs + 1, OPTIMISED)
-    )
+    plan = Plan(np.append(t, t[-1] + 5.0), np.array(x), np.vstack([u, -x[-2][3:] / 5.0]), np.full(arcs + 1, OPTIMISED))
     bound = tracking_bound(bandwidth, MISSION)
     generous = type(bound)(1e3, 1e3, 1e3, 1e3, 1e3)
     tracker = CriticallyDamped(PERIOD, bandwidth, generous)

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from matplotlib.colors import rgb_to_hsv
 
-from mathnavi.renders import video
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
 from mathnavi.renders.fleet.drawing import drawing
@@ -80,10 +79,7 @@ def test_every_vehicle_is_in_sight_where_it_should_be_in_its_colour(
 
 
 @needs_opengl
-def test_a_video_has_the_size_rate_and_length_asked_for(
-    fleet_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(video, "MOST_WORKERS", 1)  # a start costs more than these few pictures
+def test_a_video_has_the_size_rate_and_length_asked_for(fleet_dir: Path, tmp_path: Path) -> None:
     path = write_video(fleet_dir, path=tmp_path / "fleet.mp4", width=160, height=90, fps=1, progress=False)
     assert [file.name for file in tmp_path.iterdir()] == ["fleet.mp4"]
     with av.open(str(path)) as container:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mathnavi.renders import video
 from mathnavi.renders.film import Frame
 from mathnavi.renders.lagrangian.drawing import drawing
 from mathnavi.renders.lagrangian.overlay import overlay
@@ -100,10 +99,7 @@ def test_a_still_is_not_blank(folders: dict[str, Path], tmp_path: Path) -> None:
 
 
 @needs_opengl
-def test_a_video_has_the_size_and_length_asked_for(
-    folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(video, "MOST_WORKERS", 1)  # a start costs more than these few pictures
+def test_a_video_has_the_size_and_length_asked_for(folders: dict[str, Path], tmp_path: Path) -> None:
     path = write_video(
         folders["hyperbolic-plane"], path=tmp_path / "v.mp4", width=160, height=90, fps=2, progress=False
     )

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mathnavi.renders import opengl, video
+from mathnavi.renders import opengl
 from mathnavi.renders.missile import figures
 from mathnavi.renders.missile.ground import PIXELS, ground_picture
 from mathnavi.renders.missile.report import report
@@ -51,10 +51,7 @@ def test_a_still_is_not_blank(missile_dir: Path, tmp_path: Path) -> None:
 
 
 @needs_opengl
-def test_a_video_has_the_size_rate_and_length_asked_for(
-    missile_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(video, "MOST_WORKERS", 1)  # a start costs more than these few pictures
+def test_a_video_has_the_size_rate_and_length_asked_for(missile_dir: Path, tmp_path: Path) -> None:
     path = write_video(missile_dir, path=tmp_path / "dive.mp4", width=160, height=90, fps=2, progress=False)
     assert [file.name for file in tmp_path.iterdir()] == ["dive.mp4"]
     with av.open(str(path)) as container:

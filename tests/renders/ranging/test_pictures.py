@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mathnavi.renders import video
 from mathnavi.renders.film import Frame
 from mathnavi.renders.palette import SceneElement
 from mathnavi.renders.ranging.overlay import overlay
@@ -94,10 +93,7 @@ def test_a_still_is_not_blank(bank_dir: Path, tmp_path: Path) -> None:
 
 
 @needs_opengl
-def test_a_video_has_the_size_rate_and_length_asked_for(
-    bank_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(video, "MOST_WORKERS", 1)  # a start costs more than these few pictures
+def test_a_video_has_the_size_rate_and_length_asked_for(bank_dir: Path, tmp_path: Path) -> None:
     path = write_video(bank_dir, path=tmp_path / "found.mp4", width=160, height=90, fps=2, progress=False)
     assert [file.name for file in tmp_path.iterdir()] == ["found.mp4"]
     with av.open(str(path)) as container:

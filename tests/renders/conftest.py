@@ -1,35 +1,15 @@
-"""One made-up run, shared by all tests of pictures, and pictures that are drawn without another process."""
+"""One made-up run, shared by all tests of pictures."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from mathnavi.renders import clip, video
 from mathnavi.renders.flight.run_data import FlightRun, load_run
-from tests.renders.drawn import draw_here
 from tests.renders.synthetic import ridges, write_synthetic_run
-
-DRAWN_APART = video.draw
-
-
-@pytest.fixture(scope="package", autouse=True)
-def drawing_here() -> Iterator[None]:
-    """Stills, videos and clips are drawn in this process; ``drawing_apart`` has them drawn as a user does."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(video, "draw", draw_here)
-        patch.setattr(clip, "draw", draw_here)
-        yield
-
-
-@pytest.fixture
-def drawing_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures are drawn by processes of their own."""
-    monkeypatch.setattr(video, "draw", DRAWN_APART)
 
 
 @pytest.fixture(scope="session")

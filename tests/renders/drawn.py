@@ -21,7 +21,10 @@ import pytest
 from mathnavi.renders import opengl, worker
 from mathnavi.renders.film import Frame
 from mathnavi.renders.palette import Picture
+from mathnavi.renders.video import draw as draw_apart
 from mathnavi.sim.interfaces.signals import Array
+
+__all__ = ["differing", "draw_apart", "draw_here", "drawn", "drawn_apart", "needs_opengl"]
 
 SCRIPT = Path(__file__).with_name("draw_and_leave_out.py")
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)

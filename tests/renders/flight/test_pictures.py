@@ -12,8 +12,8 @@ from PIL import Image
 from mathnavi.renders import video
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.relief import relief, resampled
-from mathnavi.renders.video import draw, write_still, write_video
-from tests.renders.drawn import differing, draw_here, drawn_apart, needs_opengl
+from mathnavi.renders.video import write_still, write_video
+from tests.renders.drawn import differing, draw_apart, draw_here, drawn_apart, needs_opengl
 from tests.renders.synthetic import ridges
 
 
@@ -73,7 +73,7 @@ def test_still_is_the_same_picture_whichever_process_draws_it(
     run_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stills = []
-    for how in (draw, draw_here):
+    for how in (draw_apart, draw_here):
         monkeypatch.setattr(video, "draw", how)
         stills.append(np.asarray(Image.open(write_still(run_dir, "top", tmp_path / "top.png", width=320, height=180))))
     assert stills[0].shape == (180, 320, 3)
@@ -93,4 +93,4 @@ def test_failure_of_the_process_that_draws_is_told_in_its_own_words(run: FlightR
     from mathnavi.renders.film import Frame
 
     with pytest.raises(RuntimeError, match="does not exist"):
-        next(iter(draw(tmp_path / "gone", [Frame(0.0, "top", 0.0, 0.0)], 64, 36, 0)))
+        next(iter(draw_apart(tmp_path / "gone", [Frame(0.0, "top", 0.0, 0.0)], 64, 36, 0)))

@@ -60,7 +60,7 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(home)], check=True, timeout=120)
     python = home / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--python", str(python), "--disable-pip-version-check"]
-    alone = ["install", "--quiet", "--no-deps", "--no-index", str(wheel)]
+    alone = ["install", "--quiet", "--no-deps", "--no-index", "--no-compile", str(wheel)]
     done = subprocess.run([*pip, *alone], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     (site,) = home.glob("lib/python*/site-packages")

@@ -1,4 +1,4 @@
-"""What every test needs before mujoco is imported: an offscreen rendering backend, and repeatable examples."""
+"""Set up before mujoco is imported: an offscreen rendering backend, and repeatable examples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is published is whole: every file once, and installed alone it flies beside a user's folders of our names."""
+"""The published archives are complete: every file once; the wheel alone flies beside a user's folders of our names."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def said(python: Path, folder: Path, *command: str) -> str:
-    """What a command of the environment prints in the user's folder; it ends well."""
+    """Output of a command of the environment in the user's folder; it has to succeed."""
     variables = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     done = subprocess.run(
         [str(python.with_name(command[0])), *command[1:]],

@@ -42,7 +42,7 @@ Arrays = dict[str, Array]
 
 @dataclass(frozen=True)
 class Vehicles:
-    """What of a scene is drawn when, and which geoms are left out."""
+    """Which parts of a scene are drawn when, and which geoms are left out."""
 
     scene: str
     moments: Mapping[str, float]  # by camera, a share of the run

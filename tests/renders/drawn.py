@@ -1,4 +1,5 @@
-"""Pictures drawn in this process, which spares the start of another, or in one of their own; and where two differ.
+"""Pictures drawn in this process, which spares the start of another, or in one of their own; where two of them differ,
+and those of a video.
 
 Every scene is drawn here by the code that a process which draws runs (``mathnavi.renders.worker``); that such a process
 draws the same, and closes its renderer, is tested once, with a flight.
@@ -15,19 +16,19 @@ from collections.abc import Generator, Mapping, Sequence
 from dataclasses import astuple
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
-from mathnavi.renders import opengl, worker
+from mathnavi.renders import opengl, video, worker
 from mathnavi.renders.film import Frame
 from mathnavi.renders.palette import Picture
-from mathnavi.renders.video import draw as draw_apart
+from mathnavi.renders.video import write_video
 from mathnavi.sim.interfaces.signals import Array
-
-__all__ = ["differing", "draw_apart", "draw_here", "drawn", "drawn_apart", "needs_opengl"]
 
 SCRIPT = Path(__file__).with_name("draw_and_leave_out.py")
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
+draw_apart = video.draw  # by processes of their own, as for a user
 
 
 def draw_here(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
@@ -63,3 +64,15 @@ def differing(one: Array, other: Array, least: int = 12) -> tuple[Array, Array]:
     """Rows and columns of the pixels of which a channel differs by more than ``least``."""
     rows, columns = np.nonzero(np.abs(one.astype(int) - other.astype(int)).max(axis=-1) > least)
     return rows, columns
+
+
+def video_pictures(run: Path, folder: Path, fps: int = 2) -> list[Array]:
+    """Pictures (90, 160, 3) of a small video written into an empty folder, which has the size and rate asked for."""
+    path = write_video(run, path=folder / "run.mp4", width=160, height=90, fps=fps, progress=False)
+    assert [file.name for file in folder.iterdir()] == ["run.mp4"]
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        assert (stream.width, stream.height, stream.average_rate) == (160, 90, fps)
+    assert min(picture.std() for picture in pictures) > 10.0
+    return pictures

@@ -64,7 +64,7 @@ def test_what_would_be_too_large_is_refused(folder: Path, tmp_path: Path, monkey
         ("--clip --time 1", "--time = 1.0; allowed: only together with --still"),
     ],
 )
-def test_bad_input_is_told_in_one_line(
+def test_bad_input_is_refused_in_one_line(
     flags: str, expected: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["render", str(folder), *flags.split()]) == 2

@@ -23,7 +23,7 @@ def test_relief_has_north_on_top_and_light_on_the_north_western_slopes() -> None
     z = resampled(terrain, 129, order=1)
     assert picture.shape == z.shape
     north, east = np.gradient(z)
-    faces_the_light = (east > 0) & (north < 0)  # uphill to the south-east: the slope looks to the north-west
+    faces_the_light = (east > 0) & (north < 0)  # uphill to the south-east: the slope faces north-west
     faces_away = (east < 0) & (north > 0)
     upright = picture[::-1]
     assert upright[faces_the_light].mean() > upright[faces_away].mean() + 10.0
@@ -89,7 +89,7 @@ def test_odd_sizes_and_missing_runs_are_refused_before_anything_is_written(run_d
 
 
 @needs_opengl
-def test_failure_of_the_process_that_draws_is_told_in_its_own_words(run: FlightRun, tmp_path: Path) -> None:
+def test_failure_of_the_process_that_draws_is_reported_in_its_own_words(run: FlightRun, tmp_path: Path) -> None:
     from mathnavi.renders.film import Frame
 
     with pytest.raises(RuntimeError, match="does not exist"):

@@ -1,4 +1,4 @@
-"""What the commands do when they are asked properly."""
+"""The commands with valid arguments."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class FlightAskedForError(Exception):
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, Any]]:
-    """What a command would fly, without flying it."""
+    """The closed loop that a command would fly, without flying it."""
     import mathnavi.sim.commands.run
 
     def without_flight(closed_loop: Any, errors: Any) -> RunResult:

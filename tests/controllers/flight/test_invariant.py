@@ -36,7 +36,8 @@ from tests import flight
 DT = 1.0 / 30.0  # [s] tick of the vehicle without MuJoCo
 MISSION = flight.mission(control_period=DT)
 BOUND = tracking_bound(0.8, MISSION)
-CERTIFICATE = Certificate.of(MISSION, BOUND)
+HELD = CriticallyDamped(DT, 0.8, BOUND).held
+CERTIFICATE = Certificate.of(MISSION, BOUND, HELD)
 
 
 def detour(request: PlanRequest, way: Callable[[ArcList], None]) -> Plan:
@@ -63,6 +64,15 @@ def straight(arcs: ArcList) -> None:
 def dawdling(arcs: ArcList) -> None:
     """A minute of hover, and then the way by completion."""
     arcs.add(np.zeros(3), 60.0, FlightPhase.HOVER)
+    complete_by(arcs, CERTIFICATE)
+
+
+def pulsing(arcs: ArcList) -> None:
+    """Two seconds of pulses shorter than a control period, and then the way by completion."""
+    for _ in range(60):
+        for sign in (1.0, -1.0):
+            arcs.add(np.array([0.0, 0.0, sign * 30.0]), 0.5 * DT, FlightPhase.CRUISE)
+    arcs.rest()
     complete_by(arcs, CERTIFICATE)
 
 
@@ -118,6 +128,10 @@ def overdue(plan: Plan, request: PlanRequest) -> Plan:
     return detour(request, dawdling)
 
 
+def faster_than_commands(plan: Plan, request: PlanRequest) -> Plan:
+    return detour(request, pulsing)
+
+
 def detouring(plan: Plan, request: PlanRequest) -> Plan:
     """May be flown, but is a bad choice."""
     return detour(request, lambda arcs: complete_by(arcs, CERTIFICATE))
@@ -140,6 +154,7 @@ ANSWERS: tuple[Callable[[Plan, PlanRequest], Plan], ...] = (
     into_the_ridge,
     overdue,
     detouring,
+    faster_than_commands,
     nonsense,
 )
 
@@ -164,7 +179,7 @@ class Scripted:
 
     def plan(self, request: PlanRequest) -> Plan:
         answer = next(self._script)
-        if request.current is None and answer in (into_the_ridge, overdue, detouring):
+        if request.current is None and answer in (into_the_ridge, overdue, detouring, faster_than_commands):
             return Plan.failure(Status.INFEASIBLE, "there is nothing to leave yet")
         return answer(self._planner.plan(request), request)
 
@@ -217,6 +232,7 @@ class Watched:
 @example(script=[overdue], config=FlightConfig(), factor=1.3)
 @example(script=[valid, *10 * [detouring]], config=FlightConfig(), factor=1.3)
 @example(script=[*3 * [valid], *40 * [into_the_ridge]], config=FlightConfig(), factor=1.3)
+@example(script=[valid, *5 * [faster_than_commands]], config=FlightConfig(), factor=1.3)
 @example(script=[valid, failing, late], config=STRETCHED, factor=1.0)
 @example(script=[*3 * [valid], *40 * [into_the_ridge]], config=STRETCHED, factor=1.3)
 def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(

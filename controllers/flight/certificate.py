@@ -3,6 +3,10 @@
 A plan pi is certified, C(pi), if over its whole future the least clearance above the triangles is at least h_min +
 delta (delta the tracking bound), it stays that far inside the map, |v| and |a| keep the bounds left to a
 plan, its arcs join, and it rests within reach of the target.
+
+A plan is the path of the vehicle's centre, and the vehicle is a ball of radius r about it. The centre keeps h_min above
+all ground within r across, and r from the edge of the map, beside the tracking bound; with h_min >= r the ball then
+touches nothing. A smaller h_min is refused.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array, Message, Plan, Status
 
 STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
@@ -54,7 +59,9 @@ class Refusal:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """C(pi) as a function; ``terrain`` is raised by the tracking bound, the other bounds are lowered by it."""
+    """C(pi) as a function; ``terrain`` is raised by ``raised_ground``, the other bounds are lowered by the tracking
+    bound.
+    """
 
     terrain: HeightField
     clearance_min: float  # [m] h_min
@@ -63,12 +70,21 @@ class Certificate:
     target: Array  # (3,) [m]
     arrival_radius: float  # [m]
     border: float = 0.0  # [m] that is kept from the edge of the map
-    rise: float = 0.0  # [m] by which the terrain was raised, beside what ``border`` asks for
+    across: float = 0.0  # [m] within which the terrain was raised to the highest ground: tracking bound and body
+    rise: float = 0.0  # [m] by which it was raised beside that
     cruise_level: float = -np.inf  # [m] below which no completion path flies level
 
     @staticmethod
     def of(mission: FlightMission, bound: TrackingBound) -> Certificate:
-        """The certificate of a mission whose tracker keeps ``bound``; ValueError if that leaves nothing to fly with."""
+        """The certificate of a mission whose tracker keeps ``bound``.
+
+        Raises FieldError for an h_min below the body's reach; ValueError if the bound leaves nothing to fly with.
+        """
+        if not (mission.reach_in_terrain or mission.clearance_min >= mission.reach):
+            raise FieldError(
+                f"clearance_min = {mission.clearance_min:g} m; allowed: >= {mission.reach:g} m, the radius of the "
+                "vehicle's hull"
+            )
         speed = mission.speed_max - bound.speed
         acceleration = mission.acceleration_max - bound.feedback
         radius = mission.arrival_radius - float(np.hypot(bound.horizontal, bound.vertical))
@@ -82,14 +98,16 @@ class Certificate:
                     f"{name} = {whole:g} leaves nothing to plan with; allowed: > {whole - left:.3g}, "
                     "which noise and gusts take"
                 )
+        across = bound.horizontal + (0.0 if mission.reach_in_terrain else mission.reach)
         return Certificate(
-            _raised(mission.terrain, bound.horizontal, bound.vertical),
+            raised_ground(mission.terrain, across, bound.vertical),
             mission.clearance_min,
             speed,
             acceleration,
             np.array(mission.target, dtype=np.float64),
             radius,
-            bound.horizontal,
+            bound.horizontal + mission.reach,
+            across,
             bound.vertical,
             mission.cruise_level,
         )
@@ -102,7 +120,7 @@ class Certificate:
         if now.target != known.target:
             certificate = dataclasses.replace(certificate, target=np.array(now.target, dtype=np.float64))
         if now.terrain is not known.terrain:
-            certificate = dataclasses.replace(certificate, terrain=_raised(now.terrain, self.border, self.rise))
+            certificate = dataclasses.replace(certificate, terrain=raised_ground(now.terrain, self.across, self.rise))
         return certificate
 
     def reaches_target(self, plan: Plan) -> bool:
@@ -165,14 +183,17 @@ class Certificate:
 
 
 @lru_cache(maxsize=8)
-def _raised(terrain: HeightField, horizontal: float, vertical: float) -> HeightField:
-    """The ground that a tracker with this bound needs; every certificate of a mission shares it."""
-    return terrain.inflated(horizontal, vertical)
+def raised_ground(terrain: HeightField, across: float, rise: float) -> HeightField:
+    """``terrain.inflated(across, rise)``, both [m]: one object for all that ask, for instance a mission's certificates
+    and cost-to-go.
+    """
+    return terrain.inflated(across, rise)
 
 
 def _extent(p: Array, v: Array, a: Array, duration: Array) -> tuple[float, float]:
     """Least and greatest of p + v t + a t^2 / 2 over 0 <= t <= duration, of all arcs (K,)."""
-    vertex = np.clip(np.divide(-v, a, out=duration.copy(), where=a != 0.0), 0.0, duration)
+    with np.errstate(over="ignore"):  # of hardly any acceleration the vertex lies beyond every arc
+        vertex = np.clip(np.divide(-v, a, out=duration.copy(), where=a != 0.0), 0.0, duration)
     met = np.concatenate([p + t * v + 0.5 * t * t * a for t in (np.zeros(len(p)), vertex, duration)])
     return float(met.min()), float(met.max())
 

@@ -10,9 +10,9 @@ from dataclasses import field
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Interval, Le
+from annotated_types import Ge, Interval, Le
 
-from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
+from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
 from mathnavi.sim.interfaces.bounds import (
@@ -28,8 +28,8 @@ from mathnavi.sim.interfaces.bounds import (
 from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.fields import with_fields
-from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
-from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, Point, drawn_between
+from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, PositiveMagnitude
+from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, HullClearance, Point, drawn_between
 from mathnavi.sim.scenarios.information import ChangeFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
@@ -37,6 +37,10 @@ GraphName = Literal["line", "ring", "complete", "random"]
 EXCHANGE_PERIOD = 1.0 / 12.0  # [s] between two exchanges of messages, also of the consensus
 _MOST = 64
 _FARTHEST, _FASTEST = 20.0, 0.01  # [s] of a clock, and of its drift
+HullSeparation = Annotated[
+    PositiveMagnitude,
+    Within(Ge(2.0 * HULL_RADIUS), allowed=f">= {2.0 * HULL_RADIUS:g} m, the radii of two vehicles' hulls together"),
+]
 DrawnBetween = Annotated[
     tuple[float, float], Within(drawn_between(LARGEST), allowed="two finite numbers, 0 <= low <= high")
 ]
@@ -114,14 +118,14 @@ class FleetFields:
     """x, y, z [m] of the middle of the slots; drawn from the seed if not given"""
     slot_spacing: PositiveMagnitude = 1500.0
     """between neighbouring slots on their ring [m]"""
-    separation: PositiveMagnitude = 200.0
-    """d_s, least distance between vehicles [m]"""
+    separation: HullSeparation = 200.0
+    """d_s, least distance between the centres of two vehicles [m]"""
     drawn_heights: DrawnBetween = (50.0, 450.0)
     """heights above h_min between which starts and the target are drawn [m]"""
     drawn_distance: DrawnBetween = (0.4, 0.9)
     """shares of the map's side between which the distances of drawn starts from the target lie"""
-    clearance_min: Magnitude = 50.0
-    """h_min, least height above ground [m]"""
+    clearance_min: HullClearance = 50.0
+    """h_min, least height of a vehicle's centre above the ground below it [m]"""
     speed_max: PositiveMagnitude = 300.0
     """v_max [m/s]"""
     acceleration_max: PositiveMagnitude = 40.0

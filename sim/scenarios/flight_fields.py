@@ -9,8 +9,8 @@ from annotated_types import Interval
 
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.sim.interfaces.bounds import FINITE, TickRate, configuration
-from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
-from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, drawn_between
+from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, PositiveMagnitude
+from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, HullClearance, drawn_between
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
 
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
@@ -30,8 +30,8 @@ class MissionFields:
     """heights above h_min between which a start or target is drawn [m]"""
     drawn_separation: Annotated[tuple[float, float], drawn_between(_DIAGONAL)] = (0.8, 1.5)
     """shares of the map's side between which the distance of a drawn start and target lies"""
-    clearance_min: Magnitude = 50.0
-    """h_min, least height above ground [m]"""
+    clearance_min: HullClearance = 50.0
+    """h_min, least height of the vehicle's centre above the ground below it [m]"""
     speed_max: PositiveMagnitude = 300.0
     """v_max [m/s]"""
     acceleration_max: PositiveMagnitude = 40.0

@@ -8,14 +8,16 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any, Protocol
 
 import numpy as np
+from annotated_types import Ge
 
-from mathnavi.models.aerial.dynamics import TICK
+from mathnavi.controllers.flight.certificate import raised_ground
+from mathnavi.models.aerial.dynamics import HULL_RADIUS, TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import place_of
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.input_bounds import input_bound
-from mathnavi.sim.interfaces.bounds import THREE_FINITE_NUMBERS, Condition, TickRate, configuration
+from mathnavi.sim.interfaces.bounds import THREE_FINITE_NUMBERS, Condition, TickRate, Within, configuration
 from mathnavi.sim.interfaces.errors import MissionError
 from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_quality
@@ -25,6 +27,9 @@ from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
 
 Point = tuple[float, float, float]
+HullClearance = Annotated[
+    Magnitude, Within(Ge(HULL_RADIUS), allowed=f">= {HULL_RADIUS:g} m, the radius of the vehicle's hull")
+]
 FinitePoint = Annotated[Point, THREE_FINITE_NUMBERS]
 
 
@@ -157,18 +162,27 @@ def certified_ends(
 
 
 def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
-    """Raise MissionError for a point (x, y, z) [m] off the mission's map, or lower than h_min above its ground."""
+    """Raise MissionError for a point (x, y, z) [m] where the vehicle is not within the mission's map, or lower than
+    h_min above the ground below any part of it.
+    """
     terrain, (x, y, z) = mission.terrain, point
     if not terrain.contains(x, y):
         raise MissionError(
             f"{name} = {point!r} is off the map; allowed: 0 to {terrain.width:g} m east, 0 to {terrain.depth:g} m north"
         )
-    ground = float(terrain.height(x, y))
+    below = raised_ground(terrain, 0.0 if mission.reach_in_terrain else mission.reach, 0.0)
+    ground = float(below.height(x, y))
     if z < ground + mission.clearance_min:
-        where = "under ground" if z < ground else "below the least clearance"
+        where = "under ground" if z < float(terrain.height(x, y)) else "below the least clearance"
         raise MissionError(
-            f"{name} = {point!r} is {where}; the ground there is {ground:.1f} m high; "
+            f"{name} = {point!r} is {where}; the ground within {mission.reach:g} m is up to {ground:.1f} m high; "
             f"allowed: z >= {ground + mission.clearance_min:.1f} m"
+        )
+    room = min(x, y, terrain.width - x, terrain.depth - y)
+    if room < mission.reach:
+        raise MissionError(
+            f"{name} = {point!r} is {room:g} m from the edge of the map; allowed: >= {mission.reach:g} m, the reach of "
+            "the vehicle"
         )
 
 
@@ -176,8 +190,9 @@ def drawn_point(mission: FlightMission, heights: tuple[float, float], rng: np.ra
     """A point (x, y, z) [m] uniform over the map, but for its border, and over ``heights`` [m] above h_min."""
     terrain = mission.terrain
     margin = _BORDER * max(terrain.width, terrain.depth)
-    x = float(rng.uniform(margin, terrain.width - margin))
-    y = float(rng.uniform(margin, terrain.depth - margin))
+    east, north = min(margin, 0.25 * terrain.width), min(margin, 0.25 * terrain.depth)  # of a long map
+    x = float(rng.uniform(east, terrain.width - east))
+    y = float(rng.uniform(north, terrain.depth - north))
     return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*heights))
 
 

@@ -7,6 +7,10 @@ plan, its arcs join, and it rests within reach of the target.
 A plan is the path of the vehicle's centre, and the vehicle is a ball of radius r about it. The centre keeps h_min above
 all ground within r across, and r from the edge of the map, beside the tracking bound; with h_min >= r the ball then
 touches nothing. A smaller h_min is refused.
+
+A start may be too fast already, after a gust for instance. Then the excess e over v_max is at most e (1 - t / T) from
+there on, with T = max(v_max / a_max, 4 e / a_max): it is gone when a stop from v_max would be over or, where it is
+greater, falls at a quarter of a_max.
 """
 
 from __future__ import annotations
@@ -30,6 +34,7 @@ from mathnavi.sim.interfaces.signals import Array, Message, Plan, Status
 
 STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
+_FALL = 4.0  # the part of a_max at which a large excess of speed falls at least
 _PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
 
 
@@ -143,10 +148,9 @@ class Certificate:
         gap = float(np.abs(joint).max(initial=0.0))
         if not gap <= STATE_TOLERANCE:  # nor does NaN
             return Refusal(Status.MALFORMED, f"arcs miss each other by {gap:.3g}")
+        if too_fast := self._check_speed(plan):
+            return too_fast
         speed, push = np.linalg.norm(v, axis=1), np.linalg.norm(plan.u, axis=1)
-        # A start that is too fast already, after a gust say, can only be slowed down.
-        if speed.max() > max(self.speed_max, speed[0]) + _BOUND:
-            return Refusal(FlightStatus.BOUNDS, f"|v| reaches {speed.max():.2f} m/s; allowed {self.speed_max:.2f}")
         if push.max(initial=0.0) > self.acceleration_max + _BOUND:
             return Refusal(
                 FlightStatus.BOUNDS, f"|a| reaches {push.max():.2f} m/s^2; allowed {self.acceleration_max:.2f}"
@@ -155,6 +159,24 @@ class Certificate:
             miss = float(np.linalg.norm(p[-1] - self.target))
             return Refusal(FlightStatus.NO_ARRIVAL, f"ends {miss:.1f} m from the target at {speed[-1]:.2f} m/s")
         return self.check_clearance(plan)
+
+    def _check_speed(self, plan: Plan) -> Refusal | None:
+        """Check |v|, which is convex on an arc, against v_max plus what is left of the start's excess, which is linear
+        up to its end: at both ends of each arc and at that end, and therefore everywhere.
+        """
+        speed = np.linalg.norm(plan.x[:, 3:], axis=1)
+        excess = max(0.0, float(speed[0]) - self.speed_max)
+        duration = max(self.speed_max, _FALL * excess) / self.acceleration_max
+        allowed = self.speed_max + excess * np.maximum(0.0, 1.0 - (plan.t - plan.t_start) / duration)
+        if excess > _BOUND and plan.t_start + duration < plan.t_end:
+            then = state_at(plan, plan.t_start + duration)
+            speed, allowed = np.append(speed, np.linalg.norm(then[3:])), np.append(allowed, self.speed_max)
+        worst = int((speed - allowed).argmax())
+        if speed[worst] <= allowed[worst] + _BOUND:
+            return None
+        fast = f"|v| reaches {speed[worst]:.2f} m/s; allowed {allowed[worst]:.2f}"
+        start = f", falling from {speed[0]:.2f} at the start to {self.speed_max:.2f} within {duration:.2f} s"
+        return Refusal(FlightStatus.BOUNDS, fast + (start if excess > _BOUND else ""))
 
     def clearances(self, plan: Plan) -> Array:
         """Least clearance (K,) [m] of each arc of a plan; -inf off the map."""

@@ -84,7 +84,7 @@ def _within(value: float, low: float, high: float, open_low: bool) -> bool:
 
 
 def _range(low: float, high: float, open_low: bool, unit: str) -> str:
-    return f"{'>' if open_low else '>='} {low:.4g} and <= {high:.4g} {unit}"
+    return f"> {low:.4g} and <= {high:.4g} {unit}" if open_low else f"{low:.4g} to {high:.4g} {unit}"
 
 
 def _is_written_in_radians(value: float) -> bool:

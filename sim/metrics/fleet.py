@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -14,7 +15,7 @@ from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.flight import exposure, flown_clearance
-from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, solve_times
+from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
 
 
 def arrival_times(recording: Recording, missions: Mapping[str, FlightMission]) -> dict[str, float]:
@@ -82,6 +83,11 @@ def fleet_summary(
     clearance = min(
         float(flown_clearance(recording.t, recording.truths[name], mission).min()) for name, mission in missions.items()
     )
+    begin, end = float(recording.t[0]), float(recording.t[-1])
+    shares = [
+        planner_share(begin, arrival if math.isfinite(arrival) else end, recording.agents[name].plans)
+        for name, arrival in arrivals.items()
+    ]
     everybody = bool(np.isfinite(times).all())
     return {
         "vehicles": len(missions),
@@ -101,6 +107,7 @@ def fleet_summary(
         ),
         "replans": sum(agent.requests for agent in agents),
         "plans_adopted": sum(len(agent.plans) for agent in agents),
+        "planner_share": float(np.mean(shares)),
         "plans_rejected": sum(kinds[kind] for kind in REJECTIONS),
         "plans_not_admitted": kinds["not-admitted"],
         "proposals_refused": kinds["separation-refused"],

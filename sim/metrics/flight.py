@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array, Plan
-from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, solve_times
+from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
 
 if TYPE_CHECKING:  # the compiled kernels take a while to import, and most that import this only read names
     from mathnavi.models.aerial.mission import FlightMission
@@ -110,6 +110,7 @@ def flight_summary(
         "ground_contacts": kinds["ground-contact"],
         "replans": agent.requests,
         "plans_adopted": len(agent.plans),
+        "planner_share": planner_share(float(t[0]), float(t[-1]), agent.plans),
         "plans_rejected": sum(kinds[kind] for kind in REJECTIONS),
         "manoeuvres_rejected": kinds["manoeuvre-rejected"],
         "late_plans": kinds["late"],

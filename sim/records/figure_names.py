@@ -32,7 +32,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "tilt_max_deg", "thrust_mean_share", "thrust_max_share", "saturated_share", "saturated_s", "inputs_clipped",
     ),
     "planning": (
-        "replans", "plans_adopted", "plans_rejected", "plans_not_admitted", "proposals_refused",
+        "planner_share", "replans", "plans_adopted", "plans_rejected", "plans_not_admitted", "proposals_refused",
         "outliers", "clocks_apart", "manoeuvres_rejected", "late_plans", "fallback_steps",
     ),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
@@ -50,6 +50,7 @@ LABELS = {
     "speed_max": ("highest |v|", "in the metric"),
     "attitude_rms_rad": ("angle to reference, rms", "rad"),
     "settled_at_s": ("on the reference after", "s"),
+    "planner_share": ("share flown as the planner chose", ""),
 }
 SHORTFALL = "shortfall"  # the summary's key of what a run did not do; without it the mission did what it should
 

@@ -75,10 +75,11 @@ class VehicleStack:
     estimator: Estimator
     planner: Planner
     tracker: Any
+    asked: tuple[str, ...]  # names of the sensors that the estimator asked for
 
     def agent(self, input_size: int = 3, messages: Sequence[Message] = ()) -> Agent:
         """The agent that flies with it; ``messages`` reach the planner at their own times."""
-        return Agent(self.estimator, self.planner, self.tracker, input_size, messages)
+        return Agent(self.estimator, self.planner, self.tracker, input_size, messages, sensors=self.asked)
 
 
 @dataclass(frozen=True)
@@ -126,7 +127,7 @@ class Assembler:
         planner, sensors = self.with_planner_faults(raw), self.sensors(mission, *others)
         if certified_flight is not None and getattr(self.controller.plugin, "certified", True):
             planner = Certified.of(planner, certified_flight, tracker)
-        return VehicleStack(sensors, estimator, planner, tracker)
+        return VehicleStack(sensors, estimator, planner, tracker, self.asked(mission))
 
     def first_plan(self, mission: Any, flight: FlightMission) -> Plan:
         """The certified planner's answer at the start; a controller without a certificate is held to it here too."""
@@ -137,6 +138,10 @@ class Assembler:
     def observer(self, mission: Any) -> Estimator:
         """The estimator alone; PluginError if it does not fit the mission."""
         return checked_estimator(self.estimator, mission)
+
+    def asked(self, mission: Any) -> tuple[str, ...]:
+        """Names of the sensors that the estimator asks for."""
+        return tuple(sensor.name for sensor in checked_sensors(self.estimator, mission))
 
     def sensors(self, mission: Any, *others: Sensor, streams: RandomStreams | None = None) -> tuple[Sensor, ...]:
         """The sensors alone that the estimator asks for, and ``others``, with their faults."""

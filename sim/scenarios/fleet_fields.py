@@ -10,17 +10,12 @@ from dataclasses import field
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Interval, Le
+from annotated_types import Ge, Interval, Le
 
+from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
-from mathnavi.sim.interfaces.bounds import (
-    THREE_FINITE_NUMBERS,
-    Each,
-    Fraction,
-    NonNegative,
-    configuration,
-)
+from mathnavi.sim.interfaces.bounds import THREE_FINITE_NUMBERS, Each, Fraction, NonNegative, Within, configuration
 from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.fields import with_fields
@@ -42,6 +37,10 @@ GraphName = Literal["line", "ring", "complete", "random"]
 EXCHANGE_PERIOD = 1.0 / 12.0  # [s] between two exchanges of messages, also of the consensus
 _MOST = 64
 _FARTHEST, _FASTEST = 20.0, 0.01  # [s] of a clock, and of its drift
+HullSeparation = Annotated[
+    PositiveMagnitude,
+    Within(Ge(2.0 * HULL_RADIUS), allowed=f">= {2.0 * HULL_RADIUS:g} m, the radii of two vehicles' hulls together"),
+]
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -116,8 +115,8 @@ class FleetEndFields:
     """x, y, z [m] of the middle of the slots; drawn from the seed if not given"""
     slot_spacing: PositiveMagnitude = 1500.0
     """between neighbouring slots on their ring [m]"""
-    separation: PositiveMagnitude = 200.0
-    """d_s, least distance between vehicles [m]"""
+    separation: HullSeparation = 200.0
+    """d_s, least distance between the centres of two vehicles [m]"""
     drawn_heights: DrawnHeights = MissionFields.drawn_heights
     """heights above h_min between which starts and the target are drawn [m]"""
     drawn_distance: DrawnHeights = (0.4, 0.9)

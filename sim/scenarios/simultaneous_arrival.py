@@ -91,7 +91,7 @@ class SimultaneousArrival:
             setups[name] = VehicleSetup(mission.start_state, sensors, config.acceleration_max)
             agents[name] = Agent(
                 parts.observer(mission), vehicle.planner, vehicle.tracker,
-                messages=messages, coordinator=talkers[name], stored=vehicle.stored,
+                messages=messages, coordinator=talkers[name], stored=vehicle.stored, sensors=parts.asked(mission),
             )  # fmt: skip
         model = _model(flight.terrain, config.names, config.acceleration_max)
         body = MujocoPlant(model, setups, parts.streams["sensing"])

@@ -33,6 +33,7 @@ from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.fault_fields import Fault, with_disturbances, with_planner_faults, with_sensor_faults
 from mathnavi.sim.scenarios.random_streams import RandomStreams
+from mathnavi.sim.scenarios.redraw import generator
 from mathnavi.sim.scenarios.task import Task
 
 
@@ -76,7 +77,9 @@ class Assembler:
             scenario, config, seed,
             controller or PluginSpec.of(load("controllers", scenario.controller)),
             estimator or PluginSpec.of(load("estimators", scenario.estimator)),
-            RandomStreams(np.random.default_rng(seed), getattr(scenario, "streams", ())),
+            RandomStreams(
+                generator(np.random.SeedSequence(seed), getattr(config, "redraw", ())), getattr(scenario, "streams", ())
+            ),
             tuple(group for group in groups if isinstance(group, Fault)),
         )  # fmt: skip
 

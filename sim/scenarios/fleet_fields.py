@@ -31,6 +31,7 @@ from mathnavi.sim.interfaces.fields import with_fields
 from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, Point, drawn_between
 from mathnavi.sim.scenarios.information import ChangeFields
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
 
@@ -208,7 +209,7 @@ class FleetFields:
 
 
 @configuration
-class SimultaneousArrivalConfig(ChangeFields, FleetFields):
+class SimultaneousArrivalConfig(ChangeFields, ChanceFields, FleetFields):
     """Fields of the scenario."""
 
     radio: Radio = field(default_factory=Radio)

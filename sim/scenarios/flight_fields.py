@@ -12,6 +12,7 @@ from mathnavi.sim.interfaces.bounds import FINITE, TickRate, configuration
 from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, drawn_between
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 
@@ -45,7 +46,7 @@ class MissionFields:
 
 
 @configuration
-class SafeFlightConfig(ChangeFields, MissionFields):
+class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
     """Fields of the scenario."""
 
     target_path: tuple[tuple[float, float, float, float], ...] = ()

@@ -28,6 +28,7 @@ from mathnavi.sim.interfaces.bounds import (
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.scenarios.fault_fields import CommonFlightFaults, Fault, LostReadings
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 Point = tuple[float, float, float]
 
@@ -134,7 +135,7 @@ class MissileFaults(CommonFlightFaults):
 
 
 @configuration
-class MissileGuidanceConfig:
+class MissileGuidanceConfig(ChanceFields):
     """Fields of the scenario."""
 
     case: Literal["SM", "SM2", "SM3", "FAST"] = "SM"

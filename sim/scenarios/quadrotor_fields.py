@@ -14,6 +14,7 @@ from mathnavi.sim.interfaces.bounds import FINITE, PositiveFraction, TickRate, c
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, drawn_between
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 Factor = Annotated[float, Interval(ge=0.1, le=10.0), FINITE]
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
@@ -50,7 +51,7 @@ class QuadrotorMismatch:
 
 
 @configuration
-class QuadrotorCanyonConfig:
+class QuadrotorCanyonConfig(ChanceFields):
     """Fields of the scenario; without any given there is no wind, and the vehicle is as declared."""
 
     terrain: str = "canyon"

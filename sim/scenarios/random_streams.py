@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from mathnavi.sim.scenarios.redraw import BlockGenerator, generator
+
 _UNLISTED = 2**32 - 1  # in the spawn key of a stream that is not listed, where no child that is counted ever comes
 
 
@@ -32,7 +34,8 @@ class RandomStreams:
             parent = self.root.bit_generator.seed_seq
             assert isinstance(parent, np.random.SeedSequence)
             key = (*parent.spawn_key, _UNLISTED, zlib.crc32(name.encode()))
-            self._named[name] = np.random.default_rng(np.random.SeedSequence(parent.entropy, spawn_key=key))
+            redraws = self.root.redraws if isinstance(self.root, BlockGenerator) else ()
+            self._named[name] = generator(np.random.SeedSequence(parent.entropy, spawn_key=key), redraws)
         return self._named[name]
 
     def split(self, name: str, count: int) -> list[RandomStreams]:

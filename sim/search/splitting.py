@@ -5,8 +5,9 @@ drawn from the prior. As long as the k-th largest level Z_j lies above s,
 
     K_j = number of particles with S >= Z_j
 
-of them, those that are farthest from the event, die; each is replaced by a copy of one that is left, which then makes ``steps`` transitions that are reversible with
-respect to the prior, each accepted only if it stays nearer than Z_j. The estimate
+of them, those that are farthest from the event, die; each is replaced by a copy of one that is left, which then makes
+``steps`` transitions that are reversible with respect to the prior, each accepted only if it stays nearer than Z_j. The
+estimate
 
     p^ = prod_j (1 - K_j / N) * #{S(X_i) <= s} / N
 

@@ -98,7 +98,7 @@ def _range(variation: Variation, low: float, high: float, log: bool) -> Range:
     try:
         return Range(variation.name, low, high, log)
     except ValueError as error:
-        raise variation.wrong(str(error).partition(": ")[2] or str(error)) from None
+        raise variation.wrong(str(error).partition(" = ")[2]) from None
 
 
 def _numbers(variation: Variation, *, whole: bool, low: float = -1e300, high: float = 1e300) -> tuple[float, float]:

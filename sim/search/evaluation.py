@@ -17,7 +17,7 @@ from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import is_number
 from mathnavi.sim.search.space import Values
-from mathnavi.sim.sweep.execution import Pool, run_trials
+from mathnavi.sim.sweep.execution import Pool, Progress, run_trials
 from mathnavi.sim.sweep.trial import Trial
 
 Ending = Literal["flown", "refused", "failed"]
@@ -78,6 +78,7 @@ class Evaluator:
     pool: Pool
     timeout: float | None = None  # [s] of a mission
     retry: bool = False  # those that are stored as timed out or crashed
+    progress: Callable[[Progress], None] | None = None  # of the missions of one call
 
     def __post_init__(self) -> None:
         if is_wall_clock(self.objective.key):
@@ -94,7 +95,9 @@ class Evaluator:
         """
         made = [self._made(values) for values in points]
         trials = [each for each in made if isinstance(each, Trial)]
-        flown = run_trials(trials, self.store, timeout=self.timeout, retry=self.retry, pool=self.pool)
+        flown = run_trials(
+            trials, self.store, timeout=self.timeout, retry=self.retry, progress=self.progress, pool=self.pool
+        )
         records = iter(flown)
         first = len(self.evaluations)
         found = [

@@ -6,6 +6,7 @@ import csv
 import html
 import json
 import pickle
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -59,6 +60,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
+    "hunt": {"missions": 4, "tries": 4, "draws": 4, "repeats": 1},
 }
 CLAIMS = {
     "horizon": {"A.path-falls", "A.effort-falls", "A.20-to-15"},
@@ -100,6 +102,7 @@ CLAIMS = {
     "arrival": {"fleet.spread", "A.consensus-by-A12", "A.constraint", "A.penalty", "A.one-step"},
     "quadrotor": {"fleet.quadrotor"},
     "separation": {"fleet.separation", "fleet.cost"},
+    "hunt": {"search.safe", "search.power"},
     "mechanisms": {
         *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),
         "D.prohibitive",
@@ -141,7 +144,7 @@ class Here:
     def __init__(self) -> None:
         self._stopped = False
 
-    def run(self, task: SweepTask, key: str, timeout: float | None) -> Ended:
+    def run(self, task: SweepTask, key: str, timeout: float | None, compiling: Callable[[], None]) -> Ended:
         if self._stopped:
             raise StoppedError
         assert timeout is None
@@ -172,7 +175,7 @@ def flown_once(outcomes: dict[str, RunResult], monkeypatch: pytest.MonkeyPatch) 
         return outcomes[key]
 
     monkeypatch.setattr(Trial, "flown", flown)
-    monkeypatch.setattr(execution, "Worker", lambda path, compiling: Here())
+    monkeypatch.setattr(execution, "Worker", lambda path: Here())
 
 
 def test_every_study_is_in_this_suite() -> None:

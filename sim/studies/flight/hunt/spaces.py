@@ -47,9 +47,9 @@ FAULTS = (
     Range("faults.dropout_rate", 0.0, 0.9),
 )
 AIR = (
-    Range("faults.gust_rms", 0.0, 1.5),
+    Range("faults.gust_rms", 0.0, 1.0),
     Range("faults.gust_time_constant", 0.1, 10.0, log=True),
-    Range("noise.position", 0.0, 3.0),
+    Range("noise.position", 0.0, 2.0),
 )
 
 
@@ -64,8 +64,9 @@ SAFE_FLIGHT = Hunt(
     "safe-flight",
     (
         Choice("terrain", CANYONS), SEED, *FAULTS, *AIR,
-        Range("estimator.rate", 0.5, 60.0, log=True), Range("planner.margin", 0.0, 25.0), Range("height", 1.0, 60.0),
-        Range("clearance_min", 2.0, 60.0), Range("speed_max", 20.0, 150.0), Range("acceleration_max", 8.0, 40.0),
+        Choice("estimator.rate", (60.0, 20.0, 5.0, 1.0)), Range("planner.margin", 0.0, 25.0),
+        Range("height", 1.0, 60.0), Range("clearance_min", 2.0, 60.0),
+        Range("speed_max", 20.0, 150.0), Range("acceleration_max", 8.0, 40.0),
     ),
     fields={**SHORT, "estimator.timeout": 60.0},
     derived=_low,
@@ -153,21 +154,23 @@ HUNTS = (SAFE_FLIGHT, FLEET, QUADROTOR, UPDATES)
 
 
 def _between(values: Values) -> dict[str, Any]:
-    """From one place in the middle of the canyon to another, both ``height`` above h_min."""
+    """From one place over the canyon to another, both ``height`` above h_min."""
     fields = dict(values)
     height, ground = fields.pop("height"), load_terrain(CANYONS[0])
-    for name, (x, y) in ENDS.items():
+    for name in ("start", "target"):
+        x, y = fields.pop(f"{name}_x"), fields.pop(f"{name}_y")
         fields[name] = (x, y, float(ground.height(x, y)) + LOWEST + height)
     return fields
 
 
-ENDS = {"start": (210.0, 320.0), "target": (430.0, 320.0)}  # [m]
 LOWEST = 20.0  # [m] h_min over the canyon of the mutants
 
 
 def _mutant(name: str, attribute: str, *more: Dimension, **fields: Any) -> Hunt:
+    """Missions that are safe at both ends, so that what is found lies on the way."""
+    ends = [Range(f"{end}_{axis}", 80.0, 560.0) for end in ("start", "target") for axis in "xy"]
     space = (
-        SEED, Range("planner.margin", 0.0, 100.0), Range("height", 0.5, 200.0), Range("speed_max", 15.0, 60.0),
+        SEED, *ends, Range("height", 20.0, 200.0), Range("planner.margin", 0.0, 100.0), Range("speed_max", 15.0, 60.0),
         Range("acceleration_max", 8.0, 40.0), Range("faults.gust_rms", 0.0, 1.0), *more,
     )  # fmt: skip
     given = {"terrain": CANYONS[0], "clearance_min": LOWEST, "deadline_factor": 1.5, **GRID, **fields}

@@ -14,7 +14,7 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.metrics.flight import exposure, flown_clearance
+from mathnavi.sim.metrics.flight import deadline_left, exposure, flown_clearance
 from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
 
 
@@ -83,12 +83,13 @@ def fleet_summary(
     clearance = min(
         float(flown_clearance(recording.t, recording.truths[name], mission).min()) for name, mission in missions.items()
     )
-    begin, end = float(recording.t[0]), float(recording.t[-1])
+    begin, last = float(recording.t[0]), float(recording.t[-1])
     shares = [
-        planner_share(begin, arrival if math.isfinite(arrival) else end, recording.agents[name].plans)
+        planner_share(begin, arrival if math.isfinite(arrival) else last, recording.agents[name].plans)
         for name, arrival in arrivals.items()
     ]
     everybody = bool(np.isfinite(times).all())
+    end = float(times.max()) if everybody else last
     return {
         "vehicles": len(missions),
         "arrived": everybody,
@@ -97,10 +98,13 @@ def fleet_summary(
         "first_arrival_s": float(np.nanmin(times)) if np.isfinite(times).any() else None,
         "arrival_time_s": float(times.max()) if everybody else None,
         "deadline_s": deadline,
+        "deadline_left_s": deadline_left(everybody, end, deadline),
         "separation_min_m": nearest if len(missions) > 1 else None,
         "separation_allowed_m": zone,
+        "separation_margin_m": nearest - zone if len(missions) > 1 else None,
         "nearest_pair": " and ".join(pair),
         "min_clearance_m": clearance,
+        "clearance_margin_m": clearance - next(iter(missions.values())).clearance_min,
         "ground_contacts": kinds["ground-contact"],
         "radar_exposure_s": sum(
             exposure(recording.t, recording.truths[name], mission, radars) for name, mission in missions.items()

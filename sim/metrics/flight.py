@@ -69,6 +69,11 @@ def flown_clearance(t: Array, x: Array, mission: FlightMission) -> Array:
     return least
 
 
+def deadline_left(arrived: bool, t: float, deadline: float) -> float | None:
+    """[s] left to the deadline when the flight ended, at ``t`` [s]; None where it ended early and did not arrive."""
+    return deadline - t if arrived or t > deadline else None
+
+
 def exposure(t: Array, x: Array, mission: FlightMission, radars: Sequence[RadarTrack]) -> float:
     """Time [s] spent in sight of at least one radar that is on."""
     seen = np.zeros(len(t), dtype=bool)
@@ -93,19 +98,21 @@ def flight_summary(
     distance = np.linalg.norm(x[:, :3] - np.array(mission.target), axis=1)
     arrived = bool(distance[-1] <= mission.arrival_radius)
     error = x - references(t, agent.plans)
-    broken = (np.hypot(error[:, 0], error[:, 1]) > bound.horizontal) | (np.abs(error[:, 2]) > bound.vertical)
+    share = np.maximum(np.hypot(error[:, 0], error[:, 1]) / bound.horizontal, np.abs(error[:, 2]) / bound.vertical)
     clearance = flown_clearance(t, x, mission)
     command = agent.commands[: recording.length - 1]
     return {
         "arrived": arrived,
         "arrival_time_s": float(t[-1]) if arrived else None,
         "deadline_s": deadline,
+        "deadline_left_s": deadline_left(arrived, float(t[-1]), deadline),
         "flight_time_s": float(t[-1]),
         "path_length_m": float(np.linalg.norm(np.diff(x[:, :3], axis=0), axis=1).sum()),
         "straight_line_m": float(np.linalg.norm(np.subtract(mission.target, mission.start))),
         "mean_height_m": float(np.average(height_above_ground(x, mission)[1:], weights=np.diff(t))),
         "control_effort": float((np.square(command).sum(axis=1) * np.diff(t)).sum()),
         "min_clearance_m": float(clearance.min()),
+        "clearance_margin_m": float(clearance.min()) - mission.clearance_min,
         "speed_max_m_s": float(np.linalg.norm(x[:, 3:], axis=1).max()),
         "ground_contacts": kinds["ground-contact"],
         "replans": agent.requests,
@@ -117,7 +124,8 @@ def flight_summary(
         "fallback_steps": sum(kinds[kind] for kind in (*FAILURES, *REJECTIONS, "late")),
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
         "iteration_limits": kinds["iteration-limit"],
-        "tracking_breaches": episodes(broken),
+        "tracking_breaches": episodes(share > 1.0),
+        "tracking_bound_share": float(np.nanmax(share, initial=0.0)),
         "tracking_error_max_m": float(np.nanmax(np.linalg.norm(error[:, :3], axis=1), initial=0.0)),
         "tracking_bound_m": float(math.hypot(bound.horizontal, bound.vertical)),
         "rebased_plans": kinds["rebased"],

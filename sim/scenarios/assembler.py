@@ -32,6 +32,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.fault_fields import Fault, kinds
+from mathnavi.sim.scenarios.redraw import BlockGenerator, generator
 from mathnavi.sim.scenarios.task import Task
 
 _UNLISTED = 2**32 - 1  # in the spawn key of a stream that is not listed, where no child that is counted ever comes
@@ -59,7 +60,8 @@ class RandomStreams:
             parent = self.root.bit_generator.seed_seq
             assert isinstance(parent, np.random.SeedSequence)
             key = (*parent.spawn_key, _UNLISTED, zlib.crc32(name.encode()))
-            self._named[name] = np.random.default_rng(np.random.SeedSequence(parent.entropy, spawn_key=key))
+            redraws = self.root.redraws if isinstance(self.root, BlockGenerator) else ()
+            self._named[name] = generator(np.random.SeedSequence(parent.entropy, spawn_key=key), redraws)
         return self._named[name]
 
     def split(self, name: str, count: int) -> list[RandomStreams]:
@@ -108,7 +110,9 @@ class Assembler:
             scenario, config, seed,
             controller or PluginSpec.of(load("controllers", scenario.controller)),
             estimator or PluginSpec.of(load("estimators", scenario.estimator)),
-            RandomStreams(np.random.default_rng(seed), getattr(scenario, "streams", ())),
+            RandomStreams(
+                generator(np.random.SeedSequence(seed), getattr(config, "redraw", ())), getattr(scenario, "streams", ())
+            ),
             tuple(group for group in groups if isinstance(group, Fault)),
         )  # fmt: skip
 

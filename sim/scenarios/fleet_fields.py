@@ -31,6 +31,7 @@ from mathnavi.sim.scenarios.flight_fields import (
     Rate,
 )
 from mathnavi.sim.scenarios.information import ChangeFields
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
 
@@ -209,7 +210,7 @@ class FleetFields(LimitFields, FleetEndFields):
 
 
 @configuration
-class SimultaneousArrivalConfig(ChangeFields, FleetFields):
+class SimultaneousArrivalConfig(ChangeFields, ChanceFields, FleetFields):
     """Fields of the scenario."""
 
     radio: Radio = field(default_factory=Radio)

@@ -12,6 +12,7 @@ from mathnavi.sim.interfaces.bounds import FINITE, THREE_FINITE_NUMBERS, Conditi
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 
@@ -89,7 +90,7 @@ class MissionFields(LimitFields, EndFields):
 
 
 @configuration
-class SafeFlightConfig(ChangeFields, MissionFields):
+class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
     """Fields of the scenario."""
 
     target_path: tuple[tuple[float, float, float, float], ...] = ()

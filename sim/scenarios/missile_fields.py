@@ -30,6 +30,7 @@ from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import CommonFlightFaults, Factor, Fault, LostReadings
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 _LARGEST = 1e6  # of any field in SI units
 
@@ -133,7 +134,7 @@ class MissileFaults(CommonFlightFaults):
 
 
 @configuration
-class MissileGuidanceConfig:
+class MissileGuidanceConfig(ChanceFields):
     """Fields of the scenario."""
 
     case: Literal["SM", "SM2", "SM3", "FAST"] = "SM"

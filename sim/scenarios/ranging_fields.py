@@ -29,6 +29,7 @@ from mathnavi.sim.interfaces.bounds import (
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 _HALF_AXES = (3.763, math.sqrt(2.0))
 _START_ERROR = (0.3, 0.3, 17.0)
@@ -115,7 +116,7 @@ class RangingNoise:
 
 
 @configuration
-class RangeLocalisationConfig:
+class RangeLocalisationConfig(ChanceFields):
     """Fields of the scenario."""
 
     field: WallFields = dataclasses.field(default_factory=WallFields)

@@ -55,6 +55,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
+    "hunt": {"missions": 4, "tries": 4, "draws": 4, "repeats": 1},
 }
 CLAIMS = {
     "horizon": {"A.path-falls", "A.effort-falls", "A.20-to-15"},
@@ -96,6 +97,7 @@ CLAIMS = {
     "arrival": {"fleet.spread", "A.consensus-by-A12", "A.constraint", "A.penalty", "A.one-step"},
     "quadrotor": {"fleet.quadrotor"},
     "separation": {"fleet.separation", "fleet.cost"},
+    "hunt": {"search.safe", "search.power"},
     "mechanisms": {
         *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),
         "D.prohibitive",

@@ -1,4 +1,8 @@
-"""Starts of a fleet: each vehicle with a slot, a level, and a stored plan that keeps apart from the others."""
+"""Starts of a fleet: each vehicle with a slot, a level, and a stored plan that keeps apart from the others.
+
+The stored plans arrive at one time, the assured one: T_A, the latest of the times at which each arrives by itself. The
+others wait above their slots until then. What a fleet may agree on beside it is to be there sooner.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +17,12 @@ import numpy as np
 
 from mathnavi.controllers.arrival.estimate import ArrivalEstimate
 from mathnavi.controllers.arrival.zone import Zone, checked_start
-from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.planner import ASSURED, braking_time
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.sim.interfaces.errors import MissionError, PluginError
-from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
+from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import checked_controller
 from mathnavi.sim.scenarios.assembler import Assembler, certified
 from mathnavi.sim.scenarios.fault_fields import PLANNER_STREAMS, with_planner_faults
@@ -38,6 +43,12 @@ class StartedVehicle:
     tracker: Any
     estimate: ArrivalEstimate
     stored: Plan
+    braking: float  # [s] from within the arrival radius to rest at the slot
+
+    @property
+    def assured(self) -> float:
+        """[s] at which the stored plan arrives."""
+        return self.stored.t_end - self.braking
 
 
 def zone_of(config: SimultaneousArrivalConfig, bound: TrackingBound) -> Zone:
@@ -65,14 +76,18 @@ def started_fleet(
             target = config.target or drawn_point(common, config.drawn_heights, rng)
             slots = _slots(config, common, target)
             starts = config.start or _drawn_starts(config, common, target, rng)
+            ends = list(zip(config.names, starts, slots, strict=True))
+            farthest = sorted(ends, key=lambda each: -math.dist(each[1], each[2]))
+            level = {name: _level(config, common, k) for k, (name, _, _) in enumerate(farthest)}
             missions = {
-                name: dataclasses.replace(common, start=start, target=slot, cruise_level=_level(config, common, k))
-                for k, (name, start, slot) in enumerate(zip(config.names, starts, slots, strict=True))
+                name: dataclasses.replace(common, start=start, target=slot, cruise_level=level[name])
+                for name, start, slot in ends
             }
-            fleet = {
+            alone = {
                 name: _vehicle(name, mission, target, parts, RandomStreams(own, PLANNER_STREAMS))
                 for (name, mission), own in zip(missions.items(), failing.spawn(len(missions)), strict=True)
             }
+            fleet = _together(alone)
             _check_apart(config, fleet)
         except _NoFleetError as error:
             if given:
@@ -89,6 +104,15 @@ def started_fleet(
 
 class _NoFleetError(Exception):
     """These vehicles cannot start so, but others might."""
+
+
+def _together(alone: Mapping[str, StartedVehicle]) -> dict[str, StartedVehicle]:
+    """The vehicles with stored plans that arrive at one time, the latest of those at which each arrives by itself."""
+    assured = max(vehicle.assured for vehicle in alone.values())
+    return {
+        name: dataclasses.replace(vehicle, stored=_stored(name, vehicle.planner, vehicle.mission, assured))
+        for name, vehicle in alone.items()
+    }
 
 
 def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, StartedVehicle]) -> None:
@@ -158,11 +182,19 @@ def _vehicle(
             "length_to_go(points), by which its vehicle knows when it can arrive"
         )
     planner = certified(with_planner_faults(raw, parts.faults, streams), mission, tracker.bound)
-    stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None))
+    stored = _stored(name, planner, mission)
+    estimate = ArrivalEstimate(raw.length_to_go, np.array(mission.target), mission.speed_max - tracker.bound.speed)
+    braking = braking_time(Certificate.of(mission, tracker.bound))
+    return StartedVehicle(mission, centre, planner, tracker, estimate, stored, braking)
+
+
+def _stored(name: str, planner: Certified, mission: FlightMission, assured: float | None = None) -> Plan:
+    """First plan of a vehicle, to arrive at ``assured`` [s] if given; _NoFleetError where there is none."""
+    messages = () if assured is None else (Message(0.0, name, ASSURED, assured),)
+    stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None, messages))
     if not stored.ok:
         raise _NoFleetError(
             f"start of {name} = {mission.start!r}, slot = {mission.target!r}: no initial certificate: "
             f"{stored.status.value} ({stored.message}); allowed: a start from which a first plan can be certified"
         )
-    estimate = ArrivalEstimate(raw.length_to_go, np.array(mission.target), mission.speed_max - tracker.bound.speed)
-    return StartedVehicle(mission, centre, planner, tracker, estimate, stored)
+    return stored

@@ -33,6 +33,7 @@ from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, Point,
 from mathnavi.sim.scenarios.information import ChangeFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
+SlotAssignment = Literal["least_squares", "in_order"]
 
 EXCHANGE_PERIOD = 1.0 / 12.0  # [s] between two exchanges of messages, also of the consensus
 _MOST = 64
@@ -114,6 +115,8 @@ class FleetFields:
     """x, y, z [m] of the middle of the slots; drawn from the seed if not given"""
     slot_spacing: PositiveMagnitude = 1500.0
     """between neighbouring slots on their ring [m]"""
+    slot_assignment: SlotAssignment = "least_squares"
+    """which slot is whose: least sum of squared distances from the starts, or the k-th vehicle's is the k-th slot"""
     separation: PositiveMagnitude = 200.0
     """d_s, least distance between vehicles [m]"""
     drawn_heights: DrawnBetween = (50.0, 450.0)

@@ -1,19 +1,21 @@
 """Starts of a fleet: each vehicle with a slot, a level, and a stored plan that keeps apart from the others.
 
-The stored plans arrive at one time, the assured one: T_A, the latest of the times at which each arrives by itself. The
-others wait above their slots until then. What a fleet may agree on beside it is to be there sooner.
+The stored plans arrive at one time, the assured one: T_A, a little later than the last would arrive by itself. Who
+would be there sooner waits above its slot until then. What a fleet agrees on beside it is to be there sooner.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
 
 from mathnavi.controllers.arrival.estimate import ArrivalEstimate
 from mathnavi.controllers.arrival.zone import Zone, checked_start
@@ -26,11 +28,12 @@ from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import checked_controller
 from mathnavi.sim.scenarios.assembler import Assembler, certified
 from mathnavi.sim.scenarios.fault_fields import PLANNER_STREAMS, with_planner_faults
-from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
+from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig, SlotAssignment
 from mathnavi.sim.scenarios.flight_parts import Point, check_above_ground, drawn_point
 from mathnavi.sim.scenarios.random_streams import RandomStreams
 
 _DRAWS = 200
+_SLACK = 1.05  # the assured time over the latest of the first plans: the way flown is longer than a straight line
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +79,7 @@ def started_fleet(
             target = config.target or drawn_point(common, config.drawn_heights, rng)
             slots = _slots(config, common, target)
             starts = config.start or _drawn_starts(config, common, target, rng)
-            ends = list(zip(config.names, starts, slots, strict=True))
+            ends = list(zip(config.names, starts, _assigned(config.slot_assignment, starts, slots), strict=True))
             farthest = sorted(ends, key=lambda each: -math.dist(each[1], each[2]))
             level = {name: _level(config, common, k) for k, (name, _, _) in enumerate(farthest)}
             missions = {
@@ -107,8 +110,8 @@ class _NoFleetError(Exception):
 
 
 def _together(alone: Mapping[str, StartedVehicle]) -> dict[str, StartedVehicle]:
-    """The vehicles with stored plans that arrive at one time, the latest of those at which each arrives by itself."""
-    assured = max(vehicle.assured for vehicle in alone.values())
+    """The vehicles with stored plans that arrive at one time, later than any would by itself."""
+    assured = _SLACK * max(vehicle.assured for vehicle in alone.values())
     return {
         name: dataclasses.replace(vehicle, stored=_stored(name, vehicle.planner, vehicle.mission, assured))
         for name, vehicle in alone.items()
@@ -148,6 +151,19 @@ def _slots(config: SimultaneousArrivalConfig, common: FlightMission, target: Poi
         )
     height = z - float(common.terrain.height(x, y))
     return [(px, py, max(z, float(common.terrain.height(px, py)) + height)) for px, py in places]
+
+
+def _assigned(assignment: SlotAssignment, starts: Sequence[Point], slots: Sequence[Point]) -> list[Point]:
+    """The slot of each start.
+
+    With the least sum of squared distances (x_i - x_j) . (g_i - g_j) >= 0 for any two vehicles with starts x and slots
+    g. On straight lines that all begin and end at one time they then stay min(|x_i - x_j|, |g_i - g_j|) / sqrt(2) apart
+    (Turpin, Michael and Kumar, "CAPT: concurrent assignment and planning of trajectories", 2014).
+    """
+    if assignment == "in_order":
+        return list(slots)
+    squared = cdist(np.array(starts), np.array(slots), "sqeuclidean")
+    return [slots[k] for k in linear_sum_assignment(squared)[1]]
 
 
 def _drawn_starts(

@@ -28,7 +28,8 @@ from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import OPTIMISED, Message, Outbox, Plan
 
 AGREEMENT = "arrival consensus"  # the topic of the consensus's messages
-PATIENCE = 2  # planning instants running at which a vehicle is not given room
+PATIENCE = 3  # planning instants running at which a vehicle is not given room
+SETTLING = 3  # planning instants from the first on, after which the vehicles have agreed
 DECISION = 2  # planning instants within the horizon by which a plan that arrives at the agreed time is there
 
 _ROUNDING = 1e-3  # of the time grid: what is that little above a grid point is on it
@@ -70,6 +71,7 @@ class FleetCoordinator:
         self._deferred = False  # True from when its own time of arrival is the assured one
         self._reach = 0.0  # [s] of a plan's optimised part
         self._changed = -math.inf  # [s] when the agreed time last changed
+        self._begun = math.inf  # [s] of the first exchange
         self._kept = True
         self._news: list[tuple[str, str]] = []
         self._flown: Plan | None = None
@@ -168,8 +170,10 @@ class FleetCoordinator:
 
     def _planner_messages(self, t: float) -> tuple[Message, ...]:
         agreed = self._consensus.value
-        if not math.isfinite(agreed):
-            return ()
+        self._begun = min(self._begun, t)
+        settling = t < self._begun + SETTLING * self._planning_period
+        if not math.isfinite(agreed) or (settling and self._assured is not None and agreed - t < 2.0 * self._reach):
+            return ()  # who is so near waits for what the others say
         arrival = self._grid * math.ceil(agreed / self._grid - _ROUNDING)
         if arrival == self._announced:
             return ()

@@ -174,12 +174,16 @@ class RecedingHorizon:
 
     def _length_to_go(self, start: Array, t_start: float) -> LengthToGo | None:
         """How far to go the plan should have at p_N; None where no arrival time is asked for."""
-        if self._arrival is None:
-            return None
         horizon, v_max = self._parameters.horizon, self._certificate.speed_max
-        left = max(self._arrival - t_start, horizon)
+        length = float(self._environment.cost(start[:3])[0])
+        asked = self._arrival
+        if asked is None and length < 2.0 * horizon * v_max:  # so near that it would be there too soon
+            asked = self._assured
+        if asked is None:
+            return None
+        left = max(asked - t_start, horizon)
         if self._incorporation == "schedule":
-            return LengthToGo(float(self._environment.cost(start[:3])[0]) * (1.0 - horizon / left))
+            return LengthToGo(length * (1.0 - horizon / left))
         by_speed = v_max * (left - horizon)
         if self._incorporation == "constraint":
             return LengthToGo(by_speed)
@@ -212,7 +216,7 @@ class RecedingHorizon:
         """A certified plan that arrives exactly at a node within the horizon; or none, the time spent [ms], and why."""
         target = self._certificate.target
         current, reason, spent = request.current, "", 0.0
-        for duration in self._durations(start, request.t_start, arrival if self._arrival is None else self._arrival):
+        for duration in self._durations(start, request.t_start, arrival):
             problem = Problem(self._over(self._grid(duration)), self._environment, start, terminal_position=target)
             solution, spent = self._solved(problem, current, request.t_start, spent)
             if isinstance(solution, str):
@@ -226,10 +230,14 @@ class RecedingHorizon:
         return None, spent, reason
 
     def _durations(self, start: Array, t_start: float, arrival: float) -> list[float]:
-        """In which to try to arrive exactly [s]: at ``arrival``, and, unless that was chosen before, when possible."""
-        left = arrival - t_start
+        """In which to try to arrive exactly [s]: as asked, or at ``arrival``, and, unless that was chosen, when possible.
+
+        Not before the time that is asked for, and not after the assured one.
+        """
+        asked = self._assured if self._arrival is None else self._arrival
+        left = (arrival if asked is None else asked) - t_start
         fixed = [left] if left > 0.0 and self._within_reach(left) else []
-        if fixed and self._arrival is None:
+        if fixed and asked is None:
             return fixed
         h = self._parameters.h
         speed = max(float(np.linalg.norm(start[3:])), _COMMIT_SPEED)
@@ -239,7 +247,7 @@ class RecedingHorizon:
         longest = math.inf if self._assured is None else self._assured - t_start + TIME_TOLERANCE
         tries = (n * h for n in range(first, first + _COMMIT_TRIES) if n * h <= longest)
         possible = [duration for duration in tries if self._within_reach(duration)]
-        return fixed + [duration for duration in possible if self._arrival is None or duration > left]
+        return fixed + [duration for duration in possible if asked is None or duration > left]
 
     def _guess(self, current: Plan | None, t_start: float, problem: Problem) -> Array:
         """The optimised part of the plan being flown, at the middle of each arc, with nothing after its end."""

@@ -1,7 +1,7 @@
 """Starts of a fleet: each vehicle with a slot, a level, and a stored plan that keeps apart from the others.
 
-The stored plans arrive at one time, the assured one: T_A, a little later than the last would arrive by itself. Who
-would be there sooner waits above its slot until then. What a fleet agrees on beside it is to be there sooner.
+The stored plans arrive at one time, the assured one: T_A, later than the last would arrive by itself. Until then they
+wait above their slots. What a fleet agrees on beside it is to be there sooner.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.controllers.flight.planner import ASSURED, braking_time
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.errors import MissionError, PluginError
 from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import checked_controller
@@ -33,7 +34,8 @@ from mathnavi.sim.scenarios.flight_parts import Point, check_above_ground, drawn
 from mathnavi.sim.scenarios.random_streams import RandomStreams
 
 _DRAWS = 200
-_SLACK = 1.05  # the assured time over the latest of the first plans: the way flown is longer than a straight line
+_TRIES = 5
+_SLACK = 1.05  # of the assured time: the way flown is longer than a straight line
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +112,23 @@ class _NoFleetError(Exception):
 
 
 def _together(alone: Mapping[str, StartedVehicle]) -> dict[str, StartedVehicle]:
-    """The vehicles with stored plans that arrive at one time, later than any would by itself."""
-    assured = _SLACK * max(vehicle.assured for vehicle in alone.values())
-    return {
-        name: dataclasses.replace(vehicle, stored=_stored(name, vehicle.planner, vehicle.mission, assured))
-        for name, vehicle in alone.items()
-    }
+    """The vehicles with stored plans that arrive at one time, T_A = _SLACK (max eta + max (t_a - eta)).
+
+    eta is the least time in which a vehicle can arrive, t_a when its first plan would. So who flies slowly enough to be
+    there with the last can still leave for its level, wait above its slot and arrive at T_A.
+    """
+    least = {name: vehicle.estimate(vehicle.stored, 0.0) for name, vehicle in alone.items()}
+    assured = _SLACK * (max(least.values()) + max(each.assured - least[name] for name, each in alone.items()))
+    for _ in range(_TRIES):
+        fleet = {
+            name: dataclasses.replace(vehicle, stored=_stored(name, vehicle.planner, vehicle.mission, assured))
+            for name, vehicle in alone.items()
+        }
+        latest = max(vehicle.assured for vehicle in fleet.values())
+        if latest <= assured + TIME_TOLERANCE:
+            return fleet
+        assured = latest
+    raise _NoFleetError(f"no first plans that arrive at one time, by {assured:.2f} s")
 
 
 def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, StartedVehicle]) -> None:

@@ -8,11 +8,13 @@ fleet's time grid, so that a vehicle which knows it to a rounding error asks its
 others, and is communicated to the planner when it changes.
 
 **Vehicles that queue.** The time of arrival by (A.12) is the least possible; who is not given room for its plans cannot
-keep it. All stored plans arrive at T_A, the assured time, whatever becomes of messages and proposals. So a vehicle that
-has queued for ``PATIENCE`` planning instants running, or does not hold a plan that arrives at the agreed time when the
-horizon reaches that, communicates T_A as its own time ("arrival-deferred"). The agreed time then moves there, once: all
-vehicles have known T_A from the start, and none that has not yet committed to an earlier arrival has to do anything to
-keep it. What a vehicle is to keep and its plan does not is announced when it is known ("arrival-unkept").
+keep it. All stored plans arrive at T_A, the assured time, whatever becomes of messages and proposals. So a vehicle
+defers its arrival to T_A ("arrival-deferred") and communicates this to all others, if it has queued for ``PATIENCE``
+planning instants running, if the plan by which it commits to the agreed time is refused, or if it has none some periods
+after the horizon has reached that. The agreed time then moves to T_A, once: all have known it from the start, and who
+has not committed to an earlier arrival need not do anything to keep it. A plan that commits to a time before the agreed
+one is not adopted any more, even if it was admitted. What is agreed and the plan being flown does not keep is announced
+when it is known ("arrival-unkept").
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import OPTIMISED, Message, Outbox, Plan
 
 AGREEMENT = "arrival consensus"  # the topic of the consensus's messages
+DEFERRAL = "arrival deferral"  # the topic of messages, to all, that the assured time is the fleet's
 PATIENCE = 3  # planning instants running at which a vehicle is not given room
 SETTLING = 3  # planning instants from the first on, after which the vehicles have agreed
 DECISION = 2  # planning instants within the horizon by which a plan that arrives at the agreed time is there
@@ -87,6 +90,7 @@ class FleetCoordinator:
             self._next_step = t + self._planning_period
             self._news += self._keeping(t, self._flown)
         messages = self._separation.exchange(t, [message for message in received if message.topic == TOPIC])
+        messages += self._deferring(t, [message for message in received if message.topic == DEFERRAL])
         payload = self._consensus.exchange(t, [message for message in received if message.topic == AGREEMENT])
         messages += [(name, Message(t, self._separation.name, AGREEMENT, payload)) for name in self._neighbours]
         happened = [(event.kind, event.message) for event in self._separation.events]
@@ -108,7 +112,7 @@ class FleetCoordinator:
             return True
         if self._proposed is None or self._proposed[1] is not plan:
             return False
-        admitted = self._separation.admitted(self._proposed[0])
+        admitted = self._separation.admitted(self._proposed[0]) and not self._outdated(t, plan)
         if not admitted:
             self._separation.withdraw()
         self._queued = 0 if admitted else self._queued + 1
@@ -128,9 +132,39 @@ class FleetCoordinator:
         if assured is None:
             return least
         if not self._deferred and (why := self._cannot_keep(t, flown, assured)):
-            self._deferred = True
-            self._news.append(("arrival-deferred", f"{why}; its stored plan arrives at {assured.time:.2f} s"))
+            self._defer(why, assured)
         return max(least, assured.time) if self._deferred else least
+
+    def _defer(self, why: str, assured: AssuredArrival) -> None:
+        self._deferred = True
+        self._next_step = -math.inf  # the consensus is to know at once
+        self._news.append(("arrival-deferred", f"{why}; its stored plan arrives at {assured.time:.2f} s"))
+
+    def _deferring(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
+        """Defer where others do, or where the plan that commits to the agreed time was refused; send it to all."""
+        assured, peers = self._assured, self._separation.peers
+        if assured is None:
+            return []
+        if not self._deferred and (others := [each.sender for each in received if each.sender in peers]):
+            self._defer(f"{others[0]} defers", assured)
+        elif not self._deferred and self._proposed is not None and self._flown is not None:
+            id, plan = self._proposed
+            lost = self._separation.pending != id and plan is not self._flown and t < plan.t_start
+            if lost and self._commits(t, plan) and not self._commits(t, self._flown):
+                self._defer("no room to arrive as agreed", assured)
+        notice = Message(t, self._separation.name, DEFERRAL, None)
+        return [(peer, notice) for peer in peers] if self._deferred else []
+
+    def _commits(self, t: float, plan: Plan) -> bool:
+        """True if a plan arrives within its optimised part, before the assured time."""
+        assured = self._assured
+        return assured is not None and assured.arrives(plan, t) < assured.time - self._planning_period
+
+    def _outdated(self, t: float, plan: Plan) -> bool:
+        """True if a plan commits to a time before the agreed one, and the plan being flown does not."""
+        if not self._deferred or self._flown is None:
+            return False
+        return self._commits(t, plan) and not self._commits(t, self._flown)
 
     def _cannot_keep(self, t: float, flown: Plan, assured: AssuredArrival) -> str:
         """Why the vehicle may not be able to keep a time before the assured one; "" while it may."""

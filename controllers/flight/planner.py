@@ -119,6 +119,8 @@ class RecedingHorizon:
             return Plan.failure(Status.INFEASIBLE, f"(A.13) is off by {error:.2f} s", solve_ms=solve_ms)
         plan = self._assembled(problem, solution, request.t_start, solve_ms)
         if current is not None and self._assured is not None and plan.ok and plan.t_end > self._stored_end():
+            if arrival < self._assured - self._parameters.h and arrival < (self._arrival or 0.0) - self._parameters.h:
+                return stopping(self._certificate, request.t_start, start, self._stored_arrival())
             late = f"arrives {plan.t_end - self._stored_end():.2f} s after the assured time of {self._assured:.2f} s"
             return Plan.failure(Status.INFEASIBLE, late, solve_ms=solve_ms)
         return plan
@@ -316,16 +318,24 @@ class StopAndHover:
         for message in request.messages:
             self._assured = _assured_by(message, self._assured)
         start = request.estimate.x if request.current is None else state_at(request.current, request.t_start)
-        arcs = ArcList.begin(request.t_start, start)
-        speed = float(np.linalg.norm(start[3:]))
-        if speed > 0.0:
-            duration = speed / self._certificate.acceleration_max
-            arcs.add(-start[3:] / duration, duration, FlightPhase.MANOEUVRE)
-            arcs.rest()
-        if not self._certificate.terrain.contains(*arcs.x[-1][:2]):
-            return Plan.failure(FlightStatus.OFF_MAP, f"the vehicle stops at {np.round(arcs.x[-1][:2]).tolist()} m")
-        complete_by(arcs, self._certificate, self._assured)
-        return arcs.plan(math.nan, math.nan)
+        return stopping(self._certificate, request.t_start, start, self._assured)
+
+
+def stopping(certificate: Certificate, t_start: float, start: Array, arrival: float | None = None) -> Plan:
+    """The plan that stops at once, and completes so as to arrive at ``arrival`` [s] if given.
+
+    ``start`` (6,) [m, m/s] is the state at ``t_start`` [s]. A failure where the vehicle stops off the map.
+    """
+    arcs = ArcList.begin(t_start, start)
+    speed = float(np.linalg.norm(start[3:]))
+    if speed > 0.0:
+        duration = speed / certificate.acceleration_max
+        arcs.add(-start[3:] / duration, duration, FlightPhase.MANOEUVRE)
+        arcs.rest()
+    if not certificate.terrain.contains(*arcs.x[-1][:2]):
+        return Plan.failure(FlightStatus.OFF_MAP, f"the vehicle stops at {np.round(arcs.x[-1][:2]).tolist()} m")
+    complete_by(arcs, certificate, arrival)
+    return arcs.plan(math.nan, math.nan)
 
 
 def _assured_by(message: Message, before: float | None) -> float | None:

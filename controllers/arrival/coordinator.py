@@ -76,6 +76,7 @@ class FleetCoordinator:
         self._changed = -math.inf  # [s] when the agreed time last changed
         self._begun = math.inf  # [s] of the first exchange
         self._kept = True
+        self._silent = False
         self._news: list[tuple[str, str]] = []
         self._flown: Plan | None = None
         self._proposed: tuple[int, Plan] | None = None
@@ -113,9 +114,11 @@ class FleetCoordinator:
         if self._proposed is None or self._proposed[1] is not plan:
             return False
         admitted = self._separation.admitted(self._proposed[0]) and not self._outdated(t, plan)
+        silence = self._silence()
         if not admitted:
             self._separation.withdraw()
         self._queued = 0 if admitted else self._queued + 1
+        self._news += silence
         return admitted
 
     def adopted(self, t: float, plan: Plan) -> None:
@@ -129,11 +132,11 @@ class FleetCoordinator:
     def _own_time(self, t: float, flown: Plan) -> float:
         """[s] of arrival that the vehicle communicates: the least possible, or the assured one once it defers."""
         least, assured = self._estimate(flown, t), self._assured
-        if assured is None:
-            return least
+        if assured is None or assured.arrives(flown, t) - assured.braking > assured.time + self._planning_period:
+            return least  # nothing is assured, or not any more: the vehicle had to leave its plan
         if not self._deferred and (why := self._cannot_keep(t, flown, assured)):
             self._defer(why, assured)
-        return max(least, assured.time) if self._deferred else least
+        return assured.time if self._deferred else min(least, assured.time)
 
     def _defer(self, why: str, assured: AssuredArrival) -> None:
         self._deferred = True
@@ -191,6 +194,16 @@ class FleetCoordinator:
         self._kept = kept
         text = f"the plan being flown arrives at {arrival:.2f} s, agreed is {agreed:.2f} s"
         return (("arrival-kept" if kept else "arrival-unkept", text),)
+
+    def _silence(self) -> tuple[tuple[str, str], ...]:
+        """What to record where others begin to leave a proposal unanswered to its start, or all answer again."""
+        silent = self._separation.unheard
+        if bool(silent) == self._silent or not (silent or self._separation.pending):
+            return ()
+        self._silent = bool(silent)
+        if not silent:
+            return (("separation-heard", "all others answer"),)
+        return (("separation-silent", f"no answer of {', '.join(silent)}: the stored plan is flown"),)
 
     def _taking_part(self) -> tuple[tuple[str, str], ...]:
         """What to record where the vehicle becomes an outlier, or takes part again."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from typing import Annotated, Any, Literal
 
@@ -14,7 +14,15 @@ from annotated_types import Interval, Le
 
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.models.fleet.graph import Graph
-from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
+from mathnavi.sim.engine.network import (
+    DelayedLinks,
+    IdealNetwork,
+    LossyLinks,
+    Network,
+    Partition,
+    partitioned,
+    within_range,
+)
 from mathnavi.sim.interfaces.bounds import (
     FINITE,
     THREE_FINITE_NUMBERS,
@@ -46,8 +54,10 @@ _NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 @configuration(prefix="radio.")
 class Radio:
-    """Delays, losses and cuts of messages on their way."""
+    """Delays, losses and cuts of messages on their way, and how far they reach."""
 
+    range: PositiveMagnitude | None = None
+    """distance up to which two vehicles hear each other [m]; any if not given"""
     delay: tuple[float, float] = (0.0, 0.0)
     """least and most time that a message takes [s]"""
     loss: Fraction = 0.0
@@ -63,12 +73,19 @@ class Radio:
             check(low, f"radio.{name}", 0.0)
             check(high, f"radio.{name}", low)
 
-    def network(self, names: Sequence[str], rng: np.random.Generator) -> Network:
-        """The network between these vehicles, which draws delays and losses from ``rng``."""
+    def network(
+        self, names: Sequence[str], rng: np.random.Generator, distance: Callable[[str, str], float]
+    ) -> Network:
+        """The network between these vehicles, which draws delays and losses from ``rng``.
+
+        ``distance(one, other)`` [m] is that between two of them now.
+        """
         delays, losses = rng.spawn(2)
         network: Network = LossyLinks(
             DelayedLinks(IdealNetwork(names), *self.delay, delays), self.loss, self.duplication, losses
         )
+        if self.range is not None:
+            network = within_range(network, distance, self.range)
         half = frozenset(names[: len(names) // 2])
         return partitioned(network, [Partition(*self.partition, half)])
 

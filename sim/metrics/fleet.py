@@ -106,6 +106,8 @@ def fleet_summary(
         "proposals_refused": kinds["separation-refused"],
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
         "guarantee_lost": kinds["guarantee-lost"] + kinds["deadline-lost"] + kinds["separation-unguaranteed"],
+        "arrivals_deferred": kinds["arrival-deferred"],
+        "arrivals_unkept": kinds["arrival-unkept"],
         "outliers": kinds["outlier"],
         "clocks_apart": kinds["clock-apart"],
         **solve_times([ms for agent in agents for ms in agent.solve_ms]),

@@ -73,9 +73,7 @@ class Radio:
             check(low, f"radio.{name}", 0.0)
             check(high, f"radio.{name}", low)
 
-    def network(
-        self, names: Sequence[str], rng: np.random.Generator, distance: Callable[[str, str], float]
-    ) -> Network:
+    def network(self, names: Sequence[str], rng: np.random.Generator, distance: Callable[[str, str], float]) -> Network:
         """The network between these vehicles, which draws delays and losses from ``rng``.
 
         ``distance(one, other)`` [m] is that between two of them now.

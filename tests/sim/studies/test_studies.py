@@ -50,7 +50,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     },
     "sphere": {"points": 1, "seconds": 1, "noisy": 1, "fast": 1, "values": 1, "bodies": 1},
     "curvature-sign": {"seeds": 1, "others": 1, "strengths": 1},
-    "arrival": {"seeds": 1, "sizes": 1, "steps": 1},
+    "arrival": {"seeds": 1, "sizes": 1, "steps": 1, "narrow": 1},
     "quadrotor": {"canyons": 1, "missions": 1, "drawn": 1},
     "separation": {"seeds": 1, "sizes": 1, "grown": 1, "repetitions": 1},
     "contraction": {"distances": 6, "directions": 3, "points": 1},
@@ -97,7 +97,7 @@ CLAIMS = {
     "contraction": {"riemannian.contraction", "D.infinitely-thin", "D.contraction-sign", "D.brackets"},
     "consensus": {"fleet.laplacian", "A.laplacian-rate", "A.outlier-keeps-value"},
     "attitude": {"riemannian.attitude"},
-    "arrival": {"fleet.spread", "A.consensus-by-A12", "A.constraint", "A.penalty", "A.one-step"},
+    "arrival": {"fleet.spread", "fleet.narrow", "A.consensus-by-A12", "A.constraint", "A.penalty", "A.one-step"},
     "quadrotor": {"fleet.quadrotor"},
     "separation": {"fleet.separation", "fleet.cost"},
     "mechanisms": {

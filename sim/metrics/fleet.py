@@ -118,6 +118,8 @@ def fleet_summary(
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
         "guarantee_lost": kinds["guarantee-lost"] + kinds["separation-unguaranteed"],
         "deadlines_lost": kinds["deadline-lost"],
+        "arrivals_deferred": kinds["arrival-deferred"],
+        "arrivals_unkept": kinds["arrival-unkept"],
         "outliers": kinds["outlier"],
         "clocks_apart": kinds["clock-apart"],
         **solve_times([ms for agent in agents for ms in agent.solve_ms]),

@@ -19,7 +19,7 @@ MUTANTS = "mathnavi.sim.studies.flight.hunt.mutants"
 SEEDS = 100_000
 CANYONS = ("canyon:3", "canyon:7")
 GRID = {"planner.grid_nodes": 17}  # of the cost-to-go, so that a mission is built quickly
-SHORT = {"drawn_separation": (0.25, 0.5), "deadline_factor": 1.5, **GRID}
+SHORT = {"drawn_separation": (0.2, 0.35), "deadline_factor": 1.5, **GRID}
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ QUADROTOR = Hunt(
         Range("height", 1.0, 10.0), Range("speed_max", 6.0, 14.0),
     ),
     scenario="quadrotor-canyon",
-    fields={"drawn_separation": (0.1, 0.25), "planner.flight.grid_nodes": 17},
+    fields={"drawn_separation": (0.05, 0.12), "planner.flight.grid_nodes": 17},
     derived=_low,
 )  # fmt: skip
 
@@ -170,8 +170,9 @@ def _mutant(name: str, attribute: str, *more: Dimension, **fields: Any) -> Hunt:
     """Missions that are safe at both ends, so that what is found lies on the way."""
     ends = [Range(f"{end}_{axis}", 80.0, 560.0) for end in ("start", "target") for axis in "xy"]
     space = (
-        SEED, *ends, Range("height", 20.0, 200.0), Range("planner.margin", 0.0, 100.0), Range("speed_max", 15.0, 60.0),
-        Range("acceleration_max", 8.0, 40.0), Range("faults.gust_rms", 0.0, 1.0), *more,
+        SEED, *ends, Range("height", 20.0, 200.0), Range("planner.margin", 0.0, 100.0), Range("speed_max", 15.0, 150.0),
+        Range("acceleration_max", 3.0, 40.0), Range("faults.gust_rms", 0.0, 1.0),
+        Range("faults.solver_failure_rate", 0.0, 0.95), *more,
     )  # fmt: skip
     given = {"terrain": CANYONS[0], "clearance_min": LOWEST, "deadline_factor": 1.5, **GRID, **fields}
     return Hunt(name, space, fields=given, controller=f"{MUTANTS}:{attribute}", derived=_between)

@@ -43,9 +43,9 @@ class HuntConfig:
     """of each of four searches"""
     tries: Count = ENOUGH
     """at most, of a search for the hole of a mutant"""
-    draws: Count = 1000
+    draws: Count = 400
     """at most, of random draws for the same"""
-    repeats: Count = 3
+    repeats: Count = 2
     """searches for each hole, and as many lots of random draws"""
 
 

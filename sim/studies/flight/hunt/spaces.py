@@ -167,11 +167,10 @@ LOWEST = 20.0  # [m] h_min over the canyon of the mutants
 
 
 def _mutant(name: str, attribute: str, *more: Dimension, **fields: Any) -> Hunt:
-    """Missions that are safe at both ends, so that what is found lies on the way."""
     ends = [Range(f"{end}_{axis}", 80.0, 560.0) for end in ("start", "target") for axis in "xy"]
     space = (
-        SEED, *ends, Range("height", 20.0, 200.0), Range("planner.margin", 0.0, 100.0), Range("speed_max", 15.0, 150.0),
-        Range("acceleration_max", 3.0, 40.0), Range("faults.gust_rms", 0.0, 1.0),
+        SEED, *ends, Range("height", 0.0, 200.0), Range("planner.margin", 0.0, 100.0), Range("speed_max", 30.0, 150.0),
+        Range("acceleration_max", 8.0, 40.0), Range("faults.gust_rms", 0.0, 1.0),
         Range("faults.solver_failure_rate", 0.0, 0.95), *more,
     )  # fmt: skip
     given = {"terrain": CANYONS[0], "clearance_min": LOWEST, "deadline_factor": 1.5, **GRID, **fields}

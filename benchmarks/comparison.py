@@ -39,7 +39,7 @@ class Comparison:
     ours: Array  # (R,)
     other: Array  # (R,) of the runs beside them
     software: str  # the other
-    of: Ratio
+    ratio_of: Ratio
     """what the ratio is of"""
     at_least: float | None = None
     """of the ratio, if it is to be"""
@@ -48,7 +48,7 @@ class Comparison:
     @property
     def ratios(self) -> Array:
         """(R,)"""
-        return self.other / self.ours if self.of == "other / ours" else self.ours / self.other
+        return self.other / self.ours if self.ratio_of == "other / ours" else self.ours / self.other
 
     @property
     def ratio(self) -> float:
@@ -76,7 +76,7 @@ class Comparison:
             "ours": float(np.median(self.ours)),
             "software": self.software,
             "other": float(np.median(self.other)),
-            "ratio_of": self.of,
+            "ratio_of": self.ratio_of,
             "ratio": self.ratio,
             "ratio_least": float(self.ratios.min()),
             "ratio_greatest": float(self.ratios.max()),
@@ -164,10 +164,12 @@ def table(parts: Sequence[Findings], machine: Mapping[str, Any]) -> Table:
     for part in parts:
         shown.add_row(f"[bold]{part.title}[/bold]")
         for row in part.comparisons():
-            ours, other = (f"{_three_digits(float(np.median(some)))} {row.unit}" for some in (row.ours, row.other))
+            ours, other = (
+                f"{_three_digits(float(np.median(samples)))} {row.unit}" for samples in (row.ours, row.other)
+            )
             spread = f"{row.ratios.min():.3g} .. {row.ratios.max():.3g}"
             wanted = row.wanted + {True: " yes", False: " NO", None: ""}[row.holds]
-            shown.add_row(f"  {row.what}", ours, other, row.software, f"{row.ratio:.3g}", spread, row.of, wanted)
+            shown.add_row(f"  {row.what}", ours, other, row.software, f"{row.ratio:.3g}", spread, row.ratio_of, wanted)
         shown.add_section()
     return shown
 

@@ -13,7 +13,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.flight import kernels, spline
+from mathnavi.controllers.flight import spline
+from mathnavi.controllers.flight.kernels import problem_data
 from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import (
     POINTS_ON_MANOEUVRE,
@@ -102,13 +103,13 @@ def _do_mpc(problem: Problem, tolerance: float) -> Any:
     }
     arc = [low(p + t * v + t**2 / 2 * a) for t in h * np.arange(1, POINTS_PER_ARC + 1) / POINTS_PER_ARC]
     kappa = problem.terrain_weight
-    stage = h * ca.sumsqr(a) + problem.packed[kernels.CLIMB_WEIGHT] / 2 * climb**2
+    stage = h * ca.sumsqr(a) + problem.packed[problem_data.CLIMB_WEIGHT] / 2 * climb**2
     stage += kappa / 2 * sum(ca.fmax(s, 0) ** 2 for s in arc)
     braking = (ca.vertcat(0, 0, w) - v) / M
     times = M * np.arange(1, POINTS_ON_MANOEUVRE + 1) / POINTS_ON_MANOEUVRE
     here, there = psi(p), psi(p + h * v)
     far = (there - here) / (h * c.beta) + 1 + c.epsilon
-    final = here + problem.packed[kernels.APPROACH_WEIGHT] / 2 * ca.fmax(far, 0) ** 2
+    final = here + problem.packed[problem_data.APPROACH_WEIGHT] / 2 * ca.fmax(far, 0) ** 2
     final += kappa / 2 * sum(ca.fmax(low(p + t * v + t**2 / 2 * braking), 0) ** 2 for t in times)
     mpc.set_objective(mterm=final, lterm=stage)
     mpc.set_rterm(a=0.0, climb=0.0)
@@ -118,7 +119,7 @@ def _do_mpc(problem: Problem, tolerance: float) -> Any:
     last = model.tvp["is_last"] * ca.sumsqr(ca.vertcat(0, 0, climb) - v_next)
     mpc.set_nl_cons("manoeuvre", last / (M * c.acceleration_max) ** 2, ub=1.0)
     mpc.bounds["lower", "_u", "climb"], mpc.bounds["upper", "_u", "climb"] = 0.0, c.speed_max
-    border = kernels.BORDER
+    border = problem_data.BORDER
     mpc.terminal_bounds["lower", "x"] = np.array([border, border, *[-np.inf] * 4])
     mpc.terminal_bounds["upper", "x"] = np.array([terrain.width - border, terrain.depth - border, *[np.inf] * 4])
     varying = mpc.get_tvp_template()

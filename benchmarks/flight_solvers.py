@@ -12,7 +12,7 @@ solved again, in the order they arose and from the guess the planner had, by
 * do-mpc (extra ``[bench]``), IPOPT inside, with the same warm start.
 
 In each repetition every solver, built anew, solves all of them. Times are of the thread (``time.thread_time``). Costs
-are of the same function for all, ``kernels.objective`` at the accelerations and climb rate found, and are compared with
+are of the same function for all, ``objective`` at the accelerations and climb rate found, and are compared with
 the least that any of them found, at any tolerance. All else about the differences stands in benchmarks/README.md.
 """
 
@@ -46,7 +46,8 @@ from rich.table import Table
 from benchmarks.comparison import Comparison, alone
 from benchmarks.do_mpc_solver import DoMpc
 from benchmarks.progress import Tell, progress
-from mathnavi.controllers.flight import kernels, plugin
+from mathnavi.controllers.flight import plugin
+from mathnavi.controllers.flight.kernels.objective import objective
 from mathnavi.controllers.flight.planner import Solver
 from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.controllers.flight.reference import InteriorPoint
@@ -132,7 +133,7 @@ class Result:
 
 def cost_of(problem: Problem, solution: PlanSolution) -> float:
     """The objective at a solution's unknowns."""
-    return float(kernels.objective(solution.unknowns, problem.data))
+    return float(objective(solution.unknowns, problem.data))
 
 
 def measure(contestants: Contestants, problems: Recorded, repetitions: int, console: Console) -> dict[str, Result]:

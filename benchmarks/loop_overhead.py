@@ -199,11 +199,11 @@ class LoopFindings:
 
     def comparisons(self) -> list[Comparison]:
         looks = self.seconds / (CONTROL_TICKS * TICK)
-        of: Ratio = "ours / other"
+        ratio_of: Ratio = "ours / other"
         loop, bare, peer = (1e6 / looks * cpu for cpu in (self.loop, self.bare, self.dm_control))
         return [
-            Comparison("a command, 5 steps", "us", loop, bare, BARE, of, at_most=AT_MOST),
-            Comparison("a command, 5 steps", "us", loop, peer, DM_CONTROL, of),
+            Comparison("a command, 5 steps", "us", loop, bare, BARE, ratio_of, at_most=AT_MOST),
+            Comparison("a command, 5 steps", "us", loop, peer, DM_CONTROL, ratio_of),
         ]
 
     def show(self, console: Console) -> None:

@@ -90,12 +90,12 @@ def _constraints(expression: ca.MX, bounds: Interval) -> Iterator[ca.MX]:
             yield expression[k] <= float(upper)
 
 
-def _guess(problem: ProblemFunctions, points: int, of: str) -> list[Array]:
+def _guess(problem: ProblemFunctions, points: int, kind: str) -> list[Array]:
     """The problem's guess over its scale, (n, points) for each interval of the first mesh."""
     values, scale = {
         "states": (problem.guess_states, problem.state_scale),
         "controls": (problem.guess_controls, problem.control_scale),
-    }[of]
+    }[kind]
     guesses = []
     for interval in range(INTERVALS):
         at = (interval + np.linspace(0.0, 1.0, points)) / INTERVALS

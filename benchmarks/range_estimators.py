@@ -62,17 +62,19 @@ class RangeFindings:
         return "an update of a range estimator"
 
     def comparisons(self) -> list[Comparison]:
-        of: Ratio = "other / ours"
+        ratio_of: Ratio = "other / ours"
         rows = []
         for sensors, taken in self.taken.items():
             for name in (BANK_LOOP, ALL_ALIVE, EKF_LOOP):
                 wanted = None if name == EKF_LOOP else AT_LEAST
                 rows.append(
-                    Comparison(f"{name}, {sensors}", "us", taken[name], taken[PARTICLE_LOOP], PARTICLE_LOOP, of, wanted)
+                    Comparison(
+                        f"{name}, {sensors}", "us", taken[name], taken[PARTICLE_LOOP], PARTICLE_LOOP, ratio_of, wanted
+                    )
                 )
             for name, software in FILTERPY.items():
                 ours = taken["feasible_set_bank"]
-                rows.append(Comparison(f"called, {sensors}", "us", ours, taken[name], software, of))
+                rows.append(Comparison(f"called, {sensors}", "us", ours, taken[name], software, ratio_of))
         return rows
 
     def show(self, console: Console) -> None:

@@ -107,7 +107,7 @@ class StartUp:
         for k, heading in enumerate(("command", "state", "tree", "wall", "CPU", "wanted")):
             shown.add_column(heading, justify="right" if 3 <= k <= 4 else "left")
         for case in self.wall:
-            wall, cpu = (float(np.median(some[case])) for some in (self.wall, self.cpu))
+            wall, cpu = (float(np.median(times[case])) for times in (self.wall, self.cpu))
             limit = WANTED.get(case.command) if (case.tree, case.state) == ("here", "warm") else None
             wanted = "" if limit is None else f"< {limit:g} {'yes' if wall < limit else 'NO'}"
             name = self.before if case.tree == "before" else "this"

@@ -23,7 +23,7 @@ from scipy.linalg import expm, solve_discrete_are
 from scipy.special import gammainc
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
-from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.models.aerial.sensors import PositionSensor
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.bounds import Positive, configuration
@@ -163,7 +163,7 @@ class Kalman:
         self._timeout_monitor.note(fix.t)
 
 
-def clipped_rms(gust: GustModel) -> float:
+def clipped_rms(gust: DeclaredGusts) -> float:
     """[m/s^2] on each axis, of a gust vector with three independent normal components, clipped to the length L.
 
     E min(|g|^2, L^2) = 3 s^2 F_5(L^2 / s^2) + L^2 (1 - F_3(L^2 / s^2)), F_k the chi-squared distribution with k degrees

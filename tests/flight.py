@@ -1,4 +1,4 @@
-"""What the flight tests share: mountains without a data file, missions over them, and a vehicle without MuJoCo."""
+"""Shared by the flight tests: mountains without a data file, missions over them, and a vehicle without MuJoCo."""
 
 from __future__ import annotations
 

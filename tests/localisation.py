@@ -1,4 +1,4 @@
-"""What the tests of range-localisation share: a controller and an estimator that need no cleverness, and short ways."""
+"""Shared by the tests of range-localisation: a simple controller and estimator, and short ways."""
 
 from __future__ import annotations
 

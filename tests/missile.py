@@ -1,4 +1,4 @@
-"""What the missile's tests share: a controller that needs no solver, and short ways to fly it."""
+"""Shared by the missile's tests: a controller that needs no solver, and short ways to fly it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Glide:
 
 
 class GlidePlanner:
-    """From the plan being flown to where the target will be, as far as it has been told."""
+    """From the plan being flown to where the target will be, as far as it has been announced."""
 
     def __init__(self, config: GlideConfig, mission: MissileMission) -> None:
         self.period = config.period
@@ -52,10 +52,10 @@ class GlidePlanner:
                 self._target = message.payload
         x = coordinates.state_at(request.current, request.t_start) if request.current else request.estimate.x
         if request.current is None:
-            away = float(np.linalg.norm(self._target.at(request.t_start) - coordinates.place(x)))
-            if away > self._reach:
-                return Plan.failure(Status.INFEASIBLE, f"{away:.0f} m is too far")
-            self._end = request.t_start + round(1.3 * away / speed / ARC) * ARC
+            distance = float(np.linalg.norm(self._target.at(request.t_start) - coordinates.place(x)))
+            if distance > self._reach:
+                return Plan.failure(Status.INFEASIBLE, f"{distance:.0f} m is too far")
+            self._end = request.t_start + round(1.3 * distance / speed / ARC) * ARC
         left = self._end - request.t_start
         if left < SOONEST:
             return Plan.failure(Status.INFEASIBLE, f"{left:.2f} s before the end is too late")

@@ -1,4 +1,4 @@
-"""What the quadrotor's tests share: hills, plans of a few arcs, and a flight of the tracker alone in MuJoCo."""
+"""Shared by the quadrotor's tests: hills, plans of a few arcs, and a flight of the tracker alone in MuJoCo."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def flown(
         built(plain(), true), {"quad": VehicleSetup(x, drive=RotorDrive(true))}, np.random.default_rng(0)
     )
     tracker = GeometricTracker(PERIOD, config, NOMINAL, ANY_BOUND)
-    states, off, asked = [], [], []
+    states, deviation, asked = [], [], []
     for _ in range(round(duration / PERIOD)):
         t, x = plant.t, plant.state("quad")
         estimate = estimate_of(x, t)
@@ -107,10 +107,10 @@ def flown(
             disturbance.act(plant, TICKS)
         plant.step({"quad": u}, TICKS)
         states.append(x)
-        off.append(estimate.x - state_at(plan, t))
+        deviation.append(estimate.x - state_at(plan, t))
         asked.append(u)
     assert plant.contacts("quad") == 0
-    return np.array(states), np.array(off), np.array(asked)
+    return np.array(states), np.array(deviation), np.array(asked)
 
 
 def flight_mission(

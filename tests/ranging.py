@@ -40,7 +40,7 @@ def driven(
     input_at: Input = eight,
     rng: np.random.Generator | None = None,
 ) -> Iterator[Step]:
-    """What an estimator sees, every period; with the noise that the mission declares where a generator is given.
+    """Input of an estimator, every period; with the noise that the mission declares where a generator is given.
 
     At t = 0 there is no odometry yet. Inputs are held over a period at their value in its middle.
     """

@@ -26,9 +26,9 @@ class Step:
     truth: Array  # (n,)
 
 
-def mission(system: System, off: Sequence[float] | None = None, noise: float = 0.0) -> TextbookMission:
+def mission(system: System, start_error: Sequence[float] | None = None, noise: float = 0.0) -> TextbookMission:
     """With a start that is off by so much, by the system's own error if not given."""
-    error = np.array(system.start_error if off is None else off)
+    error = np.array(system.start_error if start_error is None else start_error)
     return TextbookMission(
         system, tuple(np.array(system.start) + error), tuple(np.maximum(np.abs(error), 0.01)), noise, PERIOD
     )

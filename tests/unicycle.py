@@ -1,4 +1,4 @@
-"""What the tests of the unicycle share: a robot in a plant of its own, and what its sensors see without physics."""
+"""Shared by the tests of the unicycle: a robot in a plant of its own, and its readings without physics."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ def plant_of(
     state = np.zeros(2 * model.nq)
     state[:3] = start
     ideal = drive == "ideal"
-    equipment = VehicleSetup(
+    setup = VehicleSetup(
         state, sensors, drive=IdealDrive() if ideal else DifferentialDrive(), ignored_contacts=() if ideal else (FLOOR,)
     )
-    return MujocoPlant(model, {"robot": equipment}, np.random.default_rng(seed))
+    return MujocoPlant(model, {"robot": setup}, np.random.default_rng(seed))
 
 
 @cache

@@ -170,6 +170,6 @@ class LaplacianConsensus:
             del self._times[0], self._values[0]
 
 
-def _within(value: float, of: Sequence[float]) -> float:
+def _within(value: float, values: Sequence[float]) -> float:
     """Rounding does not carry a convex combination beyond what it combines."""
-    return min(max(value, min(of)), max(of))
+    return min(max(value, min(values)), max(values))

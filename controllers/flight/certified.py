@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -25,8 +26,10 @@ from mathnavi.controllers.flight.certificate import (
     pass_time,
     remainder,
 )
+from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.knowledge import Knowledge
+from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.protocols import Planner
@@ -81,6 +84,15 @@ class Certified:
         self._lost = False  # True once it was announced that it is not safe over this one
         self._astray = 0  # planning instants at which it has led elsewhere
         self._announced = False  # True once that was announced
+
+    @staticmethod
+    def of(planner: Planner, mission: FlightMission, bound: TrackingBound) -> Certified:
+        """The planner behind the certificate of a mission; errors as of ``Certificate.of``.
+
+        Where there is no plan to fall back on, one that stops and hovers flies in its place.
+        """
+        fallback = partial(StopAndHover, period=planner.period)
+        return Certified(planner, fallback, Certificate.of(mission, bound), bound, mission.deadline_factor)
 
     def plan(self, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown; a failure that says why not otherwise."""

@@ -10,7 +10,7 @@ lengths inside a threat counted (1 + weight) fold. Two interpolants turn the nod
 * ``TrilinearCost``: (beta / v_c) D interpolated linearly in each cell, as in the thesis as printed. It has stationary
   points.
 
-The print leaves Psi's unit open. With a running cost |a|^2 + beta, beta has the unit of a cost per second, so a
+The thesis leaves Psi's unit open. With a running cost |a|^2 + beta, beta has the unit of a cost per second, so a
 distance costs beta / v_c per metre, v_c the speed at which flying on costs as much as Psi falls (150 m/s).
 """
 

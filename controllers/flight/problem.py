@@ -35,8 +35,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from mathnavi.controllers.flight import kernels, spline
+from mathnavi.controllers.flight import spline
 from mathnavi.controllers.flight.cost_to_go import REFERENCE_SPEED, FactoredCost
+from mathnavi.controllers.flight.kernels import problem_data
+from mathnavi.controllers.flight.kernels.problem_data import ProblemData
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.signals import Array
 
@@ -196,25 +198,26 @@ class Problem:
     @property
     def packed(self) -> Array:
         """The numbers the kernels read, by their indices."""
-        p, out = self.parameters, np.zeros(kernels.PACKED_SIZE)
-        out[kernels.MANOEUVRE], out[kernels.FLOOR] = p.manoeuvre_duration, p.clearance
-        out[kernels.SPEED], out[kernels.ACCELERATION] = p.speed_max, p.acceleration_max
-        out[kernels.BETA], out[kernels.EPSILON] = p.beta, p.epsilon
-        out[kernels.PSI] = 0.0 if self.terminal_position is not None else p.psi_per_metre
-        out[kernels.WIDTH], out[kernels.DEPTH] = self.environment.terrain.width, self.environment.terrain.depth
-        out[kernels.TERRAIN_WEIGHT], out[kernels.APPROACH_WEIGHT] = self.terrain_weight, _APPROACH_WEIGHT
-        out[kernels.CLIMB_WEIGHT], out[kernels.SPACING] = _CLIMB_WEIGHT, self.environment.terrain.spacing
+        p, terrain, out = self.parameters, self.environment.terrain, np.zeros(problem_data.PACKED_SIZE)
+        out[problem_data.MANOEUVRE], out[problem_data.FLOOR] = p.manoeuvre_duration, p.clearance
+        out[problem_data.SPEED], out[problem_data.ACCELERATION] = p.speed_max, p.acceleration_max
+        out[problem_data.BETA], out[problem_data.EPSILON] = p.beta, p.epsilon
+        out[problem_data.PSI] = 0.0 if self.terminal_position is not None else p.psi_per_metre
+        out[problem_data.WIDTH], out[problem_data.DEPTH] = terrain.width, terrain.depth
+        out[problem_data.TERRAIN_WEIGHT], out[problem_data.APPROACH_WEIGHT] = self.terrain_weight, _APPROACH_WEIGHT
+        out[problem_data.CLIMB_WEIGHT], out[problem_data.SPACING] = _CLIMB_WEIGHT, terrain.spacing
         if self.length_to_go is not None and self.terminal_position is None:
-            out[kernels.LENGTH], out[kernels.LENGTH_WEIGHT] = self.length_to_go.length, self.length_to_go.weight
+            length, weight = self.length_to_go.length, self.length_to_go.weight
+            out[problem_data.LENGTH], out[problem_data.LENGTH_WEIGHT] = length, weight
             if self.length_to_go.instead:
-                out[kernels.PSI] = 0.0
+                out[problem_data.PSI] = 0.0
         return out
 
     @property
-    def data(self) -> kernels.ProblemData:
+    def data(self) -> ProblemData:
         """The problem as the kernels read it."""
         s, cost = self.matrices, self.environment.cost
-        return kernels.ProblemData(
+        return ProblemData(
             start=self.start,
             lengths=s.lengths,
             base=s.base,

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.flight import kernels
+from mathnavi.controllers.flight.kernels import problem_data
 from mathnavi.controllers.flight.length_to_go import TARGET_LENGTH
 from mathnavi.controllers.flight.problem import POINTS_ON_MANOEUVRE, PlanSolution, Problem
 from mathnavi.controllers.nlp_solver import (
@@ -154,18 +154,18 @@ def _programme(shape: _Shape) -> _Programme:
     # Parameters: what is known.
     start, target, scales = ca.MX.sym("start", 6), ca.MX.sym("target", 3), ca.MX.sym("scales", 8)
     lengths = ca.MX.sym("lengths", n)
-    packed = ca.MX.sym("packed", kernels.PACKED_SIZE)
+    packed = ca.MX.sym("packed", problem_data.PACKED_SIZE)
     frames = [ca.MX.sym(name, 4) for name in ("heights_frame", "ground_frame")]  # corner and size of the whole
     heights_c, ground_c, ratio_c = (
         ca.MX.sym(name, math.prod(size))
         for name, size in (("heights", shape.heights), ("ground", shape.ground), ("ratio", shape.ratio))
     )
-    duration, floor = packed[kernels.MANOEUVRE], packed[kernels.FLOOR]
-    speed_max, acceleration_max = packed[kernels.SPEED], packed[kernels.ACCELERATION]
-    beta, psi, epsilon = packed[kernels.BETA], packed[kernels.PSI], packed[kernels.EPSILON]
-    sides, spacing = packed[[kernels.WIDTH, kernels.DEPTH]], packed[kernels.SPACING]
-    kappa_h, kappa_s = packed[kernels.TERRAIN_WEIGHT], packed[kernels.APPROACH_WEIGHT]
-    rho_w = packed[kernels.CLIMB_WEIGHT]
+    duration, floor = packed[problem_data.MANOEUVRE], packed[problem_data.FLOOR]
+    speed_max, acceleration_max = packed[problem_data.SPEED], packed[problem_data.ACCELERATION]
+    beta, psi, epsilon = packed[problem_data.BETA], packed[problem_data.PSI], packed[problem_data.EPSILON]
+    sides, spacing = packed[[problem_data.WIDTH, problem_data.DEPTH]], packed[problem_data.SPACING]
+    kappa_h, kappa_s = packed[problem_data.TERRAIN_WEIGHT], packed[problem_data.APPROACH_WEIGHT]
+    rho_w = packed[problem_data.CLIMB_WEIGHT]
 
     def axes(frame: ca.MX, size: tuple[int, int]) -> list[tuple[int, ca.MX, ca.MX]]:
         return [(size[0], frame[0], frame[2]), (size[1], frame[1], frame[3])]
@@ -206,8 +206,8 @@ def _programme(shape: _Shape) -> _Programme:
     if not shape.fixed_end:
         togo = length_to_go(ca.horzcat(p_end, p_end + beyond * v_end))
         here, there = ca.horzsplit(psi * togo)
-        error = togo[0] - packed[kernels.LENGTH]
-        cost += packed[kernels.LENGTH_WEIGHT] / 2 * error**2 + here
+        error = togo[0] - packed[problem_data.LENGTH]
+        cost += packed[problem_data.LENGTH_WEIGHT] / 2 * error**2 + here
 
     # Soft constraints, of the form "at most the slack".
     arc = np.repeat(np.arange(n), shape.points).tolist()  # of each point
@@ -218,7 +218,9 @@ def _programme(shape: _Shape) -> _Programme:
     manoeuvre = ca.repmat(p_end, 1, POINTS_ON_MANOEUVRE) + v_end @ t + braking @ (t**2 / 2)
     low_manoeuvre = lowness(manoeuvre).T
     far = ca.MX(0, 1) if shape.fixed_end else ca.if_else(psi > 0, (there - here) / (beyond * beta) + 1 + epsilon, -1)
-    relaxed = [ca.vertcat(stage[: _STATE + _INPUT], ca.fmax(of, 0)) for stage, of in zip(stages, low, strict=True)]
+    relaxed = [
+        ca.vertcat(stage[: _STATE + _INPUT], ca.fmax(lowest, 0)) for stage, lowest in zip(stages, low, strict=True)
+    ]
     relaxed += [p_end, v_end, w, ca.fmax(low_manoeuvre, 0), ca.fmax(far, 0)]
 
     # Dynamics, stage by stage, with the path constraints of each stage after them; boundary conditions at both ends.
@@ -237,7 +239,7 @@ def _programme(shape: _Shape) -> _Programme:
         constraints += path
         path_constraints.append(sum(g.numel() for g, _, _ in path))
     # On the map, as fractions of what lies inside its border.
-    middle, half = sides / 2, sides / 2 - kernels.BORDER
+    middle, half = sides / 2, sides / 2 - problem_data.BORDER
     final = [(ca.sumsqr(braking) / acceleration_max**2, -np.inf, 1.0)]
     final += [((q[:2] - middle) / half, -1.0, 1.0) for q in (p_end, manoeuvre[:, -1])]
     final += [(low_manoeuvre - s_manoeuvre, -np.inf, 0.0), (far - s_approach, -np.inf, 0.0)]

@@ -15,7 +15,9 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from mathnavi.controllers.flight import kernels
+from mathnavi.controllers.flight.kernels.line_search import begin, search
+from mathnavi.controllers.flight.kernels.linearisation import linearise
+from mathnavi.controllers.flight.kernels.problem_data import QuadraticProgramme
 from mathnavi.controllers.flight.problem import PlanSolution, Problem
 from mathnavi.sim.interfaces.signals import Array
 
@@ -57,15 +59,15 @@ class CondensedSqp:
         quadratic = tuple(work.quadratic)
         terminal_position = _NOWHERE if problem.terminal_position is None else problem.terminal_position
         unknowns, trial = np.empty_like(guess), np.empty_like(guess)
-        value, violation = kernels.begin(guess, data, terminal_position, unknowns)
+        value, violation = begin(guess, data, terminal_position, unknowns)
         converged, improved, iteration = False, True, 0
         while improved and not converged and iteration < self._iteration_limit:
             iteration += 1
-            is_exact = kernels.linearise(unknowns, data, terminal_position, work.multipliers, quadratic)
+            is_exact = linearise(unknowns, data, terminal_position, work.multipliers, quadratic)
             step = work.step()
             if step is None:
                 return _INFEASIBLE
-            decrease, trial_value, trial_violation, improved = kernels.search(
+            decrease, trial_value, trial_violation, improved = search(
                 unknowns, value, violation, step, work.penalty, work.soft, quadratic, data, terminal_position, trial
             )
             promise = _PROMISE if is_exact else _PROMISE_NEAR_SADDLE
@@ -91,7 +93,7 @@ class _Workspace:
         n, clearance = problem.arcs, len(problem.matrices.base) - 2
         terminal = 3 if problem.terminal_position is not None else 0
         self._size, count = 3 * n + 1, clearance + 1 + 2 * n + 1 + 4 + terminal
-        self.quadratic = kernels.QuadraticProgramme(
+        self.quadratic = QuadraticProgramme(
             hessian=np.zeros((self._size, self._size)),
             gradient=np.zeros(self._size),
             rows=np.zeros((count, self._size)),

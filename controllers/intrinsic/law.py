@@ -69,11 +69,11 @@ def wanted_force(
     n = manifold.size
     x, v, x_r, v_r = state[:n], state[n:], reference[:n], reference[n:]
     try:
-        off = manifold.log(x, x_r)
+        error = manifold.log(x, x_r)
         a = manifold.transport(x_r, x, system.force(x_r, v_r, feedforward))
         v_there = manifold.transport(x_r, x, v_r)
     except CutLocusError:
         return -gains.k_d * v
     # manifold.curvature is R(v, e) v = -R(e, v) v.
-    wanted: Array = a + gains.k_p * off + gains.k_d * (v_there - v) + manifold.curvature(x, v_there, off)
+    wanted: Array = a + gains.k_p * error + gains.k_d * (v_there - v) + manifold.curvature(x, v_there, error)
     return wanted

@@ -29,7 +29,7 @@ _RESULTS = ("x", "f", "g", "lam_x", "lam_g")
 
 @configuration
 class Options:
-    """Options of a solve.
+    """Options of a solve: the NLP solver, its tolerance, its limit of iterations and its start.
 
     FATROP raises its regularisation without end on some problems without a feasible point: it may not return, whatever
     the limit of iterations. Use IPOPT where there may be no feasible point.
@@ -38,18 +38,18 @@ class Options:
     backend: Backend = "ipopt"
     tolerance: Probability = 1e-9  # of the scaled optimality conditions
     iterations: Count = 500
-    warm: bool = False  # whether guesses are near solutions: start close to the bounds, with a small barrier
+    warm: bool = False  # True if guesses are near solutions: start close to the bounds, with a small barrier
 
 
 @dataclass(frozen=True, eq=False)
 class SolverAnswer:
-    """Answer of a solver."""
+    """Answer of an NLP solver, in the programme's own scaled unknowns."""
 
     status: Outcome
     message: str
-    x: Array  # (n,) unknowns, its last iterate if it failed
+    x: Array  # (n,) unknowns over their scales, the last iterate if the solve failed
     multipliers: tuple[Array, Array]  # of the bounds (n,) and of the rows (m,)
-    cost: float
+    cost: float  # f(x, p)
     iterations: int
     solve_ms: float  # wall-clock time
 
@@ -60,9 +60,10 @@ class SolverAnswer:
 
 
 class NumericalSolver:
-    """One of CasADi's NLP solvers for a programme."""
+    """One of CasADi's NLP solvers for a programme: built once, called for any guess and parameters."""
 
     def __init__(self, nlp: Programme, options: Options) -> None:
+        """Build the solver, and compile its functions for the compiled back ends."""
         self._name = options.backend
         self._solver = _solver(nlp, options)
         self._in, self._out = self._solver.inputs, self._solver.outputs
@@ -70,7 +71,13 @@ class NumericalSolver:
             self._in[name][:] = limits
 
     def solve(self, x_0: Array, known: Array, multipliers: tuple[Array, Array] | None = None) -> SolverAnswer:
-        """The answer from a guess of the unknowns and, if given, of the multipliers, at the programme's parameters."""
+        """Solve from a guess; failure of any kind is in the answer's status.
+
+        Args:
+            x_0: (n,) guess of the scaled unknowns.
+            known: (np,) or, on a fixed grid, (np + N - 1,) the programme's parameters p, then the relative widths D.
+            multipliers: guesses of those of the bounds (n,) and of the rows (m,); None for zeros.
+        """
         began = time.perf_counter()
         if not (np.isfinite(x_0).all() and np.isfinite(known).all()):
             return self._failed(Outcome.NOT_FINITE, Outcome.NOT_FINITE.value, x_0, began)

@@ -1,4 +1,4 @@
-"""Where the nodes go, as part of the optimisation.
+"""Node distributions: the places of the nodes as part of the optimisation.
 
 (B.1): minimise I(p) subject to m(p) <= 0, augmented to the programme. Equidistribution and functional minimisation are
 special cases. Everything is stated interval by interval, in relative node distances D_i = d_i (N - 1) / T, whose mean
@@ -22,7 +22,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class NodeDistribution(Hashable, Protocol):
-    """I and m of (B.1)."""
+    """A distribution of the nodes: functional I and constraints m of (B.1), interval by interval."""
 
     @property
     def moving(self) -> bool:
@@ -35,15 +35,15 @@ class NodeDistribution(Hashable, Protocol):
         ...
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
-        """Constraints that vanish on every interval."""
+        """Constraints m that vanish on every interval, of an interval's mesh and the constants s (constants,)."""
         ...
 
     def functional(self, mesh: Mesh) -> ca.SX:
-        """The interval's share of I, added to J."""
+        """Share () of an interval in I, added to J."""
         ...
 
     def node_bounds(self, nodes: int) -> tuple[Array, Array]:
-        """Limits of τ at each node (N,)."""
+        """Lower and upper limits (N,) of τ at each of N nodes."""
         ...
 
 
@@ -54,45 +54,47 @@ def _anywhere(nodes: int) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class Fixed:
-    """The nodes are given when the programme is solved."""
+class _Unconstrained:
+    """Nodes that no equation of the programme holds."""
 
-    moving: bool = False
+    moving: bool
     constants: int = 0
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        """No constraint, (0,)."""
         return ca.SX(0, 1)
 
     def functional(self, mesh: Mesh) -> ca.SX:
+        """Zero: nothing is added to J."""
         return ca.SX(0)
 
     def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        """Limits (N,), (N,) of τ: 0 at the first node, 1 at the last, [0, 1] in between."""
         return _anywhere(nodes)
 
 
 @dataclass(frozen=True)
-class Free:
-    """The nodes are unknowns and nothing holds them: the optimiser places them where they hide the error."""
+class Fixed(_Unconstrained):
+    """Fixed nodes, given when the programme is solved."""
+
+    moving: bool = False
+
+
+@dataclass(frozen=True)
+class Free(_Unconstrained):
+    """Free nodes: unknowns that nothing holds, so that the optimiser places them where they hide the error."""
 
     moving: bool = True
-    constants: int = 0
-
-    def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
-        return ca.SX(0, 1)
-
-    def functional(self, mesh: Mesh) -> ca.SX:
-        return ca.SX(0)
-
-    def node_bounds(self, nodes: int) -> tuple[Array, Array]:
-        return _anywhere(nodes)
 
 
 @configuration
 class Equidistributed:
-    """EP of B.3: every interval holds the same share s of the monitor function.
+    """Equidistribution, EP of B.3: every interval holds the same share s of the monitor function.
 
     N - 1 equations with the unknown s are the second printed form's N - 2; the first, with the mean written out, is
-    rank-deficient. ``epsilon`` is the monitor's own.
+    rank-deficient. ``epsilon`` is ε of the monitor's measure.
+
+    Raises ProblemError for a monitor without a measure, FieldError for ε <= 0.
     """
 
     monitor: Monitor = ARCLENGTH
@@ -104,20 +106,25 @@ class Equidistributed:
         self.monitor.check_measure()
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        """Share of the interval less the common one: m_i - s = 0, m_i = (N - 1) ∫ w dτ."""
         return self.monitor.measured(mesh, self.epsilon) - s
 
     def functional(self, mesh: Mesh) -> ca.SX:
+        """Zero: nothing is added to J."""
         return ca.SX(0)
 
     def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        """Limits (N,), (N,) of τ: 0 at the first node, 1 at the last, [0, 1] in between."""
         return _anywhere(nodes)
 
 
 @configuration
 class FunctionalMinimised:
-    """FM of B.3: ``weight`` / (N - 1) Σ m_i^2 is added to J, m_i the interval's share of the monitor function.
+    """Functional minimisation, FM of B.3: ``weight`` / (N - 1) Σ m_i^2 is added to J, m_i = (N - 1) ∫ w dτ.
 
     With a constant sum the least sum of squares is the equidistribution; J pulls away from it, and is itself biased.
+
+    Raises ProblemError for a monitor without a measure, FieldError for a weight or ε that is not positive.
     """
 
     monitor: Monitor = ARCLENGTH
@@ -130,18 +137,21 @@ class FunctionalMinimised:
         self.monitor.check_measure()
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        """No constraint, (0,)."""
         return ca.SX(0, 1)
 
     def functional(self, mesh: Mesh) -> ca.SX:
+        """Weighted square of the interval's share, ``weight`` m_i^2 / (N - 1)."""
         return self.weight / mesh.count * self.monitor.measured(mesh, self.epsilon) ** 2
 
     def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        """Limits (N,), (N,) of τ: 0 at the first node, 1 at the last, [0, 1] in between."""
         return _anywhere(nodes)
 
 
 @configuration
 class EquidistantHorizon:
-    """Example B.1: I = Σ d_i - ε ln d_i with Σ d_i at most the longest final time.
+    """Equidistant receding horizon, Example B.1: I = Σ d_i - ε ln d_i, Σ d_i at most the longest final time.
 
     The minimum is the equidistant receding horizon with steps d_i = ε, or T / (N - 1) where (N - 1) ε > T. It is a
     distribution of time only where J leaves the final time free.
@@ -152,19 +162,22 @@ class EquidistantHorizon:
     constants: int = 0
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        """No constraint, (0,)."""
         return ca.SX(0, 1)
 
     def functional(self, mesh: Mesh) -> ca.SX:
+        """Share d_i - ε ln d_i of an interval, d_i [s]."""
         d = mesh.relative_width * mesh.duration / mesh.count
         return d - self.epsilon * ca.log(d)
 
     def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        """Limits (N,), (N,) of τ: 0 at the first node, 1 at the last, [0, 1] in between."""
         return _anywhere(nodes)
 
 
 @configuration
 class FrontLoaded:
-    """Example B.2: a share ε_1 of the intervals in the first share ε_2 of the time.
+    """Nodes dense at the start, Example B.2: a share ε_1 of the intervals in the first share ε_2 of the time.
 
     The printed inequality alone leaves the nodes free within both parts, where the optimiser abuses them; with
     ``equal_steps`` the steps within each part are equal, s = (D of the first part, D of the second).
@@ -177,17 +190,21 @@ class FrontLoaded:
 
     @property
     def constants(self) -> int:
+        """Number of unknown constants: D of either part, or none."""
         return 2 if self.equal_steps else 0
 
     def constraints(self, mesh: Mesh, s: ca.SX) -> ca.SX:
+        """Relative width of the interval less that of its part, D_i - s_1 or D_i - s_2; none without equal steps."""
         if not self.equal_steps:
             return ca.SX(0, 1)
         return mesh.relative_width - ca.if_else(mesh.index < self._first(mesh.count), s[0], s[1])
 
     def functional(self, mesh: Mesh) -> ca.SX:
+        """Zero: nothing is added to J."""
         return ca.SX(0)
 
     def node_bounds(self, nodes: int) -> tuple[Array, Array]:
+        """Limits (N,), (N,) of τ: the first part ends by ε_2; ProblemError for fewer than three nodes."""
         if nodes < 3:
             raise ProblemError(f"nodes = {nodes!r} cannot be front-loaded; allowed: 3 or more")
         lower, upper = _anywhere(nodes)
@@ -202,10 +219,14 @@ class FrontLoaded:
 def constants_guess(
     distribution: NodeDistribution, relative_widths: Array, duration: float, chords: Array, second_derivatives: Array
 ) -> Array:
-    """(constants,) values of s that meet the constraints best on a guess.
+    """Values (constants,) of s that meet a distribution's constraints best on a guess, by linear least squares.
 
-    ``relative_widths`` (N - 1,), ``chords`` and ``second_derivatives`` (N - 1, nx): the meshes of the guess.
-    The constraints are linear in s, so this is a linear least-squares problem.
+    Args:
+        distribution: one whose constraints are linear in s.
+        relative_widths: (N - 1,) D_i of the guess.
+        duration: [s] T of the guess.
+        chords: (N - 1, nx) S^-1 (x_{i+1} - x_i).
+        second_derivatives: (N - 1, nx) S^-1 T^2 (f_{i+1} - f_i) / d_i.
     """
     count, nx = chords.shape
     if not distribution.constants:

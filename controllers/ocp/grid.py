@@ -16,7 +16,7 @@ _DENSE = 2001  # samples of a monitor function in an equidistributed grid
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """N >= 2 nodes, increasing from 0 to 1; ProblemError for anything else."""
+    """A grid of N >= 2 nodes τ_i, increasing from 0 to 1; ProblemError for any other numbers."""
 
     nodes: Array  # (N,) fractions of T
 
@@ -33,17 +33,20 @@ class Grid:
 
     @property
     def widths(self) -> Array:
-        """Widths (N - 1,) as fractions of T, d_i / T."""
+        """Widths (N - 1,) of the intervals as fractions of T, d_i / T."""
         return np.diff(self.nodes)
 
 
 def uniform(n: int) -> Grid:
-    """N equidistant nodes: w = 1."""
+    """The grid of n equidistant nodes, w = 1; ProblemError for n < 2."""
     return Grid(np.linspace(0.0, 1.0, check_nodes(n)))
 
 
 def stretched(n: int, ratio: float) -> Grid:
-    """N nodes, each interval ``ratio`` times the one before: dense now, sparse later (Example B.2's intent)."""
+    """The grid of n nodes whose intervals grow by ``ratio``, d_{i+1} = ratio d_i: dense now, sparse later.
+
+    Example B.2's intent. ProblemError for n < 2 and for a ratio that is not finite and positive.
+    """
     if not (math.isfinite(ratio) and ratio > 0.0):
         raise ProblemError(f"grid: ratio = {ratio!r}; allowed: a finite value > 0")
     widths = ratio ** np.arange(check_nodes(n) - 1, dtype=float)
@@ -51,7 +54,10 @@ def stretched(n: int, ratio: float) -> Grid:
 
 
 def given(nodes: Sequence[float] | Array) -> Grid:
-    """Any nodes in [0, T'], T' > 0, scaled to fractions."""
+    """The grid of given nodes (N,), in any unit and from any start, τ_i = (t_i - t_1) / (t_N - t_1).
+
+    ProblemError for fewer than two nodes and for nodes that do not increase.
+    """
     values = np.asarray(nodes, float)
     if values.ndim != 1 or len(values) < 2 or not values[-1] > values[0]:
         raise ProblemError(f"grid: nodes = {values.tolist()}; allowed: at least two numbers that increase")
@@ -60,7 +66,7 @@ def given(nodes: Sequence[float] | Array) -> Grid:
 
 
 def from_widths(widths: Array) -> Grid:
-    """Nodes from interval widths in any unit."""
+    """The grid whose intervals have widths (N - 1,) > 0 in any unit, τ_i = Σ_{j<i} d_j / Σ d_j."""
     ends = np.cumsum(widths)
     nodes = np.concatenate([[0.0], ends / ends[-1]])
     nodes[-1] = 1.0
@@ -68,11 +74,13 @@ def from_widths(widths: Array) -> Grid:
 
 
 def equidistributed(n: int, monitor: Callable[[Array], Array], breaks: Array | None = None) -> Grid:
-    """N nodes between which the integral of a monitor function w(τ) > 0 is the same (equidistribution, B.3).
+    """The grid of n nodes between which the integral of a monitor function w(τ) > 0 is the same (B.3).
+
+        ∫_{τ_i}^{τ_{i+1}} w dτ = 1 / (N - 1) ∫_0^1 w dτ.
 
     ``monitor`` maps fractions (k,) to values (k,). It is sampled densely, and more densely between ``breaks`` (the
-    nodes of the grid that it was computed on), so that a narrow peak is found. Raises ProblemError if w is not finite
-    and positive.
+    nodes (N',) of the grid that it was computed on), so that a narrow peak is found. Raises ProblemError if w is not
+    finite and positive, and for n < 2.
     """
     count = check_nodes(n)
     if count == 2:
@@ -92,13 +100,13 @@ def equidistributed(n: int, monitor: Callable[[Array], Array], breaks: Array | N
 
 
 def split(grid: Grid, parts: Sequence[int]) -> Grid:
-    """Each interval i divided into ``parts[i]`` equal ones (h-refinement)."""
+    """The grid with each interval i divided into ``parts[i]`` >= 1 equal ones (h-refinement); N - 1 parts."""
     pieces = [np.linspace(a, b, k + 1)[:-1] for a, b, k in zip(grid.nodes[:-1], grid.nodes[1:], parts, strict=True)]
     return Grid(np.concatenate([*pieces, [1.0]]))
 
 
 def check_nodes(n: int) -> int:
-    """N, if it is at least 2."""
+    """The number of nodes n as an int; ProblemError unless it is a whole number >= 2."""
     if isinstance(n, bool) or not isinstance(n, (int, np.integer)) or n < 2:
         raise ProblemError(f"nodes = {n!r}; allowed: a whole number N >= 2")
     return int(n)

@@ -7,9 +7,9 @@ With H(x, u, λ, t) = L + λ'f, minimised, and by automatic differentiation thro
     s(x(T), T) = 0,   λ(T) = Psi_x + s_x' ν,   and for a free T   H(T) + Psi_T + s_T' ν = 0.
 
 The thesis writes H = λ'f - L, maximised: its λ is minus ours. Solved by collocation with residual control
-(scipy.integrate.solve_bvp); the costates of the direct solution, its multipliers, are the guess. What it cannot do is
-said: a path constraint, a bound of a state or of T that is active, controls that are bounded and not separable in H,
-an end constraint whose limit is not 0.
+(scipy.integrate.solve_bvp); the costates of the direct solution, its multipliers, are the guess. Not covered, and
+refused by name: a path constraint, a bound of a state or of T that is active, controls that are bounded and not
+separable in H, an end constraint whose limit is not 0.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _NEWTON_STEPS = 8
 
 @dataclass(frozen=True, eq=False)
 class IndirectSolution:
-    """Solution of the boundary-value problem on its own mesh."""
+    """Solution of the boundary-value problem, on the mesh that its solver chose."""
 
     converged: bool
     message: str
@@ -47,9 +47,18 @@ class IndirectSolution:
 
 
 def solve_indirect(solution: Solution, *, tolerance: float = 1e-8, most_nodes: int = 20_000) -> IndirectSolution:
-    """The boundary-value solution next to a direct one.
+    """Solve Pontryagin's conditions, started from a direct solution and its costates.
 
-    Raises ProblemError for a direct solution that failed and for a problem that these conditions do not cover.
+    Args:
+        solution: a direct solution.
+        tolerance: of the relative residual of the differential equations.
+        most_nodes: of the mesh.
+
+    Returns:
+        The solution of the boundary-value problem; ``converged`` and ``message`` say how it ended.
+
+    Raises:
+        ProblemError: for a direct solution that failed and for a problem that these conditions do not cover.
     """
     if not solution.ok:
         raise ProblemError(f"the direct solution of {solution.problem.name} failed: {solution.status.value}")

@@ -20,25 +20,27 @@ from mathnavi.sim.interfaces.signals import Array
 
 @dataclass(frozen=True, eq=False)
 class Monitor:
-    """A monitor function, in both forms: of a solution, and of an interval whose ends are unknowns.
+    """A monitor function w > 0, in both forms: of a solution, and of an interval whose ends are unknowns.
 
-    ``density(solution, τ, ε)`` is w (k,) at fractions τ (k,). ``measure(mesh, ε)`` is (N - 1) ∫ w dτ over one interval,
-    written with differences of its ends, so that no derivative of an unknown is needed.
+    ``density(solution, τ, ε)`` is w (k,) at fractions τ = t / T (k,) of a solution. ``measure(mesh, ε)`` is
+    (N - 1) ∫ w dτ () over one interval, written with differences of its ends, so that no derivative of an unknown is
+    needed; a monitor without one serves where nodes are moved between two solves. ε > 0 keeps w positive where the
+    solution is at rest.
     """
 
     name: str
     density: Callable[[Solution, Array, float], Array]
-    measure: Callable[[Mesh, float], ca.SX] | None  # None: only for redistribution
-    epsilon: float  # ε of ``density`` in a redistribution
+    measure: Callable[[Mesh, float], ca.SX] | None = None
+    epsilon: float = 1.0
 
     def measured(self, mesh: Mesh, epsilon: float) -> ca.SX:
-        """``measure``, of a monitor that has one."""
+        """(N - 1) ∫ w dτ () over the interval of a mesh; ProblemError for a monitor that has no measure."""
         self.check_measure()
         assert self.measure is not None
         return self.measure(mesh, epsilon)
 
     def check_measure(self) -> None:
-        """ProblemError for a monitor that cannot be part of a programme."""
+        """Raise ProblemError for a monitor without a measure, which cannot be part of a programme."""
         if self.measure is None:
             raise ProblemError(f"monitor = {self.name!r} has no measure; allowed: one that has, or a redistribution")
 

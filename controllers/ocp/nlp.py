@@ -5,7 +5,7 @@ Unknowns, stage by stage, each over its scale:
     z_1, w_1, z_2, w_2, ..., z_N, w_N,      z_i = (x_i, T, s, τ_i),  w_i = (U_i, X_i, D_i).
 
 The final time T and the constant s of an equidistribution are states that stay constant, so the programme has the band
-structure that a Riccati solver wants. D_i = d_i (N - 1) / T are the relative node distances and τ_i the running sum of
+structure that a Riccati solver needs. D_i = d_i (N - 1) / T are the relative node distances and τ_i the running sum of
 D_i / (N - 1); on a fixed grid both are parameters. The constraints of a stage are its gap, z_{i+1} - flow(z_i, w_i) =
 0, then what holds along its interval.
 """
@@ -31,13 +31,13 @@ RELATIVE_WIDTHS = (0.02, 20.0)
 
 @dataclass(frozen=True, eq=False)
 class ProgrammeLayout:
-    """Layout of the vector of unknowns: the place and the scale of each part."""
+    """Layout of the vector of unknowns (size,): the place and the scale of each part, see the module."""
 
     problem: ProblemFunctions
     scheme: Scheme
     nodes: int  # N
-    moving: bool  # whether the nodes are unknowns
-    constants: int  # number of constants s that the distribution wants
+    moving: bool  # True if the nodes are unknowns
+    constants: int  # number of the distribution's constants s
 
     @property
     def free_duration(self) -> bool:
@@ -46,23 +46,23 @@ class ProgrammeLayout:
 
     @property
     def state_size(self) -> int:
-        """Size of z."""
+        """Size of z_i = (x_i, T, s, τ_i)."""
         return self.problem.nx + int(self.free_duration) + self.constants + int(self.moving)
 
     @property
     def own_points(self) -> int:
-        """Control points of an interval that are not those of the next."""
+        """Number of an interval's control points that are not those of the next."""
         return len(self.scheme.points) - int(self.scheme.shared)
 
     @property
     def input_size(self) -> int:
-        """Size of w, but for the last stage."""
+        """Size of w_i = (U_i, X_i, D_i), but for the last stage."""
         p = self.problem
         return self.own_points * p.nu + self.scheme.interior * p.nx + int(self.moving)
 
     @property
     def last_input_size(self) -> int:
-        """Size of w in the last stage."""
+        """Size of w_N in the last stage: its control, if the scheme shares it between intervals."""
         return self.problem.nu if self.scheme.shared else 0
 
     @property
@@ -96,7 +96,10 @@ class ProgrammeLayout:
         return np.concatenate([np.tile(stage, self.nodes - 1), *last])
 
     def split(self, unknowns: Array) -> tuple[Array, Array, Array]:
-        """States z (N, state_size), inputs w (N - 1, input_size) and the last stage's control, in units."""
+        """Split scaled unknowns (size,) into z (N, state_size), w (N - 1, input_size) and w_N (last_input_size,).
+
+        The parts are in the problem's units, no longer over their scales.
+        """
         values = unknowns * self.scale
         stage = self.state_size + self.input_size
         body = values[: (self.nodes - 1) * stage].reshape(self.nodes - 1, stage)
@@ -105,7 +108,10 @@ class ProgrammeLayout:
         return z, body[:, self.state_size :], tail[self.state_size :]
 
     def join(self, z: Array, w: Array, last: Array) -> Array:
-        """The inverse of ``split``."""
+        """Join z (N, state_size), w (N - 1, input_size) and w_N (last_input_size,) to scaled unknowns (size,).
+
+        The inverse of ``split``.
+        """
         body = np.hstack([z[:-1], w]).ravel()
         joined: Array = np.concatenate([body, z[-1], last]) / self.scale
         return joined
@@ -113,27 +119,32 @@ class ProgrammeLayout:
 
 @dataclass(frozen=True, eq=False)
 class Programme:
-    """min f(x, p) subject to lower <= g(x, p) <= upper and bounds on x."""
+    """A nonlinear programme: minimise f(x, p) subject to lower <= g(x, p) <= upper, x_lower <= x <= x_upper."""
 
     layout: ProgrammeLayout
     x: ca.MX  # (layout.size,)
     p: ca.MX  # (np + N - 1,) parameters of the problem, then D on a fixed grid
     assembly: Assembly  # f, g and their derivatives
-    lower: Array
-    upper: Array
-    x_lower: Array
-    x_upper: Array
+    lower: Array  # (m,)
+    upper: Array  # (m,)
+    x_lower: Array  # (layout.size,) over the scales
+    x_upper: Array  # (layout.size,) over the scales
     path_rows: tuple[int, ...]  # (N,) constraints of each stage beside its gap
     gap_start: Integers  # (N - 1,) row of each stage's gap
     inner_rows: Integers  # (N - 1, interior * nx) rows of the scheme's inner equations
 
     @property
     def equality(self) -> list[bool]:
+        """Rows (m,) of g that are equations: lower = upper."""
         return [bool(equal) for equal in self.lower == self.upper]
 
 
 def programme(problem: ProblemFunctions, scheme: Scheme, distribution: NodeDistribution, nodes: int) -> Programme:
-    """The programme."""
+    """Nonlinear programme of a problem by a scheme on ``nodes`` nodes with a distribution.
+
+    Its objective is J = Σ cost_i + Psi + Σ I_i, its rows those of the start, the intervals and the end. Raises
+    ProblemError where the distribution cannot place so few nodes.
+    """
     layout = ProgrammeLayout(problem, scheme, nodes, distribution.moving, distribution.constants)
     count, nz, stride = nodes - 1, layout.state_size, layout.state_size + layout.input_size
     x = ca.MX.sym("x", layout.size)
@@ -265,7 +276,7 @@ def _interval(layout: ProgrammeLayout, distribution: NodeDistribution) -> _Part:
 
 
 def bounded_states(problem: ProblemFunctions) -> list[int]:
-    """The states with a bound along the path."""
+    """Indices of the states with a finite bound along the path."""
     lower, upper = problem.state_bounds
     return np.flatnonzero(np.isfinite(lower) | np.isfinite(upper)).tolist()
 
@@ -287,13 +298,13 @@ def _along_bounds(layout: ProgrammeLayout, distribution: NodeDistribution) -> tu
 
 
 def _sample_mesh(problem: ProblemFunctions) -> Mesh:
-    """Any mesh, to count with."""
+    """Any mesh, to count a distribution's constraints with."""
     one, column = ca.SX(1), ca.SX.ones(problem.nx)
     return Mesh(1, ca.SX(0), one, one, column, column)
 
 
 def _start(layout: ProgrammeLayout) -> _Part:
-    """i(x(0); p)."""
+    """Rows at the first node, i(x(0); p)."""
     problem = layout.problem
     z, p = ca.SX.sym("z", layout.state_size), ca.SX.sym("p", len(problem.parameters))
     rows = problem.initial(z[: problem.nx] * ca.DM(problem.state_scale), p)
@@ -301,7 +312,7 @@ def _start(layout: ProgrammeLayout) -> _Part:
 
 
 def _end(layout: ProgrammeLayout) -> _Part:
-    """What holds at the last node, and the terminal cost."""
+    """Rows at the last node, s(x(T), T; p) and path constraints, and the terminal cost."""
     problem = layout.problem
     z, w = ca.SX.sym("z", layout.state_size), ca.SX.sym("w", layout.last_input_size)
     p = ca.SX.sym("p", len(problem.parameters))

@@ -29,15 +29,17 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 
-from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.methods.by_name import Method, solve_by
+from mathnavi.controllers.ocp.monitors import Monitor
 from mathnavi.controllers.ocp.problem_functions import Interval, ProblemFunctions
 from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.sim.interfaces.checks import allowed_for
 from mathnavi.sim.interfaces.errors import ProblemError
 from mathnavi.sim.interfaces.signals import Array
 
-NODES = 40  # of a solution unless the caller says else
+NODES = 40
+"""nodes of a solution by default"""
+
 KNOWN: dict[str, Callable[[], ProblemFunctions]] = {}
 """problems with a known optimum by name, which ``mathnavi.controllers.ocp.problems.library`` enters"""
 _MOST_DURATION = 1e9  # [s] beyond which a final time is no number to search among
@@ -91,6 +93,7 @@ class OptimalControlProblem:
     """
 
     def __init__(self, name: str) -> None:
+        """Begin an empty problem of this name, or the problem of the literature that has it."""
         self.name = name
         self.t = ca.SX.sym("t")
         """time [s] since the start"""
@@ -112,7 +115,12 @@ class OptimalControlProblem:
         scale: float = 1.0,
         guess: Sequence[float] = (0.0,),
     ) -> ca.SX:
-        """A state with its bounds along the path, its typical magnitude and its guess."""
+        """Declare a state; returns its symbol ().
+
+        ``lower`` and ``upper`` bound it along the path, ``scale`` > 0 is its typical magnitude, ``guess`` (k,) are
+        values spread evenly over [0, T]; all in the state's own unit. ProblemError for a name that is taken, limits
+        that contradict each other, and numbers that are not finite.
+        """
         return self._declare(self._states, name, lower, upper, scale, guess)
 
     def control(
@@ -124,11 +132,14 @@ class OptimalControlProblem:
         scale: float = 1.0,
         guess: Sequence[float] = (0.0,),
     ) -> ca.SX:
-        """A control, likewise."""
+        """Declare a control; returns its symbol (). Arguments and errors are those of ``state``."""
         return self._declare(self._controls, name, lower, upper, scale, guess)
 
     def parameter(self, name: str, nominal: float) -> ca.SX:
-        """A number that is known when the problem is solved and may differ from solve to solve."""
+        """Declare a parameter p, known at each solve, with its nominal value; returns its symbol ().
+
+        ProblemError for a name that is taken and a value that is not finite.
+        """
         self._check_name(name)
         if not math.isfinite(nominal):
             raise ProblemError(f"{self.name}: parameter {name} = {nominal!r}; allowed: a finite number")
@@ -137,11 +148,14 @@ class OptimalControlProblem:
         return symbol
 
     def duration(self, value: float) -> None:
-        """A fixed final time T [s]."""
+        """Fix the final time T [s]; ProblemError unless 0 < T <= 1e9 s, and if it is given twice."""
         self.free_duration(guess=value, lower=value, upper=value)
 
     def free_duration(self, *, guess: float, lower: float = 1e-3, upper: float = _MOST_DURATION) -> ca.SX:
-        """A free final time T [s]; returns its symbol, for terminal cost and end constraints."""
+        """Free the final time, lower <= T <= upper [s]; returns its symbol, for terminal cost and end constraints.
+
+        ProblemError unless 0 < lower <= guess <= upper <= 1e9 s, and if it is given twice.
+        """
         if not (0.0 < lower <= guess <= upper <= _MOST_DURATION):
             raise ProblemError(
                 f"{self.name}: duration: lower = {lower!r}, guess = {guess!r}, upper = {upper!r}; "
@@ -153,7 +167,7 @@ class OptimalControlProblem:
         return self._final_time
 
     def minimise(self, running: ca.SX | float = 0.0, terminal: ca.SX | float = 0.0) -> None:
-        """J = ∫ running dt + terminal; said once."""
+        """State the objective J = ∫ running dt + terminal; ProblemError if it is stated twice or is no scalar."""
         if self._stated:
             raise ProblemError(f"{self.name}: minimise() is called twice; allowed: once, with both parts of J")
         self._stated = True
@@ -163,7 +177,7 @@ class OptimalControlProblem:
         self._running, self._terminal = ca.SX(running), ca.SX(terminal)
 
     def dynamics(self, state: ca.SX, rate: ca.SX | float) -> None:
-        """x' = rate for one state."""
+        """State the dynamics x' = rate [1/s] of one state; ProblemError for no state, a second rate or no scalar."""
         variable = self._find(state, self._states, "dynamics")
         if ca.SX(rate).numel() != 1:
             raise ProblemError(
@@ -174,48 +188,62 @@ class OptimalControlProblem:
         self._rates[variable.name] = ca.SX(rate)
 
     def constrain(self, expression: ca.SX, *, lower: float = -math.inf, upper: float = math.inf) -> None:
-        """lower <= d(x, u, t; p) <= upper along the whole path."""
+        """Constrain an expression, or each of several, along the path: lower <= d(x, u, t; p) <= upper.
+
+        ProblemError for limits that contradict each other.
+        """
         self._path.add(f"{self.name}: path constraint", expression, lower, upper)
 
     def start(self, state: ca.SX, value: float | ca.SX) -> None:
-        """x(0) = value for one state; the value is a number or an expression of parameters."""
+        """Start one state at x(0) = value, a number or an expression of parameters; ProblemError for no state."""
         self._find(state, self._states, "start")
         self._initial.add(f"{self.name}: start", state - value, 0.0, 0.0)
 
     def start_constraint(self, expression: ca.SX, *, lower: float = 0.0, upper: float = 0.0) -> None:
-        """lower <= i(x(0); p) <= upper."""
+        """Constrain the start: lower <= i(x(0); p) <= upper; ProblemError for limits that contradict each other."""
         self._initial.add(f"{self.name}: start constraint", expression, lower, upper)
 
     def end(self, state: ca.SX, value: float | ca.SX) -> None:
-        """x(T) = value for one state; the value is a number or an expression of T and of parameters."""
+        """End one state at x(T) = value, a number or an expression of T and parameters; ProblemError for no state."""
         self._find(state, self._states, "end")
         self._final.add(f"{self.name}: end", state - value, 0.0, 0.0)
 
     def end_constraint(self, expression: ca.SX, *, lower: float = 0.0, upper: float = 0.0) -> None:
-        """lower <= s(x(T), T; p) <= upper."""
+        """Constrain the end: lower <= s(x(T), T; p) <= upper; ProblemError for limits that contradict each other."""
         self._final.add(f"{self.name}: end constraint", expression, lower, upper)
 
     def solve(
         self,
         nodes: int = NODES,
         *,
-        adaptive: bool = False,
+        method: Method = "direct",
+        monitor: Monitor | str | None = None,
         guess: Solution | None = None,
         parameters: Mapping[str, float] | None = None,
     ) -> Solution:
-        """The solution on ``nodes`` uniform nodes by Hermite-Simpson collocation, replayed through its own dynamics.
+        """Solve the problem by Hermite-Simpson collocation and replay the solution through its own dynamics.
 
-        With ``adaptive`` nodes are added where the local error is, ``nodes`` at most. ``guess`` is a solution to begin
-        with, ``parameters`` are values by name, the nominal ones where none is given. Whether there is a solution is in
-        its ``status``: ``solution.ok``.
+        Args:
+            nodes: number N of nodes, for ``refine`` the most that it may use.
+            method: "direct", uniform nodes; "redistribute", nodes moved between two solves to where the monitor
+                function is large; "distribute", nodes that are unknowns of the programme, (B.1), and hold the monitor
+                function in equal shares; "refine", nodes added where the local error is.
+            monitor: monitor function w of "redistribute" and "distribute", or the name of one: "arclength",
+                "curvature", "local error", "residual", "uniform". None: curvature, and arclength for "distribute".
+            guess: a solution to start from, on any grid; None for the guess that was stated.
+            parameters: values by name, the nominal ones where none is given.
 
-        Raises ProblemError for a problem that is not complete or contradicts itself, and for fewer than two nodes.
+        Returns:
+            The solution; ``solution.ok`` says whether it is one, its ``status`` why not. An adaptive solution that
+            replays worse than the uniform one has the status REFUSED and the uniform one's arrays.
+
+        Raises:
+            ProblemError: for a problem that is not complete or contradicts itself, fewer than two nodes, an unknown
+                method, monitor or parameter, and a monitor that its method cannot take.
         """
         problem = self.functions()
         values = problem.values(**(parameters or {}))
-        if adaptive:
-            return refine(problem, min(6, nodes), most_nodes=nodes, guess=guess, parameters=values)
-        return solve(problem, nodes, guess=guess, parameters=values)
+        return solve_by(problem, nodes, method, monitor, guess=guess, parameters=values)
 
     def functions(self) -> ProblemFunctions:
         """The problem as compiled functions, checked.

@@ -1,4 +1,4 @@
-"""An optimal control problem as the transcriptions read it: compiled functions, bounds, scales and a guess.
+"""Compiled functions, bounds, scales and guess of an optimal control problem: the input of the transcriptions.
 
 ``mathnavi.controllers.ocp.problem`` states a problem and makes these functions of it.
 """
@@ -16,7 +16,7 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 class Interval(NamedTuple):
-    """Lower and upper limits, arrays of one shape; equal where a value is fixed."""
+    """Lower and upper limits, arrays of one shape (n,), infinite where there is none; equal where a value is fixed."""
 
     lower: Array
     upper: Array
@@ -47,7 +47,7 @@ class ProblemFunctions:
     duration_bounds: tuple[float, float]  # [s] equal for a fixed T
     state_scale: Array  # (nx,)
     control_scale: Array  # (nu,)
-    nominal: Array  # (np,) values of the parameters unless a solve says else
+    nominal: Array  # (np,) values of the parameters by default
     guess_times: Array  # (k,) in [0, 1], fractions of T
     guess_states: Array  # (k, nx)
     guess_controls: Array  # (k, nu)
@@ -69,7 +69,10 @@ class ProblemFunctions:
         return self.duration_bounds[0] < self.duration_bounds[1]
 
     def values(self, **parameters: float) -> Array:
-        """The parameters (np,), the nominal ones but for those given by name; ProblemError for an unknown name."""
+        """Values (np,) of the parameters: the nominal ones, or those given by name.
+
+        ProblemError for an unknown name and a value that is not finite.
+        """
         values = self.nominal.copy()
         for name, value in parameters.items():
             if name not in self.parameters:

@@ -1,4 +1,4 @@
-"""The honest look at a solution: its control flown through the true dynamics, integrated to tight tolerance.
+"""Replay of a solution: its control flown through the true dynamics, integrated to tight tolerance.
 
 A transcription knows its own error only at its nodes, and an optimiser that may move the nodes hides it there. So every
 solution is replayed from x(0) with the control as the scheme states it, and what counts is where it ends and what it
@@ -25,7 +25,7 @@ from mathnavi.sim.interfaces.signals import Array
 ILL_POSED = 1e4
 """norm of the scaled transition matrix beyond which an open loop cannot be replayed"""
 DENSE = 20
-"""points of every interval at which constraints are looked at"""
+"""points of every interval at which bounds and path constraints are evaluated"""
 
 _TOLERANCE = 1e-10  # of the integration, relative and in scaled states
 _SUBINTERVALS = 4  # of an interval, for the transition matrix
@@ -34,7 +34,11 @@ _TERMS = 16  # of a Taylor series at a norm of at most 1/2: below rounding
 
 
 def replayed(solution: Solution) -> Solution:
-    """The solution with its replay; a solve that failed is returned as it is."""
+    """The solution with its ``ReplayResult`` and the time that took; a solve that failed is returned as it is.
+
+    From x(0), with x' = f(x, u(t), t; p) and the control as the scheme interpolates it; interval by interval where the
+    scaled transition matrix of the linearised flow has a norm ||Φ(T, 0)|| beyond ``ILL_POSED``.
+    """
     if not solution.ok:
         return solution
     began = time.perf_counter()

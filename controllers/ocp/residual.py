@@ -1,4 +1,4 @@
-"""How far a collocation solution is from solving the differential equation, and what that costs.
+"""The residual of a collocation solution in the differential equation, and its share in the cost.
 
 Between its nodes the polynomial x(t) of a collocation scheme does not follow its dynamics. Its residual gives every
 interval i two errors,
@@ -26,14 +26,21 @@ _NEIGHBOUR = 0.3  # of an interval's mass that its neighbours have at least: a l
 
 
 def local_errors(solution: Solution) -> Array:
-    """Local error η (N - 1,) of each interval; ProblemError for a scheme whose state has no polynomial."""
+    """Local error η_i (N - 1,) of each interval of a solution, over the states' scales.
+
+    η_i = max over states of ∫ |x' - f(x, u, t)| / x_scale dt. ProblemError for a scheme whose state has no polynomial,
+    one of a single point.
+    """
     residual, _ = _residuals(solution)
     errors: Array = (residual / solution.problem.state_scale).max(axis=1)
     return errors
 
 
 def cost_errors(solution: Solution) -> Array:
-    """Error of the cost ηJ (N - 1,) of each interval, in units of J; ProblemError as for ``local_errors``."""
+    """Share ηJ_i (N - 1,) of each interval in the error of J, in units of J.
+
+    ηJ_i = ∫ Σ_j |λ_j| |x_j' - f_j| + |L - L_scheme| dt. ProblemError as for ``local_errors``.
+    """
     residual, quadrature = _residuals(solution)
     errors: Array = (residual * np.abs(solution.costates)).sum(axis=1) + quadrature
     return errors
@@ -85,10 +92,10 @@ def _residual_density(solution: Solution, tau: Array, epsilon: float) -> Array:
 
 
 def _shares(errors: Array) -> Array:
-    """Of their sum, if there are any."""
+    """Errors (n,) over their sum, or as they are where all vanish."""
     shares: Array = errors / total if (total := errors.sum()) > 0.0 else errors
     return shares
 
 
 RESIDUAL = Monitor("residual", _residual_density, None, epsilon=1e-12)
-"""what is left over on the present grid, so a redistribution wants several rounds; only for redistribution"""
+"""error that is left on the present grid, so a redistribution takes several rounds; only for redistribution"""

@@ -1,4 +1,4 @@
-"""What a solver found: states and controls as functions of time, costates, status, and how well it replays."""
+"""Solutions: states and controls as functions of time, costates, status, and the replay."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from mathnavi.sim.interfaces.signals import Array, Integers
 
 @dataclass(frozen=True)
 class Timing:
-    """Wall-clock figures [ms] of one solution.
+    """Wall-clock times [ms] of one solution.
 
-    ``gate_ms`` is what the uniform solution took that an adaptive one was only compared with.
+    ``gate_ms`` is the time of the uniform solution that an adaptive one was only compared with.
     """
 
-    build_ms: float = 0.0  # of programmes, some of which may have been at hand
+    build_ms: float = 0.0  # of programmes, zero where one was built before
     solve_ms: float = 0.0
     replay_ms: float = 0.0
     gate_ms: float = 0.0
@@ -38,7 +38,7 @@ class Timing:
 class ReplayResult:
     """The control flown through the true dynamics, from the solution's own start (see ``replay``)."""
 
-    value: float  # what the gate looks at: the largest of the two below
+    value: float  # compared by the gate: the larger of the two below
     miss: float  # scaled: largest |x_replayed(T) - x(T)| / x_scale, or the sum of the intervals' defects
     violation: float  # largest violation of bounds and path constraints on a dense grid, scaled
     cost: float  # J along the replay
@@ -48,9 +48,10 @@ class ReplayResult:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
-    """States x_i at N nodes, controls at the scheme's points of each interval, the final time.
+    """Solution of a transcribed problem: states x_i at N nodes, controls at the scheme's points, the final time T.
 
-    ``status`` says whether there is one at all: of a failed solve the arrays hold the solver's last iterate.
+    ``status`` says how the solve ended, ``ok`` whether this is a solution: of a failed solve the arrays hold the
+    solver's last iterate. Values are in the problem's units, times in s since the start.
     """
 
     problem: ProblemFunctions
@@ -114,7 +115,7 @@ class Solution:
 
     @cached_property
     def rates(self) -> Array:
-        """Rates f (N - 1, k, nx) at the scheme's points."""
+        """Rates f(x, u, t; p) (N - 1, k, nx), in units per second, at the scheme's k points of each interval."""
         count, k, nx = self.inner.shape
         points = np.array(self.scheme.points)
         times = (self.t[:-1, None] + points * np.diff(self.t)[:, None]).ravel()
@@ -122,7 +123,10 @@ class Solution:
         return rates.reshape(count, k, nx)
 
     def control(self, t: Array | float) -> Array:
-        """u (..., nu) at times t [s]; at a node that of the interval which begins there."""
+        """Control u (nu,) at a time t [s], or (n, nu) at times (n,), held to [0, T].
+
+        The scheme's polynomial; at a node that of the interval which begins there.
+        """
         times = np.atleast_1d(np.asarray(t, float))
         interval, fraction = self._locate(times)
         basis = weights(self.scheme.points, fraction)
@@ -130,7 +134,11 @@ class Solution:
         return values[0] if np.ndim(t) == 0 else values
 
     def state(self, t: Array | float) -> Array:
-        """x (..., nx) at times t [s]: the collocation polynomial or, of a scheme of one point, through its nodes."""
+        """State x (nx,) at a time t [s], or (n, nx) at times (n,), held to [0, T].
+
+        The collocation polynomial x_i + d Σ_j f_j ∫_0^c l_j or, of a scheme of one point, a monotone cubic through the
+        nodes.
+        """
         times = np.atleast_1d(np.asarray(t, float))
         interval, fraction = self._locate(times)
         d = np.diff(self.t)[interval]
@@ -142,7 +150,7 @@ class Solution:
         return values[0] if np.ndim(t) == 0 else values
 
     def scaled_derivative(self, tau: Array, order: int) -> Array:
-        """Derivative (k, nx) of x~ = S^-1 x with respect to τ = t / T, of order 1, 2 or 3.
+        """Derivative (k, nx) of x~ = S^-1 x with respect to τ = t / T, of order 1, 2 or 3, at fractions τ (k,).
 
         From a spline through the rates at all of the scheme's points, so that the third derivative exists whatever the
         scheme.
@@ -164,7 +172,7 @@ class Solution:
         return CubicSpline(tau, rates * self.duration / self.problem.state_scale, axis=0)
 
     def with_replay(self, replay: ReplayResult, replay_ms: float) -> Solution:
-        """Return the solution with its replay."""
+        """Return the solution with its replay, which took ``replay_ms`` [ms]."""
         return dataclasses.replace(self, replay=replay, timing=self.timing + Timing(replay_ms=replay_ms))
 
     def _locate(self, times: Array) -> tuple[Integers, Array]:
@@ -176,7 +184,7 @@ class Solution:
 
 
 def along(problem: ProblemFunctions, x: Array, u: Array, t: Array, p: Array) -> Array:
-    """f (n, nx) at states (n, nx), controls (n, nu) and times (n,)."""
+    """Rates f(x, u, t; p) (n, nx) at states (n, nx), controls (n, nu) and times (n,) [s], parameters p (np,)."""
     mapped = problem.dynamics.map(len(t))
     rates = mapped(x.T, u.T, t[None, :], np.tile(p[:, None], (1, len(t))))
     return np.array(rates.full().T)

@@ -27,7 +27,7 @@ DEFAULT = Options()
 
 
 class Transcription:
-    """One programme with its solver; ``build_ms`` is what making it took."""
+    """A programme with its solver, solved for any guess, grid and parameters; ``build_ms`` [ms] is its build time."""
 
     def __init__(
         self,
@@ -37,6 +37,11 @@ class Transcription:
         nodes: int,
         options: Options,
     ) -> None:
+        """Build programme and solver for N = ``nodes`` nodes.
+
+        Raises ProblemError for FATROP with a scheme that is not explicit, and for a distribution that cannot place so
+        few nodes.
+        """
         began = time.perf_counter()
         if options.backend.startswith("fatrop") and not scheme.explicit:
             raise ProblemError(
@@ -55,10 +60,16 @@ class Transcription:
         grid: Grid | None = None,
         parameters: Array | None = None,
     ) -> Solution:
-        """A solution from a guess: another solution, or the problem's own.
+        """Solve from a guess; failure is in the solution's status. There is no replay yet.
 
-        ``grid`` is where the nodes are or, if they are unknowns, where they start; ``parameters`` (np,) the nominal
-        ones unless given.
+        Args:
+            guess: another solution, on any grid and by any scheme; None for the problem's own guess.
+            grid: N nodes or, where the nodes are unknowns, their guess; None for the guess's, or uniform ones.
+            parameters: (np,) values of the problem's parameters; None for the nominal ones.
+
+        Raises:
+            ProblemError: for a grid of another number of nodes, parameters of another shape, and a guess with other
+                numbers of states or controls.
         """
         p = self.problem.nominal if parameters is None else parameters
         where = grid or (guess.grid if guess is not None else Grid(np.linspace(0.0, 1.0, self.nodes)))
@@ -146,9 +157,18 @@ def transcription(
     distribution: NodeDistribution = FIXED,
     options: Options = DEFAULT,
 ) -> Transcription:
-    """The transcription, built once.
+    """The transcription for these arguments, built once and kept.
 
-    Raises ProblemError for what is not the functions of a problem, an ``OptimalControlProblem`` itself for one.
+    Args:
+        problem: the problem as compiled functions.
+        scheme: equations of an interval.
+        nodes: N >= 2.
+        distribution: places of the nodes; ``Fixed`` for those of a given grid.
+        options: solver and tolerance.
+
+    Raises:
+        ProblemError: for a problem that is no ``ProblemFunctions``, an ``OptimalControlProblem`` itself for one, and as
+            ``Transcription`` does.
     """
     if not isinstance(problem, ProblemFunctions):
         raise ProblemError(

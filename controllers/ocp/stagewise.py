@@ -21,10 +21,10 @@ from mathnavi.sim.interfaces.signals import Integers
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Rows and a share of the objective that are the same expressions of several parts of the unknowns."""
+    """Rows r(v; data) and a share c(v; data) of the objective, the same expressions of several parts of x."""
 
     v: ca.SX  # (nv,) a copy's unknowns
-    data: ca.SX  # (nd,) what is known of a copy
+    data: ca.SX  # (nd,) a copy's known values
     rows: ca.SX  # (nr,)
     cost: ca.SX  # ()
     columns: Integers  # (copies, nv) where in x each copy's unknowns stand, in increasing order
@@ -33,16 +33,17 @@ class Block:
 
     @property
     def copies(self) -> int:
+        """Number of parts of x that the expressions are of."""
         return len(self.columns)
 
     @cached_property
     def multipliers(self) -> ca.SX:
-        """(1 + nr,) σ of the objective and μ of the rows."""
+        """Symbols (1 + nr,): σ of the objective and μ of the rows."""
         return ca.SX.sym("m", 1 + self.rows.numel())
 
     @cached_property
     def lagrangian(self) -> ca.SX:
-        """σ c + μ'r."""
+        """A copy's share () of the Lagrangian, σ c + μ'r."""
         return self.multipliers[0] * self.cost + ca.dot(self.multipliers[1:, :], self.rows)
 
 
@@ -68,25 +69,32 @@ class _Entries:
 
 
 class Assembly:
-    """Objective, constraints and their derivatives for the unknowns x (n,), parameters p and m rows."""
+    """Objective f, rows g and their derivatives, from the derivatives of each block."""
 
     def __init__(self, x: ca.MX, p: ca.MX, rows: int, blocks: Sequence[Block]) -> None:
+        """Assemble blocks whose ``places`` cover each of the ``rows`` m once; x (n,) unknowns, p parameters."""
         self._x, self._p, self._m, self._blocks = x, p, rows, tuple(blocks)
         self._sigma, self._mu = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", rows)
 
     @property
     def f(self) -> ca.MX:
+        """Objective f(x, p) () = Σ_b Σ_k c_b(v_bk)."""
         costs = [self._called(block, "cost", block.cost) for block in self._blocks]
         return sum((ca.sum2(cost) for cost in costs), ca.MX(0))
 
     @property
     def g(self) -> ca.MX:
+        """Rows g(x, p) (m,), each at its place."""
         values = [ca.vec(self._called(block, "rows", block.rows)) for block in self._blocks]
         places = np.concatenate([block.places.ravel() for block in self._blocks])
         return ca.vertcat(*values)[np.argsort(places).tolist()]
 
     def derivatives(self, solver: str) -> dict[str, ca.Function]:
-        """Gradient, Jacobian and Hessian under the names and with the results that CasADi's ``solver`` asks for."""
+        """Gradient, Jacobian and Hessian under the names and with the results that CasADi's ``solver`` asks for.
+
+        ∇f (n,), ∂g/∂x (m, n) and the Hessian (n, n) of σ f + μ'g, its upper triangle for "ipopt" whole for
+        any other.
+        """
         known, names = [self._x, self._p], ["x", "p"]
         all_known, all_names = [*known, self._sigma, self._mu], [*names, "lam_f", "lam_g"]
         gradient = self._gradient("gradient", [block.cost for block in self._blocks])
@@ -115,9 +123,9 @@ class Assembly:
         called: ca.MX = ca.Function(name, symbols, [result], {"cse": True}).map(block.copies)(*given)
         return called
 
-    def _gradient(self, name: str, of: Sequence[ca.SX]) -> ca.MX:
+    def _gradient(self, name: str, expressions: Sequence[ca.SX]) -> ca.MX:
         values, columns = [], []
-        for block, expression in zip(self._blocks, of, strict=True):
+        for block, expression in zip(self._blocks, expressions, strict=True):
             values.append(ca.vec(self._called(block, name, ca.gradient(expression, block.v))))
             columns.append(block.columns.ravel())
         every = np.concatenate(columns)
@@ -127,7 +135,7 @@ class Assembly:
         return self._matrix("jacobian", [(ca.jacobian(b.rows, b.v), b.places) for b in self._blocks], self._m)
 
     def _hessian(self) -> ca.MX:
-        """Its upper triangle."""
+        """Upper triangle (n, n) of the Hessian of σ f + μ'g."""
         hessians = [(ca.triu(ca.hessian(b.lagrangian, b.v)[0]), b.columns) for b in self._blocks]
         return self._matrix("hessian", hessians, self._x.numel())
 

@@ -53,8 +53,8 @@ def deviation(bandwidth: float, preview: float) -> Deviation:
     start = np.zeros((4, 3))
     z = np.array([advanced(start, breaks, x, u, -preview, float(at), preview, bandwidth)[:, 0] for at in t])
     after = np.maximum(t, 0.0)
-    off = z[:, 0] - 0.5 * after**2, z[:, 1] - after, z[:, 2]
-    return Deviation(*(float(np.abs(np.diff(part)).sum()) for part in off))
+    errors = z[:, 0] - 0.5 * after**2, z[:, 1] - after, z[:, 2]
+    return Deviation(*(float(np.abs(np.diff(part)).sum()) for part in errors))
 
 
 class ReferenceFilter:

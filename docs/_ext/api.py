@@ -90,25 +90,25 @@ def _heading(text: str, level: str) -> list[str]:
     return [inline(text), HEADING[level] * (len(text) + 4), ""]
 
 
-def _members(module: Module, body: Iterable[ast.stmt], of: ast.ClassDef | None) -> list[str]:
+def _members(module: Module, body: Iterable[ast.stmt], owner: ast.ClassDef | None) -> list[str]:
     """The public statements of a module or a class as reStructuredText."""
     lines: list[str] = []
     statements = list(body)
     for k, node in enumerate(statements):
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             lines += _class(module, node)
-        elif isinstance(node, Function) and _shown(node, of):
-            lines += _function(module, node, of)
+        elif isinstance(node, Function) and _shown(node, owner):
+            lines += _function(module, node, owner)
         elif isinstance(node, (ast.AnnAssign, ast.Assign)):
             below = statements[k + 1] if k + 1 < len(statements) else None
-            lines += _data(module, node, below, of)
+            lines += _data(module, node, below, owner)
     return lines
 
 
-def _shown(node: Function, of: ast.ClassDef | None) -> bool:
+def _shown(node: Function, owner: ast.ClassDef | None) -> bool:
     if any(ast.unparse(mark).endswith("overload") for mark in node.decorator_list):
         return False  # the implementation stands below, with the docstring
-    return not node.name.startswith("_") or (of is not None and node.name == "__call__")
+    return not node.name.startswith("_") or (owner is not None and node.name == "__call__")
 
 
 def _class(module: Module, node: ast.ClassDef) -> list[str]:
@@ -123,20 +123,20 @@ def _class(module: Module, node: ast.ClassDef) -> list[str]:
     return _directive("class", f"{node.name}{signature}", (), inside)
 
 
-def _function(module: Module, node: Function, of: ast.ClassDef | None) -> list[str]:
+def _function(module: Module, node: Function, owner: ast.ClassDef | None) -> list[str]:
     marks = {ast.unparse(mark).partition("(")[0].rpartition(".")[2] for mark in node.decorator_list}
     returns = module.type_text(node.returns)
     text = prose(ast.get_docstring(node))
     if marks & {"property", "cached_property"}:
         return _directive("property", node.name, ((":type:", returns),), text)
-    kept = of is None or "staticmethod" in marks
+    kept = owner is None or "staticmethod" in marks
     signature = f"{node.name}({_arguments(module, node.args, skip=0 if kept else 1)}){returns and f' -> {returns}'}"
     options = tuple((f":{mark}:", "") for mark in ("staticmethod", "classmethod", "abstractmethod") if mark in marks)
-    return _directive("function" if of is None else "method", signature, options if of else (), text)
+    return _directive("function" if owner is None else "method", signature, options if owner else (), text)
 
 
 def _data(
-    module: Module, node: ast.AnnAssign | ast.Assign, below: ast.stmt | None, of: ast.ClassDef | None
+    module: Module, node: ast.AnnAssign | ast.Assign, below: ast.stmt | None, owner: ast.ClassDef | None
 ) -> list[str]:
     """A field or a constant, if it is public and something is said of it or it has a type."""
     target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
@@ -145,13 +145,13 @@ def _data(
     said = beside(node, module.comments)
     if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant) and isinstance(below.value.value, str):
         said = below.value.value
-    if of is None and not said:
+    if owner is None and not said:
         return []
     value = ast.unparse(node.value) if node.value is not None else ""
     options = [(":type:", module.type_text(node.annotation) if isinstance(node, ast.AnnAssign) else "")]
     if len(value) <= 100 and not value.startswith("field("):
         options.append((":value:", value))
-    kind = "data" if of is None else "attribute"
+    kind = "data" if owner is None else "attribute"
     return _directive(kind, target.id, [pair for pair in options if pair[1]], prose(said))
 
 

@@ -1,4 +1,4 @@
-"""What is said here about the software is read from it when the pages are built, so that it cannot go stale.
+"""Parts of the pages that are read from the software when they are built, so that they cannot go stale.
 
 A line ``<!-- generated: NAME -->`` of a page gives way to what ``PARTS[NAME]`` writes in Markdown, and a line
 ``<!-- outside: PATH -->`` to a file of the repository, its links made to lead there from the page.
@@ -45,7 +45,7 @@ def commands() -> str:
         parts.append(f"## mathnavi {name}\n\n{purpose[0].upper()}{purpose[1:]}.\n\n{_fence(usage)}")
         for action in dict.fromkeys(re.findall(rf"^(?:usage:)? *mathnavi {name} ([a-z]\w*) ", usage, re.MULTILINE)):
             parts.append(f"### mathnavi {name} {action}\n\n{_fence(_printed(name, action, '--help'))}")
-        if name in OWN and "--help " not in usage.partition("options")[2]:  # else the help has told them
+        if name in OWN and "--help " not in usage.partition("options")[2]:  # else the help has shown them
             parts.append(table(EntryPoint(name, OWN[name][0], "").load()))
     return "\n\n".join(parts)
 
@@ -61,7 +61,7 @@ def scenarios() -> str:
     for name in names("scenarios"):
         scenario = load("scenarios", name)
         parts.append(
-            f"## {name}\n\n{_said(scenario)}\n\n"
+            f"## {name}\n\n{_docstring(scenario)}\n\n"
             f"```sh\nmathnavi run {name}\n```\n\n"
             f"Controller `{scenario.controller}`, estimator `{scenario.estimator}`, unless others are asked for.\n\n"
             f"{table(scenario.Config)}"
@@ -74,14 +74,14 @@ def plug_ins() -> str:
     parts = []
     for kind, group in GROUPS.items():
         points = sorted(entry_points(group=group))
-        rows = [(_code(point.name), _first(point.load()), _code(point.value)) for point in points]
+        rows = [(_code(point.name), _first_paragraph(point.load()), _code(point.value)) for point in points]
         parts.append(f"## {kind.capitalize()}\n\nGroup `{group}`.\n\n{_rows(('name', 'what it is', 'class'), rows)}")
         prefix = {"controllers": "planner", "estimators": "estimator"}.get(kind)
         for point in points if prefix else ():
             plugin = point.load()
             mission = get_type_hints(plugin.build).get("mission")
             fits = f" It is built for a `{mission.__name__}`." if isinstance(mission, type) else ""
-            parts.append(f"### {point.name}\n\n{_said(plugin)}{fits}\n\n{table(plugin.Config, prefix or '')}")
+            parts.append(f"### {point.name}\n\n{_docstring(plugin)}{fits}\n\n{table(plugin.Config, prefix or '')}")
     return "\n\n".join(parts)
 
 
@@ -90,15 +90,15 @@ PARTS: dict[str, Callable[[], str]] = {
 }  # fmt: skip
 
 
-def table(of: type, prefix: str = "") -> str:
+def table(owner: type, prefix: str = "") -> str:
     """The flags of a frozen dataclass: what is given with each, its default, what it means."""
-    rows = list(_leaves(of, prefix, None))
+    rows = list(_leaves(owner, prefix, None))
     return _rows(("flag", "value", "default", "meaning"), rows) if rows else "It has no fields."
 
 
-def _leaves(of: type, prefix: str, default: Any) -> Iterator[tuple[str, str, str, str]]:
-    hints, texts = get_type_hints(of, include_extras=True), field_help(of)
-    for entry in dataclasses.fields(of):
+def _leaves(owner: type, prefix: str, default: Any) -> Iterator[tuple[str, str, str, str]]:
+    hints, texts = get_type_hints(owner, include_extras=True), field_help(owner)
+    for entry in dataclasses.fields(owner):
         value = getattr(default, entry.name) if default is not None else _default(entry)
         hint: Any = hints[entry.name]
         marks: tuple[Any, ...] = ()
@@ -155,16 +155,16 @@ def _shown(value: Any) -> str:
     return _code(f"{value:.6g}" if isinstance(value, float) else str(value))
 
 
-def _said(of: Any) -> str:
-    return "\n\n".join(_escaped(paragraph) for paragraph in inspect.cleandoc(of.__doc__ or "").split("\n\n"))
+def _docstring(documented: Any) -> str:
+    return "\n\n".join(_escaped(paragraph) for paragraph in inspect.cleandoc(documented.__doc__ or "").split("\n\n"))
 
 
-def _first(of: Any) -> str:
-    return _escaped(inspect.cleandoc(of.__doc__ or "").partition("\n\n")[0])
+def _first_paragraph(documented: Any) -> str:
+    return _escaped(inspect.cleandoc(documented.__doc__ or "").partition("\n\n")[0])
 
 
 def _printed(*words: str) -> str:
-    """What a command prints for its help, in a terminal of ``COLUMNS``."""
+    """Help text of a command, in a terminal of ``COLUMNS``."""
     before = os.environ.get("COLUMNS")
     os.environ["COLUMNS"] = COLUMNS
     try:

@@ -28,7 +28,7 @@ def inline(text: str) -> str:
     for k, part in enumerate(parts):
         if k % 2 == 0:
             parts[k] = re.sub(r"([\\*`|_]|(?<!http)(?<!https):(?=\S))", r"\\\1", part)
-        else:  # a literal begins and ends beside a space or a sign; where a letter stands, reST is told that it does
+        else:  # a literal begins and ends beside a space or a sign; beside a letter, reST needs an escaped space
             before, after = parts[k - 1][-1:], parts[k + 1][:1]
             parts[k] = "\\ " * before.isalnum() + part + "\\ " * after.isalnum()
     return "".join(parts)

@@ -20,11 +20,15 @@ from mathnavi.sim.interfaces.signals import Array
 
 
 @dataclass(frozen=True)
-class GustModel:
-    """First-order Gauss-Markov force per unit mass on each axis, its vector clipped to a length."""
+class DeclaredGusts:
+    """The gusts that a mission declares: a first-order Gauss-Markov force per unit mass on each axis, map frame.
+
+    w' = -w / time_constant + white noise, with the standard deviation ``rms`` on each axis; the vector is clipped to
+    the length ``limit``. Tracking bounds and estimators allow for these; the gusts that act are a disturbance.
+    """
 
     rms: float = 0.0  # [m/s^2] on each axis, before clipping
-    time_constant: float = 3.0  # [s]
+    time_constant: float = 3.0  # [s] of the correlation
     limit: float = 4.0  # [m/s^2] on the Euclidean norm
 
 
@@ -42,7 +46,7 @@ class EstimateQuality:
     estimates_gust: bool = False  # whether an estimate carries the gust as extra["gust"], (3,) [m/s^2]
 
     @staticmethod
-    def exact(gust: GustModel) -> EstimateQuality:
+    def exact(gust: DeclaredGusts) -> EstimateQuality:
         """Quality of a sensor that reads the state without error: only the gusts drive the loop."""
         driving = np.zeros((3, 3))
         driving[2, 2] = 2.0 * gust.rms**2 / gust.time_constant
@@ -63,8 +67,8 @@ class FlightMission:
     arrival_radius: float = 50.0  # [m] r_f
     position_noise: float = 0.0  # [m] standard deviation of a position reading, per axis
     position_rate: float = 10.0  # [Hz] of the position fixes
-    gust: GustModel = GustModel()
-    quality: EstimateQuality = field(default_factory=lambda: EstimateQuality.exact(GustModel()))
+    gust: DeclaredGusts = DeclaredGusts()
+    quality: EstimateQuality = field(default_factory=lambda: EstimateQuality.exact(DeclaredGusts()))
     control_period: float = CONTROL_TICKS * TICK  # [s] of estimator and tracker
     radars: tuple[Radar, ...] = ()  # known from the start; others come as messages
     cruise_level: float = -math.inf  # [m] below which no completion path flies level: of a fleet, each has its own

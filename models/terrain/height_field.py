@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,17 +18,23 @@ from numpy.typing import ArrayLike
 from mathnavi.models.terrain import kernels
 from mathnavi.models.terrain.kernels import Booleans, arc_clearance
 from mathnavi.sim.interfaces.errors import TerrainError
+from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table
 from mathnavi.sim.interfaces.signals import Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class HeightField:
     """A rectangular map of heights on a square grid, linear on each triangle.
+
+    From an array of one's own, heights (rows, cols) [m] whose row 0 is the south edge and column 0 the west edge:
+
+        heights = np.loadtxt("heights.csv", delimiter=",")[::-1]  # a table whose first line is the north edge
+        terrain = HeightField(heights, spacing=30.0, name="mine")
 
     Raises TerrainError for heights or a spacing that make no map.
     """
 
-    z: Array = field(repr=False)  # (rows, cols) [m] above sea level; row 0 south, column 0 west; read-only
+    z: Array  # (rows, cols) [m] above sea level; row 0 south, column 0 west; read-only
     spacing: float  # [m] between neighbouring nodes, both ways
     name: str = "unnamed"
     source: str = ""
@@ -57,6 +63,21 @@ class HeightField:
     def __reduce__(self) -> tuple[type[HeightField], tuple[Array, float, str, str, str]]:
         # Pickle forgets that an array is read-only; the constructor restores it in the worker.
         return HeightField, (self.z, self.spacing, self.name, self.source, self.licence)
+
+    def _table(self) -> tuple[str, list[Row]]:
+        """Title and rows of the table that stands for the terrain."""
+        rows, columns = self.z.shape
+        return f"terrain {self.name!r}", [
+            ("shape", f"{rows} x {columns}", "nodes"),
+            ("spacing", f"{self.spacing:g}", "m"),
+            ("heights", f"{self.z.min():.1f} to {self.z.max():.1f}", "m"),
+        ]
+
+    def __repr__(self) -> str:
+        return short_table(*self._table())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self._table())
 
     @property
     def width(self) -> float:

@@ -60,10 +60,10 @@ def map_figure(run: FleetRun) -> Figure:
 
 def _slots(axes: Axes, run: FleetRun, middle: Array) -> float:
     """Paths about the slots, as seen from above; circles are the arrival radius. Half the side [m] of what is shown."""
-    off = [1e3 * (flight.mission.target[:2] / 1e3 - middle) for flight in run.flights]
-    reach = 1.7 * max(float(np.abs(each).max()) for each in off) + 100.0
+    slots = [1e3 * (flight.mission.target[:2] / 1e3 - middle) for flight in run.flights]
+    reach = 1.7 * max(float(np.abs(each).max()) for each in slots) + 100.0
     angle = np.linspace(0.0, 2.0 * np.pi, 73)
-    for place, (flight, colour, _) in zip(off, _each(run), strict=True):
+    for place, (flight, colour, _) in zip(slots, _each(run), strict=True):
         path = flight.x[:, :2] - 1e3 * middle
         shown = np.flatnonzero((np.abs(path) < 3.0 * reach).all(axis=1))
         if len(shown):

@@ -34,17 +34,17 @@ def overlay(run: LagrangianRun, frame: Frame) -> Overlay:
     config, k = run.log.config, run.belief(frame.t)
     estimator = called("estimators", str(config["estimator"]["name"])).rpartition(":")[2].replace("_", " ")
     speed = float(np.linalg.norm(run.log.x[run.index(frame.t), run.manifold.size :]))
-    found, off, place, note = "", "–", "–", ""
+    found, error, place, note = "", "–", "–", ""
     if k >= 0 and math.isfinite(run.velocity_error[k]):
         found = f"estimated {float(np.linalg.norm(run.velocity[1][k])):.2f}"
-        off = amount(float(run.velocity_error[k]))
+        error = amount(float(run.velocity_error[k]))
         place = distance(run, k)
         note = f"drawn ×{run.magnification:,.0f}" if run.magnification > 1.0 else ""
     return Overlay(
         title=[f"mathnavi · {config['scenario']} · {estimator} · seed {config['seed']}", subject(run)],
         numbers=(
             ("TIME", f"{frame.t:.2f} s", pace(frame, run.duration)),
-            (f"VELOCITY OFF BY [{run.unit}]", off, ""),
+            (f"VELOCITY OFF BY [{run.unit}]", error, ""),
             (f"SPEED [{run.unit}]", f"{speed:.2f}", found),
             ("POSITION OFF BY", place, note),
         ),

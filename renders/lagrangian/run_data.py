@@ -76,11 +76,11 @@ class LagrangianRun(LoggedRun):
         """(m, nv) true and estimated, the latter moved to where the system is; NaN where there is no one way there."""
         n, manifold = self.manifold.size, self.manifold
         v = self.truth[:, n:]
-        off = [
+        error = [
             manifold.vector(x[:n], c) if np.isfinite(c).all() else np.full(manifold.vector_size, np.nan)
             for x, c in zip(self.truth, self.errors.components, strict=True)
         ]
-        return v, v - np.array(off)
+        return v, v - np.array(error)
 
     @property
     def velocity_names(self) -> tuple[str, ...]:

@@ -111,8 +111,8 @@ class MechanismScene(Staged):
             self._add_ghost(reference, SceneElement.REFERENCE, REFERENCE_SHOWN * min(apart / MERGED, 1.0))
         k = run.belief(t)
         if k >= 0:
-            off = run.apart(k)
-            clear = 1.0 if off is None else min(run.magnification * float(np.abs(off).max()) / MERGED, 1.0)
+            error = run.apart(k)
+            clear = 1.0 if error is None else min(run.magnification * float(np.abs(error).max()) / MERGED, 1.0)
             self._add_ghost(run.drawn(k), SceneElement.ESTIMATE, FAINT + (SHOWN - FAINT) * clear)
             found = np.concatenate([run.truth[k, : run.manifold.size], run.velocity[1][k]])
             if np.isfinite(found).all():

@@ -152,13 +152,13 @@ def angles_figure(run: MissileRun) -> Figure:
         speed.set(ylabel="speed [m/s]", title="Speed, angle of attack, distance from the plan")
         attack.plot(run.t[i], np.degrees(run.attack[i]), color=FLOWN)
         attack.set(ylabel="attack [deg]")
-        off = np.linalg.norm(run.coordinates.place(run.x) - run.coordinates.place(run.reference), axis=1)
-        largest = float(np.nanmax(off, initial=0.0))
+        distance = np.linalg.norm(run.coordinates.place(run.x) - run.coordinates.place(run.reference), axis=1)
+        largest = float(np.nanmax(distance, initial=0.0))
         unit = next((unit for unit, factor in LENGTHS.items() if factor * largest >= 1.0), "m")
         error.set(ylabel=f"off the plan [{unit}]", xlabel="time [s]", xlim=(0.0, run.duration))
         if run.log.plans:
-            i = thinned(len(run.t), int(np.nanargmax(off)))
-            error.plot(run.t[i], LENGTHS[unit] * off[i], color=FLOWN)
+            i = thinned(len(run.t), int(np.nanargmax(distance)))
+            error.plot(run.t[i], LENGTHS[unit] * distance[i], color=FLOWN)
             error.set_ylim(bottom=0.0)
     return figure
 

@@ -41,12 +41,12 @@ def tracking_figure(run: QuadrotorRun) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = canvas(9.4, 3.9)
         panels = figure.subplots(2, 1, sharex=True)
-        for axes, off, name in zip(panels, run.tracking_error.T, run.bound, strict=True):
-            i = thinned(len(run.flight.t), int(np.argmax(np.nan_to_num(off))))
-            axes.plot(run.flight.t[i], 100.0 * off[i], color=_LINE, lw=1.0)
+        for axes, error, name in zip(panels, run.tracking_error.T, run.bound, strict=True):
+            i = thinned(len(run.flight.t), int(np.argmax(np.nan_to_num(error))))
+            axes.plot(run.flight.t[i], 100.0 * error[i], color=_LINE, lw=1.0)
             axes.axhline(100.0 * run.bound[name], color=BOUND, ls=":", lw=1.2)
             axes.set(
-                ylabel=f"{name} [cm]", ylim=(0.0, 115.0 * max(run.bound[name], float(np.nanmax(off, initial=0.0))))
+                ylabel=f"{name} [cm]", ylim=(0.0, 115.0 * max(run.bound[name], float(np.nanmax(error, initial=0.0))))
             )
         panels[0].set_title("Off the plan, against the bound in the certificate (dotted)")
         panels[1].set(xlabel="time [s]", xlim=(0.0, run.duration))

@@ -114,12 +114,12 @@ def pose_figure(run: RangingRun) -> Figure:
         for row, (axes, name, factor) in enumerate(
             zip(drawn, ("x₁ [m]", "x₂ [m]", "φ [deg]"), (1.0, 1.0, 180.0 / math.pi), strict=True)
         ):
-            off = run.beliefs.x[i, row] - run.mirrored[i, row]
+            error = run.beliefs.x[i, row] - run.mirrored[i, row]
             if row == 2:
-                off = wrapped(off)
+                error = wrapped(error)
             true = factor * run.mirrored[i, row]
             axes.plot(t, true, color=DRIVEN, lw=2.4, label="image of the truth" if run.image else "true")
-            axes.plot(t, true + factor * off, color=ESTIMATE, lw=1.4, label="estimate")
+            axes.plot(t, true + factor * error, color=ESTIMATE, lw=1.4, label="estimate")
             axes.set_ylabel(name)
         drawn[0].set_title("Pose")
         drawn[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)

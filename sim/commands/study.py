@@ -24,7 +24,7 @@ from mathnavi.sim.plugin.registry import load, names
 from mathnavi.sim.records.claims import Claim, ledger
 from mathnavi.sim.records.files import write_text
 from mathnavi.sim.records.store import Store, StoreWriteError
-from mathnavi.sim.studies.framework.study import Setup, StudyError, first_look, on_terrain, write_findings
+from mathnavi.sim.studies.framework.study import Setup, StudyError, first_look, on_terrain, write_result
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import LostError, check
 from mathnavi.sim.sweep.execution import available_cores
@@ -194,7 +194,7 @@ def _study(
             raise StudyError(str(error)) from error
         with bad_input():
             small = first_look(config)
-            write_findings(site.folder, name.replace(":", "."), plugin.title, findings, setup, command, small)
+            write_result(site.folder, name.replace(":", "."), plugin.title, findings, setup, command, small)
     claims: Sequence[Claim] = findings.claims
     return claims
 

@@ -23,6 +23,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.records.statistics import checked_sample
 
 _ROUND_OFF = 1e-14  # of an eigenvalue, over the largest
 _AT_ONCE = 1_000_000  # numbers that are drawn together
@@ -85,7 +86,7 @@ def consistency(squares: Sequence[float] | Array, degrees: int, confidence: floa
 
     ValueError for none, for NaN, for degrees < 1 and for a confidence that is not between 0 and 1.
     """
-    values = _checked(squares, "squares", confidence)
+    values = checked_sample(squares, "squares", confidence)
     if degrees < 1:
         raise ValueError(f"degrees = {degrees!r}; allowed: a whole number >= 1")
     n, tail = len(values), 0.5 * (1.0 - confidence)
@@ -97,7 +98,7 @@ def root_mean_square(
     values: Sequence[float] | Array, rng: np.random.Generator, confidence: float = 0.95, resamples: int = 9999
 ) -> RootMeanSquare:
     """Root mean square of RMS values (n,) of independent runs; no band for one. ValueError for none and NaN."""
-    squares = np.square(_checked(values, "values", confidence))
+    squares = np.square(checked_sample(values, "values", confidence))
     if resamples < 1:
         raise ValueError(f"resamples = {resamples!r}; allowed: a whole number >= 1")
     n, value = len(squares), math.sqrt(squares.mean())
@@ -110,14 +111,3 @@ def root_mean_square(
     tails = (0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence))
     low, high = np.sqrt(np.quantile(np.concatenate(means), tails, method="inverted_cdf"))
     return RootMeanSquare(value, float(low), float(high), n, confidence)
-
-
-def _checked(values: Sequence[float] | Array, name: str, confidence: float) -> Array:
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence = {confidence!r}; allowed: between 0 and 1")
-    x = np.asarray(values, dtype=np.float64)
-    if x.ndim != 1 or x.size == 0:
-        raise ValueError(f"{name} have shape {x.shape}; allowed: (n,), n >= 1")
-    if np.isnan(x).any():
-        raise ValueError(f"{name}: {np.count_nonzero(np.isnan(x))} of {x.size} are NaN; allowed: numbers")
-    return x

@@ -46,21 +46,21 @@ def least_separation(recording: Recording, names: Sequence[str]) -> tuple[float,
     """
     nearest, pair = np.inf, ("", "")
     for one, other in combinations(names, 2):
-        off = recording.truths[one][:, :3] - recording.truths[other][:, :3]
-        least = float(_least_of_segments(off))
+        separation = recording.truths[one][:, :3] - recording.truths[other][:, :3]
+        least = float(_least_of_segments(separation))
         if least < nearest:
             nearest, pair = least, (one, other)
     return nearest, pair
 
 
-def _least_of_segments(off: Array) -> float:
+def _least_of_segments(points: Array) -> float:
     """The least |.| along the polygon through (n, 3)."""
-    if len(off) < 2:
-        return float(np.linalg.norm(off[0]))
-    along = np.diff(off, axis=0)
+    if len(points) < 2:
+        return float(np.linalg.norm(points[0]))
+    along = np.diff(points, axis=0)
     square = np.einsum("ij,ij->i", along, along)
-    share = -np.einsum("ij,ij->i", off[:-1], along) / np.where(square > 0.0, square, 1.0)
-    nearest = off[:-1] + np.clip(share, 0.0, 1.0)[:, None] * along
+    share = -np.einsum("ij,ij->i", points[:-1], along) / np.where(square > 0.0, square, 1.0)
+    nearest = points[:-1] + np.clip(share, 0.0, 1.0)[:, None] * along
     return float(np.linalg.norm(nearest, axis=1).min())
 
 

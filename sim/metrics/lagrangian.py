@@ -95,14 +95,14 @@ def errors_of(manifold: Manifold, truth: Array, estimate: Array) -> tuple[float,
     n = manifold.size
     x, v, xi, eta = truth[:n], truth[n:], estimate[:n], estimate[n:]
     try:
-        off = v - manifold.transport(xi, x, eta)
+        error = v - manifold.transport(xi, x, eta)
         s = -manifold.log(x, xi)
     except CutLocusError:
         nothing = np.full(manifold.dimension, np.inf)
         return manifold.injectivity_radius, nothing, math.inf, np.full(3, np.nan)
-    speed, theta, both = manifold.norm(x, off), manifold.norm(x, s), manifold.norm(x, s + off)
+    speed, theta, both = manifold.norm(x, error), manifold.norm(x, s), manifold.norm(x, s + error)
     product = 0.5 * (both**2 - speed**2 - theta**2)
-    return theta, manifold.components(x, off), speed, np.array([0.5 * speed**2, 0.5 * theta**2, product])
+    return theta, manifold.components(x, error), speed, np.array([0.5 * speed**2, 0.5 * theta**2, product])
 
 
 def rms(values: Array) -> float:

@@ -119,7 +119,7 @@ def missile_summary(
     applied = np.clip(command, -limits, limits)
     saturated = (np.abs(command[:-1]) / limits).max(axis=1) > 1.0 + _ROUND_OFF
     flown = np.flatnonzero(t <= end.t)
-    off = coordinates.place(x) - coordinates.place(references(t, agent.plans, coordinates, mission.body))
+    error = coordinates.place(x) - coordinates.place(references(t, agent.plans, coordinates, mission.body))
     velocity = coordinates.velocity(end.x)
     return {
         "miss_m": end.miss,
@@ -134,7 +134,7 @@ def missile_summary(
         "apex_m": float(joints[:, coordinates.joints.index("z")].max()),
         "attack_angle_max_deg": math.degrees(float(attack_angles(x[flown], coordinates).max())),
         "saturated_s": float(np.diff(t)[saturated].sum()),
-        "tracking_error_max_m": float(np.nanmax(np.linalg.norm(off, axis=1)[flown], initial=0.0)),
+        "tracking_error_max_m": float(np.nanmax(np.linalg.norm(error, axis=1)[flown], initial=0.0)),
         "inputs_clipped": kinds["input-clipped"],
         "replans": agent.requests,
         "plans_adopted": len(agent.plans),

@@ -52,7 +52,7 @@ def ledger(over_terrain: Mapping[str, Sequence[Claim]], without: Sequence[Claim]
         tables.append(f"## Over terrain\n\n{_over_terrain(over_terrain)}")
     if without:
         head = ["id", "kind", "claim", "where in the thesis", "expected", "measured", "holds"]
-        tables.append(f"## Without terrain\n\n{_table(head, [[*_told(c), c.measured, c.verdict] for c in without])}")
+        tables.append(f"## Without terrain\n\n{_table(head, [[*_cells(c), c.measured, c.verdict] for c in without])}")
         tallies.append(f"- without terrain: {tally(without)}.\n")
     return (
         "# Claims\n\n"
@@ -62,7 +62,7 @@ def ledger(over_terrain: Mapping[str, Sequence[Claim]], without: Sequence[Claim]
     )
 
 
-def _told(claim: Claim) -> list[str]:
+def _cells(claim: Claim) -> list[str]:
     return [claim.id, claim.kind, claim.statement, claim.source, claim.expected]
 
 
@@ -76,7 +76,7 @@ def _over_terrain(claims: Mapping[str, Sequence[Claim]]) -> str:
     head += [f"{what} {terrain}" for terrain in claims for what in ("measured on", "holds on")]
     rows = []
     for name, claim in first.items():
-        row = _told(claim)
+        row = _cells(claim)
         for terrain in claims:
             found = by_id[terrain].get(name)
             row += [found.measured if found else "", found.verdict if found else VERDICTS[None]]

@@ -92,13 +92,8 @@ def median_band(
 
     ValueError for no values at all, and for NaN: what there is no number for has to be left out, and counted, before.
     """
-    _check_confidence(confidence)
-    x = np.sort(np.asarray(values, dtype=float))
+    x = np.sort(checked_sample(values, "values", confidence))
     n = x.size
-    if x.ndim != 1 or n == 0:
-        raise ValueError(f"values have shape {x.shape}; allowed: (n,), n >= 1")
-    if np.isnan(x).any():
-        raise ValueError(f"values: {np.count_nonzero(np.isnan(x))} of {n} are NaN; allowed: numbers")
     if resamples < 1:
         raise ValueError(f"resamples = {resamples!r}; allowed: a whole number >= 1")
     if n == 1:
@@ -116,6 +111,17 @@ def supported_band(values: Sequence[float] | Array, rng: np.random.Generator, co
     """
     band = median_band(values, rng, confidence)
     return band if 1.0 - 2.0 ** (1 - band.n) >= confidence else replace(band, low=math.nan, high=math.nan)
+
+
+def checked_sample(values: Sequence[float] | Array, name: str, confidence: float) -> Array:
+    """The sample as an array (n,); ValueError, with its name, for none and NaN, and for a confidence not in (0, 1)."""
+    _check_confidence(confidence)
+    x = np.asarray(values, dtype=np.float64)
+    if x.ndim != 1 or x.size == 0:
+        raise ValueError(f"{name} have shape {x.shape}; allowed: (n,), n >= 1")
+    if np.isnan(x).any():
+        raise ValueError(f"{name}: {np.count_nonzero(np.isnan(x))} of {x.size} are NaN; allowed: numbers")
+    return x
 
 
 def percent(p: float) -> str:

@@ -12,18 +12,18 @@ A scenario says the rest: its mission, its vehicle, its referee, its metrics and
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
+from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.certified import Certified
-from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.sim.engine.agent_runner import Agent
+from mathnavi.sim.engine.faults import Disturbed
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.network import Network
 from mathnavi.sim.interfaces.fields import plain
@@ -31,10 +31,42 @@ from mathnavi.sim.interfaces.protocols import Estimator, Planner, Plant, Sensor
 from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.fault_fields import Fault, with_disturbances, with_planner_faults, with_sensor_faults
-from mathnavi.sim.scenarios.random_streams import RandomStreams
-from mathnavi.sim.scenarios.redraw import generator
+from mathnavi.sim.scenarios.fault_fields import Fault, kinds
+from mathnavi.sim.scenarios.redraw import BlockGenerator, generator
 from mathnavi.sim.scenarios.task import Task
+
+_UNLISTED = 2**32 - 1  # in the spawn key of a stream that is not listed, where no child that is counted ever comes
+
+
+class RandomStreams:
+    """The random generators of a run by name, one for each source of chance, all spawned from its seed.
+
+    The listed ones are the children of ``root``, in the order of their names. Any other name has a generator too,
+    which follows from the seed and the name alone: a new source of chance leaves what all others draw as it was.
+    """
+
+    def __init__(
+        self,
+        root: np.random.Generator,
+        names: Sequence[str] = (),
+        given: Mapping[str, np.random.Generator] | None = None,
+    ) -> None:
+        self.root = root
+        """the generator that all others are spawned from"""
+        self._named = {**(given or {}), **dict(zip(names, root.spawn(len(names)), strict=True))}
+
+    def __getitem__(self, name: str) -> np.random.Generator:
+        if name not in self._named:
+            parent = self.root.bit_generator.seed_seq
+            assert isinstance(parent, np.random.SeedSequence)
+            key = (*parent.spawn_key, _UNLISTED, zlib.crc32(name.encode()))
+            redraws = self.root.redraws if isinstance(self.root, BlockGenerator) else ()
+            self._named[name] = generator(np.random.SeedSequence(parent.entropy, spawn_key=key), redraws)
+        return self._named[name]
+
+    def split(self, name: str, count: int) -> list[RandomStreams]:
+        """Streams for each of so many vehicles, whose ``name`` is a child of the stream ``name`` of all."""
+        return [RandomStreams(child, given={name: child}) for child in self[name].spawn(count)]
 
 
 @dataclass(frozen=True)
@@ -94,19 +126,17 @@ class Assembler:
         """
         bound = None if certified_flight is None else TrackingBound
         raw, tracker = checked_controller(self.controller, mission, bound)
-        estimator = checked_estimator(self.estimator, mission)
-        carried = (*checked_sensors(self.estimator, mission), *others)
-        planner = with_planner_faults(raw, self.faults, self.streams)
-        sensors = with_sensor_faults(carried, self.faults, self.streams)
+        estimator = self.observer(mission)
+        planner, sensors = self.with_planner_faults(raw), self.sensors(mission, *others)
         if certified_flight is not None and getattr(self.controller.plugin, "certified", True):
-            planner = certified(planner, certified_flight, tracker.bound)
+            planner = Certified.of(planner, certified_flight, tracker.bound)
         return VehicleStack(sensors, estimator, planner, tracker)
 
     def first_plan(self, mission: Any, flight: FlightMission) -> Plan:
         """The certified planner's answer at the start; a controller without a certificate is held to it here too."""
         planner, tracker = checked_controller(self.controller, mission, TrackingBound)
         request = PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None)
-        return certified(planner, flight, tracker.bound).plan(request)
+        return Certified.of(planner, flight, tracker.bound).plan(request)
 
     def observer(self, mission: Any) -> Estimator:
         """The estimator alone; PluginError if it does not fit the mission."""
@@ -115,16 +145,36 @@ class Assembler:
     def sensors(self, mission: Any, *others: Sensor, streams: RandomStreams | None = None) -> tuple[Sensor, ...]:
         """The sensors alone that the estimator asks for, and ``others``, with their faults."""
         carried = (*checked_sensors(self.estimator, mission), *others)
-        return with_sensor_faults(carried, self.faults, streams or self.streams)
+        for faults, kind, stream in self._faults(streams):
+            rngs = stream.spawn(len(carried))  # each sensor draws from a generator of its own
+            carried = tuple(kind.on_sensor(faults, sensor, rng) for sensor, rng in zip(carried, rngs, strict=True))
+        return carried
+
+    def with_planner_faults(self, planner: Planner, streams: RandomStreams | None = None) -> Planner:
+        """A planner with its faults."""
+        for faults, kind, stream in self._faults(streams):
+            planner = kind.on_planner(faults, planner, stream)
+        return planner
+
+    def _faults(self, streams: RandomStreams | None = None) -> Iterator[tuple[Fault, type[Fault], np.random.Generator]]:
+        """Every fault: its fields, its class, and the stream that it draws from, of the streams of the run if none."""
+        for faults in self.faults:
+            for kind in kinds(faults):
+                yield faults, kind, (streams or self.streams)[kind.stream]
 
     # ---- plant
 
     def disturbed(self, plant: Plant, period: float, *, mass: float) -> Plant:
-        """The plant with its disturbances, for vehicles of a mass [kg] and planners of a period [s].
+        """The plant with its disturbances, for vehicles of a mass [kg] and planners of a period [s]; itself for none.
 
         ``mass`` is the true one: forces per mass are multiplied by it.
         """
-        return with_disturbances(plant, self.faults, self.streams, mass=mass, period=period)
+        acting = [
+            disturbance
+            for faults, kind, stream in self._faults()
+            for disturbance in kind.disturbances(faults, mass, period, stream)
+        ]
+        return Disturbed(plant, acting) if acting else plant
 
     # ---- closed loop
 
@@ -166,12 +216,6 @@ class Assembler:
             **({} if terrain is None else {"terrain": terrain}),
             "mission": plain(mission),
         }
-
-
-def certified(planner: Planner, flight: FlightMission, bound: TrackingBound) -> Certified:
-    """The planner behind a certificate, and what flies in its place where there is no certified plan."""
-    certificate = Certificate.of(flight, bound)
-    return Certified(planner, partial(StopAndHover, period=planner.period), certificate, bound, flight.deadline_factor)
 
 
 def _plugin_record(part: PluginSpec) -> dict[str, Any]:

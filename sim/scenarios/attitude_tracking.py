@@ -10,14 +10,14 @@ from dataclasses import field
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Interval, Le
+from annotated_types import Le
 
 from mathnavi.controllers.intrinsic.attitude import AttitudeReference, AttitudeTrackingConfig
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.models.manifold.systems import RigidBody
-from mathnavi.sim.interfaces.bounds import FINITE, NonNegative, Positive, configuration
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import tracking_figures
 from mathnavi.sim.plugin.registry import PluginSpec
@@ -33,7 +33,7 @@ from mathnavi.sim.scenarios.lagrangian import (
     velocity_errors,
 )
 from mathnavi.sim.scenarios.requirements import Requirement
-from mathnavi.sim.scenarios.sphere_observer import rigid_body_plant
+from mathnavi.sim.scenarios.sphere_observer import Inertia, SphereObserverConfig, rigid_body_plant
 from mathnavi.sim.scenarios.task import Sample, StageCost
 
 VEHICLE = "body"
@@ -53,7 +53,7 @@ class AttitudeTrackingFields(LagrangianFields):
     """root mean square of the rate's error after that [rad/s]"""
     speed: Annotated[NonNegative, Le(100.0)] = 0.0
     """at the start [rad/s]; attitude and axis are drawn"""
-    inertia: Annotated[float, Interval(ge=1e-6, le=1e6), FINITE] = 0.05
+    inertia: Inertia = SphereObserverConfig.inertia
     """of the body [kg m^2]"""
     attitude_tolerance: Annotated[Positive, Le(10.0)] = 0.1
     """root mean square of the angle to the reference after that [rad]"""

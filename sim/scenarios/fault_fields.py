@@ -21,25 +21,18 @@ import numpy as np
 from annotated_types import Interval, Le
 
 from mathnavi.models.aerial.dynamics import TICK
-from mathnavi.models.aerial.mission import GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts
 from mathnavi.models.sensor_faults import Dropout
-from mathnavi.sim.engine.faults import (
-    CorruptedPlan,
-    Delayed,
-    Disturbance,
-    Disturbed,
-    FailingSolver,
-    Gusts,
-    PositionJumps,
-)
+from mathnavi.sim.engine.faults import CorruptedPlan, Delayed, Disturbance, FailingSolver, Gusts, PositionJumps
 from mathnavi.sim.interfaces.bounds import FINITE, Fraction, NonNegative, Positive, configuration
-from mathnavi.sim.interfaces.protocols import Planner, Plant, Sensor
-from mathnavi.sim.scenarios.random_streams import RandomStreams
+from mathnavi.sim.interfaces.protocols import Planner, Sensor
 
 LARGEST = 1e5  # of any field in SI units: beyond it there is no such flight, and numbers begin to overflow
 
 Magnitude = Annotated[NonNegative, Le(LARGEST)]
 PositiveMagnitude = Annotated[Positive, Le(LARGEST)]
+Factor = Annotated[float, Interval(ge=0.1, le=10.0), FINITE]
+"""A quantity of the true vehicle over that of the declared one."""
 
 PLANNER_STREAMS = ("solver_failures", "corrupted_plans", "late_plans")
 
@@ -73,42 +66,6 @@ class Fault:
 def kinds(faults: Fault) -> Iterator[type[Fault]]:
     """The faults that a group is made of, in the order of their fields."""
     return (kind for kind in reversed(type(faults).__mro__) if issubclass(kind, Fault) and "stream" in vars(kind))
-
-
-def with_planner_faults(planner: Planner, groups: Sequence[Fault], streams: RandomStreams) -> Planner:
-    """A planner with the faults of these groups."""
-    for faults in groups:
-        for kind in kinds(faults):
-            planner = kind.on_planner(faults, planner, streams[kind.stream])
-    return planner
-
-
-def with_sensor_faults(
-    sensors: Sequence[Sensor], groups: Sequence[Fault], streams: RandomStreams
-) -> tuple[Sensor, ...]:
-    """Sensors with the faults of these groups; each sensor draws from a generator of its own."""
-    mounted = tuple(sensors)
-    for faults in groups:
-        for kind in kinds(faults):
-            rngs = streams[kind.stream].spawn(len(mounted))
-            mounted = tuple(kind.on_sensor(faults, sensor, rng) for sensor, rng in zip(mounted, rngs, strict=True))
-    return mounted
-
-
-def with_disturbances(
-    plant: Plant, groups: Sequence[Fault], streams: RandomStreams, *, mass: float, period: float
-) -> Plant:
-    """A plant with the disturbances of these groups; itself if there are none.
-
-    ``mass`` [kg] is that of its vehicles, ``period`` [s] that of their planners.
-    """
-    acting = [
-        disturbance
-        for faults in groups
-        for kind in kinds(faults)
-        for disturbance in kind.disturbances(faults, mass, period, streams[kind.stream])
-    ]
-    return Disturbed(plant, acting) if acting else plant
 
 
 # ---- one class for each
@@ -189,9 +146,9 @@ class RandomGusts(Fault):
         return (Gusts(mass * self.gust_rms, self.gust_time_constant, mass * self.gust_limit, rng),)
 
     @property
-    def gust_model(self) -> GustModel:
-        """The gusts as a mission declares them."""
-        return GustModel(self.gust_rms, self.gust_time_constant, self.gust_limit)
+    def declared_gusts(self) -> DeclaredGusts:
+        """These gusts as the mission declares them."""
+        return DeclaredGusts(self.gust_rms, self.gust_time_constant, self.gust_limit)
 
 
 @configuration(prefix="faults.")

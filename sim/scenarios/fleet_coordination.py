@@ -19,9 +19,9 @@ from mathnavi.sim.interfaces.errors import PluginError
 from mathnavi.sim.interfaces.protocols import Coordinator
 from mathnavi.sim.interfaces.signals import Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
+from mathnavi.sim.scenarios.assembler import RandomStreams
 from mathnavi.sim.scenarios.fleet_fields import EXCHANGE_PERIOD, SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.fleet_start import StartedVehicle
-from mathnavi.sim.scenarios.random_streams import RandomStreams
 
 _SHORTEST_MEMORY = 0.25  # [s]
 

@@ -12,24 +12,29 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from annotated_types import Interval, Le
 
-from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
 from mathnavi.sim.interfaces.bounds import (
-    FINITE,
     THREE_FINITE_NUMBERS,
     Each,
     Fraction,
     NonNegative,
-    TickRate,
-    Within,
     configuration,
 )
 from mathnavi.sim.interfaces.checks import check, check_names
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.fields import with_fields
-from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
-from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, Point, drawn_between
+from mathnavi.sim.records.missions import Point
+from mathnavi.sim.scenarios.fault_fields import AerialFaults, PositiveMagnitude
+from mathnavi.sim.scenarios.flight_fields import (
+    DeadlineFactor,
+    DrawnHeights,
+    FinitePoint,
+    FlightNoise,
+    LimitFields,
+    MissionFields,
+    Rate,
+)
 from mathnavi.sim.scenarios.information import ChangeFields
 from mathnavi.sim.scenarios.redraw import ChanceFields
 
@@ -38,9 +43,6 @@ GraphName = Literal["line", "ring", "complete", "random"]
 EXCHANGE_PERIOD = 1.0 / 12.0  # [s] between two exchanges of messages, also of the consensus
 _MOST = 64
 _FARTHEST, _FASTEST = 20.0, 0.01  # [s] of a clock, and of its drift
-DrawnBetween = Annotated[
-    tuple[float, float], Within(drawn_between(LARGEST), allowed="two finite numbers, 0 <= low <= high")
-]
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -100,10 +102,10 @@ class Clocks:
 
 
 @configuration
-class FleetFields:
-    """Who flies from where to where over which ground, within which bounds, and how they agree."""
+class FleetEndFields:
+    """Who flies from where to where over which ground."""
 
-    terrain: str = "tian_shan"
+    terrain: str = MissionFields.terrain
     """name of a terrain, or an .npz file"""
     vehicles: Annotated[int, Interval(ge=2, le=_MOST)] = 4
     """how many"""
@@ -117,19 +119,19 @@ class FleetFields:
     """between neighbouring slots on their ring [m]"""
     separation: PositiveMagnitude = 200.0
     """d_s, least distance between vehicles [m]"""
-    drawn_heights: DrawnBetween = (50.0, 450.0)
+    drawn_heights: DrawnHeights = MissionFields.drawn_heights
     """heights above h_min between which starts and the target are drawn [m]"""
-    drawn_distance: DrawnBetween = (0.4, 0.9)
+    drawn_distance: DrawnHeights = (0.4, 0.9)
     """shares of the map's side between which the distances of drawn starts from the target lie"""
-    clearance_min: Magnitude = 50.0
-    """h_min, least height above ground [m]"""
-    speed_max: PositiveMagnitude = 300.0
-    """v_max [m/s]"""
-    acceleration_max: PositiveMagnitude = 40.0
-    """a_max [m/s^2]"""
-    deadline_factor: Annotated[float, Interval(ge=1.0, le=LARGEST), FINITE] = 1.5
+
+
+@configuration
+class FleetFields(LimitFields, FleetEndFields):
+    """Who flies from where to where over which ground, within which bounds, and how they agree."""
+
+    deadline_factor: DeadlineFactor = 1.5
     """gamma: the fleet's deadline over the longest of the first plans"""
-    arrival_radius: PositiveMagnitude = 50.0
+    arrival_radius: PositiveMagnitude = LimitFields.arrival_radius
     """r_f, how near to its slot a vehicle has arrived [m]"""
     spread: PositiveMagnitude = 5.0 / 3.0
     """of the arrivals, which counts as one time [s]"""
@@ -141,7 +143,7 @@ class FleetFields:
     """plug-in by which that is agreed"""
     consensus_with: tuple[str, ...] = ()
     """FIELD=VALUE of that plug-in; may be given several times"""
-    control_rate: Annotated[float, TickRate(TICK)] = 1.0 / (CONTROL_TICKS * TICK)
+    control_rate: Rate = MissionFields.control_rate
     """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
 
     def __post_init__(self) -> None:

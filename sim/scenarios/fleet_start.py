@@ -19,11 +19,11 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.sim.interfaces.errors import MissionError, PluginError
 from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import checked_controller
-from mathnavi.sim.scenarios.assembler import Assembler, certified
-from mathnavi.sim.scenarios.fault_fields import PLANNER_STREAMS, with_planner_faults
+from mathnavi.sim.records.missions import Point
+from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
+from mathnavi.sim.scenarios.fault_fields import PLANNER_STREAMS
 from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
-from mathnavi.sim.scenarios.flight_parts import Point, check_above_ground, drawn_point
-from mathnavi.sim.scenarios.random_streams import RandomStreams
+from mathnavi.sim.scenarios.flight_parts import check_above_ground, drawn_point
 
 _DRAWS = 200
 
@@ -157,7 +157,7 @@ def _vehicle(
             f"controller = {parts.controller.name!r}: its planner has no length to go; allowed: one that has "
             "length_to_go(points), by which its vehicle knows when it can arrive"
         )
-    planner = certified(with_planner_faults(raw, parts.faults, streams), mission, tracker.bound)
+    planner = Certified.of(parts.with_planner_faults(raw, streams), mission, tracker.bound)
     stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None))
     if not stored.ok:
         raise _NoFleetError(

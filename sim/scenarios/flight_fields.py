@@ -1,4 +1,4 @@
-"""Fields of ``safe-flight``: the mission, what changes on the way, and the faults."""
+"""Fields of flights: those that several scenarios have, and those of ``safe-flight``."""
 
 from __future__ import annotations
 
@@ -8,18 +8,45 @@ from typing import Annotated
 from annotated_types import Interval
 
 from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
-from mathnavi.sim.interfaces.bounds import FINITE, TickRate, configuration
+from mathnavi.sim.interfaces.bounds import FINITE, THREE_FINITE_NUMBERS, Condition, TickRate, configuration
+from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
-from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, drawn_between
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
 from mathnavi.sim.scenarios.redraw import ChanceFields
 
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 
 
+def drawn_between(largest: float) -> Condition:
+    """Condition for the two ends, 0 <= low <= high <= ``largest``, that something is drawn between."""
+
+    def are_ordered(ends: tuple[float, float]) -> bool:
+        low, high = ends
+        return 0.0 <= low <= high <= largest
+
+    return Condition(are_ordered, f"two finite numbers, 0 <= low <= high <= {largest:g}")
+
+
+FinitePoint = Annotated[Point, THREE_FINITE_NUMBERS]
+DrawnHeights = Annotated[tuple[float, float], drawn_between(LARGEST)]
+DrawnSeparation = Annotated[tuple[float, float], drawn_between(_DIAGONAL)]
+DeadlineFactor = Annotated[float, Interval(ge=1.0, le=LARGEST), FINITE]
+Rate = Annotated[float, TickRate(TICK)]
+
+
+@configuration(prefix="noise.")
+class FlightNoise:
+    """Errors of the sensors."""
+
+    position: Magnitude = 0.0
+    """standard deviation of a position reading on each axis [m]"""
+    position_rate: Rate = 10.0
+    """position fixes a second [Hz]"""
+
+
 @configuration
-class MissionFields:
-    """From where to where over which ground, and within which bounds."""
+class EndFields:
+    """From where to where over which ground."""
 
     terrain: str = "tian_shan"
     """name of a terrain, or an .npz file"""
@@ -27,21 +54,33 @@ class MissionFields:
     """x, y, z [m] on the map; drawn from the seed if not given"""
     target: FinitePoint | None = None
     """x, y, z [m] on the map; drawn from the seed if not given"""
-    drawn_heights: Annotated[tuple[float, float], drawn_between(LARGEST)] = (50.0, 450.0)
+    drawn_heights: DrawnHeights = (50.0, 450.0)
     """heights above h_min between which a start or target is drawn [m]"""
-    drawn_separation: Annotated[tuple[float, float], drawn_between(_DIAGONAL)] = (0.8, 1.5)
+    drawn_separation: DrawnSeparation = (0.8, 1.5)
     """shares of the map's side between which the distance of a drawn start and target lies"""
+
+
+@configuration
+class LimitFields:
+    """Bounds within which the point masses fly, one or a fleet of them."""
+
     clearance_min: Magnitude = 50.0
     """h_min, least height above ground [m]"""
     speed_max: PositiveMagnitude = 300.0
     """v_max [m/s]"""
     acceleration_max: PositiveMagnitude = 40.0
     """a_max [m/s^2]"""
-    deadline_factor: Annotated[float, Interval(ge=1.0, le=LARGEST), FINITE] = 1.3
+    deadline_factor: DeadlineFactor = 1.3
     """gamma: the deadline over the duration of the first plan"""
     arrival_radius: PositiveMagnitude = 50.0
     """r_f, how near to the target counts as arrived [m]"""
-    control_rate: Annotated[float, TickRate(TICK)] = 1.0 / (CONTROL_TICKS * TICK)
+
+
+@configuration
+class MissionFields(LimitFields, EndFields):
+    """Mission, without what changes on the way."""
+
+    control_rate: Rate = 1.0 / (CONTROL_TICKS * TICK)
     """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
 
 

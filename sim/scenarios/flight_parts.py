@@ -1,51 +1,41 @@
-"""Parts that scenarios of aerial vehicles share: their noise, their mission, its certified ends, and their task."""
+"""Parts that scenarios of aerial vehicles share: mission, certified ends, verdict, task and record."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.certified import Certified
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.models.terrain.library import place_of
+from mathnavi.models.terrain.library import load_terrain, place_of
 from mathnavi.models.terrain.visibility import Radar
 from mathnavi.sim.engine.input_bounds import input_bound
-from mathnavi.sim.interfaces.bounds import THREE_FINITE_NUMBERS, Condition, TickRate, configuration
+from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.errors import MissionError
+from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Array, Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_quality
-from mathnavi.sim.scenarios.fault_fields import AerialFaults, Magnitude
+from mathnavi.sim.records.missions import Point
+from mathnavi.sim.scenarios.fault_fields import AerialFaults
+from mathnavi.sim.scenarios.flight_fields import FlightNoise
+from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
 _BORDER = 0.02  # of the map's side, kept free of drawn starts and targets
 
-Point = tuple[float, float, float]
-FinitePoint = Annotated[Point, THREE_FINITE_NUMBERS]
 
+class OverTerrain(Protocol):
+    """Fields of a scenario over a terrain."""
 
-def drawn_between(largest: float) -> Condition:
-    """Condition for the two ends, 0 <= low <= high <= ``largest``, that something is drawn between."""
-
-    def are_ordered(ends: tuple[float, float]) -> bool:
-        low, high = ends
-        return 0.0 <= low <= high <= largest
-
-    return Condition(are_ordered, f"two finite numbers, 0 <= low <= high <= {largest:g}")
-
-
-@configuration(prefix="noise.")
-class FlightNoise:
-    """Errors of the sensors."""
-
-    position: Magnitude = 0.0
-    """standard deviation of a position reading on each axis [m]"""
-    position_rate: Annotated[float, TickRate(TICK)] = 10.0
-    """position fixes a second [Hz]"""
+    @property
+    def terrain(self) -> str: ...
 
 
 class FlightFields(Protocol):
@@ -83,7 +73,7 @@ def bare_mission(config: FlightFields, terrain: HeightField, radars: tuple[Radar
         position_noise=config.noise.position,
         position_rate=config.noise.position_rate,
         control_period=round(1.0 / (config.control_rate * TICK)) * TICK,
-        gust=config.faults.gust_model,
+        gust=config.faults.declared_gusts,
         radars=radars,
     )
 
@@ -181,7 +171,51 @@ def drawn_point(mission: FlightMission, heights: tuple[float, float], rng: np.ra
     return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*heights))
 
 
+# ---- verdict
+
+
+def longest_flight(duration: float, deadline_factor: float, speed_max: float, most: float) -> float:
+    """``duration`` [s] as whole ticks [s]; MissionError where it is more than is logged, ``most`` [s]."""
+    ticks = math.ceil(duration / TICK) * TICK
+    if ticks > most:
+        raise MissionError(
+            f"deadline_factor = {deadline_factor:g} at speed_max = {speed_max:g} m/s lets the flight take {ticks:.0f} "
+            f"s; allowed: {most:.0f} s, so be sooner or faster"
+        )
+    return ticks
+
+
+def due(recording: Recording, name: str, planner: Planner, deadline_factor: float, deadline: float) -> float:
+    """The time [s] by which a vehicle must have arrived.
+
+    It counts from the plan that was flown first, which started from the estimate; ``deadline`` [s] is that of the plan
+    from the true start, which holds for a planner without a certificate.
+    """
+    if not isinstance(planner, Certified):
+        return deadline
+    flown = recording.agents[name].plans[:1]
+    return min([*(t + deadline_factor * (plan.t_end - t) for t, plan in flown), 2.0 * deadline])
+
+
+def verdict(
+    summary: Mapping[str, Any], due: float, clearance_min: float, speed_max: float
+) -> tuple[dict[str, Any], bool]:
+    """The summary of a flight, with what it falls short of, and whether it arrived in time and touched nothing.
+
+    ``due`` [s], ``clearance_min`` [m] and ``speed_max`` [m/s] are the limits.
+    """
+    in_time = [Requirement("arrival_time_s", most=due)] if summary["arrived"] else []
+    safe = Requirement("ground_contacts", most=0), Requirement("min_clearance_m", least=clearance_min)
+    requirements = [Requirement("arrived", least=True), *in_time, *safe]
+    return evaluate(summary, requirements, reported=[Requirement("speed_max_m_s", most=speed_max)])
+
+
 # ---- task and record
+
+
+def terrain_inputs(config: OverTerrain) -> dict[str, str]:
+    """Digests of what the configuration names: what a result depends on beside the fields."""
+    return {"terrain": load_terrain(config.terrain).digest}
 
 
 def flight_task(
@@ -207,3 +241,17 @@ def flight_task(
 def terrain_record(terrain: HeightField, name_or_path: str, **others: Any) -> dict[str, Any]:
     """Terrain as config.json names it: a file with its whole path, and the digest of what was flown over."""
     return {"name": terrain.name, "path": place_of(name_or_path), "digest": terrain.digest, **others}
+
+
+def flight_record(mission: FlightMission, bound: TrackingBound) -> dict[str, Any]:
+    """The fields of a ``FlightRecord``."""
+    return {
+        "start": mission.start,
+        "target": mission.target,
+        "clearance_min": mission.clearance_min,
+        "speed_max": mission.speed_max,
+        "acceleration_max": mission.acceleration_max,
+        "deadline_factor": mission.deadline_factor,
+        "arrival_radius": mission.arrival_radius,
+        "tracking_bound": dataclasses.asdict(bound),
+    }

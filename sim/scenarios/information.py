@@ -20,8 +20,7 @@ from mathnavi.sim.interfaces.bounds import FINITE, TWO_FINITE_NUMBERS, NonNegati
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.interfaces.signals import Array, Message
-from mathnavi.sim.records.missions import RadarRecord
-from mathnavi.sim.scenarios.flight_parts import Point
+from mathnavi.sim.records.missions import Point, RadarRecord
 
 _SOONEST = 0.1  # [s] between reports
 _LATEST = 36_000.0  # [s] of a target's path

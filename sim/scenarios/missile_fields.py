@@ -27,10 +27,9 @@ from mathnavi.sim.interfaces.bounds import (
 )
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError, MissionError
-from mathnavi.sim.scenarios.fault_fields import CommonFlightFaults, Fault, LostReadings
+from mathnavi.sim.records.missions import Point
+from mathnavi.sim.scenarios.fault_fields import CommonFlightFaults, Factor, Fault, LostReadings
 from mathnavi.sim.scenarios.redraw import ChanceFields
-
-Point = tuple[float, float, float]
 
 _LARGEST = 1e6  # of any field in SI units
 
@@ -38,7 +37,6 @@ _WITHIN = Interval(ge=-_LARGEST, le=_LARGEST)
 Vector = Annotated[Point, Each(_WITHIN, allowed=f"three finite numbers, at most {_LARGEST:g}")]
 Magnitude = Annotated[NonNegative, Le(_LARGEST)]
 PositiveMagnitude = Annotated[Positive, Le(_LARGEST)]
-Factor = Annotated[float, Interval(ge=0.1, le=10.0), FINITE]
 Delay = Annotated[Fraction, Within(whole_ticks(TICK), allowed=f"a whole number of physics ticks of {TICK:g} s")]
 
 

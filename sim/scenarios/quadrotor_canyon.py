@@ -48,11 +48,19 @@ from mathnavi.sim.interfaces.signals import Array, Plan, Status
 from mathnavi.sim.metrics.flight import Bound
 from mathnavi.sim.metrics.quadrotor import point, quadrotor_summary
 from mathnavi.sim.plugin.registry import PluginSpec, called, checked_quality
-from mathnavi.sim.records.missions import QuadrotorRecord
+from mathnavi.sim.records.missions import Point, QuadrotorRecord
 from mathnavi.sim.scenarios.assembler import Assembler, VehicleStack
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.flight_parts import Point, bare_mission, certified_ends, terrain_record
-from mathnavi.sim.scenarios.flight_verdict import due, longest_flight, verdict
+from mathnavi.sim.scenarios.flight_parts import (
+    bare_mission,
+    certified_ends,
+    due,
+    flight_record,
+    longest_flight,
+    terrain_inputs,
+    terrain_record,
+    verdict,
+)
 from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig, QuadrotorMismatch
 from mathnavi.sim.scenarios.task import Inputs, Sample, Task
 
@@ -71,11 +79,7 @@ class QuadrotorCanyon:
     controller = "quadrotor"
     estimator = "quadrotor_state"
     streams = ("draws", "sensing", "solver_failures", "corrupted_plans", "late_plans", "gusts", "dropouts")
-
-    @staticmethod
-    def inputs(config: QuadrotorCanyonConfig) -> dict[str, str]:
-        """Digests of what the configuration names: what a result depends on beside the fields."""
-        return {"terrain": load_terrain(config.terrain).digest}
+    inputs = staticmethod(terrain_inputs)
 
     @staticmethod
     def build(
@@ -226,19 +230,8 @@ def _task(mission: QuadrotorMission, controller: PluginSpec) -> Task | None:
 
 def _record(mission: QuadrotorMission, bound: TrackingBound) -> QuadrotorRecord:
     """The mission as config.json holds it."""
-    flight = mission.flight
-    return QuadrotorRecord(
-        start=flight.start,
-        target=flight.target,
-        clearance_min=flight.clearance_min,
-        speed_max=flight.speed_max,
-        acceleration_max=flight.acceleration_max,
-        deadline_factor=flight.deadline_factor,
-        arrival_radius=flight.arrival_radius,
-        tracking_bound=dataclasses.asdict(bound),
-        reach=REACH,
-        thrust_max=mission.vehicle.thrust_max,
-    )
+    shared = flight_record(mission.flight, bound)
+    return QuadrotorRecord(**shared, reach=REACH, thrust_max=mission.vehicle.thrust_max)
 
 
 @lru_cache(maxsize=4)

@@ -8,16 +8,19 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor
-from mathnavi.sim.interfaces.bounds import FINITE, PositiveFraction, TickRate, configuration
+from mathnavi.sim.interfaces.bounds import FINITE, PositiveFraction, configuration
 from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
-from mathnavi.sim.scenarios.flight_parts import FinitePoint, FlightNoise, drawn_between
+from mathnavi.sim.scenarios.fault_fields import AerialFaults, Factor, Magnitude, PositiveMagnitude
+from mathnavi.sim.scenarios.flight_fields import (
+    DeadlineFactor,
+    DrawnHeights,
+    DrawnSeparation,
+    FinitePoint,
+    FlightNoise,
+    Rate,
+)
 from mathnavi.sim.scenarios.redraw import ChanceFields
-
-Factor = Annotated[float, Interval(ge=0.1, le=10.0), FINITE]
-_DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 
 
 @configuration(prefix="mismatch.")
@@ -60,11 +63,11 @@ class QuadrotorCanyonConfig(ChanceFields):
     """x, y, z [m] of the vehicle's centre; drawn from the seed if not given"""
     target: FinitePoint | None = None
     """x, y, z [m] of the vehicle's centre; drawn from the seed if not given"""
-    drawn_heights: Annotated[tuple[float, float], drawn_between(LARGEST)] = (2.0, 10.0)
+    drawn_heights: DrawnHeights = (2.0, 10.0)
     """heights above h_min between which a start or target is drawn [m]"""
     drawn_lowest: PositiveFraction = 0.1
     """share of the map's range of heights, from below, over which a start or target is drawn: the floor of a canyon"""
-    drawn_separation: Annotated[tuple[float, float], drawn_between(_DIAGONAL)] = (0.6, 0.95)
+    drawn_separation: DrawnSeparation = (0.6, 0.95)
     """shares of the map's side between which the distance of a drawn start and target lies"""
     clearance_min: Magnitude = 4.0
     """h_min, least height of every part of the vehicle above ground [m]"""
@@ -72,11 +75,11 @@ class QuadrotorCanyonConfig(ChanceFields):
     """v_max [m/s]"""
     acceleration_max: PositiveMagnitude = 2.5
     """a_max [m/s^2]; plans use no more of it than the rotors have the moments for"""
-    deadline_factor: Annotated[float, Interval(ge=1.0, le=LARGEST), FINITE] = 1.5
+    deadline_factor: DeadlineFactor = 1.5
     """gamma: the deadline over the duration of the first plan, which rests on the way over the plateau"""
     arrival_radius: PositiveMagnitude = 2.5
     """r_f, how near to the target counts as arrived [m]"""
-    control_rate: Annotated[float, TickRate(TICK)] = 150.0
+    control_rate: Rate = 150.0
     """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
     noise: FlightNoise = field(default_factory=FlightNoise)
     faults: AerialFaults = field(default_factory=AerialFaults)

@@ -39,11 +39,15 @@ from mathnavi.sim.scenarios.flight_parts import (
     certified_ends,
     check_above_ground,
     drawn_point,
+    due,
+    flight_record,
     flight_task,
+    longest_flight,
     mission_but_ends,
+    terrain_inputs,
     terrain_record,
+    verdict,
 )
-from mathnavi.sim.scenarios.flight_verdict import due, longest_flight, verdict
 from mathnavi.sim.scenarios.information import TargetTrack, check_track
 
 VEHICLE = "vehicle"
@@ -62,11 +66,7 @@ class SafeFlight:
     streams = (
         "draws", "sensing", "solver_failures", "corrupted_plans", "late_plans", "gusts", "position_jumps", "dropouts",
     )  # fmt: skip
-
-    @staticmethod
-    def inputs(config: SafeFlightConfig) -> dict[str, str]:
-        """Digests of what the configuration names: what a result depends on beside the fields."""
-        return {"terrain": load_terrain(config.terrain).digest}
+    inputs = staticmethod(terrain_inputs)
 
     @staticmethod
     def build(
@@ -168,14 +168,7 @@ def _record(config: SafeFlightConfig, flight: TrueFlight, bound: TrackingBound) 
     """The mission as config.json holds it."""
     mission = flight.mission
     return ChangingFlightRecord(
-        start=mission.start,
-        target=mission.target,
-        clearance_min=mission.clearance_min,
-        speed_max=mission.speed_max,
-        acceleration_max=mission.acceleration_max,
-        deadline_factor=mission.deadline_factor,
-        arrival_radius=mission.arrival_radius,
-        tracking_bound=dataclasses.asdict(bound),
+        **flight_record(mission, bound),
         radars=config.radar_records(mission.terrain),
         charted_at=config.charted_at,
         target_path=tuple((t, *place) for t, place in flight.track.reported(config.report_period)),

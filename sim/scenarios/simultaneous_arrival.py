@@ -36,8 +36,14 @@ from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.fleet_coordination import consensus_of, coordinators
 from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.fleet_start import StartedVehicle, started_fleet, zone_of
-from mathnavi.sim.scenarios.flight_parts import check_above_ground, flight_task, mission_but_ends, terrain_record
-from mathnavi.sim.scenarios.flight_verdict import longest_flight
+from mathnavi.sim.scenarios.flight_parts import (
+    check_above_ground,
+    flight_task,
+    longest_flight,
+    mission_but_ends,
+    terrain_inputs,
+    terrain_record,
+)
 from mathnavi.sim.scenarios.requirements import Requirement, evaluate
 
 _LONGEST = 7200.0  # [s]
@@ -52,11 +58,7 @@ class SimultaneousArrival:
     controller = "flight"
     estimator = "full_state"
     streams = ("draws", "sensing", "planner_faults", "gusts", "network", "ranks", "dropouts")
-
-    @staticmethod
-    def inputs(config: SimultaneousArrivalConfig) -> dict[str, str]:
-        """Digests of what the configuration names: what a result depends on beside the fields."""
-        return {"terrain": load_terrain(config.terrain).digest}
+    inputs = staticmethod(terrain_inputs)
 
     @staticmethod
     def build(

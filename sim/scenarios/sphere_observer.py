@@ -48,6 +48,7 @@ ForceName = Literal["by-space", "none", "linear", "printed"]
 
 _FASTEST = 100.0  # [rad/s, 1/s]
 _STRONGEST = 1e4  # [1/s^2]
+Inertia = Annotated[float, Interval(ge=1e-6, le=1e6), FINITE]
 
 
 @configuration
@@ -67,7 +68,7 @@ class SphereObserverConfig(LagrangianFields):
     """at the start, |omega| [rad/s] of a body or |v| [1/s] of a point; position and direction are drawn"""
     start: Annotated[NumberList, FINITE_NUMBERS] = ()
     """position and velocity at the start, as the state has them; drawn if not given"""
-    inertia: Annotated[float, Interval(ge=1e-6, le=1e6), FINITE] = 0.05
+    inertia: Inertia = 0.05
     """of the body [kg m^2]"""
 
     def __post_init__(self) -> None:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, pass_time
+from mathnavi.controllers.flight.certified import Certified
 from mathnavi.models.aerial.dynamics import flow, input_at, state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
@@ -30,7 +31,6 @@ from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.short_tables import Row, html_table, short_table, vector_text
 from mathnavi.sim.interfaces.signals import OPTIMISED, Array, Estimate, Plan, PlanRequest, Status
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller
-from mathnavi.sim.scenarios.assembler import certified
 from mathnavi.sim.scenarios.flight_parts import check_above_ground
 from mathnavi.sim.scripting.requests import plugin, raising
 
@@ -220,7 +220,7 @@ def plan_flight(
         check_above_ground("target", mission.target, mission)
         spec = plugin(controller) if isinstance(controller, str) else controller
         maker, tracker = checked_controller(spec, mission, TrackingBound)
-        planner = certified(maker, mission, tracker.bound)
+        planner = Certified.of(maker, mission, tracker.bound)
     first = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, x), None))
     if not first.ok:
         raise MissionError(f"no certified plan: {first.status.value}: {first.message}")

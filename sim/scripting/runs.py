@@ -297,7 +297,7 @@ def study(
 
     Raises PluginError for a study that is not known, FieldError for a field or a value that is not allowed.
     """
-    from mathnavi.sim.studies.framework.study import Setup, first_look, on_terrain, write_findings
+    from mathnavi.sim.studies.framework.study import Setup, first_look, on_terrain, write_result
 
     found = load_plugin("studies", name)
     config = configured(found.quick if quick else found.Config(), fields)
@@ -311,5 +311,5 @@ def study(
         result = found.run(config, setup)
         if out is not None:
             small = first_look(config)
-            write_findings(folder, name.replace(":", "."), found.title, result, setup, f"study {name}", small)
+            write_result(folder, name.replace(":", "."), found.title, result, setup, f"study {name}", small)
     return StudyRun(name, found.title, result, Path(out) if out is not None else None)

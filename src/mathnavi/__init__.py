@@ -16,6 +16,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mathnavi.controllers.ocp.monitors import Monitor
     from mathnavi.controllers.ocp.problems.library import OptimalControlProblem
     from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
     from mathnavi.models.field.curve import Curve, ellipse
@@ -80,6 +81,7 @@ _PLACES = {
     "wall_through": "sim.scripting.localisation",
     # optimal control
     "OptimalControlProblem": "controllers.ocp.problems.library",  # which enters the problems of the literature
+    "Monitor": "controllers.ocp.monitors",
     # terrain
     "load_terrain": "models.terrain.library",
     "import_terrain": "models.terrain.dem:import_dem",
@@ -130,6 +132,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "ellipse",
     "wall_through",
     "OptimalControlProblem",
+    "Monitor",
     "load_terrain",
     "import_terrain",
     "HeightField",

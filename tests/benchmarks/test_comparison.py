@@ -16,8 +16,8 @@ from benchmarks.comparison import WIDTH, Comparison, Machine, Ratio, alone, tabl
 OURS, OTHER = np.array([1.0, 2.0, 4.0]), np.array([2.0, 4.0, 2.0])  # neighbours: 2, 2, 0.5
 
 
-def row(of: Ratio = "other / ours", **bounds: float) -> Comparison:
-    return Comparison("a walk", "s", OURS, OTHER, "another's legs", of, **bounds)
+def row(ratio_of: Ratio = "other / ours", **bounds: float) -> Comparison:
+    return Comparison("a walk", "s", OURS, OTHER, "another's legs", ratio_of, **bounds)
 
 
 class Walks:

@@ -90,7 +90,7 @@ def test_failures_stand_beside_the_name() -> None:
     assert findings(ipopt=np.array([1.0, np.nan])).comparisons()[0].software == f"{IPOPT} (1 failed)"
 
 
-def test_a_worse_cost_is_told_unless_it_is_another_minimum() -> None:
+def test_a_worse_cost_is_reported_unless_it_is_another_minimum() -> None:
     def gap(found: SolverFindings) -> float:
         measured: float = found.claims()[-1]["measured"]
         return measured

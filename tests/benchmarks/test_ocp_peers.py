@@ -71,7 +71,7 @@ def test_ours_counts_with_the_worse_of_cost_and_replayed_cost_and_only_through_t
     assert accepted(problem, dataclasses.replace(solution, replay=diverged)) is None
 
 
-def test_who_did_not_come_to_the_tolerance_is_told_and_has_no_row() -> None:
+def test_who_did_not_come_to_the_tolerance_is_reported_and_has_no_row() -> None:
     entries = [
         Entry("a", OURS, "refinement", 1e-6, np.array([0.1, 0.2])),
         Entry("a", "MAPTOR", "0.001", 1e-6, np.array([0.2, 0.4])),

@@ -1,4 +1,4 @@
-"""What is measured is a command that ended well, and each is compared with itself of the earlier commit."""
+"""Only commands that succeed are measured, each compared with the same command of the earlier commit."""
 
 from __future__ import annotations
 

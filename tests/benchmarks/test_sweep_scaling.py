@@ -1,4 +1,4 @@
-"""What counts as start and what as the time of a flight, and that both ways fly every trial."""
+"""Start-up and time of a flight are separated, and both ways fly every trial."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def test_every_trial_is_flown(tmp_path: Path, run: Callable[[Sequence[Trial], in
 
 
 def test_a_trial_that_fails_is_no_measurement(tmp_path: Path) -> None:
-    off = trial(terrain=save(mountains(), tmp_path / "mountains.npz"), start=(-1.0, 0.0, 0.0))
+    outside = trial(terrain=save(mountains(), tmp_path / "mountains.npz"), start=(-1.0, 0.0, 0.0))
     with pytest.raises(RuntimeError, match="trial of seed 0: raised"):
-        swept([off], 1)
+        swept([outside], 1)
 
 
 def test_two_workers_are_compared_with_one_and_with_the_pool() -> None:

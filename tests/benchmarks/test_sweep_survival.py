@@ -1,4 +1,4 @@
-"""What counts as survival: every table the same, and every kill that was asked for."""
+"""Survival means that every table is the same, after every kill that was asked for."""
 
 from __future__ import annotations
 

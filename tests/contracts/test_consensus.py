@@ -1,4 +1,4 @@
-"""What every entry of ``mathnavi.consensus`` keeps, whoever wrote it."""
+"""The contract of every entry of ``mathnavi.consensus``, whoever wrote it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, 
 from mathnavi.sim.interfaces.protocols import Consensus, ConsensusPlugin
 from mathnavi.sim.interfaces.signals import Array, Message
 from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
-from mathnavi.sim.studies.fleet.consensus.exchange import talked
+from mathnavi.sim.studies.fleet.consensus.exchange import exchanged
 from tests.fleet import NAMES, Shuffled, graphs, started, starts_for
 
 PLUGINS = {entry.name: entry for entry in entry_points(group="mathnavi.consensus")}
@@ -36,7 +36,7 @@ def built(plugin: type[ConsensusPlugin], graph: Graph) -> dict[str, Consensus]:
 
 
 def outbox(plugin: type[ConsensusPlugin], graph: Graph, starts: Array, network: Network, rounds: int) -> Array:
-    return talked(started(built(plugin, graph), starts), graph, network, rounds)
+    return exchanged(started(built(plugin, graph), starts), graph, network, rounds)
 
 
 def radio(graph: Graph, seed: int, loss: float, delay: float) -> Network:
@@ -131,12 +131,12 @@ def test_garbage_doubled_and_late_messages_raise_nothing_and_leave_a_finite_valu
 ) -> None:
     parts = built(plugin, LINE)
     started(parts, [100.0, 120.0, 90.0])
-    told: list[Message] = []
+    messages: list[Message] = []
     for k in range(8):
         t = k * parts["a"].period
-        received: list[Any] = [] if k == 0 else [m for m in told if m.sender in ("a", "c")][-2:]
+        received: list[Any] = [] if k == 0 else [m for m in messages if m.sender in ("a", "c")][-2:]
         for _ in range(data.draw(st.integers(0, 4))):
-            old = data.draw(st.sampled_from(told)) if told else Message(0.0, "a", "", None)
+            old = data.draw(st.sampled_from(messages)) if messages else Message(0.0, "a", "", None)
             payload = spoilt(old.payload, data.draw(st.integers(0, 4)), data.draw(numbers))
             stamp = data.draw(st.one_of(st.just(old.t), st.floats(), st.floats(-1.0, 1.0)))
             sender = data.draw(st.sampled_from(["a", "b", "c", "z"]))
@@ -144,7 +144,7 @@ def test_garbage_doubled_and_late_messages_raise_nothing_and_leave_a_finite_valu
             received.append(data.draw(st.sampled_from(bad)))
         payloads = {"b": parts["b"].exchange(t, received)}
         payloads |= {name: parts[name].exchange(t, []) for name in ("a", "c")}
-        told += [Message(t, name, "consensus", payload) for name, payload in payloads.items()]
+        messages += [Message(t, name, "consensus", payload) for name, payload in payloads.items()]
         assert math.isfinite(parts["b"].value)
 
 
@@ -177,5 +177,5 @@ def test_what_cannot_be_used_is_counted_by_why(plugin: type[ConsensusPlugin]) ->
 def test_a_vehicle_that_has_no_number_raises_nothing(plugin: type[ConsensusPlugin]) -> None:
     for number in (math.nan, math.inf, -math.inf):
         parts = started(built(plugin, LINE), [100.0, number, 90.0])
-        values = talked(parts, LINE, IdealNetwork(LINE.names), 100)
+        values = exchanged(parts, LINE, IdealNetwork(LINE.names), 100)
         assert np.isfinite(values[2:]).all()

@@ -1,4 +1,4 @@
-"""What every entry of ``mathnavi.estimators`` keeps, whoever wrote it.
+"""The contract of every entry of ``mathnavi.estimators``, whoever wrote it.
 
 An estimator is flown on every bench that fits the missions it is built for, by the type of ``build``'s argument
 ``mission``: a small simulated vehicle with the sensors that the estimator asks for. Those that declare what they are as
@@ -24,7 +24,7 @@ import pytest
 
 from mathnavi.estimators.ranging.observer import FEED_FORWARDS, FeedForward, RangeObserver, RangeObserverConfig
 from mathnavi.models.aerial.dynamics import TICK, flow
-from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.manifold.attitude import nearer
 from mathnavi.models.manifold.constant_curvature import ConstantCurvature, hyperbolic_space
 from mathnavi.models.manifold.mission import LagrangianMission
@@ -94,7 +94,7 @@ def flight_bench(silent: bool = False) -> Bench:
     terrain = HeightField(np.zeros((3, 3)), 5000.0)
     noise = 0.0 if silent else 2.0
     mission = FlightMission(
-        terrain, (4000.0, 4000.0, 900.0), (9000.0, 9000.0, 900.0), position_noise=noise, gust=GustModel(1.0)
+        terrain, (4000.0, 4000.0, 900.0), (9000.0, 9000.0, 900.0), position_noise=noise, gust=DeclaredGusts(1.0)
     )
     return Bench(
         mission,
@@ -145,13 +145,13 @@ def ranging_bench(silent: bool = False) -> Bench:
     The state is that of the ideal robot's joints: the pose and the two wheels.
     """
     start = np.array([0.6, -0.3, 0.8, 0.0, 0.0])
-    off = (0.0, 0.0, 0.0) if silent else (0.08, -0.05, 0.06)
+    start_error = (0.0, 0.0, 0.0) if silent else (0.08, -0.05, 0.06)
     mission = RangingMission(
         STANDARD,
         tuple(math.radians(angle) for angle in (0.0, 90.0, 180.0, 270.0)),
         RangeQuality() if silent else RangeQuality(0.02, dropout=0.05),
         OdometryQuality() if silent else OdometryQuality((0.05, 0.05), 0.02),
-        KnownStart(tuple(start[:3] + off), (0.3,) * 3 if silent else (0.1,) * 3),
+        KnownStart(tuple(start[:3] + start_error), (0.3,) * 3 if silent else (0.1,) * 3),
     )
     return Bench(
         mission,
@@ -180,10 +180,10 @@ class Shown(Truth):
 def textbook_bench(name: str, silent: bool = False) -> Bench:
     """A system of the textbook under its own input, with readings that are 0.005 off."""
     system = SYSTEMS[name]
-    off = np.zeros(len(system.states)) if silent else np.array(system.start_error)
+    start_error = np.zeros(len(system.states)) if silent else np.array(system.start_error)
     start = np.array(system.start)
     mission = TextbookMission(
-        system, tuple(start + off), tuple(np.maximum(np.abs(off), 1e-3)), noise=0.0 if silent else 0.005
+        system, tuple(start + start_error), tuple(np.maximum(np.abs(start_error), 1e-3)), noise=0.0 if silent else 0.005
     )
     return Bench(
         mission,
@@ -357,14 +357,14 @@ def flight(flown: tuple[str, str]) -> list[Step]:
 
 @cache
 def flight_of(name: str, bench: str) -> list[Step]:
-    """What all tests of a plug-in on a bench fly."""
+    """The flight shared by all tests of a plug-in on a bench."""
     plugin, built = PLUGINS[name].load(), BENCHES[bench](False)
     return fly(plugin, built, plugin.build(plugin.Config(), built.mission))
 
 
 @pytest.fixture
 def estimates(flown: tuple[str, str]) -> Sequence[Estimate]:
-    """What the plug-in says on the flight, for the tests that only read it."""
+    """Estimates of the plug-in on the flight, for the tests that only read them."""
     return estimates_of(*flown)
 
 
@@ -456,13 +456,13 @@ def test_what_else_it_tells_has_the_same_names_and_shapes_at_every_call(
     estimates: Sequence[Estimate], flight: list[Step]
 ) -> None:
     """NaN stands for what there is not; nothing is infinite."""
-    told = [
+    extras = [
         {name: values.shape for name, values in estimate.extra.items()}
         for estimate in estimates
         if not any(np.isinf(values).any() for values in estimate.extra.values())
     ]
-    assert len(told) == len(flight)
-    assert all(shapes == told[0] for shapes in told)
+    assert len(extras) == len(flight)
+    assert all(shapes == extras[0] for shapes in extras)
 
 
 def test_a_covariance_is_symmetric_and_positive_semidefinite(estimates: Sequence[Estimate]) -> None:
@@ -511,7 +511,7 @@ def test_before_its_first_reading_it_is_initialising(estimator: Estimator, fligh
         assert estimator.update(step.t, (), step.command).status is Status.INITIALISING
 
 
-def test_missing_readings_are_survived_and_in_the_end_told(estimator: Estimator, flight: list[Step]) -> None:
+def test_missing_readings_are_survived_and_in_the_end_reported(estimator: Estimator, flight: list[Step]) -> None:
     middle = len(flight) // 2
     *_, (_, last_fed) = replay(estimator, flight[:middle])
     assert last_fed.status is Status.OK

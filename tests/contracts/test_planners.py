@@ -1,4 +1,4 @@
-"""What every planner behind an entry of ``mathnavi.controllers`` keeps, whoever wrote it.
+"""The contract of every planner behind an entry of ``mathnavi.controllers``, whoever wrote it.
 
 A planner is asked for plans of a mission that fits the type of ``build``'s argument ``mission``.
 """
@@ -217,14 +217,14 @@ def first_request(bench: Bench, t: float = 0.0) -> PlanRequest:
 def sequence(
     planner: Planner, bench: Bench, messages: Sequence[Message] = (), count: int = PERIODS
 ) -> list[tuple[PlanRequest, Plan]]:
-    """What a loop without faults asks, and the answers; a plan that is not there leaves the last one."""
+    """Requests of a loop without faults, and the answers; without a new plan the last one stays."""
     asked: list[tuple[PlanRequest, Plan]] = []
     current: Plan | None = None
     for k in range(count):
         t = k * planner.period
         x = bench.start.copy() if current is None else bench.state_at(current, t)
-        told = tuple(messages) if k == count // 2 else ()
-        request = PlanRequest(t, t + planner.period if current is not None else t, Estimate(t, x), current, told)
+        received = tuple(messages) if k == count // 2 else ()
+        request = PlanRequest(t, t + planner.period if current is not None else t, Estimate(t, x), current, received)
         plan = planner.plan(request)
         asked.append((request, plan))
         current = plan if plan.ok else current
@@ -327,13 +327,13 @@ def test_a_plan_that_was_handed_out_stays_as_it_was(planner: Planner, bench: Ben
 def test_news_reach_it_and_strange_messages_do_not_matter(plugin: type[ControllerPlugin], bench: Bench) -> None:
     topic = bench.message.topic if bench.message is not None else "target"
     strange = (Message(0.0, "somebody", "weather", "fine"), Message(0.0, "somebody", topic, "nonsense"))
-    plain, told, puzzled = (
+    plain, informed, puzzled = (
         sequence(plugin.build(plugin.Config(), bench.mission)[0], bench, messages)
         for messages in ((), bench.news, strange)
     )
     heard = any(
         plan.ok != other.ok or not np.array_equal(plan.x, other.x)
-        for (_, plan), (_, other) in zip(plain, told, strict=True)
+        for (_, plan), (_, other) in zip(plain, informed, strict=True)
     )
     assert heard is (bench.message is not None)
     for (_, plan), (_, other) in zip(plain, puzzled, strict=True):

@@ -1,4 +1,4 @@
-"""What every tracker behind an entry of ``mathnavi.controllers`` keeps, whoever wrote it."""
+"""The contract of every tracker behind an entry of ``mathnavi.controllers``, whoever wrote it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import mathnavi.models.missile.dynamics
 from mathnavi.controllers.active_sensing.motion import pose_on
 from mathnavi.controllers.textbook.input_signal import DrivenMission
 from mathnavi.models.aerial.dynamics import TICK, flow, state_at
-from mathnavi.models.aerial.mission import EstimateQuality, FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.quadrotor.mission import QuadrotorMission
@@ -39,7 +39,7 @@ PLUGINS = {
     # quadrotor is asked for are thrusts, not its plan's accelerations; their own tests hold them.
     if typing.get_type_hints(entry.load().build)["mission"] not in (DrivenMission, LagrangianMission, QuadrotorMission)
 }
-GUST = GustModel(1.5, 3.0, 4.0)
+GUST = DeclaredGusts(1.5, 3.0, 4.0)
 
 
 @dataclass(frozen=True, eq=False)

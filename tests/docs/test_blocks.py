@@ -1,4 +1,4 @@
-"""What the pages under docs/ and README.md show is run as printed.
+"""The blocks of the pages under docs/ and of README.md, run as shown.
 
 The blocks of a page are run in order, in one folder that is empty at first:
 
@@ -13,7 +13,7 @@ A command that ends in a backslash goes on in the next line. Every one ends with
 line for any characters; how many blanks stand between words does not count. A "mathnavi" without anything for a shell
 to do runs in this process, which has imported it already, all else in bash.
 
-README.md's ```sh blocks are not run, and its Python is run in test_readme.py, which says what has to come of it.
+README.md's ```sh blocks are not run, and its Python is run in test_readme.py, which checks its results.
 """
 
 from __future__ import annotations
@@ -176,15 +176,15 @@ def test_an_ellipsis_stands_for_lines_or_for_characters(printed: str, shown: str
     assert matches(printed.splitlines(), shown.splitlines()) is same
 
 
-def test_a_page_that_shows_something_else_is_told_of(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def told(page: str) -> None:
+def test_a_page_that_shows_something_else_is_reported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def checked(page: str) -> None:
         run_page(blocks_of(page), "page.md", monkeypatch)
 
-    told("```python\nx = 2\nprint(x)\n```\n\n```output\n2\n```\n```python\nopen('made', 'w').close()\nx += 1\n```\n")
-    told("```console\n$ ls \\\n    -1\nmade\n$ mathnavi --version\nmathnavi ...\n```\n")
-    told("```python\n# shown.py\ny = 3\n```\n```python\n# shown.py\ny += 1\n```\n")
-    told("```python\nimport shown\nprint(shown.y)\n```\n```output\n4\n```\n```sh\nfalse\n```\n")
-    told("```console\n# exit 2\n$ mathnavi terrain show nowhere\nmathnavi: ...nowhere...\n```\n")
+    checked("```python\nx = 2\nprint(x)\n```\n\n```output\n2\n```\n```python\nopen('made', 'w').close()\nx += 1\n```\n")
+    checked("```console\n$ ls \\\n    -1\nmade\n$ mathnavi --version\nmathnavi ...\n```\n")
+    checked("```python\n# shown.py\ny = 3\n```\n```python\n# shown.py\ny += 1\n```\n")
+    checked("```python\nimport shown\nprint(shown.y)\n```\n```output\n4\n```\n```sh\nfalse\n```\n")
+    checked("```console\n# exit 2\n$ mathnavi terrain show nowhere\nmathnavi: ...nowhere...\n```\n")
     for page in (
         "```python\nprint(1)\n```\n```output\n2\n```\n",
         "```console\n$ echo 1\n2\n```\n",
@@ -193,6 +193,6 @@ def test_a_page_that_shows_something_else_is_told_of(folder: Path, monkeypatch: 
         "```console\nls\n```\n",
     ):
         with pytest.raises(AssertionError, match=r"page\.md:"):
-            told(page)
+            checked(page)
     with pytest.raises(ZeroDivisionError):
-        told("```python\n1 / 0\n```\n")
+        checked("```python\n1 / 0\n```\n")

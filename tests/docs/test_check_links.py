@@ -27,7 +27,7 @@ def run(folder: Path) -> subprocess.CompletedProcess[str]:
         ('<img src="missing.png">', "no such file"),
     ],
 )
-def test_a_link_that_leads_nowhere_is_told_of(tmp_path: Path, link: str, expected: str) -> None:
+def test_a_link_that_leads_nowhere_is_reported(tmp_path: Path, link: str, expected: str) -> None:
     (tmp_path / "a.html").write_text(f"{GOOD}\n{link}\n")
     (tmp_path / "b.html").write_text('<p id="there">here</p>')
     done = run(tmp_path)

@@ -1,4 +1,4 @@
-"""What can be said of the documentation without building it; `make docs` says the rest."""
+"""Checks of the documentation that need no build; `make docs` does the rest."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LINK = re.compile(r"\]\(([^)\s]+)\)|(?:src|href)=\"([^\"]+)\"")
 
 
 def listed(page: Path) -> Iterator[str]:
-    """What the toctrees of a page list, from the folder of all pages."""
+    """Entries of the toctrees of a page, from the folder of all pages."""
     for tree in re.findall(
         r"^`{3,}\{toctree\}\n(.*?)^`{3,}", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
     ):

@@ -7,7 +7,7 @@ import pytest
 
 from mathnavi.estimators.full_state import FullState, FullStateConfig
 from mathnavi.models.aerial.dynamics import TICK, flow
-from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 
@@ -17,7 +17,9 @@ X = np.array([500.0, 600.0, 700.0, 30.0, -20.0, 10.0])
 @pytest.fixture
 def mission() -> FlightMission:
     terrain = HeightField(np.zeros((3, 3)), 1000.0)
-    return FlightMission(terrain, (100.0, 200.0, 300.0), (900.0, 900.0, 300.0), position_noise=4.0, gust=GustModel(2.0))
+    return FlightMission(
+        terrain, (100.0, 200.0, 300.0), (900.0, 900.0, 300.0), position_noise=4.0, gust=DeclaredGusts(2.0)
+    )
 
 
 def reading(t: float, x: Array = X) -> list[Measurement]:

@@ -13,14 +13,14 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from mathnavi.estimators.kalman import AxisModel, Kalman, KalmanConfig, clipped_rms
 from mathnavi.models.aerial.dynamics import TICK, flow
-from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.signals import Array, Measurement, Status
 
 OMEGA = 2.0  # [rad/s] of the tracker that closes the loop below
 
 
-def mission_of(gust: GustModel, position_noise: float) -> FlightMission:
+def mission_of(gust: DeclaredGusts, position_noise: float) -> FlightMission:
     terrain = HeightField(np.zeros((3, 3)), 1000.0)
     start = (1000.0, 1000.0, 500.0)
     return FlightMission(terrain, start, (900.0, 900.0, 500.0), position_noise=position_noise, gust=gust)
@@ -52,8 +52,8 @@ def hover(mission: FlightMission, duration: float) -> Flight:
             fixes.append(fix(t, x[:3] + mission.position_noise * rng.standard_normal(3)))
         if k % 3 == 0:
             estimate, fixes = filter_.update(t, fixes, u), []
-            off = estimate.x - reference
-            u = -(OMEGA**2) * off[:3] - 2.0 * OMEGA * off[3:]
+            error = estimate.x - reference
+            u = -(OMEGA**2) * error[:3] - 2.0 * OMEGA * error[3:]
             if t > 20.0:
                 states.append(x - reference)
                 if k % 30 == 27:
@@ -65,9 +65,10 @@ def hover(mission: FlightMission, duration: float) -> Flight:
 
 
 @pytest.mark.parametrize(
-    ("gust", "noise"), [(GustModel(1.5, 3.0, 100.0), 5.0), (GustModel(4.0, 3.0, 4.0), 5.0), (GustModel(1.0), 1.0)]
+    ("gust", "noise"),
+    [(DeclaredGusts(1.5, 3.0, 100.0), 5.0), (DeclaredGusts(4.0, 3.0, 4.0), 5.0), (DeclaredGusts(1.0), 1.0)],
 )
-def test_the_declared_quality_is_that_of_a_flight(gust: GustModel, noise: float) -> None:
+def test_the_declared_quality_is_that_of_a_flight(gust: DeclaredGusts, noise: float) -> None:
     mission = mission_of(gust, noise)
     quality, flight = Kalman.quality(KalmanConfig(), mission), hover(mission, 300.0)
     np.testing.assert_allclose(flight.error, np.sqrt(np.diag(quality.error))[:2], rtol=0.2)
@@ -77,9 +78,9 @@ def test_the_declared_quality_is_that_of_a_flight(gust: GustModel, noise: float)
     np.testing.assert_allclose(flight.state, np.sqrt(np.diag(predicted))[:2], rtol=0.2)
 
 
-@pytest.mark.parametrize("gust", [GustModel(0.0), GustModel(2.0)])
+@pytest.mark.parametrize("gust", [DeclaredGusts(0.0), DeclaredGusts(2.0)])
 @pytest.mark.parametrize("noise", [0.0, 5.0])
-def test_the_covariance_settles_at_the_declared_quality(gust: GustModel, noise: float) -> None:
+def test_the_covariance_settles_at_the_declared_quality(gust: DeclaredGusts, noise: float) -> None:
     mission = mission_of(gust, noise)
     filter_, declared = Kalman.build(KalmanConfig(), mission), Kalman.quality(KalmanConfig(), mission).error[:2, :2]
     worst = np.zeros(2)
@@ -109,7 +110,7 @@ def test_the_gust_of_the_model_is_stationary() -> None:
 
 
 def test_how_often_it_is_asked_does_not_matter() -> None:
-    mission, rng = mission_of(GustModel(2.0), 5.0), np.random.default_rng(0)
+    mission, rng = mission_of(DeclaredGusts(2.0), 5.0), np.random.default_rng(0)
     fast, slow = (Kalman.build(KalmanConfig(), mission) for _ in range(2))
     u, pending = np.array([1.0, -2.0, 0.5]), []
     for k in range(101):
@@ -127,7 +128,7 @@ def test_how_often_it_is_asked_does_not_matter() -> None:
 
 
 def test_without_fixes_it_predicts_on_and_says_that_it_is_lost() -> None:
-    mission = mission_of(GustModel(0.0), 0.0)
+    mission = mission_of(DeclaredGusts(0.0), 0.0)
     filter_, u = Kalman.build(KalmanConfig(timeout=0.5), mission), np.array([1.0, 2.0, 3.0])
     x = np.array([*mission.start, 0.0, 0.0, 0.0])
     assert filter_.update(0.0, [], u).status is Status.INITIALISING
@@ -139,7 +140,7 @@ def test_without_fixes_it_predicts_on_and_says_that_it_is_lost() -> None:
 
 
 def test_a_constant_gust_is_found() -> None:
-    mission, g = mission_of(GustModel(2.0, time_constant=300.0), 0.5), np.array([2.0, -1.0, 0.5])
+    mission, g = mission_of(DeclaredGusts(2.0, time_constant=300.0), 0.5), np.array([2.0, -1.0, 0.5])
     filter_, x = Kalman.build(KalmanConfig(), mission), np.array([*mission.start, 0.0, 0.0, 0.0])
     rng = np.random.default_rng(0)
     found = []
@@ -151,9 +152,9 @@ def test_a_constant_gust_is_found() -> None:
 
 
 @pytest.mark.parametrize(
-    "gust", [GustModel(0.0), GustModel(1.0), GustModel(4.0), GustModel(20.0), GustModel(2.0, 3, 9)]
+    "gust", [DeclaredGusts(0.0), DeclaredGusts(1.0), DeclaredGusts(4.0), DeclaredGusts(20.0), DeclaredGusts(2.0, 3, 9)]
 )
-def test_the_rms_of_a_clipped_gust_is_that_of_samples(gust: GustModel) -> None:
+def test_the_rms_of_a_clipped_gust_is_that_of_samples(gust: DeclaredGusts) -> None:
     g = gust.rms * np.random.default_rng(0).standard_normal((200_000, 3))
     length = np.linalg.norm(g, axis=1, keepdims=True)
     clipped = g * np.minimum(1.0, gust.limit / np.maximum(length, 1e-300))
@@ -161,7 +162,7 @@ def test_the_rms_of_a_clipped_gust_is_that_of_samples(gust: GustModel) -> None:
 
 
 def test_a_fix_from_the_past_is_refused() -> None:
-    mission = mission_of(GustModel(1.0), 5.0)
+    mission = mission_of(DeclaredGusts(1.0), 5.0)
     filter_ = Kalman.build(KalmanConfig(), mission)
     filter_.update(1.0, [], np.zeros(3))
     with pytest.raises(ValueError, match=r"0\.5.*already"):

@@ -84,7 +84,7 @@ def test_it_finds_a_gust_that_lasts(coordinates: Coordinates) -> None:
     true = {"F_x": 400.0, "F_y": sideways, "F_z": -250.0, "M": 20.0, "N": 0.0}
     for name, value in zip(coordinates.inputs, found, strict=True):
         if name in ("F_x", "F_y", "F_z"):
-            continue  # the body turns under the moment; their length is looked at below
+            continue  # the body turns under the moment; their norm is checked below
         assert value == pytest.approx(true[name], abs=8.0)
     forces = [value for name, value in zip(coordinates.inputs, found, strict=True) if name.startswith("F")]
     assert float(np.linalg.norm(forces)) == pytest.approx(float(np.linalg.norm([400.0, sideways, -250.0])), rel=0.25)

@@ -53,10 +53,10 @@ def test_a_sensor_in_mujoco_reads_the_state_with_its_noise() -> None:
     readings = []
     for _ in range(400):
         readings.append(plant.sense("quad")[0].value - X)
-    off = np.array(readings)
-    np.testing.assert_array_equal(off[:, 3:], 0.0)
-    assert off[:, :3].std() == pytest.approx(0.3, rel=0.1)
-    assert np.abs(off).max() <= np.sqrt(3.0) * 0.3
+    errors = np.array(readings)
+    np.testing.assert_array_equal(errors[:, 3:], 0.0)
+    assert errors[:, :3].std() == pytest.approx(0.3, rel=0.1)
+    assert np.abs(errors).max() <= np.sqrt(3.0) * 0.3
     np.testing.assert_array_equal(plant.state("quad"), X)
 
 

@@ -1,4 +1,4 @@
-"""What is fresh is OK, what is old is lost, and before the first reading an estimator initialises."""
+"""Fresh readings are OK, old ones are lost, and before the first an estimator initialises."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a faulty sensor loses is lost; the rest is what the faultless one reads."""
+"""A faulty sensor loses readings; the others equal those of the faultless one."""
 
 from __future__ import annotations
 

@@ -5,7 +5,11 @@ from __future__ import annotations
 import json
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import Any
+
+from mathnavi.renders.report import write_report
+from mathnavi.sim.records.figure_names import SHORTFALL, label
 
 VOID = {"meta", "img", "br", "link", "input"}
 FETCHED = ("src", "href", "xlink:href", "srcset", "poster", "action")
@@ -52,7 +56,7 @@ class Page(HTMLParser):
 
     @property
     def views(self) -> list[dict[str, Any]]:
-        """What the 3-D views are drawn from."""
+        """Data of the 3-D views."""
         return [json.loads(content) for kind, content in self.scripts if kind == "application/json"]
 
 
@@ -80,3 +84,16 @@ def check_identifiers(source: str) -> None:
     markup = re.sub(r"<script.*?</script>", "", source, flags=re.DOTALL)
     used = set(re.findall(r"url\(#([^)]+)\)", markup)) | set(re.findall(r'href="#([^"]+)"', markup))
     assert used <= set(identifiers)
+
+
+def checked_report(run: Path) -> tuple[str, Page]:
+    """The report of a run, source and page: it stands alone and names every figure of the summary."""
+    path = write_report(run)
+    source = path.read_text(encoding="utf-8")
+    path.unlink()
+    check_stands_alone(source)
+    check_identifiers(source)
+    page = Page(source)
+    for key in json.loads((run / "summary.json").read_text(encoding="utf-8")).keys() - {SHORTFALL}:
+        assert any(label(key)[0] in word for word in page.words), key
+    return source, page

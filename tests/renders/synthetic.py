@@ -40,7 +40,7 @@ SUMMARY_NUMBERS = {
 
 
 def ridges(nodes: int = 65, spacing: float = 200.0) -> HeightField:
-    """A smooth mountain landscape."""
+    """A smooth mountain terrain."""
     x, y = np.meshgrid(np.arange(nodes) * spacing, np.arange(nodes) * spacing)
     z = 1500.0 + 500.0 * np.sin(x / 1700.0) * np.cos(y / 2300.0) + 700.0 * np.exp(-(((x - 7000) / 2500) ** 2))
     return HeightField(z, spacing, "ridges", "made up for a test", "none needed")

@@ -28,6 +28,10 @@ def test_what_is_committed_is_named_and_what_is_named_is_there() -> None:
     assert {path.name for path in HERE.iterdir() if path.suffix in (".png", ".webp", ".gif", ".jpg")} == set(ENTRIES)
 
 
+def test_commands_run_in_the_folder_of_the_repository() -> None:
+    assert (program.ROOT / "Makefile").is_file()
+
+
 def test_every_scenario_has_a_still_and_a_clip() -> None:
     for scenario in names("scenarios"):
         for name in (f"{scenario.replace('-', '_')}.{ending}" for ending in ("png", "webp")):
@@ -104,7 +108,7 @@ def test_what_makes_no_picture_is_refused() -> None:
         GalleryPicture("a.png", ((MATHNAVI, "list"),)).made("")
 
 
-def test_a_picture_is_made_by_its_commands_or_told_why_not(
+def test_a_picture_is_made_by_its_commands_or_the_reason_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     makes = ("sh", "-c", "echo new > made.png", "--screenshot=made.png")
@@ -128,8 +132,8 @@ def test_a_picture_is_made_by_its_commands_or_told_why_not(
     assert (tmp_path / "a.png").read_text() == (tmp_path / "b.png").read_text() == "new\n"
     assert (tmp_path / "runs.txt").read_text() == "once\n"
     assert program.main(["[c-f].png"]) == 1
-    told = capsys.readouterr().err.splitlines()
-    for line, why in zip(told, ("exit code 2", "no_such_program", "no_such_map.npz", "nowhere.png"), strict=True):
+    messages = capsys.readouterr().err.splitlines()
+    for line, why in zip(messages, ("exit code 2", "no_such_program", "no_such_map.npz", "nowhere.png"), strict=True):
         assert why in line
     assert program.main(["g"]) == 2
     assert capsys.readouterr().err.startswith("gallery: NAME = 'g' is no picture")

@@ -1,4 +1,4 @@
-"""What is written on a picture is beside what it names, and a legend shows what is drawn."""
+"""Texts on a picture are beside what they name, and a legend shows what is drawn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is drawn of a sample is what was found: every name, every limit, every bound."""
+"""Figures of a sample show its statistics: every name, every limit, every bound."""
 
 from __future__ import annotations
 

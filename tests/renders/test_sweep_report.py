@@ -36,8 +36,8 @@ def flight(seed: int, nodes: int, gust: float, **other: Any) -> Record:
         "arrived": True, "arrival_time_s": 100.0 + rng.uniform(0.0, 9.0), "deadline_s": 200.0,
         "min_clearance_m": 120.0 - 20.0 * gust + rng.uniform(0.0, 5.0), "ground_contacts": 0, "replans": 40 + seed,
     }  # fmt: skip
-    told = {"status": "ok", "success": True, "summary": summary, "timings": {"trial_wall_s": 1.0 + 0.1 * seed}}
-    return Record(f"{seed}-{nodes}-{gust}", "safe-flight", parameters, seed, "0.1.0+abc", **{**told, **other})
+    successful = {"status": "ok", "success": True, "summary": summary, "timings": {"trial_wall_s": 1.0 + 0.1 * seed}}
+    return Record(f"{seed}-{nodes}-{gust}", "safe-flight", parameters, seed, "0.1.0+abc", **{**successful, **other})
 
 
 def broken(seed: int, nodes: int, gust: float = 0.0) -> Record:
@@ -215,7 +215,7 @@ def test_figures_are_drawn_over_a_continuous_field() -> None:
     assert sum("faults.gust_rms" in label for label in labels) == 2
 
 
-def test_another_scenario_with_other_words_is_told_too() -> None:
+def test_another_scenario_with_other_words_is_reported_too() -> None:
     records = [
         Record(
             str(seed), "my.module:Chase", {"config": {"gain": gain}}, seed, "0.1.0", "ok", True,

@@ -160,7 +160,7 @@ def test_a_problem_is_stated_and_solved() -> None:
     x, v, u = ocp.state("x"), ocp.state("v"), ocp.control("u")
     ocp.duration(1.0), ocp.minimise(running=u**2 / 2), ocp.dynamics(x, v), ocp.dynamics(v, u)
     ocp.start(x, 0.0), ocp.start(v, 0.0), ocp.end(x, 1.0), ocp.end(v, 0.0)
-    for solution in (ocp.solve(20), ocp.solve(adaptive=True)):
+    for solution in (ocp.solve(20), ocp.solve(method="refine")):
         assert solution.ok
         assert solution.cost == pytest.approx(6.0)
         np.testing.assert_allclose(solution["x"], 3.0 * solution.t**2 - 2.0 * solution.t**3, atol=1e-9)

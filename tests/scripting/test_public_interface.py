@@ -20,7 +20,7 @@ MOST = 0.1  # [s]
 
 
 def typed() -> dict[str, str]:
-    """What the TYPE_CHECKING block imports: "module:name" by the name that it has here."""
+    """Imports of the TYPE_CHECKING block: "module:name" by the name that it has here."""
     tree = ast.parse(SOURCE.read_text(encoding="utf-8"))
     (block,) = [node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
     return {

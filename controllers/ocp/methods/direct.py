@@ -23,9 +23,21 @@ def solve(
     parameters: Array | None = None,
     options: Options = DEFAULT,
 ) -> Solution:
-    """The problem on ``nodes`` uniform nodes, or on a grid of its own, with its replay.
+    """Solve a problem on one grid and replay the solution.
 
-    Whether there is a solution is in its status. Raises ProblemError for a number of nodes below two.
+    Args:
+        problem: the problem as compiled functions.
+        nodes: number N of uniform nodes, or a grid.
+        scheme: transcription of an interval.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        options: solver and tolerance.
+
+    Returns:
+        The solution with its replay; failure is in its status.
+
+    Raises:
+        ProblemError: for fewer than two nodes, and parameters or a guess that do not fit the problem.
     """
     grid = nodes if isinstance(nodes, Grid) else uniform(nodes)
     made = transcription(problem, scheme, len(grid), FIXED, options)

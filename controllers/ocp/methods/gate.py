@@ -15,10 +15,11 @@ LEAST = 1e-8
 
 
 def gated(adaptive: Solution, uniform: Solution, method: str) -> Solution:
-    """The adaptive solution under its method's name, or the uniform one with the status REFUSED and the reason.
+    """Compare replays: the adaptive solution under its method's name, or the uniform one with the status REFUSED.
 
-    Both carry a replay where they are solutions at all. The time of the adaptive one is the time of the answer. Where
-    the uniform solve failed there is nothing to compare with: the adaptive solution's message says so.
+    The message says why it was refused. Both carry a replay where they are solutions at all. The time of the adaptive
+    one is the time of the answer. Where the uniform solve failed there is nothing to compare with: the adaptive
+    solution's message says so.
     """
     timing = adaptive.timing
     if not uniform.ok or uniform.replay is None:

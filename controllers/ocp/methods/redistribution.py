@@ -32,9 +32,23 @@ def redistribute(
     parameters: Array | None = None,
     options: Options = DEFAULT,
 ) -> Solution:
-    """The solution after ``rounds`` redistributions of a uniform solution; gated.
+    """Solve on uniform nodes, then ``rounds`` times on the grid that equidistributes a monitor function; gated.
 
-    Raises ProblemError for fewer than two nodes or no round.
+    Args:
+        problem: the problem as compiled functions.
+        nodes: N, the same in every round.
+        monitor: w, whose ``density`` is equidistributed; it needs no measure.
+        rounds: number of redistributions, at least one.
+        scheme: transcription of an interval.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        options: solver and tolerance.
+
+    Returns:
+        The solution with its replay, or the uniform one with the status REFUSED where that replays better.
+
+    Raises:
+        ProblemError: for fewer than two nodes or no round, and a monitor function that is not positive.
     """
     if rounds < 1:
         raise ProblemError(f"rounds = {rounds!r}; allowed: a whole number >= 1")
@@ -53,5 +67,5 @@ def redistribute(
 
 
 def redistributed(solution: Solution, nodes: int, monitor: Monitor) -> Grid:
-    """The grid on which a solution's monitor function is equidistributed."""
+    """The grid of ``nodes`` nodes between which the integral of a solution's monitor function is the same."""
     return equidistributed(nodes, lambda tau: monitor.density(solution, tau, monitor.epsilon), solution.grid.nodes)

@@ -37,11 +37,25 @@ def refine(
     parameters: Array | None = None,
     options: Options = DEFAULT,
 ) -> Solution:
-    """The solution on a grid refined from ``nodes`` uniform ones; gated against as many uniform nodes.
+    """Solve a problem, adding nodes until the local error is small; gated against as many uniform nodes.
 
-    Whether ``tolerance`` was reached within ``most_nodes`` nodes is in the message. Raises ProblemError for a scheme
-    whose state has no polynomial, for limits that contradict each other and for a tolerance that is not
-    positive.
+    Args:
+        problem: the problem as compiled functions.
+        nodes: number of uniform nodes to start with.
+        most_nodes: limit of the number of nodes.
+        tolerance: allowed local error η of an interval, over the states' scales.
+        scheme: transcription of an interval.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        options: solver and tolerance.
+
+    Returns:
+        The solution with its replay; its message says whether the tolerance was reached. The uniform solution with the
+        status REFUSED where that replays better.
+
+    Raises:
+        ProblemError: for a scheme whose state has no polynomial, limits that contradict each other and a tolerance that
+            is not positive.
     """
     if len(scheme.points) < 2:
         raise ProblemError(f"scheme = {scheme.name} cannot be refined; allowed: a collocation scheme")
@@ -71,7 +85,7 @@ def refine(
 
 
 def _parts(errors: Array, tolerance: float, power: int, spare: int) -> list[int]:
-    """Into how many parts to divide each interval."""
+    """Number of parts to divide each interval into, with at most ``spare`` new nodes."""
     parts = np.ones(len(errors))
     for _ in range(min(spare, len(errors))):
         predicted = errors / parts**power

@@ -23,7 +23,7 @@ START, END = (2.0, 1.0, 2.0, 1.0), (2.0, 3.0, 1.0, -2.0)
 
 @cache
 def alp_rider() -> ProblemFunctions:
-    """Over four peaks in 20 s."""
+    """Ride over four peaks in 20 s."""
     ocp = OptimalControlProblem("alp rider")
 
     x = ca.vertcat(*(ocp.state(f"x{k + 1}", guess=(START[k], 1.0, END[k])) for k in range(4)))

@@ -17,7 +17,7 @@ WALL = 1.0 / 9.0
 
 @cache
 def bryson_denham() -> ProblemFunctions:
-    """There and back in one second."""
+    """Turn before the wall x <= 1/9 within one second."""
     ocp = OptimalControlProblem("Bryson-Denham")
 
     x = ocp.state("x", upper=WALL, scale=0.1, guess=(0.0, 0.1, 0.0))

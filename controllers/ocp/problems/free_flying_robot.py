@@ -22,7 +22,7 @@ ARM = 0.2
 
 @cache
 def free_flying_robot() -> ProblemFunctions:
-    """Across the room in 12 s."""
+    """Flight from rest to rest in 12 s, with the least fuel."""
     ocp = OptimalControlProblem("free-flying robot")
 
     x = ocp.state("x", scale=10.0, guess=(-10.0, 0.0))

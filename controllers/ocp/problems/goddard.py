@@ -20,7 +20,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 @cache
 def goddard() -> ProblemFunctions:
-    """The highest flight."""
+    """Flight of Goddard's rocket to the greatest height, in the scaled units of COPS."""
     ocp = OptimalControlProblem("Goddard")
 
     h = ocp.state("h", lower=1.0, scale=0.01, guess=(1.0, 1.01))

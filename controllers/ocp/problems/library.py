@@ -74,4 +74,4 @@ MISSILES: dict[str, KnownOptimum] = {
     f"missile, {name}": KnownOptimum(partial(missile, name), optimum.cost, "independent code, N = 301")
     for name, optimum in OPTIMA.items()
 }
-"""the thesis' own design study (B.4), whose objective the print leaves open"""
+"""the thesis' own design study (B.4), whose objective the thesis leaves open"""

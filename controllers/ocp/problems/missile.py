@@ -1,6 +1,6 @@
 """The missile of the thesis' design study (B.4): dive onto a target at a right angle.
 
-Pitch plane, z down, nose up positive. The print leaves the objective open; the cases differ in how dear braking, a
+Pitch plane, z down, nose up positive. The thesis leaves the objective open; the cases differ in how dear braking, a
 steep angle of attack and turning are. The aspect angle pins θ and w: with three inputs, three degrees of freedom and no
 aerodynamics θ alone says nothing about the path.
 """
@@ -38,7 +38,7 @@ OPTIMA = {
 
 @cache
 def missile(case: str = "SM2") -> ProblemFunctions:
-    """Dive from (0, 10) in level flight to (700, 0) straight down."""
+    """Dive from (0, 10) m in level flight to (700, 0) m straight down; ProblemError for an unknown case."""
     if case not in CASES:
         raise ProblemError(f"case = {case!r}; allowed: {', '.join(CASES)}")
     c, T = CASES[case], OPTIMA[case].duration

@@ -16,7 +16,7 @@ from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
 
 @cache
 def rayleigh() -> ProblemFunctions:
-    """The mixed constraint."""
+    """Rayleigh's oscillator in 4.5 s, with the mixed constraint u + x1 / 6 <= 0."""
     ocp = OptimalControlProblem("Rayleigh")
 
     x1 = ocp.state("x1", scale=5.0, guess=(-5.0, 0.0))

@@ -22,7 +22,7 @@ MOST_DOSE, MOST_DRUG = 75.0, 15.0
 
 @cache
 def tumour() -> ProblemFunctions:
-    """The smallest tumour within five days."""
+    """Therapy to the smallest tumour p(T) [mm^3] within five days."""
     p_bar = ((B - MU) / D) ** 1.5  # [mm^3]
     ocp = OptimalControlProblem("tumour")
 

@@ -1,4 +1,4 @@
-"""Forward Euler, x_{i+1} = x_i + d f(x_i, u_i) with the control held: what the thesis' Paper A transcribes with."""
+"""Forward Euler, x_{i+1} = x_i + d f(x_i, u_i) with the control held: the transcription of the thesis' Paper A."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Ra
 
 @dataclass(frozen=True)
 class Euler:
-    """First order; a zero-order hold."""
+    """Forward Euler: first order, the control held over the interval."""
 
     name: str = "forward Euler"
     order: int = 1
@@ -25,5 +25,6 @@ class Euler:
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
     ) -> IntervalEquations:
+        """x_1 = x_0 + d f(x_0, u, t), at the cost d L(x_0, u, t)."""
         f, cost = rates(x_0, U[0], t)
         return IntervalEquations(x_0 + d * f, ca.SX(0, 1), d * cost, (x_0,))

@@ -17,7 +17,7 @@ from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Ra
 
 @dataclass(frozen=True)
 class HermiteSimpson:
-    """Fourth order at the nodes: Lobatto IIIA with three points."""
+    """Hermite-Simpson collocation: fourth order at the nodes, Lobatto IIIA with three points."""
 
     name: str = "Hermite-Simpson"
     order: int = 4
@@ -30,6 +30,7 @@ class HermiteSimpson:
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
     ) -> IntervalEquations:
+        """x_1 = x_0 + d (f_0 + 4 f_c + f_1) / 6, at the cost d (L_0 + 4 L_c + L_1) / 6."""
         (f_0, cost_0), (f_1, cost_1) = rates(x_0, U[0], t), rates(x_1, U[2], t + d)
         x_c = (x_0 + x_1) / 2 + d * (f_0 - f_1) / 8
         f_c, cost_c = rates(x_c, U[1], t + d / 2)

@@ -1,6 +1,6 @@
-"""Multiple shooting: x_{i+1} is where the classical Runge-Kutta method takes x_i with the control held.
+"""Multiple shooting: x_{i+1} is the classical Runge-Kutta method's result from x_i, the control held.
 
-The only scheme here whose plan a zero-order hold flies as it was computed, and explicit, as FATROP wants it.
+The only scheme here whose plan a zero-order hold flies as it was computed, and explicit, as FATROP needs it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mathnavi.sim.interfaces.bounds import Count, configuration
 
 @configuration
 class MultipleShooting:
-    """``steps`` Runge-Kutta steps of fourth order over each interval."""
+    """Multiple shooting by ``steps`` Runge-Kutta steps of fourth order over each interval; FieldError for steps < 1."""
 
     steps: Count = 2
     name: str = "multiple shooting"
@@ -30,6 +30,7 @@ class MultipleShooting:
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
     ) -> IntervalEquations:
+        """x_1 and the cost after ``steps`` Runge-Kutta steps of width d / steps, u held."""
         h, x, cost = d / self.steps, x_0, ca.SX(0)
         for k in range(self.steps):
             now = t + k * h

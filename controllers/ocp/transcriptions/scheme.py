@@ -1,4 +1,4 @@
-"""What a transcription is: how states, controls and dynamics of one interval hang together (thesis 1.1.2, B.2).
+"""Transcriptions: the equations that join states, controls and dynamics over one interval (thesis 1.1.2, B.2).
 
 Over [t, t + d] the unknowns are the states at both ends, x_0 and x_1, the controls U at ``points`` (fractions of the
 interval), and the states X at ``interior`` further points. The scheme turns them into equations that vanish and into
@@ -20,22 +20,22 @@ import numpy as np
 
 from mathnavi.sim.interfaces.signals import Array
 
-# (x, u, t) -> (x', L)
 Rates = Callable[[ca.SX, ca.SX, ca.SX], tuple[ca.SX, ca.SX]]
+"""(x (nx,), u (nu,), t () [s]) -> (x' = f(x, u, t) (nx,), running cost L(x, u, t) ())"""
 
 
 @dataclass(frozen=True, eq=False)
 class IntervalEquations:
-    """The equations of one interval."""
+    """The equations of one interval, symbolic: x_1 = flow, 0 = inner."""
 
-    flow: ca.SX  # (nx,) what x_1 must be; of an explicit scheme it does not depend on x_1
-    inner: ca.SX  # (interior * nx,) vanishes
+    flow: ca.SX  # (nx,) equals x_1 in a solution; of an explicit scheme it does not depend on x_1
+    inner: ca.SX  # (interior * nx,) vanishes in a solution
     cost: ca.SX  # () its share of ∫ L dt
-    states: tuple[ca.SX, ...]  # the state at each of the points
+    states: tuple[ca.SX, ...]  # (nx,) each: the state at each of the scheme's points
 
 
 class Scheme(Hashable, Protocol):
-    """A transcription."""
+    """A transcription: its points, its order and the equations of an interval."""
 
     @property
     def name(self) -> str:
@@ -44,17 +44,17 @@ class Scheme(Hashable, Protocol):
 
     @property
     def order(self) -> int:
-        """The error of a state after one interval of width d is O(d^(order + 1))."""
+        """Order: the error of a state after one interval of width d is O(d^(order + 1))."""
         ...
 
     @property
     def points(self) -> tuple[float, ...]:
-        """Fractions of the interval at which the control is an unknown."""
+        """Fractions (k,) of the interval, in [0, 1], at which the control is an unknown."""
         ...
 
     @property
     def shared(self) -> bool:
-        """True if the control at the end of an interval is the one at the start of the next."""
+        """True if the control at the end of an interval is the one at the start of the next: continuous control."""
         ...
 
     @property
@@ -75,17 +75,33 @@ class Scheme(Hashable, Protocol):
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
     ) -> IntervalEquations:
-        """The equations over [t, t + d]."""
+        """Equations over [t, t + d].
+
+        Args:
+            rates: dynamics and running cost.
+            x_0: (nx,) state at t.
+            X: states (nx,) at the ``interior`` points.
+            x_1: (nx,) state at t + d.
+            U: controls (nu,) at each of the ``points``.
+            t: () [s] start of the interval.
+            d: () [s] width of the interval.
+
+        Returns:
+            The equations that a solution fulfils, with the interval's share of ∫ L dt.
+        """
         ...
 
 
 def weights(points: tuple[float, ...], at: Array) -> Array:
-    """Weights (n, k) l_j(at) of the values at the points in the polynomial's value at fractions (n,)."""
+    """Interpolation weights (n, k): w_ij = l_j(at_i), of values at the points (k,) in the value at fractions (n,)."""
     return _basis(points, at)
 
 
 def integral_weights(points: tuple[float, ...], to: Array) -> Array:
-    """Weights (n, k) ∫_0^to l_j of the rates at the points in the integral up to fractions (n,); exact quadrature."""
+    """Integration weights (n, k): w_ij = ∫_0^to_i l_j, of rates at the points (k,) in the integral to fractions (n,).
+
+    Gauss-Legendre quadrature, exact for these polynomials.
+    """
     nodes, share = np.polynomial.legendre.leggauss(len(points) // 2 + 1)
     basis = _basis(points, (0.5 * to[:, None] * (nodes + 1.0)).ravel()).reshape(len(to), len(nodes), len(points))
     integrals: Array = 0.5 * to[:, None] * np.einsum("g,ngk->nk", share, basis)

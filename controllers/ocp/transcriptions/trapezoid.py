@@ -12,7 +12,7 @@ from mathnavi.controllers.ocp.transcriptions.scheme import IntervalEquations, Ra
 
 @dataclass(frozen=True)
 class Trapezoid:
-    """Second order: Lobatto IIIA with two points."""
+    """Trapezoidal collocation: second order, Lobatto IIIA with two points."""
 
     name: str = "trapezoid"
     order: int = 2
@@ -25,5 +25,6 @@ class Trapezoid:
     def interval(
         self, rates: Rates, x_0: ca.SX, X: Sequence[ca.SX], x_1: ca.SX, U: Sequence[ca.SX], t: ca.SX, d: ca.SX
     ) -> IntervalEquations:
+        """x_1 = x_0 + d (f_0 + f_1) / 2, at the cost d (L_0 + L_1) / 2."""
         (f_0, cost_0), (f_1, cost_1) = rates(x_0, U[0], t), rates(x_1, U[1], t + d)
         return IntervalEquations(x_0 + d * (f_0 + f_1) / 2, ca.SX(0, 1), d * (cost_0 + cost_1) / 2, (x_0, x_1))

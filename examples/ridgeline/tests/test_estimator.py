@@ -8,12 +8,12 @@ from ridgeline.controller import Roadmap
 from ridgeline.estimator import AlphaBetaGamma, AlphaBetaGammaConfig
 
 from mathnavi.models.aerial.dynamics import flow
-from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.signals import Measurement
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
-from mathnavi.sim.scenarios.flight_parts import FlightNoise
+from mathnavi.sim.scenarios.flight_fields import FlightNoise
 from mathnavi.sim.scenarios.safe_flight import SafeFlight
 
 
@@ -23,7 +23,7 @@ def errors(noise: float, gust_rms: float, seconds: float) -> tuple[np.ndarray, n
     The vehicle sways, with gusts of the declared model that change at the fixes.
     """
     rng = np.random.default_rng(4)
-    gusts = GustModel(gust_rms, 3.0, np.inf)
+    gusts = DeclaredGusts(gust_rms, 3.0, np.inf)
     ground = HeightField(np.zeros((2, 2)), 5000.0)
     mission = FlightMission(ground, (9.0, 8.0, 700.0), (0.0,) * 3, position_noise=noise, gust=gusts, control_period=0.1)
     config = AlphaBetaGammaConfig()

@@ -83,8 +83,8 @@ class SeparationStudy:
             for size in sizes
             for seed in range(config.seeds)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {
+        records = setup.fly_each(trials)
+        by_condition = {
             (kind, size): [records[kind, size, seed] for seed in range(config.seeds)]
             for kind in KINDS
             for size in sizes
@@ -93,8 +93,8 @@ class SeparationStudy:
         timed = [TimedFleet(setup.place, size, seed) for size in grown for seed in range(config.repetitions)]
         costs = iter(setup.compute(cpu_share, timed))
         cost_of = {size: [next(costs) for _ in range(config.repetitions)] for size in grown}
-        rows = [_row(kind, size, some) for (kind, size), some in of.items()]
-        costs_as_rows = [{"cost_vehicles": n, "cpu_share": value} for n, some in cost_of.items() for value in some]
+        rows = [_row(kind, size, group) for (kind, size), group in by_condition.items()]
+        costs_as_rows = [{"cost_vehicles": n, "cpu_share": value} for n, group in cost_of.items() for value in group]
         return StudyResult(
             summary=(
                 f"{config.seeds} fleets of each size over {setup.ground.name}, {len(trials)} flights in all. Cost: CPU "
@@ -102,10 +102,10 @@ class SeparationStudy:
             ),
             rows=[*rows, *costs_as_rows],
             tables=(_table(rows), _cost_table(cost_of)),
-            figure=_figure(of, cost_of),
+            figure=_figure(by_condition, cost_of),
             caption="(a) The least distance between any two vehicles of each fleet; dashed, what they are to keep. (b) "
             "The least clearance. (c) CPU time per vehicle and second of flight.",
-            claims=_claims(of, cost_of),
+            claims=_claims(by_condition, cost_of),
         )  # fmt: skip
 
 
@@ -149,8 +149,8 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 def _cost_table(cost_of: Mapping[int, Sequence[float]]) -> Table:
     body = [
-        (size, f"{np.median(some):.3g}", f"{np.median(some) / CORES:.3g}", f"{1000.0 * np.median(some) / size:.3g}")
-        for size, some in cost_of.items()
+        (size, f"{np.median(times):.3g}", f"{np.median(times) / CORES:.3g}", f"{1000.0 * np.median(times) / size:.3g}")
+        for size, times in cost_of.items()
     ]
     return Table(
         "Cost of a fleet",
@@ -159,12 +159,14 @@ def _cost_table(cost_of: Mapping[int, Sequence[float]]) -> Table:
     )
 
 
-def _claims(of: Mapping[tuple[str, int], Sequence[Record]], cost_of: Mapping[int, Sequence[float]]) -> list[Claim]:
-    every = [record for some in of.values() for record in some]
+def _claims(
+    by_condition: Mapping[tuple[str, int], Sequence[Record]], cost_of: Mapping[int, Sequence[float]]
+) -> list[Claim]:
+    every = [record for group in by_condition.values() for record in group]
     contacts = int(figures(every, "ground_contacts").sum())
     close = int((figures(every, "separation_min_m") < figures(every, "separation_allowed_m")).sum())
     least = float(figures(every, "separation_min_m").min())
-    each = {size: float(np.median(some)) / size for size, some in cost_of.items()}
+    each = {size: float(np.median(group)) / size for size, group in cost_of.items()}
     first, last = min(each), max(each)
     sixteen = float(np.median(cost_of[16])) / CORES if 16 in cost_of else None
     growth = each[last] / each[first]
@@ -190,24 +192,24 @@ def _claims(of: Mapping[tuple[str, int], Sequence[Record]], cost_of: Mapping[int
 # ---- what is drawn
 
 
-def _figure(of: Mapping[tuple[str, int], Sequence[Record]], cost_of: Mapping[int, Sequence[float]]) -> Figure:
+def _figure(by_condition: Mapping[tuple[str, int], Sequence[Record]], cost_of: Mapping[int, Sequence[float]]) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 4.3), layout="constrained")
         left, middle, right = page.subplots(1, 3, width_ratios=(1.2, 1.2, 0.8))
-        allowed = float(max(figures(some, "separation_allowed_m").max() for some in of.values()))
-        _draw_least(left, of, "separation_min_m", allowed, "(a) least separation [m]")
-        _draw_least(middle, of, "min_clearance_m", 50.0, "(b) least clearance [m]")
+        allowed = float(max(figures(group, "separation_allowed_m").max() for group in by_condition.values()))
+        _draw_least(left, by_condition, "separation_min_m", allowed, "(a) least separation [m]")
+        _draw_least(middle, by_condition, "min_clearance_m", 50.0, "(b) least clearance [m]")
         _draw_cost(right, cost_of)
     return page
 
 
 def _draw_least(
-    axes: Axes, of: Mapping[tuple[str, int], Sequence[Record]], key: str, allowed: float, title: str
+    axes: Axes, by_condition: Mapping[tuple[str, int], Sequence[Record]], key: str, allowed: float, title: str
 ) -> None:
     rng = np.random.default_rng(0)
-    sizes = sorted({size for _, size in of})
-    for (kind, size), some in of.items():
-        values = figures(some, key)
+    sizes = sorted({size for _, size in by_condition})
+    for (kind, size), group in by_condition.items():
+        values = figures(group, key)
         x = sizes.index(size) + (-0.15 if kind == next(iter(KINDS)) else 0.15) + rng.uniform(-0.07, 0.07, len(values))
         axes.plot(x, values, "o", ms=5, alpha=0.75, color=COLOURS[kind], label=kind if size == sizes[0] else None)
     axes.axhline(allowed, color=INK, ls="--", lw=1.0)
@@ -219,10 +221,10 @@ def _draw_least(
 
 def _draw_cost(axes: Axes, cost_of: Mapping[int, Sequence[float]]) -> None:
     sizes = list(cost_of)
-    for size, some in cost_of.items():
-        axes.plot([size] * len(some), 1000.0 * np.array(some) / size, "o", color="#0d5fa8", alpha=0.7)
+    for size, times in cost_of.items():
+        axes.plot([size] * len(times), 1000.0 * np.array(times) / size, "o", color="#0d5fa8", alpha=0.7)
     axes.plot(
-        sizes, [1000.0 * float(np.median(some)) / size for size, some in cost_of.items()], color="#0d5fa8", lw=1.2
+        sizes, [1000.0 * float(np.median(times)) / size for size, times in cost_of.items()], color="#0d5fa8", lw=1.2
     )
     axes.set_xscale("log", base=2)
     axes.set_xticks(sizes, [str(size) for size in sizes])

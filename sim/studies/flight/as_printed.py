@@ -41,7 +41,7 @@ class AsPrintedStudyConfig:
 
 
 class AsPrintedStudy:
-    """What the print's guarantee is worth in continuous time (Propositions A.1 to A.3)."""
+    """The guarantee of the thesis as printed, tested in continuous time (Propositions A.1 to A.3)."""
 
     Config = AsPrintedStudyConfig
     quick = AsPrintedStudyConfig(seeds=3)
@@ -59,9 +59,9 @@ class AsPrintedStudy:
             for planner in PLANNERS
             for seed in range(config.seeds)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {planner: [records[planner, seed] for seed in range(config.seeds)] for planner in PLANNERS}
-        rows = [_row(planner, of[planner]) for planner in PLANNERS]
+        records = setup.fly_each(trials)
+        by_condition = {planner: [records[planner, seed] for seed in range(config.seeds)] for planner in PLANNERS}
+        rows = [_row(planner, by_condition[planner]) for planner in PLANNERS]
         literal = rows[0]
         crashed = [seed for seed in range(config.seeds) if records["as_printed", seed].summary["ground_contacts"]]
         shown = setup.flown({planner: trials[planner, crashed[0] if crashed else 0] for planner in PLANNERS})

@@ -53,9 +53,9 @@ class Beta:
             for seed in range(config.seeds)
             for beta in BETAS
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {beta: [records[beta, seed] for seed in range(config.seeds)] for beta in BETAS}
-        rows = [_row(beta, of[beta]) for beta in BETAS]
+        records = setup.fly_each(trials)
+        by_condition = {beta: [records[beta, seed] for seed in range(config.seeds)] for beta in BETAS}
+        rows = [_row(beta, by_condition[beta]) for beta in BETAS]
         low, high = rows[0], rows[-1]
         time_ratio, effort_ratio = low["time_s"] / high["time_s"], high["effort"] / low["effort"]
         all_arrived = low["arrived"] == high["arrived"] == config.seeds
@@ -67,11 +67,11 @@ class Beta:
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}, N = 13, gamma = 2. Time of flight and effort of "
-                "the print are those of one mission on its own terrain.",
+                "the thesis are those of one mission on its own terrain.",
             ),
             rows=rows,
             tables=(_table(rows),),
-            figure=_figure(of, shown, setup.ground),
+            figure=_figure(by_condition, shown, setup.ground),
             caption="The first mission with both values; medians of time and effort with 95 % bootstrap bands.",
             claims=(
                 Claim(
@@ -120,7 +120,7 @@ def _table(rows: Sequence[dict[str, Any]]) -> Table:
     return Table("Table A.4", columns, cells)
 
 
-def _figure(of: dict[float, list[Record]], shown: dict[float, RunResult], ground: HeightField) -> Figure:
+def _figure(by_condition: dict[float, list[Record]], shown: dict[float, RunResult], ground: HeightField) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 6.4), layout="constrained")
         (path, speed), (time, effort) = figure.subplots(2, 2, height_ratios=(1.5, 1))
@@ -136,7 +136,7 @@ def _figure(of: dict[float, list[Record]], shown: dict[float, RunResult], ground
             (time, "arrival_time_s", "time of flight [s]"),
             (effort, "control_effort", "Σ h |a|² [m²/s³]"),
         ):
-            bands = [median(figures(of[beta], key)) for beta in BETAS]
+            bands = [median(figures(by_condition[beta], key)) for beta in BETAS]
             spread = np.array([[b.median - b.low, b.high - b.median] for b in bands]).T
             axes.errorbar(BETAS, [b.median for b in bands], np.nan_to_num(spread), fmt="o-", capsize=3, color="#2166ac")
             axes.set_xscale("log")

@@ -195,9 +195,9 @@ def _target(terrain: HeightField, count: int, rng: np.random.Generator) -> FlowT
     size = np.array([terrain.width, terrain.depth])
     radius = min(RADIUS, 0.2 * float(size.min()))
     x, y = rng.uniform(0.1 * size, 0.9 * size)
-    while True:  # more than half of the map lies so far from any point of it
-        away = rng.uniform(0.0, size)
-        if np.hypot(*(away - (x, y))) > 1.2 * radius:
+    while True:  # more than half of the map lies so far from any of its points
+        place = rng.uniform(0.0, size)
+        if np.hypot(*(place - (x, y))) > 1.2 * radius:
             break
     over = np.clip(np.array([x, y]) + rng.uniform(-0.5, 0.5, 2) * radius, 0.0, size)
     points = rng.uniform(0.0, size, (count, 2))
@@ -206,7 +206,7 @@ def _target(terrain: HeightField, count: int, rng: np.random.Generator) -> FlowT
         np.array([x, y, float(terrain.height(x, y)) + 250.0]),
         np.column_stack([points, terrain.height(points[:, 0], points[:, 1]) + above]),
         {
-            CASES[1]: Radar(float(away[0]), float(away[1]), radius, WEIGHT),
+            CASES[1]: Radar(float(place[0]), float(place[1]), radius, WEIGHT),
             CASES[2]: Radar(float(over[0]), float(over[1]), radius, WEIGHT),
         },
     )
@@ -244,8 +244,8 @@ def metric_error(terrain: HeightField) -> Array:
     grid = TerrainGrid.around(flat, target, nodes, layers)
     distance = node_distance(grid, threat_density(grid, flat, ()))
     straight = np.linalg.norm(grid.positions - grid.positions[grid.target], axis=-1)
-    away = straight > 0.0
-    error: Array = distance[away] / straight[away] - 1.0
+    elsewhere = straight > 0.0
+    error: Array = distance[elsewhere] / straight[elsewhere] - 1.0
     return error
 
 

@@ -84,7 +84,7 @@ FAULTS: dict[str, dict[str, Any]] = {
     "90 % of the solves fail": {"fields": {"faults.solver_failure_rate": 0.9}},
     "corrupted and late plans": {"fields": {"faults.corrupted_plan_rate": 0.3, "faults.late_plan_rate": 0.3}},
     "kalman, gusts": {"estimator": "kalman", "fields": ROUGH},
-    "all of it": {"estimator": "kalman", "fields": ROUGH | SOME},
+    "everything": {"estimator": "kalman", "fields": ROUGH | SOME},
 }
 
 
@@ -99,7 +99,7 @@ class FlightGridsConfig:
 
 
 class FlightGrids:
-    """What a stretched grid buys the flight planner, and that it keeps every guarantee (A with B)."""
+    """Benefit of a stretched grid for the flight planner, which keeps every guarantee (A with B)."""
 
     Config = FlightGridsConfig
     quick = FlightGridsConfig(seeds=2, faulted=1)
@@ -115,19 +115,18 @@ class FlightGrids:
             for k, (kind, named) in enumerate(FAULTS.items())  # each kind has missions of its own
             for seed in range(config.faulted)
         }
-        records = setup.fly([*clean.values(), *faulted.values()])
-        flown = dict(zip([*clean, *faulted], records, strict=True))
-        of = {grid: [flown[grid, seed] for seed in range(config.seeds)] for grid in GRIDS}
-        rows = {grid: _row(grid, of[grid], of[UNIFORM]) for grid in GRIDS}
+        flown = setup.fly_each(clean | faulted)
+        by_condition = {grid: [flown[grid, seed] for seed in range(config.seeds)] for grid in GRIDS}
+        rows = {grid: _row(grid, by_condition[grid], by_condition[UNIFORM]) for grid in GRIDS}
         kinds = {kind: _kept(kind, [flown[kind, seed] for seed in range(config.faulted)]) for kind in FAULTS}
         dearer, most = rows[STRETCHED]["over_uniform_percent"], sum(kept["missions"] for kept in kinds.values())
         broken = sum(kept["broken"] for kept in kinds.values())
         shown = setup.flown({grid: clean[grid, 0] for grid in (UNIFORM, STRETCHED)})
         return StudyResult(
-            summary=(_told(config, setup, rows),),
+            summary=(_summary(config, setup, rows),),
             rows=[*rows.values(), *kinds.values()],
             tables=(_costs(rows), _faults(kinds)),
-            figure=_figure(rows, of, kinds),
+            figure=_figure(rows, by_condition, kinds),
             caption="The arcs of each horizon; what each mission costs on it over what it costs on the uniform grid of "
             "20 s (dots), and the mean cost over that of the uniform grid (diamonds); share of the faulted missions on "
             "the stretched grid that broke a guarantee (below h_min, on the ground or late), with 95 % intervals.",
@@ -202,7 +201,7 @@ def _kept(kind: str, records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def _told(config: FlightGridsConfig, setup: Setup, rows: Mapping[HorizonGrid, Mapping[str, Any]]) -> str:
+def _summary(config: FlightGridsConfig, setup: Setup, rows: Mapping[HorizonGrid, Mapping[str, Any]]) -> str:
     far, near, coarse, dense = (rows[grid] for grid in (STRETCHED, UNIFORM, COARSE, DENSE))
     return (
         f"{config.seeds} missions over {setup.ground.name} on each of {len(GRIDS)} grids, a plan every 5/3 s on all of "
@@ -246,14 +245,14 @@ def _faults(kinds: Mapping[str, Mapping[str, Any]]) -> Table:
 
 def _figure(
     rows: Mapping[HorizonGrid, Mapping[str, Any]],
-    of: Mapping[HorizonGrid, Sequence[Record]],
+    by_condition: Mapping[HorizonGrid, Sequence[Record]],
     kinds: Mapping[str, Mapping[str, Any]],
 ) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 3.9), layout="constrained")
         arcs, cost, kept = figure.subplots(1, 3, width_ratios=(1.1, 1.1, 0.9))
         _draw_arcs(arcs)
-        _draw_costs(cost, rows, of)
+        _draw_costs(cost, rows, by_condition)
         rates_figure_on(kept, list(kinds), [rate(r["broken"], r["missions"]) for r in kinds.values()])
         kept.set_title("Guarantees broken")
     return figure
@@ -270,13 +269,13 @@ def _draw_arcs(axes: Axes) -> None:
 
 
 def _draw_costs(
-    axes: Axes, rows: Mapping[HorizonGrid, Mapping[str, Any]], of: Mapping[HorizonGrid, Sequence[Record]]
+    axes: Axes, rows: Mapping[HorizonGrid, Mapping[str, Any]], by_condition: Mapping[HorizonGrid, Sequence[Record]]
 ) -> None:
     """The cost of every mission over that on the uniform grid, and the mean cost over that."""
-    reference = _cost(of[UNIFORM])
+    reference = _cost(by_condition[UNIFORM])
     axes.axvline(0.0, color=UNIFORM.colour, lw=1.0, ls=":")
     for row, grid in enumerate(GRIDS):
-        over = 100.0 * (_cost(of[grid]) / reference - 1.0)
+        over = 100.0 * (_cost(by_condition[grid]) / reference - 1.0)
         axes.plot(over, np.full(len(over), row), "o", ms=4.0, color=grid.colour, alpha=0.35, mew=0.0)
         mean = rows[grid]["over_uniform_percent"]
         axes.plot(mean, row, "D", ms=6.0, color=grid.colour, mec="white", mew=0.8)

@@ -53,7 +53,7 @@ class HorizonConfig:
 
 
 class Horizon:
-    """What a longer prediction horizon buys and costs (Tables A.1 and A.2, Figure A.5)."""
+    """Benefit and cost of a longer prediction horizon (Tables A.1 and A.2, Figure A.5)."""
 
     Config = HorizonConfig
     quick = HorizonConfig(seeds=2)
@@ -64,13 +64,13 @@ class Horizon:
         trials = {
             (n, seed): setup.trial(seed, fields={"planner.nodes": n}) for seed in range(config.seeds) for n in NODES
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {n: [records[n, seed] for seed in range(config.seeds)] for n in NODES}
-        rows = [_row(n, of[n]) for n in NODES]
+        records = setup.fly_each(trials)
+        by_condition = {n: [records[n, seed] for seed in range(config.seeds)] for n in NODES}
+        rows = [_row(n, by_condition[n]) for n in NODES]
         mean = {row["N"]: row for row in rows}
         changes = [_change(mean[long], mean[short]) for short, long in pairwise(NODES)]
         last = changes[-1]
-        straight = figures(of[NODES[0]], "straight_line_m").mean()
+        straight = figures(by_condition[NODES[0]], "straight_line_m").mean()
         shown = setup.flown({n: trials[n, 0] for n in NODES})
         claims = (
             Claim(
@@ -94,12 +94,12 @@ class Horizon:
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name} (mean straight line {straight:,.0f} m), each "
-                "flown with four horizons. The print's unit of effort is unknown; what can be compared is how it "
+                "flown with four horizons. The thesis' unit of effort is unknown; what can be compared is how it "
                 "changes.",
             ),
             rows=rows,
             tables=(_table(rows), _changes(changes)),
-            figure=_figure(rows, of, shown, setup.ground),
+            figure=_figure(rows, by_condition, shown, setup.ground),
             caption="Paths of the first mission for each horizon, the shorter the wider, and medians over the missions "
             "with their 95 % bootstrap bands, where there are six missions or more.",
             claims=claims,
@@ -169,7 +169,11 @@ def _changes(changes: Sequence[dict[str, float]]) -> Table:
     cells = [
         (
             f"{c['from_s']:.0f} → {c['to_s']:.0f} s",
-            *(f"{c[f'{of}{name}_percent']:+.1f} %" for name in ("effort", "mean", "max") for of in ("", "printed_")),
+            *(
+                f"{c[f'{prefix}{name}_percent']:+.1f} %"
+                for name in ("effort", "mean", "max")
+                for prefix in ("", "printed_")
+            ),
         )
         for c in changes
     ]  # fmt: skip
@@ -177,7 +181,10 @@ def _changes(changes: Sequence[dict[str, float]]) -> Table:
 
 
 def _figure(
-    rows: Sequence[dict[str, float]], of: dict[int, list[Record]], shown: dict[int, RunResult], ground: HeightField
+    rows: Sequence[dict[str, float]],
+    by_condition: dict[int, list[Record]],
+    shown: dict[int, RunResult],
+    ground: HeightField,
 ) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 3.9), layout="constrained")
@@ -185,7 +192,7 @@ def _figure(
         flights = {f"T_p = {(n - 1) * H:.0f} s": (shown[n], COLOURS[n]) for n in NODES}
         paths_on_map(path, ground, flights, "Figure A.5: paths")
         horizons = [(n - 1) * H for n in NODES]
-        measured = [median(effort_norm(of[n], H)) for n in NODES]
+        measured = [median(effort_norm(by_condition[n], H)) for n in NODES]
         middle = np.array([band.median for band in measured])
         spread = np.array([[band.median - band.low, band.high - band.median] for band in measured]).T
         bands.errorbar(horizons, middle, np.nan_to_num(spread), fmt="o-", capsize=3, color=COLOURS[13])

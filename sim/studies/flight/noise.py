@@ -4,7 +4,7 @@ w_bar.
 T_p = 10 s and N = 6 as in the thesis, whose w_bar of 1 is 3670 m. Nothing guards against a jump: it may throw a vehicle
 into a mountain. So the missions begin and end 2 to 3 km above ground, and the planner flies them with its usual margin
 and with one that grows with the jumps, 25 m + 2.5 w_bar; the planner as printed flies them too. Within a jump of the
-target no planner can hit it, so arrival means within 2 km of it.
+target no planner can hit it, so arrival means within 2 km of the target.
 """
 
 from __future__ import annotations
@@ -80,12 +80,14 @@ class Noise:
             for offset in offsets
             for seed in range(config.seeds)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {(p, w): [records[p, w, seed] for seed in range(config.seeds)] for p in PLANNERS for w in offsets}
-        rows = [_row(planner, offset, of[planner, offset]) for planner in PLANNERS for offset in offsets]
-        arrived = np.array([figures(of[MAIN, w], "arrived") > 0 for w in offsets])  # (offsets, seeds)
+        records = setup.fly_each(trials)
+        by_condition = {
+            (p, w): [records[p, w, seed] for seed in range(config.seeds)] for p in PLANNERS for w in offsets
+        }
+        rows = [_row(planner, offset, by_condition[planner, offset]) for planner in PLANNERS for offset in offsets]
+        arrived = np.array([figures(by_condition[MAIN, w], "arrived") > 0 for w in offsets])  # (offsets, seeds)
         paired = arrived.all(axis=0)
-        ours = [float(effort_norm(of[MAIN, w], H)[paired].mean()) for w in offsets] if paired.any() else []
+        ours = [float(effort_norm(by_condition[MAIN, w], H)[paired].mean()) for w in offsets] if paired.any() else []
         shown = setup.flown({offset: trials[MAIN, offset, 0] for offset in COLOURS if offset in offsets})
         return StudyResult(
             summary=(

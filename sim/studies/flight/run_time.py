@@ -75,7 +75,7 @@ class RunTime:
             for n in nodes
             for horizon in horizons
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
+        records = setup.fly_each(trials)
         cells = {
             (n, horizon): _cell(n, horizon, [records[n, horizon, seed] for seed in range(config.seeds)])
             for n in nodes
@@ -91,7 +91,7 @@ class RunTime:
         return StudyResult(
             summary=(
                 f"{config.seeds} missions over {setup.ground.name} for each of {len(cells)} pairs of N and T_p. "
-                "Times are thread CPU times of one replan; the print's are seconds of a 2.8 GHz Xeon in 2006, NPOPT "
+                "Times are thread CPU times of one replan; the thesis' are seconds of a 2.8 GHz Xeon in 2006, NPOPT "
                 "under MATLAB.",
             ),
             rows=[*cells.values()],

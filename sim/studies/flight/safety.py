@@ -58,12 +58,14 @@ class Safety:
             for k, (name, named) in enumerate(GROUPS.items())  # each group has missions of its own
             for seed in range(config.missions)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {name: [records[name, seed] for seed in range(config.missions)] for name in GROUPS}
-        rows = [_row(name, of[name]) for name in GROUPS]
+        records = setup.fly_each(trials)
+        by_condition = {name: [records[name, seed] for seed in range(config.missions)] for name in GROUPS}
+        rows = [_row(name, by_condition[name]) for name in GROUPS]
         total = sum(row["missions"] for row in rows)
         below, on_ground, late = (sum(row[key] for row in rows) for key in ("below", "on_ground", "late"))
-        closest = {name: min(of[name], key=lambda record: record.summary["min_clearance_m"]).seed for name in GROUPS}
+        closest = {
+            name: min(by_condition[name], key=lambda record: record.summary["min_clearance_m"]).seed for name in GROUPS
+        }
         shown = setup.flown({name: trials[name, seed % config.missions] for name, seed in closest.items()})
         return StudyResult(
             summary=(
@@ -74,7 +76,7 @@ class Safety:
             ),
             rows=rows,
             tables=(_table(rows),),
-            figure=_figure(rows, of),
+            figure=_figure(rows, by_condition),
             caption="Violations with their 95 % intervals; least clearance and time of arrival of every mission.",
             claims=(
                 Claim(
@@ -135,13 +137,13 @@ def _table(rows: Sequence[dict[str, Any]]) -> Table:
     return Table("Missions", columns, cells)
 
 
-def _figure(rows: Sequence[dict[str, Any]], of: dict[str, list[Record]]) -> Figure:
+def _figure(rows: Sequence[dict[str, Any]], by_condition: dict[str, list[Record]]) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 3.4), layout="constrained")
         violations, clearance, arrival = figure.subplots(1, 3, width_ratios=(1.2, 1, 1))
         rates_figure_on(violations, [r["group"] for r in rows], [rate(r["violations"], r["missions"]) for r in rows])
         violations.set_title("Below h_min, on the ground or late")
-        for (name, records), colour in zip(of.items(), COLOURS, strict=True):
+        for (name, records), colour in zip(by_condition.items(), COLOURS, strict=True):
             for axes, sample in (
                 (clearance, figures(records, "min_clearance_m")),
                 (arrival, figures(records, "flight_time_s") / figures(records, "deadline_s")),

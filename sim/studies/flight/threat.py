@@ -1,8 +1,8 @@
 """Figure A.6: a radar of 10 km stands in the middle of the way; does the planner keep out of its sight?
 
-Each mission is flown unaware of the radar, and aware of it with two weights of the threat in the terminal cost. The
-exposure is the time in the radar's line of sight over the true terrain. The thesis' statement on the height is measured
-where it says it: within one and a half radii of the radar.
+Each mission is flown without knowledge of the radar, and with it under two weights of the threat in the terminal cost.
+The exposure is the time in the radar's line of sight over the true terrain. The thesis' statement on the height is
+measured where it says it: within one and a half radii of the radar.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class ThreatConfig:
 
 
 class Threat:
-    """Whether a radar in the way is avoided, and at what price (Figure A.6)."""
+    """Avoidance of a radar in the way, and its price (Figure A.6)."""
 
     Config = ThreatConfig
     quick = ThreatConfig(seeds=2)
@@ -57,10 +57,10 @@ class Threat:
         trials = {
             (name, seed): mission for seed in range(config.seeds) for name, mission in _missions(setup, seed).items()
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {name: [records[name, seed] for seed in range(config.seeds)] for name in COLOURS}
-        near = np.all([np.isfinite(figures(some, "near_height_m")) for some in of.values()], axis=0)
-        rows = [_row(name, of[name], of["unaware"], near) for name in COLOURS]
+        records = setup.fly_each(trials)
+        by_condition = {name: [records[name, seed] for seed in range(config.seeds)] for name in COLOURS}
+        near = np.all([np.isfinite(figures(group, "near_height_m")) for group in by_condition.values()], axis=0)
+        rows = [_row(name, by_condition[name], by_condition["unaware"], near) for name in COLOURS]
         unaware, aware = rows[0], rows[-1]
         shown = setup.flown({name: trials[name, 0] for name in COLOURS})
         (radar,) = trials["unaware", 0].config.radar
@@ -71,7 +71,7 @@ class Threat:
             ),
             rows=rows,
             tables=(_table(rows),),
-            figure=_figure(of, shown, setup.ground),
+            figure=_figure(by_condition, shown, setup.ground),
             caption="The first mission: paths around the radar and their heights above ground; exposure of all "
             "missions.",
             claims=(
@@ -123,7 +123,8 @@ def near_radar(outcome: RunResult) -> dict[str, Any]:
 
 
 def _row(name: str, records: Sequence[Record], unaware: Sequence[Record], near: Booleans) -> dict[str, Any]:
-    """``near`` are the missions that come near the radar whatever is known of it: only they can be compared there."""
+    """``near`` are the missions that come near the radar with and without knowing it: only they can be compared
+    there."""
     exposure, path = figures(records, "radar_exposure_s"), figures(records, "path_length_m")
     return {
         "planner": name,
@@ -156,10 +157,10 @@ def _table(rows: Sequence[dict[str, Any]]) -> Table:
         )
         for r in rows
     ]  # fmt: skip
-    return Table("Exposure to the radar (the print gives a picture, no numbers)", columns, cells)
+    return Table("Exposure to the radar (the thesis gives a picture, no numbers)", columns, cells)
 
 
-def _figure(of: dict[str, list[Record]], shown: dict[str, RunResult], ground: HeightField) -> Figure:
+def _figure(by_condition: dict[str, list[Record]], shown: dict[str, RunResult], ground: HeightField) -> Figure:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(9.4, 3.9), layout="constrained")
         path, height, exposure = figure.subplots(1, 3, width_ratios=(1.2, 1.3, 0.8))
@@ -172,7 +173,7 @@ def _figure(of: dict[str, list[Record]], shown: dict[str, RunResult], ground: He
             height.plot(travelled / 1e3, heights(outcome), color=colour, lw=1.0)
         height.set(xlabel="distance flown [km]", ylabel="height above ground [m]", title="Height", ylim=(0.0, None))
         for k, (name, colour) in enumerate(COLOURS.items()):
-            sample = figures(of[name], "radar_exposure_s")
+            sample = figures(by_condition[name], "radar_exposure_s")
             exposure.plot(
                 np.full(len(sample), k) + np.linspace(-0.2, 0.2, len(sample)), np.sort(sample), "o", ms=3, color=colour
             )

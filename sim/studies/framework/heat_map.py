@@ -32,7 +32,7 @@ def heat_map(
     """Draw ``values`` (rows, columns) > 0 as colours on a log scale around 1, good below it.
 
     NaN has the colour that ``lacking`` has for its text, "none" to leave the cell out, else grey. ``decades`` below and
-    above 1 have colours of their own, what is beyond them looks like their ends. ``texts`` stand in the cells,
+    above 1 have colours of their own, values beyond them have the colours of their ends. ``texts`` stand in the cells,
     ``framed`` cells (row, column) have a frame. Returns what a colour bar wants.
     """
     norm = TwoSlopeNorm(0.0, -decades[0], decades[1])

@@ -110,12 +110,21 @@ class Setup:
                 )
         return records
 
+    def fly_each(self, trials: Mapping[Key, Trial]) -> dict[Key, Record]:
+        """The record of each trial, by its name; errors as of ``fly``."""
+        return dict(zip(trials, self.fly(list(trials.values())), strict=True))
+
+    def fly_groups(self, groups: Mapping[Key, Sequence[Trial]]) -> dict[Key, list[Record]]:
+        """The records of each group of trials, by its name; errors as of ``fly``."""
+        records = iter(self.fly([trial for trials in groups.values() for trial in trials]))
+        return {name: [next(records) for _ in trials] for name, trials in groups.items()}
+
     def compute(self, function: Callable[..., Result], arguments: Iterable[Any], **named: Any) -> list[Result]:
         """``function``, of a module, of each argument, in their order, computed where the store has no result.
 
-        ``named`` are passed on with each. Arguments are plain data or dataclasses of it; their field ``seed``, where
-        they have one, seeds the global generators too. What is timed is returned as a ``MeasuredTime``. StudyError if a
-        call did not return.
+        ``named`` are passed on with each. Arguments are plain data or dataclasses of plain data; their field ``seed``,
+        where they have one, seeds the global generators too. What is timed is returned as a ``MeasuredTime``.
+        StudyError if a call did not return.
         """
         return self.perform([call(function, argument, **named) for argument in arguments])
 
@@ -208,7 +217,7 @@ def first_look(config: Any) -> str:
     return ", ".join(smaller)
 
 
-def write_findings(
+def write_result(
     folder: Path, name: str, title: str, findings: StudyResult, setup: Setup, command: str, small: str = ""
 ) -> None:
     """NAME.csv, NAME.png, NAME.html, and NAME.json last, so that a JSON means a whole study.

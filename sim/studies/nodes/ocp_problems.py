@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.equidistribution import distribute
+from mathnavi.controllers.ocp.methods.distribution import distribute
 from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.methods.refinement import refine
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR
@@ -64,7 +64,7 @@ NOT_ADAPTIVE: dict[str, Method] = {
     "one polynomial": lambda problem, n: solve(problem, 2, scheme=LegendreGaussLobatto(min(n - 1, 40))),
 }
 METHODS = ADAPTIVE | NOT_ADAPTIVE
-REFUSED, UNSOLVED, UNTRIED = "#c9ced4", "#93a0ad", "none"  # what a cell without an error looks like
+REFUSED, UNSOLVED, UNTRIED = "#c9ced4", "#93a0ad", "none"  # colours and text of a cell without an error
 KEY = {"refused: replays worse than uniform nodes": REFUSED, "no solution, and why": UNSOLVED, "not tried": UNTRIED}
 
 

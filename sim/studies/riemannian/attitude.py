@@ -70,11 +70,11 @@ class AttitudeStudy:
             **dict.fromkeys(BANDWIDTHS, config.others),
             JUDGED: config.seeds,
         }
-        trials = [flight(name, seed, float(config.seconds)) for name, n in counts.items() for seed in range(n)]
-        records = iter(setup.fly(trials))
-        flown = {name: [next(records) for _ in range(n)] for name, n in counts.items()}
-        times = {name: _times(some, float(config.seconds)) for name, some in flown.items()}
-        bands = {name: median(some) for name, some in times.items()}
+        flown = setup.fly_groups(
+            {name: [flight(name, seed, float(config.seconds)) for seed in range(n)] for name, n in counts.items()}
+        )
+        times = {name: _times(group, float(config.seconds)) for name, group in flown.items()}
+        bands = {name: median(group) for name, group in times.items()}
         return StudyResult(
             summary=(
                 f"A body in MuJoCo, its attitude uniform among all, tumbling with {SPEED:g} rad/s about an axis that "
@@ -87,7 +87,7 @@ class AttitudeStudy:
             rows=[
                 {"loop": name, "seed": record.seed, "settled_at_s": record.summary["settled_at_s"],
                  "attitude_rms_rad": record.summary["attitude_rms_rad"], "velocity_rms": record.summary["velocity_rms"]}
-                for name, some in flown.items() for record in some
+                for name, group in flown.items() for record in group
             ],
             tables=(_table(times, bands, float(config.seconds)),),
             figure=_figure(flown, times, float(config.seconds)),

@@ -36,7 +36,7 @@ NAMES = {"minus-one": "C = -1", "none": "C = 0", "plus-one": "C = 1"}
 LAW, WITHIN = 0.905, 0.02  # |eta| theta at the boundary, and how near to it
 THIN = 1e-2  # S up to which the law holds
 _SMALLEST, _LARGEST = 1e-3, 1.5  # [rad] theta
-SPEEDS = (0.0, 1.0, 10.0, 100.0)  # |eta| at which S = 0 is looked at
+SPEEDS = (0.0, 1.0, 10.0, 100.0)  # |eta| at which S = 0 is evaluated
 _ZERO = 1e-9  # [rad] theta that stands for S = 0
 _FASTEST = 1e4  # |eta|
 _PIXELS = 40  # along an axis of the map
@@ -146,21 +146,21 @@ class Contraction:
 
 
 def _claims(products: Array, at_zero: float, table: Mapping[str, tuple[float, float]]) -> list[Claim]:
-    off = float(np.abs(products / LAW - 1.0).max())
+    error = float(np.abs(products / LAW - 1.0).max())
     wrong = [name for name, (printed, _) in table.items() if printed > 1e-9]
     return [
         Claim(
             "riemannian.contraction", "target", "The contracting neighbourhood of S = 0 has a law.", "Theorem D.1",
             f"|eta| theta = {LAW:g} +- {WITHIN:.0%} at its boundary for S <= {THIN:g}",
-            f"{products.min():.4f} to {products.max():.4f}, off by at most {off:.2%}",
-            off <= WITHIN,
+            f"{products.min():.4f} to {products.max():.4f}, off by at most {error:.2%}",
+            error <= WITHIN,
         ),
         Claim(
             "D.infinitely-thin", "printed", "The neighbourhood is infinitely thin as |eta| grows.", "Theorem D.1",
             "theta at the boundary falls to nought",
             f"theta = {LAW:g} / |eta|; on S = 0 itself the largest eigenvalue is at most {at_zero:.3f} for |eta| "
             "up to 100",
-            off <= WITHIN and at_zero < 0.0,
+            error <= WITHIN and at_zero < 0.0,
         ),
         Claim(
             "D.brackets", "printed", "The brackets of lifted vector fields are those of the table.", "Table D.1",

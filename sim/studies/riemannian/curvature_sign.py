@@ -1,7 +1,8 @@
 """The sign that the curvature term of (D.6) needs: C = -1, that of Theorem D.2, none, and C = 1.
 
 A point is forced over S^3 and over H^2, and the observer starts where it is, at rest. How many runs have converged
-depends on when one looks and on the force; the claim is judged by the end of the runs, and earlier times are reported.
+depends on the time of the comparison and on the force; the claim is judged by the end of the runs, and earlier times
+are reported.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ NAMES = {"minus-one": "C = -1", "matched": "C of Theorem D.2", "none": "C = 0", 
 COLOURS = {"minus-one": "#0d5fa8", "matched": "#0f9472", "none": "#8a8f98", "plus-one": "#c2183b"}
 FACTORS = (1.0, 0.25, 0.5, 2.0, 4.0)  # of the strength, to see what it does
 OMEGA, STEP, DURATION = 1.0, 0.01, 20.0  # [1/s], [s] between readings, [s] of a run
-TIMES = (6.0, 12.0, DURATION)  # [s] at which runs are looked at; the last is when they are judged
+TIMES = (6.0, 12.0, DURATION)  # [s] at which runs are evaluated; the last decides the claim
 OFTEN = 0.1  # [s] between what is kept of a run
 GONE = 0.01  # of the velocity at the start
 CONVERGES, FAILS = 0.99, 0.05
@@ -89,8 +90,8 @@ def _followed(
             observer.predict(STEP, u, x[:n])
             kept = observer.correct(x[:n], STEP).accepted
             if kept and k % round(OFTEN / STEP) == 0:
-                off = x[n:] - space.transport(observer.xi, x[:n], observer.eta)
-                left.append(space.norm(x[:n], off) / v0)
+                error = x[n:] - space.transport(observer.xi, x[:n], observer.eta)
+                left.append(space.norm(x[:n], error) / v0)
         except CutLocusError:
             kept = False
         if not kept:
@@ -137,7 +138,7 @@ class CurvatureSign:
             rows=[
                 {"space": s, "speed_over_omega": v, "C": NAMES[c], "strength": STRENGTH[s], "t_omega": t,
                  "converged": r.events, "runs": r.trials}
-                for (s, v, c), some in shares.items() for t, r in zip(TIMES, some, strict=True)
+                for (s, v, c), values in shares.items() for t, r in zip(TIMES, values, strict=True)
             ] + [
                 {"space": s, "speed_over_omega": JUDGED[s], "C": NAMES[c], "strength": factor * STRENGTH[s],
                  "t_omega": DURATION, "converged": r.events, "runs": r.trials}
@@ -214,7 +215,7 @@ def _figure(
         for k, space in enumerate(SPEEDS):
             _draw_errors(axes[k], {term: done[space, JUDGED[space], term] for term in TERMS})
             axes[k].set_title(f"({'ab'[k]}) ${space}$, $v_0 = {JUDGED[space]:g}\\,\\omega$")
-        _draw_shares(axes[2], {case: some[-1] for case, some in shares.items()})
+        _draw_shares(axes[2], {case: values[-1] for case, values in shares.items()})
         _draw_forces(axes[3], by_force)
     return page
 
@@ -255,11 +256,11 @@ def _draw_forces(axes: Axes, by_force: Mapping[Force, Proportion]) -> None:
     axes.set_title(f"(d) converged by {DURATION:g} / $\\omega$, by the force")
     for space, term in product(SPEEDS, COMPARED):
         own = sorted((f * STRENGTH[space], r) for (s, f, c), r in by_force.items() if (s, c) == (space, term))
-        x, some = [c for c, _ in own], [r for _, r in own]
+        x, ratios = [c for c, _ in own], [r for _, r in own]
         style, marker = ("-", "o") if space == "S^3" else ((0, (4, 2)), "s")
-        axes.plot(x, [r.value for r in some], color=COLOURS[term], ls=style, marker=marker, lw=1.8, ms=5.0,
+        axes.plot(x, [r.value for r in ratios], color=COLOURS[term], ls=style, marker=marker, lw=1.8, ms=5.0,
                   label=f"${space}$, {NAMES[term]}")  # fmt: skip
-        axes.vlines(x, [r.low for r in some], [r.high for r in some], color=COLOURS[term], lw=1.0, alpha=0.6)
+        axes.vlines(x, [r.low for r in ratios], [r.high for r in ratios], color=COLOURS[term], lw=1.0, alpha=0.6)
     axes.set_xscale("log")
     axes.set_xlabel(r"c [$\omega^2$]")
     axes.set_ylim(-0.02, 1.03)

@@ -22,7 +22,7 @@ TWO = (math.radians(60.0), math.radians(-60.0))
 START = np.array([0.3, -0.2, 0.4])
 
 Believing = Callable[[float, Array], Estimate]
-"""What an estimator makes of the time [s] and the true pose (3,)."""
+"""Map from the time [s] and the true pose (3,) to an estimate."""
 
 
 def mission(curve: Curve = FIELD, angles: tuple[float, ...] = TWO, **fields: Any) -> RangingMission:
@@ -41,7 +41,7 @@ def knowing(deviation: float = 1e-3) -> Believing:
 
 @dataclass
 class Flight:
-    """What happened; rows are one period apart."""
+    """Log of a run; rows are one period apart."""
 
     truth: list[Array] = field(default_factory=list)  # (3,)
     command: list[Array] = field(default_factory=list)  # (2,)
@@ -65,7 +65,7 @@ def fly(
     duration: float = 10.0,
     believing: Believing | None = None,
 ) -> Flight:
-    """The loop of ``mathnavi.sim.engine.loop`` for one ideal robot, whose estimate is the truth if not told
+    """The loop of ``mathnavi.sim.engine.loop`` for one ideal robot, whose estimate is the truth unless given
     otherwise."""
     planner, tracker = parts
     believing = believing or knowing()

@@ -1,4 +1,4 @@
-"""Modes that look where they drive: what they choose, and that they stay within the wall."""
+"""Modes that evaluate candidate inputs: what they choose, and that they stay within the wall."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_active_prefers_what_leaves_the_least_trace_even_if_it_is_shorter() -> N
 
 
 def test_two_sensors_are_not_left_standing_still_by_who_is_unsure() -> None:
-    """Zero input tells nothing of one direction; a robot that is unsure of it has to drive."""
+    """Zero input leaves one direction unobservable; a robot that is unsure in that direction has to drive."""
     task = mission(turn_rate_max=0.15)
     active, inputs = ExpectedCovariance(task, 1.0, 10), candidates(task)
     rng = np.random.default_rng(0)
@@ -86,7 +86,7 @@ def test_an_estimate_off_by_what_it_says_does_not_lead_to_the_wall(seed: int, mo
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_from_too_near_to_the_wall_the_way_back_is_slow_and_told_once(seed: int) -> None:
+def test_from_too_near_to_the_wall_the_way_back_is_slow_and_reported_once(seed: int) -> None:
     task = mission()
     rng = np.random.default_rng(seed)
     s = rng.uniform(0.0, 2.0 * math.pi)

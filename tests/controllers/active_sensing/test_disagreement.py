@@ -62,8 +62,8 @@ def test_before_the_first_plan_nothing_is_known_of_what_was_driven() -> None:
 def test_who_contradicts_himself_is_believed_less(covariance: Array | None) -> None:
     believing = BeliefFromEstimates(0.1, 1.0)
     first, second = (
-        believing.update(PlanRequest(t, t + 0.2, Estimate(t, at(t) + off, covariance), path()))
-        for t, off in ((0.0, np.zeros(3)), (0.2, OFFSET))
+        believing.update(PlanRequest(t, t + 0.2, Estimate(t, at(t) + error, covariance), path()))
+        for t, error in ((0.0, np.zeros(3)), (0.2, OFFSET))
     )
     assert first.position_deviation <= 0.1 + 1e-12
     assert second.position_deviation >= 0.5

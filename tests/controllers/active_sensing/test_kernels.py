@@ -1,4 +1,4 @@
-"""What the compiled look ahead computes, against the same formulas written down plainly."""
+"""The compiled prediction over the horizon, against the same formulas written in NumPy."""
 
 from __future__ import annotations
 
@@ -180,8 +180,8 @@ def test_sigma_poses_are_not_where_the_robot_is_not(curve: Curve, seed: int, siz
 
 def test_far_from_the_wall_sigma_poses_have_the_covariance() -> None:
     P = covariance(np.random.default_rng(4), 0.05)
-    away = sigma_poses(wall_of(FIELD), np.zeros(3), P, 3.0, 0.3)[1:]
-    np.testing.assert_allclose(away.T @ away / (2.0 * 9.0), P, atol=1e-12)
+    poses = sigma_poses(wall_of(FIELD), np.zeros(3), P, 3.0, 0.3)[1:]
+    np.testing.assert_allclose(poses.T @ poses / (2.0 * 9.0), P, atol=1e-12)
 
 
 @given(seed=seeds, size=st.floats(1e-6, 1e3))

@@ -1,4 +1,4 @@
-"""Patterns look at nothing, come back after a cycle, and lead where the nominal path says."""
+"""Patterns use no measurement, come back after a cycle, and lead where the nominal path says."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the planner makes of an estimate, and of one that is not as it should be."""
+"""The planner with valid and with invalid estimates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Excite first, then track: when it switches, how well it keeps the path, and when it goes back."""
+"""Active sensing first, then tracking: when it switches, how well it keeps the path, and when it goes back."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_noise_of_the_estimate_moves_the_robot_no_more_than_itself() -> None:
 
 
 def test_a_path_is_kept_in_spite_of_wheels_that_turn_too_slowly() -> None:
-    """The robot does 95 % of what it is told; without feedback it would be .5 m off after a cycle."""
+    """The robot carries out 95 % of its command; without feedback it would be .5 m off after a cycle."""
     task = mission()
     planner, tracker = built(task, **PATH)
 
@@ -117,7 +117,7 @@ def test_a_path_that_does_not_fit_is_refused() -> None:
 
 
 def test_round_a_corner_there_is_no_way_until_the_robot_has_come_round_it() -> None:
-    """Behind the bend of this field no straight line leads to a path about its centre."""
+    """Beyond the concave part of this wall no straight line leads to a path about its centre."""
     bent = Curve(((0.0, 0.0, 0.0, 0.0), (2.8, 0.0, 0.0, 1.6), (0.0, 0.0, -1.3, 0.0)), "bent")
     task, behind = mission(bent, margin=0.2), np.array([2.25, -0.85, 1.0])
     assert bent.contains(behind, task.margin)

@@ -27,8 +27,8 @@ def along(phase: DrivePhase, u: tuple[float, float] = (SPEED, 0.4), duration: fl
 
 def error(x: Array, plan: Plan, t: float) -> tuple[float, float]:
     """|e| [m] and d [rad] of a pose (3,) from a plan."""
-    off = pose_on(plan, t) - x
-    return math.hypot(off[0], off[1]), abs(math.remainder(float(off[2]), 2.0 * math.pi))
+    difference = pose_on(plan, t) - x
+    return math.hypot(difference[0], difference[1]), abs(math.remainder(float(difference[2]), 2.0 * math.pi))
 
 
 def followed(task: RangingMission, plan: Plan, x: Array, duration: float) -> list[tuple[float, float]]:

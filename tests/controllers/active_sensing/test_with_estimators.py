@@ -19,7 +19,7 @@ NOISE = {"ranging": RangeQuality(0.05), "odometry": OdometryQuality((0.05, 0.05)
 
 
 def estimating(name: str, curve: Curve, rng: np.random.Generator) -> Believing:
-    """What an estimator plug-in makes of noisy readings, its start unknown."""
+    """Estimates of a plug-in from noisy readings, its start unknown."""
     task = mission(curve, **NOISE)
     plugin = load("estimators", name)
     estimator = plugin.build(plugin.Config(), task)

@@ -13,7 +13,7 @@ from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus, Cloc
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, Network
 from mathnavi.sim.interfaces.signals import Array, Message
-from mathnavi.sim.studies.fleet.consensus.exchange import talked
+from mathnavi.sim.studies.fleet.consensus.exchange import exchanged
 from mathnavi.sim.studies.fleet.consensus.following import ClockCase, clocks_agree
 from tests.fleet import NAMES
 
@@ -21,14 +21,14 @@ PERIOD = 0.01
 
 
 def corrected(graph: Graph, offsets: Array, rates: Array, network: Network, seconds: float, **fields: float) -> Array:
-    """What the corrected clocks show in the end (n,) [s]."""
+    """Final times of the corrected clocks (n,) [s]."""
     config = ClockConfig(period=PERIOD, **fields)
     parts = {name: ClockConsensus(config, graph.node(name)) for name in graph.names}
     clocks = {
         name: (lambda t, o=float(o), r=float(r): t * (1.0 + r) + o)
         for name, o, r in zip(graph.names, offsets, rates, strict=True)
     }
-    values = talked(parts, graph, network, round(seconds / PERIOD), clocks=clocks)
+    values = exchanged(parts, graph, network, round(seconds / PERIOD), clocks=clocks)
     return np.array([clocks[name](seconds) for name in graph.names]) + values[-1]
 
 
@@ -38,8 +38,8 @@ def test_a_delay_that_is_the_same_both_ways_drops_out(seed: int, delay: float) -
     rng = np.random.default_rng(seed)
     graph = Graph.random_connected(NAMES[:4], 0.3, rng)
     offsets = rng.uniform(-20.0, 20.0, 4)
-    air = DelayedLinks(IdealNetwork(graph.names), delay, delay, rng)
-    shown = corrected(graph, offsets, np.zeros(4), air, 3.0) - 3.0
+    network = DelayedLinks(IdealNetwork(graph.names), delay, delay, rng)
+    shown = corrected(graph, offsets, np.zeros(4), network, 3.0) - 3.0
     assert np.ptp(shown) < 1e-5 * np.ptp(offsets)
     assert offsets.min() < shown.mean() < offsets.max()
     if not delay:
@@ -79,9 +79,9 @@ def test_a_round_trip_that_took_too_long_or_came_before_it_was_sent_is_not_used(
 def test_a_clock_that_is_further_off_than_clocks_are_is_not_followed() -> None:
     part = ClockConsensus(ClockConfig(apart=60.0), Graph.line(("a", "b")).node("a"))
     part.exchange(1000.0, [])
-    told = ClockPayload(0.0, 0.0, 1.0, {"a": (1000.0, 1000.0)})
-    part.exchange(1000.1, [Message(1061.0, "b", "", told)])
-    part.exchange(1000.2, [Message(900.0, "b", "", told)])
+    payload = ClockPayload(0.0, 0.0, 1.0, {"a": (1000.0, 1000.0)})
+    part.exchange(1000.1, [Message(1061.0, "b", "", payload)])
+    part.exchange(1000.2, [Message(900.0, "b", "", payload)])
     part.exchange(1000.2, [Message(1000.1, "b", "", ClockPayload(math.nan, 0.0, 1.0, {}))])
     assert part.refused == {"from the future": 1, "late": 1, "garbage": 1}
     assert part.value == 0.0

@@ -37,7 +37,7 @@ class Fleet:
 
     def __init__(self, times: dict[str, float], deadline: float = 1000.0) -> None:
         graph, rng = Graph.line(NAMES), np.random.default_rng(0)
-        self.air, self.told = IdealNetwork(NAMES), {name: [] for name in NAMES}  # type: ignore[var-annotated]
+        self.network, self.announced = IdealNetwork(NAMES), {name: [] for name in NAMES}  # type: ignore[var-annotated]
         self.events: list[tuple[str, str]] = []
         self.stored = {name: along(1000.0 * k) for k, name in enumerate(NAMES)}
         self.coordinators = {}
@@ -58,32 +58,32 @@ class Fleet:
     def exchange(self, begin: float, end: float) -> None:
         for t in np.arange(begin, end, ROUND):
             for name, coordinator in self.coordinators.items():
-                outbox = coordinator.exchange(float(t), self.air.receive(name, float(t)))
+                outbox = coordinator.exchange(float(t), self.network.receive(name, float(t)))
                 assert isinstance(outbox, Outbox)
                 for receiver, message in outbox.messages:
-                    self.air.send(message, receiver, float(t))
-                self.told[name] += [m.payload for m in outbox.planner_messages if m.topic == ARRIVAL]
+                    self.network.send(message, receiver, float(t))
+                self.announced[name] += [m.payload for m in outbox.planner_messages if m.topic == ARRIVAL]
                 self.events += outbox.events
 
 
-def test_all_are_told_the_largest_of_the_least_times_on_the_grid() -> None:
+def test_all_agree_on_the_largest_of_the_least_times_on_the_grid() -> None:
     times = {"a": 100.0, "b": 90.0, "c": 123.45}
     fleet = Fleet(times)
     assert all(isinstance(coordinator, Coordinator) for coordinator in fleet.coordinators.values())
     fleet.exchange(0.0, 1.0)
     common = ROUND * math.ceil(123.45 / ROUND)
-    assert [told[-1] for told in fleet.told.values()] == [common] * 3
+    assert [each[-1] for each in fleet.announced.values()] == [common] * 3
     times["a"] = 130.0  # it has fallen behind, and says so at its next planning instant
     fleet.exchange(1.0, 4.0)
-    assert [told[-1] for told in fleet.told.values()] == [ROUND * math.ceil(130.0 / ROUND)] * 3
-    assert all(len(told) == len(set(told)) for told in fleet.told.values())  # told once
+    assert [each[-1] for each in fleet.announced.values()] == [ROUND * math.ceil(130.0 / ROUND)] * 3
+    assert all(len(each) == len(set(each)) for each in fleet.announced.values())  # announced once
 
 
 def test_a_plan_that_keeps_clear_is_admitted_and_flown() -> None:
     fleet = Fleet(dict.fromkeys(NAMES, 50.0))
     a, plan = fleet.coordinators["a"], along(-100.0, t=2.0)
     a.propose(0.0, plan)
-    assert not a.admits(0.0, plan)  # nobody has heard of it
+    assert not a.admits(0.0, plan)  # no vehicle has received it
     a.propose(0.0, plan)
     fleet.exchange(0.0, 1.0)
     assert a.admits(2.0, plan)
@@ -118,9 +118,9 @@ def test_what_cannot_be_understood_changes_nothing() -> None:
     fleet = Fleet({"a": 100.0, "b": 90.0, "c": 80.0})
     for topic in (TOPIC, AGREEMENT, "weather"):
         for payload in (None, math.nan, "soon", 1e9):
-            fleet.air.send(Message(0.0, "b", topic, payload), "a", 0.0)
+            fleet.network.send(Message(0.0, "b", topic, payload), "a", 0.0)
     fleet.exchange(0.0, 1.0)
-    assert [told[-1] for told in fleet.told.values()] == [pytest.approx(100.0)] * 3
+    assert [each[-1] for each in fleet.announced.values()] == [pytest.approx(100.0)] * 3
 
 
 def test_a_grid_that_is_none_is_refused() -> None:

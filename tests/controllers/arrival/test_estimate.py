@@ -34,24 +34,24 @@ def planned(pushes: list[tuple[float, float, FlightPhase]], t: float = 5.0) -> P
 TO_100_M_S = [(10.0, 10.0, FlightPhase.OPTIMISED), (-50.0, 2.0, FlightPhase.MANOEUVRE)]  # 500 m, then it stops
 
 
-def told(plan: Plan, t: float, **fields: Any) -> float:
+def least_time(plan: Plan, t: float, **fields: Any) -> float:
     return ArrivalEstimate(straight, TARGET, 200.0, **fields)(plan, t)
 
 
 def test_beyond_the_horizon_the_rest_of_the_way_is_flown_at_v_max() -> None:
     plan = planned(TO_100_M_S)
-    assert told(plan, 5.0) == pytest.approx(15.0 + 500.0 / 200.0)
-    assert told(plan, 12.0) == pytest.approx(15.0 + 500.0 / 200.0)
-    assert told(plan, 15.0 + 1.0) == pytest.approx(16.0 + (500.0 - 75.0) / 200.0)  # braking
+    assert least_time(plan, 5.0) == pytest.approx(15.0 + 500.0 / 200.0)
+    assert least_time(plan, 12.0) == pytest.approx(15.0 + 500.0 / 200.0)
+    assert least_time(plan, 15.0 + 1.0) == pytest.approx(16.0 + (500.0 - 75.0) / 200.0)  # braking
 
 
 def test_other_speeds_are_those_of_the_nodes() -> None:
     plan = planned(
         [(10.0, 5.0, FlightPhase.OPTIMISED), (10.0, 5.0, FlightPhase.OPTIMISED), (-50.0, 2.0, FlightPhase.MANOEUVRE)]
     )
-    assert told(plan, 5.0, speed="mean") == pytest.approx(15.0 + 500.0 / 25.0)
-    assert told(plan, 5.0, speed="largest") == pytest.approx(15.0 + 500.0 / 50.0)
-    assert told(planned([(0.0, 5.0, FlightPhase.HOVER)]), 5.0, speed="mean") == math.inf
+    assert least_time(plan, 5.0, speed="mean") == pytest.approx(15.0 + 500.0 / 25.0)
+    assert least_time(plan, 5.0, speed="largest") == pytest.approx(15.0 + 500.0 / 50.0)
+    assert least_time(planned([(0.0, 5.0, FlightPhase.HOVER)]), 5.0, speed="mean") == math.inf
 
 
 def test_a_plan_that_meets_its_target_is_as_good_as_it_says() -> None:
@@ -60,11 +60,11 @@ def test_a_plan_that_meets_its_target_is_as_good_as_it_says() -> None:
     )
     assert plan.x[1, 0] == pytest.approx(1000.0)
     for speed in ("max", "mean", "largest"):
-        assert told(plan, 6.0, speed=speed) == pytest.approx(15.0)
+        assert least_time(plan, 6.0, speed=speed) == pytest.approx(15.0)
 
 
 def test_what_is_no_speed_is_refused() -> None:
     with pytest.raises(ValueError, match="speed = 'typical'; allowed: max, mean, largest"):
-        told(planned(TO_100_M_S), 0.0, speed="typical")
+        least_time(planned(TO_100_M_S), 0.0, speed="typical")
     with pytest.raises(ValueError, match=r"speed_max = 0\.0"):
         ArrivalEstimate(straight, TARGET, 0.0)

@@ -1,4 +1,4 @@
-"""What counts of the messages of a round does not depend on the order in which they arrive."""
+"""The inbox: the messages that count in a round do not depend on their order of arrival."""
 
 from __future__ import annotations
 

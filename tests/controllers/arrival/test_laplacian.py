@@ -1,4 +1,4 @@
-"""The Laplacian protocol keeps what theory says of it, for every length of a round."""
+"""The Laplacian protocol behaves as the theory predicts, for every length of a round."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mathnavi.controllers.arrival.outlier import DELTA, is_outlier
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network
 from mathnavi.sim.interfaces.signals import Array, Message
-from mathnavi.sim.studies.fleet.consensus.exchange import talked
+from mathnavi.sim.studies.fleet.consensus.exchange import exchanged
 from tests.fleet import NAMES, graphs, laplacians, started, starts_for
 
 H = 1.0 / 60.0
@@ -24,7 +24,7 @@ scalings = st.floats(-2.0, 4.0).map(lambda exponent: 10.0**exponent)  # rounds f
 
 def rounds_of(graph: Graph, starts: Array, scaling: float, rounds: int = 12, network: Network | None = None) -> Array:
     parts = started(laplacians(graph, LaplacianConfig(scaling=scaling)), starts)
-    return talked(parts, graph, network or IdealNetwork(graph.names), rounds)
+    return exchanged(parts, graph, network or IdealNetwork(graph.names), rounds)
 
 
 @settings(max_examples=40)
@@ -71,8 +71,8 @@ def test_compared_with_itself_then_it_keeps_the_average_and_is_unstable_beyond_t
         config = LaplacianConfig(scaling=s, own="then", memory=2.0 * bound)
         parts = started(laplacians(graph, config), [100.0, 120.0, 90.0, 105.0])
         delay = fraction * bound
-        air = DelayedLinks(IdealNetwork(graph.names), delay, delay, np.random.default_rng(0))
-        values = talked(parts, graph, air, 600)
+        network = DelayedLinks(IdealNetwork(graph.names), delay, delay, np.random.default_rng(0))
+        values = exchanged(parts, graph, network, 600)
         np.testing.assert_allclose(values.mean(axis=1), values[0].mean(), atol=1e-6)
         last[fraction] = np.ptp(values[-60:])
     assert last[0.7] < 1.0
@@ -93,10 +93,10 @@ def test_a_neighbour_that_falls_silent_is_forgotten() -> None:
 def test_a_second_start_forgets_what_was_said_before() -> None:
     graph = Graph.line(("a", "b"))
     parts = started(laplacians(graph, LaplacianConfig()), [80.0, 100.0])
-    air = IdealNetwork(graph.names)
-    talked(parts, graph, air, 60)
+    network = IdealNetwork(graph.names)
+    exchanged(parts, graph, network, 60)
     started(parts, [90.0, 70.0])
-    again = talked(parts, graph, air, 60, begin=60 * H)
+    again = exchanged(parts, graph, network, 60, begin=60 * H)
     np.testing.assert_array_equal(again[0], [90.0, 70.0])
     np.testing.assert_allclose(again.mean(axis=1), 80.0, atol=1e-9)
 
@@ -124,13 +124,13 @@ LINE = Graph.line(NAMES[:5])
 
 
 def periods(owns: list[list[float]], rounds: int = 900) -> tuple[Array, dict[str, LaplacianConsensus]]:
-    """What the vehicles on a line hold after each planning period (k, 5)."""
+    """Values of the vehicles on a line after each planning period (k, 5)."""
     config = LaplacianConfig(period=1.0 / 600.0, scaling=100.0)
     parts = {name: LaplacianConsensus(config, LINE.node(name)) for name in LINE.names}
-    air, ends = IdealNetwork(LINE.names), []
+    network, ends = IdealNetwork(LINE.names), []
     for k, own in enumerate(owns):
         started(parts, own)
-        ends.append(talked(parts, LINE, air, rounds - 1, begin=k * rounds / 600.0)[-1])
+        ends.append(exchanged(parts, LINE, network, rounds - 1, begin=k * rounds / 600.0)[-1])
     return np.array(ends), parts
 
 
@@ -139,7 +139,7 @@ def test_an_outlier_follows_keeps_the_graph_connected_and_comes_back() -> None:
     ends, parts = periods([far, far])
     assert [part.outlier for part in parts.values()] == [False, False, True, False, False]
     assert ends[0, 0] == pytest.approx(np.mean(far), abs=0.01)  # nobody knew yet
-    np.testing.assert_allclose(ends[1], 101.0, atol=0.5)  # the others' average, on both sides of it
+    np.testing.assert_allclose(ends[1], 101.0, atol=0.5)  # the others' average, on both sides
     assert np.ptp(ends[1]) < 1e-3
     ends, parts = periods([far, near, near])
     assert not parts["c"].outlier

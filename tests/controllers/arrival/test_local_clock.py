@@ -42,7 +42,7 @@ def clocked(name: str, place: float, settling: float) -> ClockedCoordinator:
     return made
 
 
-def talked(
+def exchanged(
     settling: float, until: float, proposed: Plan | None = None
 ) -> tuple[dict[str, ClockedCoordinator], list[tuple[float, Message]]]:
     """Two vehicles that hear each other at once, and all that was said."""
@@ -62,20 +62,20 @@ def talked(
 
 
 def test_until_the_clocks_agree_it_speaks_of_nothing_else() -> None:
-    _, said = talked(2.0, 4.0)
+    _, said = exchanged(2.0, 4.0)
     assert {message.topic for t, message in said if t < 1.9} == {CLOCK}
     assert {message.topic for t, message in said if t > 2.1} > {CLOCK}
 
 
 def test_corrected_clocks_agree_whatever_they_show() -> None:
-    both, _ = talked(2.0, 4.0)
+    both, _ = exchanged(2.0, 4.0)
     assert both["a"].corrected(4.0) == pytest.approx(both["b"].corrected(4.0), abs=1e-3)
     assert both["a"].corrected(4.0) == pytest.approx(4.0 + np.mean(list(OFFSETS.values())), abs=1e-3)
 
 
 def test_a_plan_is_proposed_in_corrected_time_and_admitted_as_it_is_flown() -> None:
     plan = resting(0.0, 6.0)
-    both, said = talked(2.0, 6.0, plan)
+    both, said = exchanged(2.0, 6.0, plan)
     ahead = both["a"].corrected(5.0) - 5.0
     proposals = [
         message.payload for _, message in said if message.topic == TOPIC and hasattr(message.payload, "trajectory")
@@ -84,7 +84,7 @@ def test_a_plan_is_proposed_in_corrected_time_and_admitted_as_it_is_flown() -> N
     assert proposals[0].trajectory.t[0] == pytest.approx(6.0 + ahead, abs=1e-3)
     assert both["a"].admits(6.0, plan)
     both["a"].adopted(6.0, plan)
-    assert not both["a"].admits(6.0, resting(0.0, 6.0))  # of which nobody was told
+    assert not both["a"].admits(6.0, resting(0.0, 6.0))  # which was never proposed
 
 
 def test_a_clock_drifts_from_where_it_is_off() -> None:

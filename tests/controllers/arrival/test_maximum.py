@@ -14,7 +14,7 @@ from mathnavi.controllers.arrival.maximum import Maximum, MaximumConfig, Maximum
 from mathnavi.models.fleet.graph import Graph
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks
 from mathnavi.sim.interfaces.signals import Message
-from mathnavi.sim.studies.fleet.consensus.exchange import talked
+from mathnavi.sim.studies.fleet.consensus.exchange import exchanged
 from tests.fleet import Shuffled, graphs, maxima, started, starts_for
 
 
@@ -22,8 +22,8 @@ from tests.fleet import Shuffled, graphs, maxima, started, starts_for
 @given(graphs(), st.integers(0, 2**32 - 1))
 def test_all_know_the_maximum_after_the_diameter_whatever_the_order_of_messages(graph: Graph, seed: int) -> None:
     starts = starts_for(graph, seed)
-    air = Shuffled(IdealNetwork(graph.names), np.random.default_rng(seed))
-    values = talked(started(maxima(graph, math.inf), starts), graph, air, int(graph.diameter))
+    network = Shuffled(IdealNetwork(graph.names), np.random.default_rng(seed))
+    values = exchanged(started(maxima(graph, math.inf), starts), graph, network, int(graph.diameter))
     reached = graph.hops[int(starts.argmax())]
     for k in range(len(values)):
         np.testing.assert_array_equal(values[k] == starts.max(), reached <= k)
@@ -34,7 +34,7 @@ def test_all_know_the_maximum_after_the_diameter_whatever_the_order_of_messages(
 def test_it_only_rises_and_arrives_in_spite_of_loss_delay_and_duplication(graph: Graph, seed: int, loss: float) -> None:
     starts, rng = starts_for(graph, seed), np.random.default_rng(seed)
     network = LossyLinks(DelayedLinks(IdealNetwork(graph.names), 0.0, 0.05, rng), loss, 0.3, rng)
-    values = talked(started(maxima(graph, math.inf), starts), graph, network, 150)
+    values = exchanged(started(maxima(graph, math.inf), starts), graph, network, 150)
     assert (np.diff(values, axis=0) >= 0.0).all()
     assert (values[-1] == starts.max()).all()
 
@@ -42,16 +42,16 @@ def test_it_only_rises_and_arrives_in_spite_of_loss_delay_and_duplication(graph:
 def test_a_vehicle_above_the_deadline_is_an_outlier_that_moves_nobody_and_comes_back() -> None:
     graph = Graph.line(("a", "b", "c"))
     parts = started(maxima(graph, 100.0), [80.0, 130.0, 90.0])
-    air = IdealNetwork(graph.names)
+    network = IdealNetwork(graph.names)
     assert parts["b"].value == 100.0  # capped, while it knows nothing of the others
-    values = talked(parts, graph, air, 5)
+    values = exchanged(parts, graph, network, 5)
     np.testing.assert_array_equal(values[-1], 90.0)  # through the outlier
     outlier = parts["b"]
     assert isinstance(outlier, MaximumConsensus)
     assert outlier.outlier
     outlier.start(95.0)
     assert not outlier.outlier
-    np.testing.assert_array_equal(talked(parts, graph, air, 5, begin=1.0)[-1], 95.0)
+    np.testing.assert_array_equal(exchanged(parts, graph, network, 5, begin=1.0)[-1], 95.0)
 
 
 def test_it_says_that_it_is_an_outlier() -> None:
@@ -64,7 +64,7 @@ def test_it_says_that_it_is_an_outlier() -> None:
     assert part.value == 99.0  # it only rises
 
 
-def test_what_is_told_above_the_deadline_is_refused_and_counted() -> None:
+def test_a_value_above_the_deadline_is_refused_and_counted() -> None:
     part = MaximumConsensus(MaximumConfig(), Graph.line(("a", "b")).node("a", deadline=100.0))
     part.start(80.0)
     part.exchange(1.0, [Message(0.5, "b", "", ConsensusPayload(100.5, 1.0))])

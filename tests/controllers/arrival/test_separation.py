@@ -41,8 +41,8 @@ class Vehicle:
 
     def position(self, t: float) -> Array:
         """(3,) at true time t: within the bound of the plan, by the vehicle's own clock."""
-        off = self._rng.normal(size=3)
-        p: Array = state_at(self.plan, t + self.clock)[:3] + ZONE.bound * off / np.linalg.norm(off)
+        error = self._rng.normal(size=3)
+        p: Array = state_at(self.plan, t + self.clock)[:3] + ZONE.bound * error / np.linalg.norm(error)
         return p
 
     def act(self, t: float, network: Network, plan_now: bool) -> None:

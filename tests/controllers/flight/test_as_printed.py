@@ -1,4 +1,4 @@
-"""The planner of the print: (A.2) and (A.4) to the letter, and what they leave open."""
+"""The planner of the thesis as printed: (A.2) and (A.4) to the letter, and what they leave open."""
 
 from __future__ import annotations
 

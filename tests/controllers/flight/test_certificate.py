@@ -194,8 +194,8 @@ def moved(plan: Plan, seconds: float) -> Plan:
     return dataclasses.replace(plan, t=plan.t + seconds)
 
 
-def retreat(certificate: Certificate, good: Plan, wait: float = 0.0) -> Plan:
-    """What a planner might say to ``later_request``: brake, wait, complete."""
+def braking_plan(certificate: Certificate, good: Plan, wait: float = 0.0) -> Plan:
+    """A possible answer to ``later_request``: brake, wait, complete."""
     request = later_request(good)
     arcs = ArcList.begin(request.t_start, state_at(good, request.t_start))
     v = arcs.x[-1][3:]
@@ -217,7 +217,7 @@ def test_a_certified_answer_is_passed_on(certificate: Certificate, good: Plan, m
     planner = Answers(good)
     wrapped = certified(certificate, planner)
     wrapped.plan(first_request(mission))
-    planner.answer = retreat(certificate, good)
+    planner.answer = braking_plan(certificate, good)
     plan = wrapped.plan(later_request(good))
     assert plan.ok, plan.message
 
@@ -248,7 +248,7 @@ def test_a_pass_after_which_the_mission_goes_on_is_missed_once_and_never_shorten
     current, missed = wrapped.plan(first_request(mission)), []
     for t in np.arange(0.0, there + 3.0 * planner.period, planner.period):
         request = PlanRequest(t, t + planner.period, Estimate(t, state_at(plan, t)), current)
-        k = int(np.searchsorted(plan.t, request.t_start, side="right")) - 1  # what is left of it, the pass cut off
+        k = int(np.searchsorted(plan.t, request.t_start, side="right")) - 1  # the remaining plan, the pass cut off
         begun = state_at(plan, request.t_start)
         planner.answer = dataclasses.replace(
             plan,
@@ -289,14 +289,17 @@ def test_an_error_that_is_not_a_number_breaks_the_bound() -> None:
 ANSWERS: dict[str, tuple[Status, Callable[[Certificate, Plan], Plan | Exception]]] = {
     "fails": (Status.SOLVER_FAILED, lambda c, p: Plan.failure(Status.SOLVER_FAILED, "no")),
     "raises": (Status.RAISED, lambda c, p: ZeroDivisionError("division by zero")),
-    "starts too early": (FlightStatus.WRONG_START, lambda c, p: moved(retreat(c, p), -0.5)),
+    "starts too early": (FlightStatus.WRONG_START, lambda c, p: moved(braking_plan(c, p), -0.5)),
     "starts beside the plan": (
         FlightStatus.WRONG_START,
-        lambda c, p: shifted(retreat(c, p), np.array([1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])),
+        lambda c, p: shifted(braking_plan(c, p), np.array([1e-3, 0.0, 0.0, 0.0, 0.0, 0.0])),
     ),
     "leads through the mountain": (FlightStatus.LOW_CLEARANCE, straight_through),
-    "comes to the target after the deadline": (FlightStatus.DEADLINE, lambda c, p: retreat(c, p, wait=p.t_end)),
-    "is NaN": (Status.NOT_FINITE, lambda c, p: dataclasses.replace(retreat(c, p), x=with_nan(retreat(c, p).x))),
+    "comes to the target after the deadline": (FlightStatus.DEADLINE, lambda c, p: braking_plan(c, p, wait=p.t_end)),
+    "is NaN": (
+        Status.NOT_FINITE,
+        lambda c, p: dataclasses.replace(braking_plan(c, p), x=with_nan(braking_plan(c, p).x)),
+    ),
 }
 
 
@@ -315,7 +318,7 @@ def test_an_answer_that_may_not_be_flown_becomes_a_failure_that_says_why(
 
 
 @pytest.mark.parametrize("name", ANSWERS)
-def test_a_first_answer_that_may_not_be_flown_is_replaced_by_the_reserve(
+def test_a_first_answer_that_may_not_be_flown_is_replaced_by_the_fallback_plan(
     name: str, certificate: Certificate, good: Plan, mission: FlightMission
 ) -> None:
     if name == "comes to the target after the deadline":
@@ -326,7 +329,7 @@ def test_a_first_answer_that_may_not_be_flown_is_replaced_by_the_reserve(
     assert certificate.check(plan) is None
 
 
-def test_a_first_answer_that_is_late_is_replaced_by_the_reserve(
+def test_a_first_answer_that_is_late_is_replaced_by_the_fallback_plan(
     certificate: Certificate, good: Plan, mission: FlightMission
 ) -> None:
     plan = certified(certificate, Answers(dataclasses.replace(good, ready=0.5))).plan(first_request(mission))

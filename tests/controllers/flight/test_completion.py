@@ -87,7 +87,7 @@ def test_arcs_join_exactly(u: list[tuple[float, float, float]], duration: float)
     np.testing.assert_array_equal(flow(plan.x[:-1], plan.u, duration), plan.x[1:])
 
 
-def test_level_flight_is_at_the_level_that_is_told_unless_the_ground_is_higher() -> None:
+def test_level_flight_is_at_the_given_level_unless_the_ground_is_higher() -> None:
     terrain, start, target = flight.mountains(), np.array([3e3, 3e3, 900.0]), np.array([9e3, 9e3, 900.0])
     highest = highest_ground(terrain, start[:2], target[:2])
     for level, expected in ((highest + 700.0, highest + 700.0), (0.0, highest + 51.0)):

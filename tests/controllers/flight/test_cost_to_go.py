@@ -160,8 +160,8 @@ def flown_down(cost: FactoredCost, p: Array) -> Array:
     """Where gradient descent comes to, with steps of a part of the way that is left."""
     for _ in range(600):
         slope = cost.gradient(p)
-        away = np.linalg.norm(p - cost.target, axis=1)
-        step = np.minimum(0.05 * away, 400.0)
+        distance = np.linalg.norm(p - cost.target, axis=1)
+        step = np.minimum(0.05 * distance, 400.0)
         p = p - (step / np.maximum(np.linalg.norm(slope, axis=1), 1e-9))[:, None] * slope
     return p
 

@@ -149,7 +149,7 @@ GRIDS = (
     FlightConfig(),
     FlightConfig(horizon=40.0, stretch=1.2, period=5.0 / 3.0),
     FlightConfig(nodes=7, horizon=25.0, stretch=1.6, period=2.0),
-    FlightConfig(nodes=9, horizon=10.0, stretch=0.8, period=10.0),  # all of it is flown before the next plan
+    FlightConfig(nodes=9, horizon=10.0, stretch=0.8, period=10.0),  # the whole plan is flown before the next one
 )
 STRETCHED = GRIDS[2]
 

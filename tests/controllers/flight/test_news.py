@@ -1,4 +1,4 @@
-"""What is told on the way: the guarantee is kept, or its loss announced, at every planning instant."""
+"""Messages in flight: the guarantee is kept, or its loss announced, at every planning instant."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Watched:
 
 
 def flown(news: Sequence[Message], ground: HeightField = MISSION.terrain) -> tuple[Recording, Watched, list[str]]:
-    """The flight of a vehicle that is told ``news``, until it arrives, hits ``ground``, or for five minutes."""
+    """The flight of a vehicle that receives ``news``, until it arrives, hits ``ground``, or for five minutes."""
     raw, _ = FlightController.build(FlightConfig(nodes=7), MISSION)
     planner = Certified(raw, partial(StopAndHover, period=raw.period), CERTIFICATE, BOUND, FACTOR)
     watched = Watched(planner)
@@ -96,7 +96,7 @@ def arrives(recording: Recording, target: Sequence[float]) -> bool:
 
 
 def hill_ahead(share: float, radius: float, height: float) -> HeightField:
-    """The ground with a hill on the straight way, at a share of it."""
+    """The ground with a hill on the straight line to the target, at a share of its length."""
     (x, y, _), (x_f, y_f, _) = MISSION.start, MISSION.target
     return with_hills(MISSION.terrain, (Hill(x + share * (x_f - x), y + share * (y_f - y), radius, height),))
 
@@ -113,11 +113,11 @@ def test_over_a_map_that_was_wrong_the_vehicle_is_safe_or_says_that_it_is_not(
     ground = hill_ahead(share, radius, height)
     recording, watched, kinds = flown([Message(t, "survey", TERRAIN, ground)], ground)
     assert not watched.broken
-    told = recording.t >= t
+    updated = recording.t >= t
     clear = flown_clearance(recording.t, recording.truths["vehicle"], dataclasses.replace(MISSION, terrain=ground))
     if "guarantee-lost" not in kinds and arrives(recording, MISSION.target):
-        assert clear[told[:-1]].min() >= MISSION.clearance_min
-    assert arrives(recording, MISSION.target) or "guarantee-lost" in kinds or not told[-1]
+        assert clear[updated[:-1]].min() >= MISSION.clearance_min
+    assert arrives(recording, MISSION.target) or "guarantee-lost" in kinds or not updated[-1]
 
 
 def test_a_hill_in_the_way_that_is_known_in_time_is_flown_around() -> None:
@@ -131,16 +131,16 @@ def test_a_hill_in_the_way_that_is_known_in_time_is_flown_around() -> None:
     assert flown_clearance(recording.t, recording.truths["vehicle"], mission).min() >= MISSION.clearance_min
 
 
-def test_a_map_that_was_wrong_is_judged_as_soon_as_it_is_told() -> None:
+def test_a_map_that_was_wrong_is_checked_as_soon_as_the_correction_arrives() -> None:
     """Between two planning instants; what was to take over at the next one does not."""
     ground = hill_ahead(0.5, 1500.0, 1200.0)
     for t in (15.2, 16.1):  # [s] planning instants are 15 and 16.67
         recording, watched, _ = flown([Message(t, "survey", TERRAIN, ground)], ground)
         assert not watched.broken
-        told = [event.t for event in recording.events if event.kind == "plan-endangered"]
-        assert told[0] == pytest.approx(t, abs=DT)
+        endangered = [event.t for event in recording.events if event.kind == "plan-endangered"]
+        assert endangered[0] == pytest.approx(t, abs=DT)
         taken = [(at, plan) for at, plan in recording.agents["vehicle"].plans if at >= t - DT]
-        assert taken[0][0] == pytest.approx(told[0])
+        assert taken[0][0] == pytest.approx(endangered[0])
         for (_, before), (at, after) in pairwise(taken):
             np.testing.assert_allclose(after.x[0], state_at(before, at), atol=1e-6)
 
@@ -226,9 +226,9 @@ def test_off_its_plan_over_a_wrong_map_it_takes_the_way_with_more_clearance(lost
         ground = with_hills(MISSION.terrain, (Hill(float(x), float(y), 700.0, 300.0),))
         estimate = Estimate(t, state_at(current, t) + np.array([0.0, 0.0, 0.0 if lost else 100.0, 0.0, 0.0, 0.0]))
         estimate = dataclasses.replace(estimate, status=Status.LOST if lost else Status.OK)
-        told = (Message(t, "survey", TERRAIN, ground),)
-        answer = planner.plan(PlanRequest(t, t + planner.period, estimate, current, told))
-        least = CERTIFICATE.updated_with(told).clearances
+        messages = (Message(t, "survey", TERRAIN, ground),)
+        answer = planner.plan(PlanRequest(t, t + planner.period, estimate, current, messages))
+        least = CERTIFICATE.updated_with(messages).clearances
         if answer.ok and "guarantee-lost" in answer.notes:
             tried += 1
             assert least(answer).min() > least(remainder(current, t)).min()
@@ -251,13 +251,13 @@ def test_a_guarantee_that_was_lost_is_regained_when_there_is_a_plan_again() -> N
     assert "guarantee-regained" in found.notes
 
 
-def test_what_is_told_while_nobody_can_answer_is_not_forgotten() -> None:
+def test_messages_with_a_malformed_request_are_not_forgotten() -> None:
     planner, current = certified()
     t = 6 * planner.period
     x, y, _ = state_at(current, t + 8.0)[:3]
     ground = with_hills(MISSION.terrain, (Hill(float(x), float(y), 900.0, 900.0),))
-    told = (Message(t, "survey", TERRAIN, ground),)
-    malformed = planner.plan(PlanRequest(t, t + planner.period, Estimate(t, np.zeros(7)), current, told))
+    messages = (Message(t, "survey", TERRAIN, ground),)
+    malformed = planner.plan(PlanRequest(t, t + planner.period, Estimate(t, np.zeros(7)), current, messages))
     assert malformed.status is Status.MALFORMED
     assert "plan-endangered" in asked(planner, current, t + planner.period).notes
 

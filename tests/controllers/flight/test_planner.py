@@ -43,7 +43,7 @@ class Recorder:
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> Asked:
-    """What the solver of every planner built from now on is asked."""
+    """Records the problems that the solver of every planner built from now on receives."""
     asked: Asked = []
     build = plugin.solver
     monkeypatch.setattr(plugin, "solver", lambda config: Recorder(build(config), asked))

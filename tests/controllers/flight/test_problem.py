@@ -1,4 +1,5 @@
-"""Where the problem looks, on grids of every shape, against motion integrated arc by arc."""
+"""The times and places at which the problem samples its constraints, on grids of every shape, against motion integrated
+arc by arc."""
 
 from __future__ import annotations
 

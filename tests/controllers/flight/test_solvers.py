@@ -9,8 +9,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from mathnavi.controllers.flight import kernels, reference, sqp
+from mathnavi.controllers.flight import reference, sqp
 from mathnavi.controllers.flight.cost_to_go import factored_cost
+from mathnavi.controllers.flight.kernels import problem_data
+from mathnavi.controllers.flight.kernels.linearisation import linearise
+from mathnavi.controllers.flight.kernels.objective import objective
+from mathnavi.controllers.flight.kernels.problem_data import QuadraticProgramme
 from mathnavi.controllers.flight.problem import (
     LengthToGo,
     Parameters,
@@ -112,7 +116,7 @@ def some_problems(environment: PlanningEnvironment) -> list[Problem]:
 
 
 def kernel_cost(problem: Problem, unknowns: Array) -> float:
-    return float(kernels.objective(unknowns, problem.data))
+    return float(objective(unknowns, problem.data))
 
 
 def casadi_cost(problem: Problem) -> tuple[ca.Function, Array]:
@@ -147,7 +151,7 @@ def solved(outcome: PlanSolution | str) -> PlanSolution:
 def test_kernels_and_casadi_state_the_same_objective_and_gradient(environment: PlanningEnvironment) -> None:
     """The gradient of the kernels is the programme's, plus what its soft rows contribute at a zero step.
 
-    Their Hessian leaves the terrain's curvature out, so only what a descent direction needs is asked of it.
+    Their Hessian leaves the terrain's curvature out, so only what a descent direction needs is asserted.
     """
     rng = np.random.default_rng(1)
     for problem in some_problems(environment):
@@ -160,8 +164,8 @@ def test_kernels_and_casadi_state_the_same_objective_and_gradient(environment: P
             unknowns = random_unknowns(problem, rng)
             hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
             upper, lower = np.zeros(size + count), np.zeros(size + count)
-            programme = kernels.QuadraticProgramme(hessian, gradient, rows, upper, lower)
-            kernels.linearise(unknowns, problem.data, terminal_position, still, programme)
+            programme = QuadraticProgramme(hessian, gradient, rows, upper, lower)
+            linearise(unknowns, problem.data, terminal_position, still, programme)
             soft = slice(size, size + points + 1)
             gradient -= rows[: points + 1].T @ np.maximum(lower[soft], 0.0)
             gradient += rows[: points + 1].T @ np.maximum(-upper[soft], 0.0)
@@ -185,8 +189,8 @@ def test_the_balls_have_the_slope_and_the_curvature_of_norms(
     hessian, gradient, rows = np.zeros((size, size)), np.zeros(size), np.zeros((count, size))
     upper, lower = np.zeros(size + count), np.zeros(size + count)
     assert problem.terminal_position is not None
-    programme = kernels.QuadraticProgramme(hessian, gradient, rows, upper, lower)
-    kernels.linearise(unknowns, problem.data, problem.terminal_position, multipliers, programme)
+    programme = QuadraticProgramme(hessian, gradient, rows, upper, lower)
+    linearise(unknowns, problem.data, problem.terminal_position, multipliers, programme)
     U = ca.SX.sym("U", size)
     a, v, norms = [U[3 * i : 3 * i + 3] for i in range(n)], ca.SX(problem.start[3:]), []
     for h, push in zip(lengths, a, strict=True):
@@ -194,7 +198,7 @@ def test_the_balls_have_the_slope_and_the_curvature_of_norms(
         norms.append(ca.norm_2(v))
     norms += [*(ca.norm_2(push) for push in a), ca.norm_2(v - ca.vertcat(0, 0, U[-1]))]
     effort = sum(h * ca.sumsqr(push) for h, push in zip(lengths, a, strict=True))
-    climbing = problem.packed[kernels.CLIMB_WEIGHT] / 2 * U[-1] ** 2
+    climbing = problem.packed[problem_data.CLIMB_WEIGHT] / 2 * U[-1] ** 2
     lagrangian = effort + climbing + ca.dot(multipliers, ca.vertcat(*norms))
     expected = ca.Function("f", [U], [ca.hessian(lagrangian, U)[0], ca.jacobian(ca.vertcat(*norms), U)])(unknowns)
     np.testing.assert_allclose(hessian, np.array(expected[0]), rtol=1e-9, atol=1e-9)

@@ -49,14 +49,14 @@ def arrival(
         FailsFrom(raw, fails_from), partial(StopAndHover, period=raw.period), certificate, tracker.bound, 4.0
     )
     current = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, flight.at_rest(MISSION.start)), None))
-    t, told, plans = 0.0, None, [current]
+    t, announced, plans = 0.0, None, [current]
     while t < 400.0:
         for moment in np.linspace(t, t + planner.period, 50, endpoint=False):
             if math.dist(state_at(current, moment)[:3], MISSION.target) <= MISSION.arrival_radius:
                 return float(moment), plans
         wanted = asked(t)
-        messages = () if wanted == told or wanted is None else (Message(t, "fleet", ARRIVAL, wanted),)
-        told = wanted
+        messages = () if wanted == announced or wanted is None else (Message(t, "fleet", ARRIVAL, wanted),)
+        announced = wanted
         x = state_at(current, t)
         answer = planner.plan(PlanRequest(t, t + planner.period, Estimate(t, x), current, messages))
         current = answer if answer.ok else current
@@ -92,12 +92,12 @@ def test_a_13_as_a_constraint_cannot_be_kept_where_it_is_asked_to_wait() -> None
 
 
 def test_the_larger_its_weight_the_nearer_to_its_time_a_penalty_brings_it() -> None:
-    off = [
+    errors = [
         abs(arrival(lambda t: 48.0, config=FlightConfig(incorporation="penalty", arrival_weight=weight))[0] - 48.0)
         for weight in (10.0, 100.0, 1e4)
     ]
-    assert off[0] > off[1] > off[2]
-    assert off[2] < 0.5 * H
+    assert errors[0] > errors[1] > errors[2]
+    assert errors[2] < 0.5 * H
 
 
 @pytest.mark.parametrize("change", [-5.0, 10.0])

@@ -29,27 +29,27 @@ def mission(coordinates: Coordinates = PLANAR, case: str = "SM2", **changes: Any
     return MissileMission(**fields | changes)
 
 
-def built(of: MissileMission, **fields: Any) -> tuple[Planner, Tracker]:
+def built(guidance: MissileMission, **fields: Any) -> tuple[Planner, Tracker]:
     """Planner and autopilot; in CasADi's virtual machine, which starts sooner."""
-    return MissileController.build(MissileConfig(**{"backend": "fatrop"} | fields), of)
+    return MissileController.build(MissileConfig(**{"backend": "fatrop"} | fields), guidance)
 
 
-def first_plan(of: MissileMission, **fields: Any) -> Plan:
+def first_plan(guidance: MissileMission, **fields: Any) -> Plan:
     """The plan at the start."""
-    planner, _ = built(of, **fields)
-    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, of.start_state), None))
+    planner, _ = built(guidance, **fields)
+    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, guidance.start_state), None))
     assert plan.ok, plan.message
     return plan
 
 
-def miss(plan: Plan, of: MissileMission) -> float:
+def miss(plan: Plan, guidance: MissileMission) -> float:
     """[m] between the end of a plan and the target then."""
-    place = of.coordinates.place(plan.x[-1])
-    return math.dist(place.tolist(), of.target.at(plan.t_end).tolist())
+    place = guidance.coordinates.place(plan.x[-1])
+    return math.dist(place.tolist(), guidance.target.at(plan.t_end).tolist())
 
 
-def deviation(of: MissileMission, size: float, seed: int = 0) -> Array:
+def deviation(guidance: MissileMission, size: float, seed: int = 0) -> Array:
     """(nx,) of a state: metres, metres a second, hundredths of a radian."""
     unit = {"m": 1.0, "m/s": 1.0, "rad": 0.01, "rad/s": 0.01}
-    scale = np.array([unit[name] for name in of.coordinates.units])
+    scale = np.array([unit[name] for name in guidance.coordinates.units])
     return size * scale * np.random.default_rng(seed).standard_normal(len(scale))

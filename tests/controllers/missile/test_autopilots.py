@@ -20,15 +20,17 @@ from tests.controllers.missile.flights import deviation, first_plan, mission
 
 AUTOPILOTS: dict[str, Callable[[MissileMission], Autopilot]] = {
     "open-loop": OpenLoop,
-    "feedback-linearisation": lambda of: FeedbackLinearisation(of, 8.0),
+    "feedback-linearisation": lambda guidance: FeedbackLinearisation(guidance, 8.0),
     "tvlqr": TimeVaryingLQR,
 }
 CLOSED = ("feedback-linearisation", "tvlqr")
 
 
 def flight(coordinates: Coordinates) -> tuple[MissileMission, Plan]:
-    of = mission(coordinates) if coordinates is PLANAR else mission(coordinates, target=Target((700.0, 120.0, 0.0)))
-    return of, first_plan(of)
+    guidance = (
+        mission(coordinates) if coordinates is PLANAR else mission(coordinates, target=Target((700.0, 120.0, 0.0)))
+    )
+    return guidance, first_plan(guidance)
 
 
 @pytest.fixture(scope="module", params=[PLANAR, SPATIAL], ids=["planar", "spatial"])
@@ -43,7 +45,7 @@ def autopilot(request: pytest.FixtureRequest, flown: tuple[MissileMission, Plan]
 
 def fly(
     autopilot: Autopilot,
-    of: MissileMission,
+    guidance: MissileMission,
     plan: Plan,
     x: Array,
     t: float,
@@ -53,7 +55,7 @@ def fly(
     limits: Array | None = None,
 ) -> Array:
     """The state (nx,) at ``end`` of a body that starts from x at t and feels ``wrench`` (nu,) beside its input."""
-    coordinates = of.coordinates
+    coordinates = guidance.coordinates
     steps = round((end - t) / autopilot.period)
     for k in range(steps):
         now = t + k * autopilot.period
@@ -64,19 +66,19 @@ def fly(
     return x
 
 
-def error(of: MissileMission, plan: Plan, x: Array, t: float) -> Array:
-    return x - of.coordinates.state_at(plan, t)
+def error(guidance: MissileMission, plan: Plan, x: Array, t: float) -> Array:
+    return x - guidance.coordinates.state_at(plan, t)
 
 
 def test_on_the_plan_the_command_is_the_plans_mean_input(
     autopilot: Autopilot, flown: tuple[MissileMission, Plan]
 ) -> None:
-    of, plan = flown
+    guidance, plan = flown
     size = np.abs(plan.u).max(axis=0)
     for t in np.linspace(0.0, plan.t_end, 40):
-        x = of.coordinates.state_at(plan, float(t))
+        x = guidance.coordinates.state_at(plan, float(t))
         fine = t + autopilot.period * (np.arange(200) + 0.5) / 200.0
-        mean = np.mean([of.coordinates.input_at(plan, float(at)) for at in fine], axis=0)
+        mean = np.mean([guidance.coordinates.input_at(plan, float(at)) for at in fine], axis=0)
         command = autopilot.command(float(t), Estimate(float(t), x), plan)
         np.testing.assert_allclose(command / size, mean / size, rtol=0.0, atol=2e-2)
         arc = np.searchsorted(plan.t, t, side="right") - 1
@@ -85,96 +87,103 @@ def test_on_the_plan_the_command_is_the_plans_mean_input(
 
 
 def test_what_follows_the_plan_stays_on_it(autopilot: Autopilot, flown: tuple[MissileMission, Plan]) -> None:
-    of, plan = flown
+    guidance, plan = flown
     end = 4.0
-    x = fly(autopilot, of, plan, plan.x[0].copy(), 0.0, end)
-    assert np.linalg.norm(of.coordinates.place(error(of, plan, x, end))) < 2e-3
+    x = fly(autopilot, guidance, plan, plan.x[0].copy(), 0.0, end)
+    assert np.linalg.norm(guidance.coordinates.place(error(guidance, plan, x, end))) < 2e-3
 
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_off_the_plan_it_comes_back(name: str, flown: tuple[MissileMission, Plan]) -> None:
-    of, plan = flown
-    autopilot, t = AUTOPILOTS[name](of), 2.0
-    start = of.coordinates.state_at(plan, t) + deviation(of, 1.0)
-    before = np.linalg.norm(of.coordinates.place(error(of, plan, start, t)))
-    x = fly(autopilot, of, plan, start, t, t + 2.0)
-    assert np.linalg.norm(of.coordinates.place(error(of, plan, x, t + 2.0))) < 0.02 * before
+    guidance, plan = flown
+    autopilot, t = AUTOPILOTS[name](guidance), 2.0
+    start = guidance.coordinates.state_at(plan, t) + deviation(guidance, 1.0)
+    before = np.linalg.norm(guidance.coordinates.place(error(guidance, plan, start, t)))
+    x = fly(autopilot, guidance, plan, start, t, t + 2.0)
+    assert np.linalg.norm(guidance.coordinates.place(error(guidance, plan, x, t + 2.0))) < 0.02 * before
 
 
 @pytest.mark.parametrize("name", sorted(AUTOPILOTS))
 def test_it_knows_where_it_will_be(name: str, flown: tuple[MissileMission, Plan]) -> None:
-    of, plan = flown
+    guidance, plan = flown
     t, ahead = 2.0, 0.1
     for size, share in ((0.0, None), (0.05, 0.35)):
-        autopilot = AUTOPILOTS[name](of)
-        start = of.coordinates.state_at(plan, t) + deviation(of, size)
+        autopilot = AUTOPILOTS[name](guidance)
+        start = guidance.coordinates.state_at(plan, t) + deviation(guidance, size)
         expected = autopilot.predict(Estimate(t, start), plan, t + ahead)
-        x = fly(autopilot, of, plan, start.copy(), t, t + ahead)
-        off = np.linalg.norm(of.coordinates.place(x - expected))
-        moved = np.linalg.norm(of.coordinates.place(error(of, plan, x, t + ahead)))
-        assert off < (1e-4 if share is None else share * moved)
+        x = fly(autopilot, guidance, plan, start.copy(), t, t + ahead)
+        distance = np.linalg.norm(guidance.coordinates.place(x - expected))
+        moved = np.linalg.norm(guidance.coordinates.place(error(guidance, plan, x, t + ahead)))
+        assert distance < (1e-4 if share is None else share * moved)
 
 
 def test_the_errors_of_the_linearised_missile_decay_as_they_were_placed() -> None:
-    of, plan = flight(PLANAR)
-    autopilot, omega, t = FeedbackLinearisation(of, 8.0), 8.0, 1.0
-    reference = of.coordinates.to_joints(of.coordinates.state_at(plan, t))
-    off = np.array([0.5, -0.3, 0.01, 0.0, 0.0, 0.0])
+    guidance, plan = flight(PLANAR)
+    autopilot, omega, t = FeedbackLinearisation(guidance, 8.0), 8.0, 1.0
+    reference = guidance.coordinates.to_joints(guidance.coordinates.state_at(plan, t))
+    deviated = np.array([0.5, -0.3, 0.01, 0.0, 0.0, 0.0])
     for after in (0.2, 0.5, 0.9):
-        x = fly(autopilot, of, plan, of.coordinates.from_joints(reference + off), t, t + after)
-        autopilot = FeedbackLinearisation(of, 8.0)
-        e = of.coordinates.to_joints(x) - of.coordinates.to_joints(of.coordinates.state_at(plan, t + after))
+        x = fly(autopilot, guidance, plan, guidance.coordinates.from_joints(reference + deviated), t, t + after)
+        autopilot = FeedbackLinearisation(guidance, 8.0)
+        e = guidance.coordinates.to_joints(x) - guidance.coordinates.to_joints(
+            guidance.coordinates.state_at(plan, t + after)
+        )
         s = omega * after
         decay = (1.0 + s - s**2) * np.exp(-s)  # of (s + omega)^3 from an error at rest, with an integral of zero
-        np.testing.assert_allclose(e[:3], decay * off[:3], atol=0.03 * np.abs(off[:3]).max())
+        np.testing.assert_allclose(e[:3], decay * deviated[:3], atol=0.03 * np.abs(deviated[:3]).max())
 
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_a_wrong_mass_and_a_gust_move_it_little(name: str, flown: tuple[MissileMission, Plan]) -> None:
-    of, plan = flown
+    guidance, plan = flown
     body = Body(1.1 * NOMINAL.mass, 1.1 * NOMINAL.inertia, 1.1 * NOMINAL.axial_inertia)
-    wrench = np.array([400.0 if name.startswith("F") else 20.0 for name in of.coordinates.inputs])
-    off = {}
+    wrench = np.array([400.0 if name.startswith("F") else 20.0 for name in guidance.coordinates.inputs])
+    errors = {}
     for which in (name, "open-loop"):
-        x = fly(AUTOPILOTS[which](of), of, plan, plan.x[0].copy(), 0.0, 4.0, body, wrench)
-        off[which] = np.linalg.norm(of.coordinates.place(error(of, plan, x, 4.0)))
-    assert off[name] < 0.2
-    assert off[name] < 0.01 * off["open-loop"]
+        x = fly(AUTOPILOTS[which](guidance), guidance, plan, plan.x[0].copy(), 0.0, 4.0, body, wrench)
+        errors[which] = np.linalg.norm(guidance.coordinates.place(error(guidance, plan, x, 4.0)))
+    assert errors[name] < 0.2
+    assert errors[name] < 0.01 * errors["open-loop"]
 
 
 @pytest.mark.parametrize("name", CLOSED)
 def test_what_the_estimator_sees_is_fed_forward(name: str, flown: tuple[MissileMission, Plan]) -> None:
-    of, plan = flown
-    t, x = 1.0, of.coordinates.state_at(plan, 1.0)
-    beside = np.arange(1.0, len(of.input_max) + 1.0)
-    blind = AUTOPILOTS[name](of).command(t, Estimate(t, x), plan)
-    seeing = AUTOPILOTS[name](of).command(t, Estimate(t, x, extra={"disturbance": beside}), plan)
+    guidance, plan = flown
+    t, x = 1.0, guidance.coordinates.state_at(plan, 1.0)
+    beside = np.arange(1.0, len(guidance.input_max) + 1.0)
+    blind = AUTOPILOTS[name](guidance).command(t, Estimate(t, x), plan)
+    seeing = AUTOPILOTS[name](guidance).command(t, Estimate(t, x, extra={"disturbance": beside}), plan)
     np.testing.assert_allclose(seeing, blind - beside, rtol=0.0, atol=1e-6)
 
 
 def test_the_integral_takes_away_what_lasts_and_the_regulator_does_not() -> None:
-    of, plan = flight(PLANAR)
+    guidance, plan = flight(PLANAR)
     wrench = np.array([0.0, 400.0, 20.0])
-    off = {
+    errors = {
         name: np.linalg.norm(
-            error(of, plan, fly(AUTOPILOTS[name](of), of, plan, plan.x[0], 0.0, 4.0, NOMINAL, wrench), 4.0)[4:]
+            error(
+                guidance,
+                plan,
+                fly(AUTOPILOTS[name](guidance), guidance, plan, plan.x[0], 0.0, 4.0, NOMINAL, wrench),
+                4.0,
+            )[4:]
         )
         for name in CLOSED
     }
-    assert off["feedback-linearisation"] < 0.2 * off["tvlqr"]
+    assert errors["feedback-linearisation"] < 0.2 * errors["tvlqr"]
 
 
 def test_the_integral_does_not_wind_up_at_the_limits_of_the_thrusters() -> None:
-    of, plan = flight(PLANAR)
+    guidance, plan = flight(PLANAR)
     limits = np.array([3e3, 12e3, 150.0])
-    bounded = dataclasses.replace(of, input_max=tuple(limits))
-    off = np.zeros(6)
-    off[4:] = 3.0, 3.0  # more than the thrusters make good at once
-    start = of.coordinates.state_at(plan, 1.0) + off
+    bounded = dataclasses.replace(guidance, input_max=tuple(limits))
+    offset = np.zeros(6)
+    offset[4:] = 3.0, 3.0  # more than the thrusters make good at once
+    start = guidance.coordinates.state_at(plan, 1.0) + offset
     ends = {}
-    for name, knows in (("knows its limits", bounded), ("does not", of)):
-        x = fly(FeedbackLinearisation(knows, 8.0), of, plan, start.copy(), 1.0, 3.0, limits=limits)
-        ends[name] = np.linalg.norm(error(of, plan, x, 3.0)[4:])
+    for name, knows in (("knows its limits", bounded), ("does not", guidance)):
+        x = fly(FeedbackLinearisation(knows, 8.0), guidance, plan, start.copy(), 1.0, 3.0, limits=limits)
+        ends[name] = np.linalg.norm(error(guidance, plan, x, 3.0)[4:])
     assert ends["knows its limits"] < 0.02
     assert ends["does not"] > 0.5  # or the test says nothing
 
@@ -202,27 +211,27 @@ def test_the_regulator_is_the_textbooks_where_nothing_varies() -> None:
 
 
 def test_the_regulator_is_solved_once_for_a_plan_and_again_for_another() -> None:
-    of, plan = flight(PLANAR)
-    autopilot = TimeVaryingLQR(of)
-    off = plan.x[0] + deviation(of, 1.0)
-    first = autopilot.command(0.0, Estimate(0.0, off), plan)
-    np.testing.assert_array_equal(autopilot.command(0.0, Estimate(0.0, off), plan), first)
+    guidance, plan = flight(PLANAR)
+    autopilot = TimeVaryingLQR(guidance)
+    deviated = plan.x[0] + deviation(guidance, 1.0)
+    first = autopilot.command(0.0, Estimate(0.0, deviated), plan)
+    np.testing.assert_array_equal(autopilot.command(0.0, Estimate(0.0, deviated), plan), first)
     shorter = dataclasses.replace(plan, t=plan.t[:2], x=plan.x[:2], u=plan.u[:1], phase=plan.phase[:1])
-    assert np.abs(autopilot.command(0.0, Estimate(0.0, off), shorter) - first).max() > 1.0
+    assert np.abs(autopilot.command(0.0, Estimate(0.0, deviated), shorter) - first).max() > 1.0
 
 
 def test_after_the_end_of_the_plan_commands_stay_finite(
     autopilot: Autopilot, flown: tuple[MissileMission, Plan]
 ) -> None:
-    of, plan = flown
+    guidance, plan = flown
     for late in (0.0, 0.01, 1.0):
         t = plan.t_end + late
-        x = of.coordinates.state_at(plan, t) + deviation(of, 1.0)
+        x = guidance.coordinates.state_at(plan, t) + deviation(guidance, 1.0)
         assert np.isfinite(autopilot.command(t, Estimate(t, x), plan)).all()
 
 
 def test_a_state_of_another_size_is_refused(flown: tuple[MissileMission, Plan]) -> None:
-    of, plan = flown
+    guidance, plan = flown
     for name in CLOSED:
         with pytest.raises(ValueError, match="shape"):
-            AUTOPILOTS[name](of).command(1.0, Estimate(1.0, np.zeros(7)), plan)
+            AUTOPILOTS[name](guidance).command(1.0, Estimate(1.0, np.zeros(7)), plan)

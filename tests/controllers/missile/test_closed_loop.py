@@ -1,4 +1,4 @@
-"""Planner and autopilots in MuJoCo: what they make of a body that is not as told, and of a target that moves."""
+"""Planner and autopilots in MuJoCo: with a body that is not as modelled, and a target that moves."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_without_an_autopilot_the_same_flight_misses_by_far() -> None:
     assert summary(planner__autopilot="open-loop", planner__replan_period=1e3, **ROUGH)["miss_m"] > 10.0
 
 
-def test_the_plans_inputs_alone_hit_where_everything_is_as_told() -> None:
+def test_the_plans_inputs_alone_hit_where_everything_is_as_modelled() -> None:
     found = summary(planner__autopilot="open-loop", planner__replan_period=1e3, control_rate=1000.0)
     assert found["miss_m"] <= 0.02
 

@@ -40,7 +40,7 @@ def pitch_and_yaw(case: str) -> PitchAndYaw:
     return PitchAndYaw(CASES[case], NOMINAL, limits, limits, NODES, "fatrop", Fixed())
 
 
-def aim(
+def condition(
     x: float = 700.0, y: float = 0.0, z: float = 0.0, velocity: tuple[float, float, float] = (0, 0, 0)
 ) -> TerminalCondition:
     return TerminalCondition(np.array([x, y, z]), np.array(velocity, float), DOWN)
@@ -62,7 +62,7 @@ def found(optimiser: Optimiser, start: Array, at: TerminalCondition, t: float = 
 @pytest.mark.parametrize("case", ["SM", "FAST"])
 def test_the_pitch_plane_is_the_problem_of_the_design_study(case: str) -> None:
     start = level(case)[[0, 2, 3, 5, 7, 9]]
-    flight = found(planar(case), start, aim())
+    flight = found(planar(case), start, condition())
     wanted = solve(missile(case), NODES, scheme=MultipleShooting(2))
     assert flight.cost == pytest.approx(wanted.cost, rel=1e-6)
     assert flight.duration == pytest.approx(wanted.duration, rel=1e-5)
@@ -72,10 +72,10 @@ def test_the_pitch_plane_is_the_problem_of_the_design_study(case: str) -> None:
 @pytest.mark.parametrize(
     ("make", "start", "at"),
     [
-        (planar, level("SM2")[[0, 2, 3, 5, 7, 9]], aim(velocity=(30.0, 0.0, 0.0))),
-        (joint, level("SM2", 20.0), aim(y=150.0, velocity=(20.0, -20.0, 0.0))),
-        (pitch_and_yaw, level("SM2", 20.0), aim(y=150.0, velocity=(20.0, -20.0, 0.0))),
-        (pitch_and_yaw, level("SM2", -40.0), aim(y=100.0)),
+        (planar, level("SM2")[[0, 2, 3, 5, 7, 9]], condition(velocity=(30.0, 0.0, 0.0))),
+        (joint, level("SM2", 20.0), condition(y=150.0, velocity=(20.0, -20.0, 0.0))),
+        (pitch_and_yaw, level("SM2", 20.0), condition(y=150.0, velocity=(20.0, -20.0, 0.0))),
+        (pitch_and_yaw, level("SM2", -40.0), condition(y=100.0)),
     ],
 )
 def test_a_flight_starts_where_it_should_joins_and_ends_on_the_target(
@@ -92,7 +92,7 @@ def test_a_flight_starts_where_it_should_joins_and_ends_on_the_target(
 
 @pytest.mark.parametrize(("case", "heading", "y"), [("SM2", 0.0, 150.0), ("SM2", 30.0, 0.0), ("FAST", 0.0, 100.0)])
 def test_pitch_and_yaw_taking_turns_come_to_the_optimum_of_the_whole(case: str, heading: float, y: float) -> None:
-    start, at = level(case, heading), aim(y=y)
+    start, at = level(case, heading), condition(y=y)
     apart, whole = found(pitch_and_yaw(case), start, at), found(joint(case), start, at)
     assert apart.cost == pytest.approx(whole.cost, rel=5e-3)
     assert np.abs(whole.x[:, 6]).max() > math.radians(5.0)  # the nose has to yaw
@@ -100,7 +100,10 @@ def test_pitch_and_yaw_taking_turns_come_to_the_optimum_of_the_whole(case: str, 
 
 def test_in_the_pitch_plane_pitch_and_yaw_are_the_pitch_planner() -> None:
     start = level("SM2")
-    apart, plane = found(pitch_and_yaw("SM2"), start, aim()), found(planar("SM2"), start[[0, 2, 3, 5, 7, 9]], aim())
+    apart, plane = (
+        found(pitch_and_yaw("SM2"), start, condition()),
+        found(planar("SM2"), start[[0, 2, 3, 5, 7, 9]], condition()),
+    )
     assert apart.duration == pytest.approx(plane.duration, rel=1e-4)
     assert apart.cost == pytest.approx(plane.cost, rel=1e-4)
     np.testing.assert_allclose(apart.x[:, [1, 4, 6, 8]], 0.0, atol=1e-6)
@@ -108,14 +111,14 @@ def test_in_the_pitch_plane_pitch_and_yaw_are_the_pitch_planner() -> None:
 
 @pytest.mark.parametrize("make", [joint, pitch_and_yaw])
 def test_left_and_right_are_alike(make: Callable[[str], Optimiser]) -> None:
-    one, other = (found(make("SM2"), level("SM2", side * 20.0), aim(y=side * 100.0)) for side in (1.0, -1.0))
+    one, other = (found(make("SM2"), level("SM2", side * 20.0), condition(y=side * 100.0)) for side in (1.0, -1.0))
     assert one.cost == pytest.approx(other.cost, rel=1e-6)
     mirrored = np.array([1, -1, 1, 1, -1, 1, -1, 1, -1, 1])
     np.testing.assert_allclose(one.x[-1], mirrored * other.x[-1], atol=1e-3)
 
 
 def test_a_plan_from_the_last_one_is_the_plan_from_nothing() -> None:
-    start, at = level("SM2", 10.0), aim(y=50.0)
+    start, at = level("SM2", 10.0), condition(y=50.0)
     warm = pitch_and_yaw("SM2")
     first = found(warm, start, at)
     later = first.x[30]
@@ -130,7 +133,7 @@ def test_limits_are_kept() -> None:
     flight = found(
         JointOptimiser(CASES["SM2"], NOMINAL, PLANAR, limits, NODES, "fatrop", Fixed()),
         level("SM2")[[0, 2, 3, 5, 7, 9]],
-        aim(),
+        condition(),
     )
     reached = np.abs(flight.u).max(axis=0)
     assert (reached <= np.array(limits) * (1.0 + 1e-6)).all()
@@ -143,26 +146,26 @@ def test_pitch_and_yaw_that_ask_for_more_than_the_thrusters_have_are_refused() -
         return PitchAndYaw(CASES["SM"], NOMINAL, limits, hard, NODES, "ipopt", Fixed())
 
     start = level("SM", 40.0)
-    failed = optimiser(31.5, 35.0).optimise(0.0, start, aim())
+    failed = optimiser(31.5, 35.0).optimise(0.0, start, condition())
     assert isinstance(failed, Failed)
     assert "times the limit of M" in failed.message
     assert not failed.infeasible
-    flight = found(optimiser(31.5, 70.0), start, aim())
+    flight = found(optimiser(31.5, 70.0), start, condition())
     assert 35.0 < np.abs(flight.u[:, 3]).max() <= 70.0
 
 
 def test_nodes_may_be_equidistributed_while_it_flies() -> None:
     optimiser = JointOptimiser(CASES["SM3"], NOMINAL, PLANAR, INPUT_MAX[PLANAR], NODES, "fatrop", Equidistributed())
-    flight = found(optimiser, level("SM3")[[0, 2, 3, 5, 7, 9]], aim())
-    again = found(optimiser, flight.x[5], aim(), float(flight.t[5]))
+    flight = found(optimiser, level("SM3")[[0, 2, 3, 5, 7, 9]], condition())
+    again = found(optimiser, flight.x[5], condition(), float(flight.t[5]))
     assert np.ptp(np.diff(again.t)) > 0.01
-    assert aim().error_of(again.x[-1], again.duration, PLANAR).norm < 2e-3
+    assert condition().error_of(again.x[-1], again.duration, PLANAR).norm < 2e-3
 
 
 @pytest.mark.parametrize("make", [joint, pitch_and_yaw])
-def test_where_there_is_no_flight_the_reason_is_told(make: Callable[[str], Optimiser]) -> None:
+def test_where_there_is_no_flight_the_reason_is_reported(make: Callable[[str], Optimiser]) -> None:
     start = level("SM2")
     start[6] = math.radians(89.0)  # beyond the yaw that is allowed
-    failed = make("SM2").optimise(0.0, start, aim())
+    failed = make("SM2").optimise(0.0, start, condition())
     assert isinstance(failed, Failed)
     assert failed.message

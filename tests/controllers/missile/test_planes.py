@@ -1,4 +1,4 @@
-"""What is planned in the pitch plane and in the yaw plane flies together in space exactly as planned."""
+"""Plans in the pitch plane and in the yaw plane, flown together in space, are followed exactly."""
 
 from __future__ import annotations
 
@@ -67,12 +67,12 @@ def test_each_plane_moves_as_if_there_were_no_other(seed: int) -> None:
 def test_the_error_of_holding_inputs_along_the_body_falls_with_the_square_of_the_parts() -> None:
     pitch, yaw = planned(3, 0.4)
     exact = PLANAR.flow(pitch.x[0], pitch.u[0], 0.4, BODY)
-    off = []
+    errors = []
     for parts in (2, 4, 8):
         t, u = inputs_between(pitch, yaw, parts, BODY)
         assert t[-1] == pytest.approx(0.4)
         assert len(u) == parts
         end, _ = split(flown(joined(pitch.x[0], yaw.x[0]), t, u, SPATIAL, BODY)[-1])
-        off.append(np.linalg.norm((end - exact)[4:]))
-    assert off[0] / off[1] == pytest.approx(4.0, rel=0.2)
-    assert off[1] / off[2] == pytest.approx(4.0, rel=0.2)
+        errors.append(np.linalg.norm((end - exact)[4:]))
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.2)

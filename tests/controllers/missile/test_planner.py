@@ -25,25 +25,25 @@ PERIOD = 0.1
 
 
 class Scripted:
-    """An optimiser that notes what it is asked and fails when it is told to."""
+    """An optimiser that records its requests and fails on command."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[float, Array, TerminalCondition]] = []
         self.fails = False
 
-    def optimise(self, t: float, start: Array, aim: TerminalCondition) -> MissileTrajectory | Failed:
-        self.asked.append((t, start.copy(), aim))
+    def optimise(self, t: float, start: Array, condition: TerminalCondition) -> MissileTrajectory | Failed:
+        self.asked.append((t, start.copy(), condition))
         if self.fails:
-            return Failed("it was told to", infeasible=False)
+            return Failed("failure on command", infeasible=False)
         breaks = np.linspace(0.0, 2.0, 11)
         u = np.tile([100.0, -2000.0, 0.0], (10, 1))
         return MissileTrajectory(breaks, flown(start, breaks, u, PLANAR, mission().body), u, 1.0)
 
 
-def planner(optimiser: Scripted, of: MissileMission | None = None, **fields: Any) -> MissilePlanner:
-    of = of or mission()
+def planner(optimiser: Scripted, guidance: MissileMission | None = None, **fields: Any) -> MissilePlanner:
+    guidance = guidance or mission()
     return MissilePlanner(
-        of, optimiser, FeedbackLinearisation(of, 8.0), PERIOD, **{"commit": 0.3, "lead": True} | fields
+        guidance, optimiser, FeedbackLinearisation(guidance, 8.0), PERIOD, **{"commit": 0.3, "lead": True} | fields
     )
 
 
@@ -61,22 +61,23 @@ def test_the_first_plan_starts_from_the_estimate() -> None:
 
 
 def test_a_later_plan_starts_from_where_the_estimate_will_be_and_not_from_the_plan() -> None:
-    optimiser, of = Scripted(), mission()
+    optimiser, guidance = Scripted(), mission()
     made = planner(optimiser)
-    plan = made.plan(request(None, 0.0, of.start_state))
-    off = deviation(of, 1.0)
-    made.plan(request(plan, 0.5, of.coordinates.state_at(plan, 0.5) + off))
+    plan = made.plan(request(None, 0.0, guidance.start_state))
+    offset = deviation(guidance, 1.0)
+    made.plan(request(plan, 0.5, guidance.coordinates.state_at(plan, 0.5) + offset))
     t, start, _ = optimiser.asked[-1]
-    there = of.coordinates.state_at(plan, 0.6)
+    there = guidance.coordinates.state_at(plan, 0.6)
     assert t == pytest.approx(0.6)
-    assert 0.1 < np.linalg.norm((start - there)[4:]) / np.linalg.norm(off[4:]) < 1.0  # part of it is made good by then
+    # Part of the offset is corrected by then.
+    assert 0.1 < np.linalg.norm((start - there)[4:]) / np.linalg.norm(offset[4:]) < 1.0
 
 
 def test_it_aims_where_the_target_will_be() -> None:
-    optimiser, of = Scripted(), mission(target=Target((700.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
-    made = planner(optimiser, of)
-    plan = made.plan(request(None, 0.0, of.start_state))
-    made.plan(request(plan, 0.5, of.coordinates.state_at(plan, 0.5)))
+    optimiser, guidance = Scripted(), mission(target=Target((700.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
+    made = planner(optimiser, guidance)
+    plan = made.plan(request(None, 0.0, guidance.start_state))
+    made.plan(request(plan, 0.5, guidance.coordinates.state_at(plan, 0.5)))
     (_, _, first), (_, _, second) = optimiser.asked
     np.testing.assert_allclose(first.place, (700.0, 0.0, 0.0))
     np.testing.assert_allclose(second.place, (712.0, 0.0, 0.0))
@@ -84,17 +85,23 @@ def test_it_aims_where_the_target_will_be() -> None:
 
 
 def test_without_lead_it_aims_where_the_target_is() -> None:
-    optimiser, of = Scripted(), mission(target=Target((700.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
-    planner(optimiser, of, lead=False).plan(request(None, 0.0, of.start_state))
+    optimiser, guidance = Scripted(), mission(target=Target((700.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
+    planner(optimiser, guidance, lead=False).plan(request(None, 0.0, guidance.start_state))
     np.testing.assert_allclose(optimiser.asked[0][2].after(2.0), (700.0, 0.0, 0.0))
 
 
 def test_it_listens_to_whoever_watches_the_target_and_to_nothing_else() -> None:
-    optimiser, of = Scripted(), mission()
+    optimiser, guidance = Scripted(), mission()
     made = planner(optimiser)
     moved = Target((650.0, 0.0, 0.0), (-10.0, 0.0, 0.0), 0.4)
     plan = made.plan(
-        request(None, 0.0, of.start_state, Message(0.0, "x", "target", "nonsense"), Message(0.0, "x", "weather", moved))
+        request(
+            None,
+            0.0,
+            guidance.start_state,
+            Message(0.0, "x", "target", "nonsense"),
+            Message(0.0, "x", "weather", moved),
+        )
     )
     np.testing.assert_allclose(optimiser.asked[-1][2].place, (700.0, 0.0, 0.0))
     made.plan(request(plan, 0.5, plan.x[2], Message(0.5, "target watch", "target", moved)))
@@ -102,13 +109,13 @@ def test_it_listens_to_whoever_watches_the_target_and_to_nothing_else() -> None:
 
 
 def test_a_failure_is_a_status_and_the_next_request_is_another_try() -> None:
-    optimiser, of = Scripted(), mission()
+    optimiser, guidance = Scripted(), mission()
     made = planner(optimiser)
-    plan = made.plan(request(None, 0.0, of.start_state))
+    plan = made.plan(request(None, 0.0, guidance.start_state))
     optimiser.fails = True
     failed = made.plan(request(plan, 0.1, plan.x[0]))
     assert failed.status is Status.SOLVER_FAILED
-    assert failed.message == "it was told to"
+    assert failed.message == "failure on command"
     assert failed.solve_ms >= 0.0
     optimiser.fails = False
     assert made.plan(request(plan, 0.2, plan.x[1])).ok
@@ -116,61 +123,66 @@ def test_a_failure_is_a_status_and_the_next_request_is_another_try() -> None:
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_an_estimate_that_is_not_finite_is_a_status(value: float) -> None:
-    optimiser, of = Scripted(), mission()
+    optimiser, guidance = Scripted(), mission()
     made = planner(optimiser)
-    x = of.start_state
+    x = guidance.start_state
     x[2] = value
     assert made.plan(request(None, 0.0, x)).status is Status.NOT_FINITE
-    plan = made.plan(request(None, 0.0, of.start_state))
+    plan = made.plan(request(None, 0.0, guidance.start_state))
     assert made.plan(request(plan, 0.1, x)).status is Status.NOT_FINITE
 
 
 def test_near_the_end_the_plan_is_flown_out() -> None:
-    optimiser, of = Scripted(), mission()
+    optimiser, guidance = Scripted(), mission()
     made = planner(optimiser)
-    plan = made.plan(request(None, 0.0, of.start_state))  # 2 s long
+    plan = made.plan(request(None, 0.0, guidance.start_state))  # 2 s long
     asked = len(optimiser.asked)
-    rest = made.plan(request(plan, 1.65, of.start_state))
+    rest = made.plan(request(plan, 1.65, guidance.start_state))
     assert len(optimiser.asked) == asked  # whatever the estimate says
     assert rest.ok
     assert rest.t_start == pytest.approx(1.75)
     assert rest.t_end == plan.t_end
     for t in (1.75, 1.9, 2.0):
-        np.testing.assert_allclose(of.coordinates.state_at(rest, t), of.coordinates.state_at(plan, t), atol=1e-9)
-        np.testing.assert_array_equal(of.coordinates.input_at(rest, t), of.coordinates.input_at(plan, t))
+        np.testing.assert_allclose(
+            guidance.coordinates.state_at(rest, t), guidance.coordinates.state_at(plan, t), atol=1e-9
+        )
+        np.testing.assert_array_equal(guidance.coordinates.input_at(rest, t), guidance.coordinates.input_at(plan, t))
 
 
 def test_past_the_end_the_last_input_is_held_on() -> None:
-    of = mission()
+    guidance = mission()
     made = planner(Scripted())
-    plan = made.plan(request(None, 0.0, of.start_state))
-    after = made.plan(request(plan, 2.5, of.start_state))
+    plan = made.plan(request(None, 0.0, guidance.start_state))
+    after = made.plan(request(plan, 2.5, guidance.start_state))
     assert after.ok
     assert after.t_start == pytest.approx(2.6)
     assert after.t_end > after.t_start
     np.testing.assert_array_equal(after.u[-1], plan.u[-1])
-    np.testing.assert_allclose(after.x[0], of.coordinates.state_at(plan, 2.6), atol=1e-9)
+    np.testing.assert_allclose(after.x[0], guidance.coordinates.state_at(plan, 2.6), atol=1e-9)
 
 
 def test_what_is_to_be_said_is_said_once() -> None:
-    of = mission()
+    guidance = mission()
     made = planner(Scripted(), remark="there is something to say")
-    plan = made.plan(request(None, 0.0, of.start_state))
+    plan = made.plan(request(None, 0.0, guidance.start_state))
     assert (plan.notes, plan.message) == (("backend",), "there is something to say")
     again = made.plan(request(plan, 0.1, plan.x[0]))
     assert (again.notes, again.message) == ((), "")
 
 
-def sequence(planner: Planner, of: MissileMission, count: int, off: float = 0.0) -> list[Plan]:
+def sequence(planner: Planner, guidance: MissileMission, count: int, deviation_size: float = 0.0) -> list[Plan]:
     """Plans of a missile that is ``off`` its plan, each time elsewhere."""
     plans: list[Plan] = []
     for k in range(count):
         t = k * planner.period
         current = plans[-1] if plans else None
         if current is None:
-            x, start = of.start_state, t
+            x, start = guidance.start_state, t
         else:
-            x, start = of.coordinates.state_at(current, t) + deviation(of, off, k), t + planner.period
+            x, start = (
+                guidance.coordinates.state_at(current, t) + deviation(guidance, deviation_size, k),
+                t + planner.period,
+            )
         plan = planner.plan(PlanRequest(t, start, Estimate(t, x), current))
         assert plan.ok, plan.message
         plans.append(plan)
@@ -179,25 +191,25 @@ def sequence(planner: Planner, of: MissileMission, count: int, off: float = 0.0)
 
 @pytest.mark.parametrize("fields", [{}, {"grid": "arclength"}])
 def test_every_plan_ends_on_the_target_however_little_time_is_left(fields: dict[str, Any]) -> None:
-    of = mission(target=Target((700.0, 0.0, 0.0), (15.0, 0.0, 0.0)))
-    made, _ = built(of, replan_period=0.2, **fields)
-    for plan in sequence(made, of, 44, off=0.1):
-        assert miss(plan, of) < 5e-3
+    guidance = mission(target=Target((700.0, 0.0, 0.0), (15.0, 0.0, 0.0)))
+    made, _ = built(guidance, replan_period=0.2, **fields)
+    for plan in sequence(made, guidance, 44, deviation_size=0.1):
+        assert miss(plan, guidance) < 5e-3
         end = plan.x[-1]
         assert end[3] == pytest.approx(-0.5 * math.pi, abs=1e-3)
         assert abs(end[1]) < 0.05
 
 
 def test_in_space_every_plan_ends_on_the_target_too() -> None:
-    of = mission(SPATIAL, target=Target((700.0, 100.0, 0.0), (10.0, -10.0, 0.0)))
-    made, _ = built(of, replan_period=0.4)
-    for plan in sequence(made, of, 20, off=0.1):
-        assert miss(plan, of) < 0.05
+    guidance = mission(SPATIAL, target=Target((700.0, 100.0, 0.0), (10.0, -10.0, 0.0)))
+    made, _ = built(guidance, replan_period=0.4)
+    for plan in sequence(made, guidance, 20, deviation_size=0.1):
+        assert miss(plan, guidance) < 0.05
         assert abs(plan.x[-1][6]) < 1e-3
 
 
 def test_a_missile_flies_on_when_its_optimiser_gives_up() -> None:
-    of, optimiser = mission(), Scripted()
+    guidance, optimiser = mission(), Scripted()
     made = planner(optimiser)
 
     class GivesUp:
@@ -210,13 +222,13 @@ def test_a_missile_flies_on_when_its_optimiser_gives_up() -> None:
     class Perfect:
         """An estimator without sensors."""
 
-        period = of.control_period
+        period = guidance.control_period
 
         def __init__(self) -> None:
-            self.x, self.t = of.start_state, 0.0
+            self.x, self.t = guidance.start_state, 0.0
 
         def update(self, t: float, measurements: Any, command: Array) -> Estimate:
-            self.x = of.flow(self.x, command, t - self.t) if t > self.t else self.x
+            self.x = guidance.flow(self.x, command, t - self.t) if t > self.t else self.x
             self.t = t
             return Estimate(t, self.x)
 
@@ -244,7 +256,7 @@ def test_a_missile_flies_on_when_its_optimiser_gives_up() -> None:
             self.t += ticks * self.dt
             return []
 
-    agent = Agent(Perfect(), GivesUp(), FeedbackLinearisation(of, 8.0), 3)
+    agent = Agent(Perfect(), GivesUp(), FeedbackLinearisation(guidance, 8.0), 3)
     recording = simulate(Nothing(), {"missile": agent}, 1.0)  # type: ignore[arg-type]
     failures = [event for event in recording.events if event.kind == "solver-failed"]
     assert len(failures) >= 7

@@ -1,4 +1,4 @@
-"""The plug-in: what it is told, what it refuses, and what it says when there is no compiler."""
+"""The plug-in: its configuration, what it refuses, and its message when there is no compiler."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ def test_the_period_is_a_whole_number_of_control_periods(wanted: float, period: 
 def test_without_a_compiler_the_first_plan_says_so_and_is_the_same(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    of = mission()
-    wanted = first_plan(of, backend="fatrop")
+    guidance = mission()
+    wanted = first_plan(guidance, backend="fatrop")
     monkeypatch.setenv("PATH", str(tmp_path))
-    planner, _ = MissileController.build(MissileConfig(), of)
-    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, of.start_state), None))
+    planner, _ = MissileController.build(MissileConfig(), guidance)
+    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, guidance.start_state), None))
     assert plan.ok
     assert plan.notes == ("backend",)
     assert "no C compiler named cc" in plan.message
@@ -66,19 +66,19 @@ def test_a_compiler_that_fails_is_quoted_and_done_without(monkeypatch: pytest.Mo
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     transcription.cache_clear()  # or what was compiled before is at hand
-    of = mission()
-    planner, _ = MissileController.build(MissileConfig(), of)
-    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, of.start_state), None))
+    guidance = mission()
+    planner, _ = MissileController.build(MissileConfig(), guidance)
+    plan = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, guidance.start_state), None))
     assert plan.ok
     assert "cc: out of order" in plan.message
     with pytest.raises(OSError, match="cc: out of order"):
-        MissileController.build(MissileConfig(backend="fatrop-compiled"), of)
+        MissileController.build(MissileConfig(backend="fatrop-compiled"), guidance)
 
 
 @pytest.mark.parametrize("spatial", ["pitch-and-yaw", "joint"])
 def test_both_ways_through_space_plan_the_same_flight(spatial: str) -> None:
-    of = mission(SPATIAL)
-    plan = first_plan(of, spatial=spatial)
+    guidance = mission(SPATIAL)
+    plan = first_plan(guidance, spatial=spatial)
     assert plan.cost == pytest.approx(first_plan(mission()).cost, rel=1e-3)
 
 

@@ -16,7 +16,7 @@ from mathnavi.models.missile.dynamics import NOMINAL
 from mathnavi.models.missile.mission import CASES
 from tests.controllers.missile.flights import INPUT_MAX, mission
 
-AIM = TerminalCondition(np.array([700.0, 0.0, 0.0]), np.zeros(3), -0.5 * np.pi)
+CONDITION = TerminalCondition(np.array([700.0, 0.0, 0.0]), np.zeros(3), -0.5 * np.pi)
 NODES = 15
 
 
@@ -26,8 +26,8 @@ def shooting(distribution: NodeDistribution) -> Shooting:
 
 def solved(distribution: NodeDistribution) -> Solved:
     start = mission().start_state
-    guess = pitch_guess(start, AIM, NOMINAL, np.linspace(0.0, 1.0, NODES), 1.0)
-    parameters = np.concatenate([weights(CASES["SM2"]), AIM.parameters(start, PLANAR)])
+    guess = pitch_guess(start, CONDITION, NOMINAL, np.linspace(0.0, 1.0, NODES), 1.0)
+    parameters = np.concatenate([weights(CASES["SM2"]), CONDITION.parameters(start, PLANAR)])
     found = shooting(distribution).solve(guess, parameters, first=True)
     assert isinstance(found, Solved), found
     return found
@@ -40,7 +40,7 @@ def test_what_is_left_of_an_optimum_is_nearly_optimal(distribution: NodeDistribu
     left = whole.after(shift)
     assert left.duration == pytest.approx(whole.duration - shift)
     start = left.x[0]
-    parameters = np.concatenate([weights(CASES["SM2"]), AIM.parameters(start, PLANAR)])
+    parameters = np.concatenate([weights(CASES["SM2"]), CONDITION.parameters(start, PLANAR)])
     again = shooting(distribution).solve(left, parameters)
     assert isinstance(again, Solved)
     assert again.iterations <= 6
@@ -71,9 +71,9 @@ def test_equidistributed_nodes_hold_equal_shares_of_the_arclength() -> None:
 
 def test_a_start_that_is_out_of_reach_is_a_failure_that_says_so() -> None:
     start = mission().start_state
-    guess = pitch_guess(start, AIM, NOMINAL, np.linspace(0.0, 1.0, NODES), 1.0)
+    guess = pitch_guess(start, CONDITION, NOMINAL, np.linspace(0.0, 1.0, NODES), 1.0)
     start[0] = -5.0  # u below its bound
-    parameters = np.concatenate([weights(CASES["SM2"]), AIM.parameters(start, PLANAR)])
+    parameters = np.concatenate([weights(CASES["SM2"]), CONDITION.parameters(start, PLANAR)])
     failed = shooting(Fixed()).solve(guess, parameters, first=True)
     assert isinstance(failed, Failed)
     assert failed.message

@@ -14,7 +14,7 @@ from mathnavi.controllers.ocp.distribution import (
     FunctionalMinimised,
 )
 from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.equidistribution import distribute
+from mathnavi.controllers.ocp.methods.distribution import distribute
 from mathnavi.controllers.ocp.methods.gate import gated
 from mathnavi.controllers.ocp.methods.redistribution import redistribute
 from mathnavi.controllers.ocp.methods.refinement import refine

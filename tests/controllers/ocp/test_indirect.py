@@ -69,8 +69,8 @@ def test_the_missile_of_both_methods_is_the_same() -> None:
     assert found.converged
     assert found.duration == pytest.approx(8.271096, abs=2e-6)
     scale = direct.problem.control_scale
-    off = (direct.control(found.t) - found.u) / scale
-    assert np.sqrt((off**2).sum() / ((found.u / scale) ** 2).sum()) < 2e-3
+    error = (direct.control(found.t) - found.u) / scale
+    assert np.sqrt((error**2).sum() / ((found.u / scale) ** 2).sum()) < 2e-3
     assert np.ptp(found.hamiltonian) < 1e-5
 
 

@@ -4,13 +4,25 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
 
+from mathnavi.controllers.ocp.distribution import Equidistributed
+from mathnavi.controllers.ocp.methods.by_name import MONITORS
+from mathnavi.controllers.ocp.methods.direct import solve
+from mathnavi.controllers.ocp.methods.distribution import distribute
+from mathnavi.controllers.ocp.methods.redistribution import redistribute
+from mathnavi.controllers.ocp.methods.refinement import refine
+from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, Monitor
 from mathnavi.controllers.ocp.problem import OptimalControlProblem
+from mathnavi.controllers.ocp.problem_functions import ProblemFunctions
+from mathnavi.controllers.ocp.solution import Solution
 from mathnavi.sim.interfaces.errors import ProblemError
+from mathnavi.sim.interfaces.signals import Array
 
 
 def double_integrator() -> tuple[OptimalControlProblem, ca.SX, ca.SX, ca.SX]:
@@ -104,3 +116,69 @@ def test_an_unknown_parameter_is_named_with_those_that_exist() -> None:
     ocp.parameter("mass", 1.0)
     with pytest.raises(ValueError, match=r"'weight' is not known; allowed: mass"):
         ocp.functions().values(weight=2.0)
+
+
+def boundary_layers() -> OptimalControlProblem:
+    """x' = -x^3 + u from 1 to 1.5 in 25 s: all happens at the ends, so the nodes matter."""
+    ocp = OptimalControlProblem("boundary layers")
+    x, u = ocp.state("x"), ocp.control("u")
+    ocp.duration(25.0)
+    ocp.minimise(running=(x**2 + u**2) / 2)
+    ocp.dynamics(x, -(x**3) + u)
+    ocp.start(x, 1.0)
+    ocp.end(x, 1.5)
+    return ocp
+
+
+def speed(solution: Solution, tau: Array, epsilon: float) -> Array:
+    w: Array = (epsilon + (solution.scaled_derivative(tau, 1) ** 2).sum(axis=1)) ** 0.25
+    return w
+
+
+OWN = Monitor("own", speed)
+Called = Callable[[ProblemFunctions], Solution]
+
+
+@pytest.mark.parametrize(
+    ("options", "called"),
+    [
+        ({}, lambda problem: solve(problem, 9)),
+        ({"method": "refine"}, lambda problem: refine(problem, 6, most_nodes=9)),
+        ({"method": "redistribute"}, lambda problem: redistribute(problem, 9, CURVATURE)),
+        ({"method": "redistribute", "monitor": "arclength"}, lambda problem: redistribute(problem, 9, ARCLENGTH)),
+        ({"method": "redistribute", "monitor": OWN}, lambda problem: redistribute(problem, 9, OWN)),
+        ({"method": "distribute"}, lambda problem: distribute(problem, 9)),
+        (
+            {"method": "distribute", "monitor": CURVATURE},
+            lambda problem: distribute(problem, 9, Equidistributed(CURVATURE, CURVATURE.epsilon)),
+        ),
+    ],
+)
+def test_a_method_and_a_monitor_are_chosen_in_the_call(options: dict[str, Any], called: Called) -> None:
+    ocp = boundary_layers()
+    chosen, expected = ocp.solve(9, **options), called(ocp.functions())
+    assert (chosen.method, chosen.status) == (expected.method, expected.status)
+    np.testing.assert_array_equal(chosen.grid.nodes, expected.grid.nodes)
+    np.testing.assert_array_equal(chosen.x, expected.x)
+
+
+@pytest.mark.parametrize("name", MONITORS)
+def test_every_monitor_is_known_by_its_name(name: str) -> None:
+    assert boundary_layers().solve(9, method="redistribute", monitor=name).method == f"redistribution, {name}"
+
+
+@pytest.mark.parametrize(
+    ("options", "named"),
+    [
+        ({"method": "refined"}, "method = 'refined'; did you mean refine? allowed: direct, redistribute, distribute"),
+        ({"method": None}, "method = None; allowed: direct"),
+        ({"monitor": OWN}, "method = 'direct' takes none; allowed: a monitor with method redistribute, distribute"),
+        ({"method": "refine", "monitor": "curvature"}, "method = 'refine' takes none"),
+        ({"method": "redistribute", "monitor": "curvatur"}, "did you mean curvature? allowed: arclength, curvature"),
+        ({"method": "redistribute", "monitor": 3}, "monitor = 3; allowed: arclength"),
+        ({"method": "distribute", "monitor": OWN}, "monitor = 'own' has no measure"),
+    ],
+)
+def test_a_method_or_a_monitor_that_does_not_fit_is_refused_by_name(options: dict[str, Any], named: str) -> None:
+    with pytest.raises(ProblemError, match=re.escape(named)):
+        boundary_layers().solve(9, **options)

@@ -1,4 +1,4 @@
-"""What reaches the user from a solver is a status, and what cannot be solved is refused before."""
+"""A solver's failure reaches the user as a status; unsolvable problems are refused before."""
 
 from __future__ import annotations
 

@@ -79,8 +79,8 @@ def test_the_optimum_is_found_on_an_uneven_grid(scheme: Scheme) -> None:
     tolerance = {1: 4e-3, 2: 5e-4}.get(scheme.order, 2e-4 if not scheme.shared else 1e-6)
     assert solution.cost == pytest.approx(np.tanh(1.0) / 2.0, abs=tolerance)
     t = np.linspace(0.0, 1.0, 50)
-    off = np.abs(solution.control(t)[:, 0] + np.sinh(1.0 - t) / np.cosh(1.0)).max()
-    assert off < {0: 0.05, 1: 0.03, 2: 1e-4}[int(scheme.shared) + int(scheme.shared and scheme.order > 2)]
+    error = np.abs(solution.control(t)[:, 0] + np.sinh(1.0 - t) / np.cosh(1.0)).max()
+    assert error < {0: 0.05, 1: 0.03, 2: 1e-4}[int(scheme.shared) + int(scheme.shared and scheme.order > 2)]
 
 
 @schemes

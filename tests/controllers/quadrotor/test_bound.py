@@ -11,7 +11,7 @@ from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.quadrotor.bound import AxisLoop, tracking_bound
 from mathnavi.controllers.quadrotor.tracker import GeometricTracker, TrackerConfig
 from mathnavi.models.aerial.dynamics import state_at
-from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.quadrotor.dynamics import NOMINAL, Quadrotor, at_rest
 from mathnavi.models.quadrotor.entity import RotorDrive
 from mathnavi.sim.engine.faults import ConstantWrench, Gusts
@@ -20,7 +20,7 @@ from mathnavi.sim.interfaces.signals import OPTIMISED, Array
 from tests.quadrotor import PERIOD, TICKS, built, estimate_of, flight_mission, flown, hovering, plain, turning
 
 CONFIG = TrackerConfig()
-GUSTS = GustModel(0.7, 2.0, 1.5)
+GUSTS = DeclaredGusts(0.7, 2.0, 1.5)
 HEAVY = dataclasses.replace(NOMINAL, mass=1.1 * NOMINAL.mass)
 
 
@@ -32,19 +32,19 @@ def mission(**fields: object) -> FlightMission:
 def test_a_step_of_force_is_answered_as_the_linear_loop_answers(axis: int, share: float) -> None:
     loop = (AxisLoop.along if axis == 2 else AxisLoop.across)(CONFIG, NOMINAL, PERIOD)
     _, steps = loop.peak_gains
-    _, off, _ = flown(hovering(), 2.5, disturbance=ConstantWrench(NOMINAL.mass * np.eye(3)[axis], np.zeros(3)))
-    assert np.abs(off[:, axis]).max() == pytest.approx(steps[0], rel=share)
-    assert np.abs(off[:, 3 + axis]).max() == pytest.approx(steps[1], rel=share)
+    _, deviation, _ = flown(hovering(), 2.5, disturbance=ConstantWrench(NOMINAL.mass * np.eye(3)[axis], np.zeros(3)))
+    assert np.abs(deviation[:, axis]).max() == pytest.approx(steps[0], rel=share)
+    assert np.abs(deviation[:, 3 + axis]).max() == pytest.approx(steps[1], rel=share)
 
 
 def test_the_spread_under_gusts_is_that_of_flights() -> None:
     """The standard deviation of 25 s in gusts that no limit clips."""
-    gust = GustModel(0.4, 1.0, 9.0)
+    gust = DeclaredGusts(0.4, 1.0, 9.0)
     expected = AxisLoop.across(CONFIG, NOMINAL, PERIOD).deviations(mission(gust=gust))[0]
     m = NOMINAL.mass
     gusts = Gusts(m * gust.rms, gust.time_constant, m * gust.limit, np.random.default_rng(1))
-    _, off, _ = flown(hovering(), 25.0, disturbance=gusts)
-    assert off[:, :2].std() == pytest.approx(expected, rel=0.25)
+    _, deviation, _ = flown(hovering(), 25.0, disturbance=gusts)
+    assert deviation[:, :2].std() == pytest.approx(expected, rel=0.25)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -61,27 +61,27 @@ def test_the_bound_is_kept_in_gusts(true: Quadrotor, seed: int) -> None:
     plan = turning(rng, flight.acceleration_max - bound.feedback, flight.speed_max - bound.speed)
     # A force per mass of the believed vehicle: the heavier one feels less of it, so it is given its own.
     gusts = Gusts(true.mass * GUSTS.rms, GUSTS.time_constant, true.mass * GUSTS.limit, rng)
-    _, off, _ = flown(plan, 9.0, true=true, disturbance=gusts)
-    assert 0.02 < np.hypot(off[:, 0], off[:, 1]).max() <= bound.horizontal
-    assert np.abs(off[:, 2]).max() <= bound.vertical
-    assert np.linalg.norm(off[:, 3:], axis=1).max() <= bound.speed
+    _, deviation, _ = flown(plan, 9.0, true=true, disturbance=gusts)
+    assert 0.02 < np.hypot(deviation[:, 0], deviation[:, 1]).max() <= bound.horizontal
+    assert np.abs(deviation[:, 2]).max() <= bound.vertical
+    assert np.linalg.norm(deviation[:, 3:], axis=1).max() <= bound.speed
 
 
 @pytest.mark.parametrize("rough", [False, True])
 def test_the_bound_is_kept_by_plans_that_take_over_unforeseen(rough: bool) -> None:
     """Every half second another plan, of turns drawn anew with all that the bound leaves of a_max, however large."""
-    flight = mission(acceleration_max=5.0, gust=GUSTS if rough else GustModel())
+    flight = mission(acceleration_max=5.0, gust=GUSTS if rough else DeclaredGusts())
     bound = tracking_bound(CONFIG, NOMINAL, flight)
     left = flight.acceleration_max - bound.feedback
     assert 1.5 < left < 3.0  # at more the rotors have not the moments
     rng, high = np.random.default_rng(0), np.array([200.0, 200.0, 900.0])
     true = dataclasses.replace(NOMINAL, mass=1.1 * NOMINAL.mass, motor_lag=1.15 * NOMINAL.motor_lag)
     true = true if rough else NOMINAL
-    equipment = {"quad": VehicleSetup(at_rest(high), drive=RotorDrive(true))}
-    plant = MujocoPlant(built(plain(), true), equipment, np.random.default_rng(0))
+    setups = {"quad": VehicleSetup(at_rest(high), drive=RotorDrive(true))}
+    plant = MujocoPlant(built(plain(), true), setups, np.random.default_rng(0))
     gusts = Gusts(true.mass * GUSTS.rms, GUSTS.time_constant, true.mass * GUSTS.limit, rng)
     tracker = GeometricTracker(PERIOD, CONFIG, NOMINAL, bound)
-    t, x, off = 0.0, np.array([*high, 0.0, 0.0, 0.0]), []
+    t, x, deviation = 0.0, np.array([*high, 0.0, 0.0, 0.0]), []
     for _ in range(40):
         arcs = ArcList.begin(t, x)
         while len(arcs.u) < 4:
@@ -92,36 +92,36 @@ def test_the_bound_is_kept_by_plans_that_take_over_unforeseen(rough: bool) -> No
         plan = arcs.plan(0.0, 0.0)
         for _ in range(round(0.5 / PERIOD)):
             estimate = estimate_of(plant.state("quad"), plant.t)
-            off.append(estimate.x - state_at(plan, plant.t))
+            deviation.append(estimate.x - state_at(plan, plant.t))
             if rough:
                 gusts.act(plant, TICKS)
             plant.step({"quad": tracker.command(plant.t, estimate, plan)}, TICKS)
         t += 0.5
         x = state_at(plan, t)
-    error = np.array(off)
+    error = np.array(deviation)
     assert 0.05 < np.hypot(error[:, 0], error[:, 1]).max() <= bound.horizontal
     assert np.abs(error[:, 2]).max() <= bound.vertical
 
 
 def test_more_to_allow_for_is_a_wider_bound() -> None:
-    def of(config: TrackerConfig = CONFIG, **fields: object) -> Array:
+    def bound_of(config: TrackerConfig = CONFIG, **fields: object) -> Array:
         bound = tracking_bound(config, NOMINAL, mission(acceleration_max=2.0, **fields))  # so that none is yielded
         assert bound.feedback == 0.0
         return np.array([bound.horizontal, bound.vertical, bound.speed])
 
-    still = of()
-    assert (of(gust=GustModel(0.2, 2.0, 1.5)) > still).all()
-    assert (of(gust=GustModel(0.4, 2.0, 1.5)) > of(gust=GustModel(0.2, 2.0, 1.5))).all()
-    assert (of(position_noise=0.02) > still).all()
+    still = bound_of()
+    assert (bound_of(gust=DeclaredGusts(0.2, 2.0, 1.5)) > still).all()
+    assert (bound_of(gust=DeclaredGusts(0.4, 2.0, 1.5)) > bound_of(gust=DeclaredGusts(0.2, 2.0, 1.5))).all()
+    assert (bound_of(position_noise=0.02) > still).all()
     less = dataclasses.replace(CONFIG, mass_tolerance=0.0, drag_tolerance=0.0)
-    assert (of(less) < still).all()
+    assert (bound_of(less) < still).all()
 
 
 def test_what_gusts_take_of_the_rotors_is_taken_from_the_plans() -> None:
-    calm, stormy = (tracking_bound(CONFIG, NOMINAL, mission(gust=gust)) for gust in (GustModel(), GUSTS))
+    calm, stormy = (tracking_bound(CONFIG, NOMINAL, mission(gust=gust)) for gust in (DeclaredGusts(), GUSTS))
     assert 0.0 <= calm.feedback < stormy.feedback < 5.0
     with pytest.raises(ValueError, match=r"gust rms = 3\.0.*more than the rotors have"):
-        tracking_bound(CONFIG, NOMINAL, mission(gust=GustModel(3.0, 2.0, 6.0)))
+        tracking_bound(CONFIG, NOMINAL, mission(gust=DeclaredGusts(3.0, 2.0, 6.0)))
 
 
 def test_gains_that_the_rotors_cannot_follow_are_refused() -> None:

@@ -15,7 +15,7 @@ from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.controllers.quadrotor.plugin import QuadrotorConfig, QuadrotorFlight
 from mathnavi.estimators.quadrotor_state import QuadrotorState
 from mathnavi.models.aerial.dynamics import state_at
-from mathnavi.models.aerial.mission import GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts
 from mathnavi.models.quadrotor.dynamics import NOMINAL, POSITION, VELOCITY, Quadrotor
 from mathnavi.models.quadrotor.entity import RotorDrive
 from mathnavi.models.quadrotor.mission import QuadrotorMission
@@ -26,9 +26,9 @@ from mathnavi.sim.interfaces.protocols import Plant
 from tests.quadrotor import built, flight_mission, hills
 
 
-def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> dict[str, Any]:
-    """What came of a mission across the hills, as a scenario would fly it."""
-    gust = gust or GustModel()
+def mission_flown(true: Quadrotor = NOMINAL, gust: DeclaredGusts | None = None) -> dict[str, Any]:
+    """Results of a mission across the hills, flown as a scenario would."""
+    gust = gust or DeclaredGusts()
     flight = flight_mission(hills(), (40.0, 50.0), (350.0, 340.0), gust=gust)
     mission, sensing, gusting = QuadrotorMission(flight), *np.random.default_rng(5).spawn(2)
     raw, tracker = QuadrotorFlight.build(QuadrotorConfig(), mission)
@@ -36,8 +36,8 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> d
     certificate = Certificate.of(flight, bound)
     planner = Certified(raw, partial(StopAndHover, period=raw.period), certificate, bound, flight.deadline_factor)
     config = QuadrotorState.Config()
-    equipment = VehicleSetup(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))
-    body = MujocoPlant(built(flight.terrain, true), {"quad": equipment}, sensing)
+    setup = VehicleSetup(mission.start_state, QuadrotorState.sensors(config, mission), drive=RotorDrive(true))
+    body = MujocoPlant(built(flight.terrain, true), {"quad": setup}, sensing)
     m = true.mass
     plant: Plant = body
     if gust.rms > 0.0:
@@ -53,7 +53,7 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> d
     planned = np.array([state_at(plan, float(t)) for plan, t in zip(followed, recording.t, strict=True)])
     return {
         "bound": bound,
-        "off": np.hstack([x[:, POSITION], x[:, VELOCITY]]) - planned,
+        "deviation": np.hstack([x[:, POSITION], x[:, VELOCITY]]) - planned,
         "clearance": float((x[:, 2] - flight.terrain.height(x[:, 0], x[:, 1])).min()),
         "speed": float(np.linalg.norm(x[:, VELOCITY], axis=1).max()),
         "arrived": float(np.linalg.norm(x[-1, POSITION] - target)),
@@ -68,12 +68,14 @@ def mission_flown(true: Quadrotor = NOMINAL, gust: GustModel | None = None) -> d
 
 @pytest.mark.parametrize(
     ("true", "gust"),
-    [(NOMINAL, None), (dataclasses.replace(NOMINAL, mass=1.32, motor_lag=0.035), GustModel(0.6, 3.0, 1.5))],
+    [(NOMINAL, None), (dataclasses.replace(NOMINAL, mass=1.32, motor_lag=0.035), DeclaredGusts(0.6, 3.0, 1.5))],
     ids=["still air", "gusts, mass and lag"],
 )
-def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(true: Quadrotor, gust: GustModel | None) -> None:
+def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(
+    true: Quadrotor, gust: DeclaredGusts | None
+) -> None:
     came = mission_flown(true, gust)
-    bound, off, flight = came["bound"], came["off"], came["flight"]
+    bound, deviation, flight = came["bound"], came["deviation"], came["flight"]
     assert came["contacts"] == 0
     assert came["clearance"] >= flight.clearance_min
     assert came["arrived"] <= flight.arrival_radius
@@ -81,10 +83,10 @@ def test_a_mission_across_hills_is_safe_in_time_and_within_the_bound(true: Quadr
     assert came["speed"] <= flight.speed_max
     assert came["plans"] > 40  # replanned nearly every half second
     assert "tracking-breach" not in came["events"]
-    assert np.hypot(off[:, 0], off[:, 1]).max() <= bound.horizontal
-    assert np.abs(off[:, 2]).max() <= bound.vertical
+    assert np.hypot(deviation[:, 0], deviation[:, 1]).max() <= bound.horizontal
+    assert np.abs(deviation[:, 2]).max() <= bound.vertical
     if gust is None:
-        assert np.linalg.norm(off[:, :3], axis=1).max() < 0.06
+        assert np.linalg.norm(deviation[:, :3], axis=1).max() < 0.06
 
 
 def test_the_planner_of_the_point_mass_is_asked_for_half_seconds() -> None:

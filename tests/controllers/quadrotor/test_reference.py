@@ -70,11 +70,11 @@ def test_to_begin_a_turn_before_it_keeps_closer() -> None:
 def test_it_stays_as_near_to_any_plan_as_is_said(seed: int, preview: float) -> None:
     a_max, plan = 4.0, turning(np.random.default_rng(seed), 4.0, 10.0)
     t, z = followed(plan, preview, 0.02)
-    off = np.array([state_at(plan, float(at)) for at in t])
+    planned = np.array([state_at(plan, float(at)) for at in t])
     # The first arc is not foreseen: the vehicle is at rest when the plan is made.
     allowed = deviation(OMEGA, 0.0)
-    assert np.linalg.norm(z[:, 0] - off[:, :3], axis=1).max() <= a_max * allowed.position
-    assert np.linalg.norm(z[:, 1] - off[:, 3:], axis=1).max() <= a_max * allowed.velocity
+    assert np.linalg.norm(z[:, 0] - planned[:, :3], axis=1).max() <= a_max * allowed.position
+    assert np.linalg.norm(z[:, 1] - planned[:, 3:], axis=1).max() <= a_max * allowed.velocity
     assert np.linalg.norm(z[:, 2], axis=1).max() <= a_max * allowed.acceleration
     settled = t > 2.0
     assert np.linalg.norm(z[settled, 2], axis=1).max() <= a_max * deviation(OMEGA, preview).acceleration + 1e-3
@@ -89,7 +89,7 @@ def test_a_plan_that_is_elsewhere_is_begun_anew() -> None:
 
 @pytest.mark.parametrize("preview", [0.0, 0.25])
 def test_a_plan_that_takes_over_unchanged_changes_nothing(preview: float) -> None:
-    """Between two looks the reference was on its way by the old plan; the new one begins at the second."""
+    """Between two control steps the reference was on its way by the old plan; the new one begins at the second."""
     once, twice = ReferenceFilter(OMEGA, preview, 1.0), ReferenceFilter(OMEGA, preview, 1.0)
     rest = Plan(np.array([0.5, *TURN.t[1:]]), TURN.x.copy(), TURN.u, TURN.phase)
     rest.x[0] = state_at(TURN, 0.5)

@@ -66,7 +66,7 @@ def test_a_request_is_magnified_and_the_answer_shrunk() -> None:
     inner = Recorder(dataclasses.replace(similarity.plan(plan), ready=3.0))
     planner = SimilarPlanner(inner, similarity)
     ground = hills()
-    told = (
+    messages = (
         Message(1.0, "tower", "radars", (Radar(10.0, 20.0, 30.0, 4.0),)),
         Message(1.0, "tower", "target", [10, 20.0, 30.0]),
         Message(1.0, "tower", "terrain", ground),
@@ -75,7 +75,7 @@ def test_a_request_is_magnified_and_the_answer_shrunk() -> None:
         Message(1.0, "stranger", "weather", "fair"),
     )
     x = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-    answer = planner.plan(PlanRequest(1.5, 2.0, Estimate(1.5, x), plan, told))
+    answer = planner.plan(PlanRequest(1.5, 2.0, Estimate(1.5, x), plan, messages))
     asked = inner.asked[0]
     assert (asked.t, asked.t_start) == (3.0, 4.0)
     np.testing.assert_allclose(asked.estimate.x, [50.0, 100.0, 150.0, 100.0, 125.0, 150.0])

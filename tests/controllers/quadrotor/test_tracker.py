@@ -38,18 +38,18 @@ def test_it_is_a_tracker() -> None:
 
 
 def test_in_hover_each_rotor_carries_a_quarter() -> None:
-    _, off, asked = flown(hovering(), 1.0)
-    assert np.abs(off).max() < 1e-9
+    _, deviation, asked = flown(hovering(), 1.0)
+    assert np.abs(deviation).max() < 1e-9
     np.testing.assert_allclose(asked, NOMINAL.hover_thrust, atol=1e-9)
 
 
 def test_a_step_is_made_up_for() -> None:
     """From 0.8 m beside the plan, with an overshoot of less than a fifth."""
     start = at_rest(HIGH + np.array([0.8, 0.0, 0.0]))
-    _, off, _ = flown(hovering(), 4.0, start=start)
-    assert np.linalg.norm(off[-1]) < 5e-3
-    assert off[:, 0].min() > -0.16
-    assert np.abs(off[:, 2]).max() < 0.03
+    _, deviation, _ = flown(hovering(), 4.0, start=start)
+    assert np.linalg.norm(deviation[-1]) < 5e-3
+    assert deviation[:, 0].min() > -0.16
+    assert np.abs(deviation[:, 2]).max() < 0.03
 
 
 def test_a_circle_is_flown_with_the_nose_ahead() -> None:
@@ -57,18 +57,18 @@ def test_a_circle_is_flown_with_the_nose_ahead() -> None:
     rate, h = 0.5, 0.25
     run_up = [((4.0, 0.0, 0.0), 2.0)]
     turns = [((-4.0 * math.sin(rate * (k + 0.5) * h), 4.0 * math.cos(rate * (k + 0.5) * h), 0.0), h) for k in range(48)]
-    states, off, _ = flown(plan_of([*run_up, *turns]), 13.0)
-    assert np.linalg.norm(off[:, :2], axis=1).max() < 0.13
-    assert np.abs(off[:, 2]).max() < 0.05
+    states, deviation, _ = flown(plan_of([*run_up, *turns]), 13.0)
+    assert np.linalg.norm(deviation[:, :2], axis=1).max() < 0.13
+    assert np.abs(deviation[:, 2]).max() < 0.05
     for x in states[600:]:
         nose, v = rotation(x[ATTITUDE])[:2, 0], x[VELOCITY][:2]
         assert nose @ v > math.cos(0.35) * np.linalg.norm(nose) * np.linalg.norm(v)
 
 
 def test_turns_at_full_acceleration_are_followed_closely() -> None:
-    _, off, asked = flown(turning(np.random.default_rng(1), 4.5, 10.0), 8.0)
-    assert np.linalg.norm(off[:, :2], axis=1).max() < 0.16
-    assert np.abs(off[:, 2]).max() < 0.09
+    _, deviation, asked = flown(turning(np.random.default_rng(1), 4.5, 10.0), 8.0)
+    assert np.linalg.norm(deviation[:, :2], axis=1).max() < 0.16
+    assert np.abs(deviation[:, 2]).max() < 0.09
     assert ((asked >= 0.0) & (asked <= NOMINAL.thrust_max)).all()
 
 
@@ -82,42 +82,42 @@ def test_turns_at_full_acceleration_are_followed_closely() -> None:
     ids=["mass", "lag", "drag"],
 )
 def test_a_vehicle_that_is_not_the_believed_one_is_held_too(true: Quadrotor) -> None:
-    _, off, _ = flown(turning(np.random.default_rng(2), 3.5, 9.0), 8.0, true=true)
-    assert np.linalg.norm(off[:, :2], axis=1).max() < 0.2
-    assert np.abs(off[:, 2]).max() < 0.12
+    _, deviation, _ = flown(turning(np.random.default_rng(2), 3.5, 9.0), 8.0, true=true)
+    assert np.linalg.norm(deviation[:, :2], axis=1).max() < 0.2
+    assert np.abs(deviation[:, 2]).max() < 0.12
 
 
 def test_a_steady_wind_leaves_no_deviation() -> None:
     wind = ConstantWrench((1.5, -1.0, 0.8), (0.0, 0.0, 0.0))
-    _, off, _ = flown(hovering(), 5.0, disturbance=wind)
-    assert 0.02 < np.linalg.norm(off[:, :3], axis=1).max() < 0.2
-    assert np.linalg.norm(off[-1]) < 2e-3
+    _, deviation, _ = flown(hovering(), 5.0, disturbance=wind)
+    assert 0.02 < np.linalg.norm(deviation[:, :3], axis=1).max() < 0.2
+    assert np.linalg.norm(deviation[-1]) < 2e-3
 
 
 def test_the_unknown_force_that_is_made_up_for_has_a_limit() -> None:
     wind = ConstantWrench((2.4, 0.0, 0.0), (0.0, 0.0, 0.0))  # 2 m/s^2
-    _, off, _ = flown(hovering(), 6.0, disturbance=wind, config=TrackerConfig(disturbance_max=0.5))
-    assert off[-1, 0] == pytest.approx(1.5 / 9.0, rel=0.05)  # what is left, over omega_p^2
+    _, deviation, _ = flown(hovering(), 6.0, disturbance=wind, config=TrackerConfig(disturbance_max=0.5))
+    assert deviation[-1, 0] == pytest.approx(1.5 / 9.0, rel=0.05)  # what is left, over omega_p^2
 
 
 @pytest.mark.parametrize("angle", [math.pi, 3.0, -2.4])
 def test_it_recovers_from_upside_down(angle: float) -> None:
     start = at_rest(HIGH)
     start[ATTITUDE] = math.cos(0.5 * angle), math.sin(0.5 * angle), 0.0, 0.0
-    states, off, _ = flown(hovering(), 6.0, start=start)
+    states, deviation, _ = flown(hovering(), 6.0, start=start)
     tilts = np.array([tilt(x[ATTITUDE]) for x in states])
     assert tilts[0] > 2.3
     assert (tilts[round(0.9 / PERIOD) :] < 1.2).all()
     assert states[:, 2].min() > HIGH[2] - 4.0
-    assert np.linalg.norm(off[-1]) < 0.05
+    assert np.linalg.norm(deviation[-1]) < 0.05
 
 
 def test_a_spin_is_stopped() -> None:
     start = at_rest(HIGH)
     start[RATE] = 10.0, -8.0, 3.0
-    states, off, _ = flown(hovering(), 5.0, start=start)
+    states, deviation, _ = flown(hovering(), 5.0, start=start)
     assert np.linalg.norm(states[-1, RATE]) < 0.05
-    assert np.linalg.norm(off[-1, :3]) < 0.05
+    assert np.linalg.norm(deviation[-1, :3]) < 0.05
 
 
 @given(q=unit, angle=st.floats(0.0, math.pi), axis=st.tuples(*[st.floats(-1.0, 1.0)] * 3).map(np.array))

@@ -41,7 +41,8 @@ def chart(poses: Array) -> Array:
 
 
 def ends_at_wall(outputs: RangeOutputs, curve: TracedCurve) -> tuple[bool, bool]:
-    """Whether a curve begins and ends within a millimetre of the wall; if not, it closes or a ray grazes there."""
+    """Return whether a curve begins and ends within a millimetre of the wall; if not, it closes or a ray grazes
+    there."""
     first, last = (
         end is End.BOUNDARY and outputs.curve.distance(x[:2]) <= 1e-3
         for end, x in zip(curve.ends, curve.points[[0, -1]], strict=True)

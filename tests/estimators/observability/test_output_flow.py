@@ -58,10 +58,10 @@ def test_equal_rates_are_a_curve_on_which_the_output_flow_differs() -> None:
     curve = trace_curve(equal_rates(THESIS, THESIS_START, TURNING), THESIS_START, step=0.05, difference=pose_difference)
     assert len(curve.points) > 20
     motion = motion_under(lambda t: TURNING, 0.3)
-    off = np.array([mismatch(THESIS, x, THESIS_START, motion) for x in curve.points])
+    mismatches = np.array([mismatch(THESIS, x, THESIS_START, motion) for x in curve.points])
     far = np.linalg.norm(pose_difference(curve.points, THESIS_START), axis=1) > 0.1
     assert max(rate_mismatch(x, THESIS_START) for x in curve.points) < 1e-9
-    assert off[far].min() > 1e-3
+    assert mismatches[far].min() > 1e-3
 
 
 @pytest.mark.parametrize("u", [(0.5, 0.0), (0.0, 1.0), (0.5, 0.5), (0.5, -0.5)])

@@ -1,4 +1,4 @@
-"""What is read along a motion is what the moved robot reads, and poses that fit are found."""
+"""Outputs along a motion equal the readings of the moved robot, and poses that fit are found."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Regions of convergence are told apart by what an estimator does, modulo the symmetry of the wall."""
+"""Regions of convergence are determined by running an estimator, modulo the symmetry of the wall."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.estimators.observability.fields import ELLIPSE
 from tests.ranging import driven, eight
 
 MISSION = RangingMission(ELLIPSE, (-1.0, 1.0))
-TOLD = (0.5, 0.5, 0.5)
+DEVIATION = (0.5, 0.5, 0.5)
 WITHIN = ConvergenceCriterion(position=0.3, heading=0.2, last=0.25)
 START = np.array([0.4, 0.1, 0.3])
 
@@ -62,16 +62,16 @@ def test_a_run_is_what_a_robot_sees_that_drives() -> None:
 def test_the_region_of_dead_reckoning_is_what_counts_as_converged() -> None:
     run = exact_run(MISSION, START, eight, 2.0)
     offsets = np.array([[0, 0, 0], [0.29, 0, 0], [0.31, 0, 0], [0, -0.2, 0], [0, 0, 0.3], [0, 0, -0.05], [1, 0, 0]])
-    converged = region_of_convergence(DeadReckoning, NoConfig(), run, START + offsets, TOLD, WITHIN)
+    converged = region_of_convergence(DeadReckoning, NoConfig(), run, START + offsets, DEVIATION, WITHIN)
     assert converged.tolist() == [True, True, False, True, False, True, False]
 
 
 def test_to_follow_an_indistinguishable_state_is_to_converge() -> None:
     run = exact_run(MISSION, START, eight, 1.0)
-    assert region_of_convergence(DeadReckoning, NoConfig(), run, ELLIPSE.images(START), TOLD, WITHIN).all()
+    assert region_of_convergence(DeadReckoning, NoConfig(), run, ELLIPSE.images(START), DEVIATION, WITHIN).all()
 
 
-def test_an_estimator_is_told_where_it_starts_and_how_sure_that_is() -> None:
+def test_an_estimator_is_given_its_start_and_the_deviation() -> None:
     starts = []
 
     class Listens(DeadReckoning):
@@ -80,10 +80,10 @@ def test_an_estimator_is_told_where_it_starts_and_how_sure_that_is() -> None:
             starts.append(mission.start)
             return DeadReckoning(mission)
 
-    region_of_convergence(Listens, NoConfig(), exact_run(MISSION, START, eight, 0.1), START[None], TOLD, WITHIN)
+    region_of_convergence(Listens, NoConfig(), exact_run(MISSION, START, eight, 0.1), START[None], DEVIATION, WITHIN)
     (start,) = starts
     assert start is not None
-    assert (start.pose, start.deviation) == (tuple(START), TOLD)
+    assert (start.pose, start.deviation) == (tuple(START), DEVIATION)
 
 
 def test_only_the_last_part_counts() -> None:
@@ -94,8 +94,8 @@ def test_only_the_last_part_counts() -> None:
             self._until = until
 
         def update(self, t: float, measurements: Sequence[Measurement], command: Array) -> Estimate:
-            off = 0.0 if t >= self._until else 1.0
-            return Estimate(t, run.truth[round(t / MISSION.period)] + off)
+            error = 0.0 if t >= self._until else 1.0
+            return Estimate(t, run.truth[round(t / MISSION.period)] + error)
 
     run = exact_run(MISSION, START, eight, 2.0)
     assert converges(Jumps(until=1.5), run, WITHIN)

@@ -45,7 +45,7 @@ def misplaced(task: RangingMission, rng: np.random.Generator) -> RangingMission:
 
 
 def steps_of(task: RangingMission, duration: float, rng: np.random.Generator) -> list[Step]:
-    """What is seen on a figure of eight from ``START``, the odometry's bias being of either sign."""
+    """Readings on a figure of eight from ``START``, the odometry's bias being of either sign."""
     bias = float(rng.choice((-1.0, 1.0))) * task.odometry.bias
     biased = dataclasses.replace(task, odometry=dataclasses.replace(task.odometry, bias=bias))
     return list(driven(biased, START, duration, eight, rng))
@@ -64,8 +64,8 @@ def nees(task: RangingMission, run: Run) -> float:
     """Of the last estimate."""
     step, estimate = run[-1]
     assert estimate.covariance is not None
-    off = task.difference(estimate.x, step.truth)
-    return float(off @ np.linalg.solve(estimate.covariance, off))
+    error = task.difference(estimate.x, step.truth)
+    return float(error @ np.linalg.solve(estimate.covariance, error))
 
 
 def with_ranges(step: Step, change: Callable[[Array], Array]) -> Step:

@@ -166,8 +166,8 @@ def test_the_bias_of_odometry_is_found() -> None:
     naive = [unbiased]
     for step in steps[1000:]:
         naive.append(task.flow(naive[-1], step.measurements[1].value, task.period))
-    off = task.error(naive[-1], steps[-1].truth)[0]
-    assert task.error(estimates[-1][1].x, steps[-1].truth)[0] < 0.6 * off
+    error = task.error(naive[-1], steps[-1].truth)[0]
+    assert task.error(estimates[-1][1].x, steps[-1].truth)[0] < 0.6 * error
 
 
 def test_it_knows_how_good_it_is() -> None:
@@ -179,9 +179,9 @@ def test_it_knows_how_good_it_is() -> None:
         *_, (step, estimate) = estimates_of(
             task, driven(dataclasses.replace(task, odometry=bias), drawn(FIELD, rng), 2.0, rng=rng)
         )
-        off = task.difference(estimate.x, step.truth)
+        error = task.difference(estimate.x, step.truth)
         assert estimate.covariance is not None
-        squares.append(off @ np.linalg.solve(estimate.covariance, off))
+        squares.append(error @ np.linalg.solve(estimate.covariance, error))
     assert 1.9 < np.mean(squares) < 4.4
 
 

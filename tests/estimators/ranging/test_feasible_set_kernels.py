@@ -51,9 +51,9 @@ def test_a_ray_that_was_lost_does_not_count() -> None:
     y, _ = FIELD.ranges(state[0, :3] + [0.2, 0.1, 0.0], sensors)
     wall = FIELD.wall
     v = np.full(3, 1e-3)
-    some, _ = project(state, np.array([y[0], np.nan, y[2]]), v, wall, sensors, 3)
+    projected, _ = project(state, np.array([y[0], np.nan, y[2]]), v, wall, sensors, 3)
     same, _ = project(state, y[[0, 2]], v[:2], wall, sensors[[0, 2]], 3)
-    np.testing.assert_array_equal(some, same)
+    np.testing.assert_array_equal(projected, same)
 
 
 @settings(max_examples=50, deadline=None)

@@ -48,8 +48,8 @@ def test_a_period_on_the_truth_ends_on_the_truth(curve: Curve, alpha: tuple[floa
     after = np.append(curve.ranges(integrate(pose, *u, DT), at)[1], pose[2] + DT * u[1])
     allowed: dict[FeedForward, float] = {"s": 5e-4, "rho_dot": 5e-4, "manifold": 1e-11}
     for name, atol in allowed.items():
-        off = FEED_FORWARDS[name](curve.wall, at, z, here, there, u, DT) - after
-        assert np.abs((off + np.pi) % (2.0 * np.pi) - np.pi).max() <= atol
+        error = FEED_FORWARDS[name](curve.wall, at, z, here, there, u, DT) - after
+        assert np.abs((error + np.pi) % (2.0 * np.pi) - np.pi).max() <= atol
 
 
 def test_the_print_has_none() -> None:

@@ -1,4 +1,4 @@
-"""What the Kalman and particle filters have in common: what they do with their readings, and what with nonsense."""
+"""Common properties of the Kalman and particle filters, with valid and with malformed readings."""
 
 from __future__ import annotations
 
@@ -129,10 +129,10 @@ def test_what_lasts_beyond_the_gate_is_the_filters_own_error(kind: Any) -> None:
     nis = np.array([estimate.extra["nis"] for _, estimate in run])
     assert np.isnan(nis[:10]).all()
     assert nis[10, 0] > 100.0
-    off = errors(task, run)
-    assert off[9, 0] > 0.3
-    assert off[-50:, 0].max() < 0.05
-    assert off[-50:, 1].max() < 0.03
+    error = errors(task, run)
+    assert error[9, 0] > 0.3
+    assert error[-50:, 0].max() < 0.05
+    assert error[-50:, 1].max() < 0.03
 
 
 @kalman

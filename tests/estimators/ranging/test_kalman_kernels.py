@@ -45,12 +45,12 @@ def test_derivatives_of_a_range_are_those_of_differences(curve: Curve, seed: int
     _, H, second = second_derivative(curve, pose, 0.4)
     step = h * np.eye(3)
     slope = [(curve.ranges(pose + e, alpha)[0][0] - curve.ranges(pose - e, alpha)[0][0]) / (2.0 * h) for e in step]
-    bend = [
+    numerical = [
         (second_derivative(curve, pose + e, 0.4)[1] - second_derivative(curve, pose - e, 0.4)[1]) / (2.0 * h)
         for e in step
     ]
     np.testing.assert_allclose(H, slope, rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(second, bend, rtol=1e-4, atol=1e-4 * np.abs(second).max())
+    np.testing.assert_allclose(second, numerical, rtol=1e-4, atol=1e-4 * np.abs(second).max())
 
 
 @settings(max_examples=30, deadline=None)

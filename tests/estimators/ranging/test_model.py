@@ -1,4 +1,4 @@
-"""What the filters take from a mission, and when they refuse a ray."""
+"""The filters' model of a mission, and when they refuse a ray."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def test_it_finds_the_robot_from_afar(feedforward: FeedForward, sensors: str) ->
 
 
 @pytest.mark.parametrize("sensors", ["2s", "2t", "4"])
-def test_it_finds_the_robot_in_noise_told_nothing_of_the_start(sensors: str) -> None:
+def test_it_finds_the_robot_in_noise_without_knowing_the_start(sensors: str) -> None:
     at = mission(sensors, **NOISY)
     steps = list(driven(at, START, 20.0, rng=np.random.default_rng(3)))
     errors = np.array(
@@ -141,19 +141,19 @@ def test_odometry_is_taken_where_it_is_there_and_the_command_where_it_is_not() -
     assert max(at.error(lazy.x, steps[-1].truth)) > 1e-3
 
 
-def test_the_state_starts_where_it_is_told_to() -> None:
+def test_the_state_starts_as_configured() -> None:
     at, (step, *_) = mission(), list(driven(mission(), START, 0.1))
     z_0 = (5.0, 1.0, 1.4)
     still_there = observer(at, z_0=z_0, k_v=0.0, k_q=0.0, feedforward="none")
     np.testing.assert_allclose(still_there.update(0.0, step.measurements, step.command).extra["z"], z_0)
 
 
-def test_z_and_the_values_are_told_beside_the_pose() -> None:
+def test_z_and_the_values_are_reported_beside_the_pose() -> None:
     at, steps = mission("3", start=(1.0, -0.4, 1.5)), list(driven(mission("3"), START, 2.0))
     for step, estimate in zip(steps, followed(observer(at, feedforward="manifold"), steps), strict=True):
         s = at.curve.ranges(step.truth, at.alpha)[1]
-        off = estimate.extra["z"] - np.append(s, step.truth[2])
-        assert np.abs((off + np.pi) % (2.0 * np.pi) - np.pi).max() <= 1e-9
+        error = estimate.extra["z"] - np.append(s, step.truth[2])
+        assert np.abs((error + np.pi) % (2.0 * np.pi) - np.pi).max() <= 1e-9
         assert estimate.extra["value"].shape == (2,)
         assert estimate.extra["value"].max() <= 1e-18
 

@@ -24,7 +24,7 @@ def effective(run: Run) -> Array:
 
 
 def test_what_is_read_thins_out_the_particles_and_resampling_renews_them() -> None:
-    """N_eff falls from N, never stays below half of it, and is N again after each resampling."""
+    """N_eff falls from N, never stays below N / 2, and is N again after each resampling."""
     N = 1000
     kept = effective(run_of(mission(), 1.0, particles=N))
     assert kept.min() >= 0.5 * N

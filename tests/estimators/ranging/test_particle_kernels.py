@@ -37,9 +37,9 @@ def test_without_errors_every_particle_moves_as_the_robot_does_with_its_own_scal
     x = around((0.5, 0.2, 3.1), 50, rng, 0.1)
     expected = [[*integrate(each[:3], (1.0 - each[3]) * u[0], (1.0 - each[3]) * u[1], dt), each[3]] for each in x]
     propagate(x, u, np.zeros(2), FIELD.wall, dt, rng)
-    off = x - expected
-    off[:, 2] = np.remainder(off[:, 2] + math.pi, 2.0 * math.pi) - math.pi
-    np.testing.assert_allclose(off, 0.0, atol=1e-12)
+    error = x - expected
+    error[:, 2] = np.remainder(error[:, 2] + math.pi, 2.0 * math.pi) - math.pi
+    np.testing.assert_allclose(error, 0.0, atol=1e-12)
     assert (np.abs(x[:, 2]) <= math.pi).all()
 
 

@@ -64,7 +64,7 @@ def test_noise_is_averaged_as_least_squares_say() -> None:
 @pytest.mark.parametrize("curve", WALLS)
 @pytest.mark.parametrize(("window", "error"), [(3, 1e-12), (21, 1e-4), (101, 1e-4)])
 def test_the_innovation_of_a_robot_that_knows_where_it_is_is_nought(curve: Curve, window: int, error: float) -> None:
-    """Then rho is the range and rho_dot its rate, whatever the window is; the ranges themselves bend."""
+    """Then rho is the range and rho_dot its rate, whatever the window is; the ranges themselves are curved in time."""
     inputs = np.stack([np.full(window - 1, 0.4), np.linspace(0.5, 1.5, window - 1)], axis=1)
     poses = travelled(np.array([0.3, -0.2, 0.4]), inputs)
     ranges = np.array([curve.ranges(pose, ALPHA)[0] for pose in poses])

@@ -1,4 +1,4 @@
-"""What is no reading is not taken for one."""
+"""Malformed measurements are not taken for readings."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_without_a_reading_every_ray_is_lost() -> None:
     np.testing.assert_array_equal(usable_ranges([], 2, LONGEST), [np.nan, np.nan])
 
 
-def test_ranges_are_told_from_odometry_by_their_name() -> None:
+def test_ranges_are_distinguished_from_odometry_by_their_name() -> None:
     np.testing.assert_array_equal(usable_ranges([odometry(3.0, 4.0), ranges(1.0, 2.0)], 2, LONGEST), [1.0, 2.0])
 
 

@@ -76,17 +76,17 @@ def two_link() -> Run:
 )
 def test_it_converges_to_the_velocity_where_readings_are_exact(name: MechanismName, amplitude: list[float]) -> None:
     truth = run(name, amplitude)
-    off = errors(truth, truth.model)
-    assert off[0] > 0.9  # eta = 0 at the start
-    assert off[1000:].max() < 1e-4
+    error = errors(truth, truth.model)
+    assert error[0] > 0.9  # eta = 0 at the start
+    assert error[1000:].max() < 1e-4
 
 
 def test_with_encoders_it_is_a_hundred_times_better_than_differences(two_link: Run) -> None:
-    off = errors(two_link, two_link.model, 14)[500:]
+    error = errors(two_link, two_link.model, 14)[500:]
     step = 2.0 * np.pi / 2.0**14
     differences = np.diff(step * np.round(two_link.x / step), axis=0) / PERIOD - two_link.v[1:]
-    assert np.sqrt((off**2).mean()) < 1e-3
-    assert np.sqrt((differences**2).mean()) > 100.0 * np.sqrt((off**2).mean())
+    assert np.sqrt((error**2).mean()) < 1e-3
+    assert np.sqrt((differences**2).mean()) > 100.0 * np.sqrt((error**2).mean())
 
 
 @pytest.mark.parametrize("jump", [0.5, 3.0])

@@ -114,15 +114,15 @@ def test_a_force_that_the_model_lacks_is_found(space: ConstantCurvature) -> None
     x, n, u = truth.state(p, space.draw_vector(rng, p)), space.size, np.zeros(space.size)
     observer = SampledIntrinsicObserver(believed, IntrinsicGains(60.0), x[:n], disturbed=True)
     plain = SampledIntrinsicObserver(believed, IntrinsicGains(60.0), x[:n])
-    off = []
+    errors = []
     for _ in range(1500):
         x, _ = truth.reach(x, u, 0.002)
         for each in (observer, plain):
             each.predict(0.002, u, x[:n])
             each.correct(x[:n], 0.002)
         rows = [errors_of(space, x, np.concatenate([each.xi, each.eta]))[2] for each in (observer, plain)]
-        off.append(rows)
-    disturbed, without = np.array(off)[750:].max(axis=0)
+        errors.append(rows)
+    disturbed, without = np.array(errors)[750:].max(axis=0)
     assert disturbed < 0.35 * without
     missing = truth.force(x[:n], x[n:], u) - believed.force(x[:n], x[n:], u)
     assert observer.delta is not None

@@ -20,9 +20,9 @@ def test_it_is_the_kalman_filter_where_the_system_is_linear() -> None:
     """The third state of Example 2.2 is unobservable and decays; the others are found."""
     given = list(steps(EXAMPLE_2_2, 4.0))
     estimates = replayed(TextbookEkf.build(CONFIG, mission(EXAMPLE_2_2)), given)
-    off = np.abs(estimates[-1].x - given[-1].truth)
-    assert off[:2].max() < 1e-4
-    assert off[2] == pytest.approx(np.exp(-4.0), rel=1e-3)
+    error = np.abs(estimates[-1].x - given[-1].truth)
+    assert error[:2].max() < 1e-4
+    assert error[2] == pytest.approx(np.exp(-4.0), rel=1e-3)
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["distance known", "distance unknown"])
@@ -54,8 +54,8 @@ def test_its_covariance_is_that_of_its_errors() -> None:
         for step in given:
             read = step.measurements[0].value + 0.05 * rng.standard_normal(1)
             estimate = observer.update(step.t, [Measurement("output", step.t, read)], step.command)
-        off = estimate.x - given[-1].truth
-        nees.append(off @ np.linalg.solve(estimate.covariance, off))
+        error = estimate.x - given[-1].truth
+        nees.append(error @ np.linalg.solve(estimate.covariance, error))
     assert 1.2 < np.mean(nees) < 3.0
 
 
@@ -72,7 +72,7 @@ def test_flags_out_of_sight_are_left_out() -> None:
 
 
 def test_an_estimate_that_escapes_is_lost_and_finite() -> None:
-    """The truth of Example 2.1 rests, the estimate is told of a start that escapes, and reads nothing."""
+    """The truth of Example 2.1 rests, the estimator starts from a state that escapes, and receives no measurement."""
     observer = TextbookEkf.build(CONFIG, mission(EXAMPLE_2_1, (2.0, 3.0)))
     observer.update(0.0, [Measurement("output", 0.0, np.array([2.2]))], np.ones(1))
     for k in range(1, 80):

@@ -60,16 +60,16 @@ def test_the_error_in_the_coordinates_of_output_injection_is_linear() -> None:
 
 
 def test_the_error_of_kazantzis_and_kravaris_is_linear_to_the_order_of_the_series() -> None:
-    off = []
+    deviations = []
     for order in (3, 9):
         config = KazantzisKravarisConfig(order=order)
         to_z = of_numbers(solved(KAZANTZIS_KRAVARIS, config.poles, order), 2)
         estimates = replayed(KazantzisKravaris.build(config, mission(KAZANTZIS_KRAVARIS)), SWING)
         e = np.array([est.extra["z"] - to_z(step.truth) for est, step in zip(estimates, SWING, strict=True)])
         expected = np.exp(np.outer([step.t for step in SWING], config.poles)) * e[0]
-        off.append(np.abs(e - expected).max())
-    assert off[1] < 1e-5
-    assert off[1] < 0.05 * off[0]
+        deviations.append(np.abs(e - expected).max())
+    assert deviations[1] < 1e-5
+    assert deviations[1] < 0.05 * deviations[0]
 
 
 @pytest.mark.parametrize("system", [KRENER_ISIDORI, KAZANTZIS_KRAVARIS], ids=lambda system: system.name)
@@ -97,11 +97,11 @@ OBSERVERS = [
 
 @pytest.mark.parametrize(("plugin", "config", "system"), OBSERVERS)
 def test_started_on_the_truth_it_stays_there(plugin: type, config: object, system: System) -> None:
-    """Property 2.1. The print of (2.4) has it, too, but is so unstable that round-off leads it away."""
+    """Property 2.1. (2.4) as printed has it, too, but is so unstable that round-off leads it away."""
     given = list(steps(system, 1.5))
     observer = plugin.build(config, mission(system, [0.0] * len(system.states)))
-    off = [np.abs(e.x - s.truth).max() for e, s in zip(replayed(observer, given), given, strict=True)]
-    assert max(off) < 2e-6
+    deviations = [np.abs(e.x - s.truth).max() for e, s in zip(replayed(observer, given), given, strict=True)]
+    assert max(deviations) < 2e-6
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,11 @@ from tests.estimators.velocity.runs import mission_of, moving
 
 
 def test_what_is_refused_ten_times_in_a_row_is_believed_from_then_on() -> None:
-    persistence = OutlierCounter()
-    assert persistence.admits(True)
-    assert [persistence.admits(False) for _ in range(12)] == [False] * 10 + [True] * 2
-    assert persistence.admits(True)
-    assert not persistence.admits(False)
+    counter = OutlierCounter()
+    assert counter.admits(True)
+    assert [counter.admits(False) for _ in range(12)] == [False] * 10 + [True] * 2
+    assert counter.admits(True)
+    assert not counter.admits(False)
 
 
 def test_a_reading_is_refused_that_the_system_cannot_have_come_to() -> None:
@@ -30,8 +30,8 @@ def test_a_reading_is_refused_that_the_system_cannot_have_come_to() -> None:
 def test_noise_alone_is_not_refused() -> None:
     system, start = moving("flat", 0.0)
     gate = SpeedGate(mission_of(system, noise=0.1), start[:2])
-    off = 0.1 * np.random.default_rng(1).standard_normal((1000, 2, 2))
-    assert all(gate.passes(start[:2], b - a, 0.0) for a, b in off)
+    differences = 0.1 * np.random.default_rng(1).standard_normal((1000, 2, 2))
+    assert all(gate.passes(start[:2], b - a, 0.0) for a, b in differences)
 
 
 RAIL = """

@@ -56,12 +56,12 @@ def test_sigma_points_know_the_mean_of_a_square() -> None:
 
 
 def test_a_covariance_stays_positive_definite_by_any_map() -> None:
-    """Whatever bends, no weight of the sigma points is negative."""
+    """Whatever the curvature, no weight of the sigma points is negative."""
     rng = np.random.default_rng(5)
     for alpha in (0.52, 0.6, 1.0):
         propagation = Unscented(3, alpha)
         for _ in range(50):
-            root, bend = rng.standard_normal((3, 3)), 10.0 * rng.standard_normal((3, 3))
-            _, P = propagation(lambda e, B=bend: e + B @ np.square(e), root @ root.T)
+            root, curvature = rng.standard_normal((3, 3)), 10.0 * rng.standard_normal((3, 3))
+            _, P = propagation(lambda e, B=curvature: e + B @ np.square(e), root @ root.T)
             least, *_, greatest = np.linalg.eigvalsh(P)
             assert least > -1e-12 * greatest

@@ -30,7 +30,7 @@ def built(name: str, mission: object, **fields: object) -> object:
 
 
 def is_a_state(manifold: Manifold, estimate: Estimate) -> bool:
-    """Whether x is on the manifold and v tangent to it."""
+    """Return whether x is on the manifold and v tangent to it."""
     x, v = estimate.x[: manifold.size], estimate.x[manifold.size :]
     tangent = manifold.vector(x, manifold.components(x, v))
     return bool(np.allclose(manifold.check(x), x, atol=1e-9) and np.allclose(tangent, v, atol=1e-8))
@@ -75,8 +75,8 @@ def test_outliers_are_refused_and_counted(name: str) -> None:
     undisturbed = replayed(built(name, clean), recorded(clean, start, 4.0))
     jumps = 0
     for call in calls:
-        off = system.manifold.coordinates(call.truth[:4], call.measurements[0].value)
-        jumps += float(np.abs(off).max()) > 0.5
+        error = system.manifold.coordinates(call.truth[:4], call.measurements[0].value)
+        jumps += float(np.abs(error).max()) > 0.5
     assert jumps > 2
     assert found[-1].extra["refused"] == jumps
     worst, expected = (
@@ -104,7 +104,7 @@ def test_q_and_minus_q_are_one_reading(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(PLUGINS))
 def test_a_system_that_was_put_elsewhere_is_found_again(name: str) -> None:
-    """What is refused too often is believed."""
+    """Readings that are refused too often are accepted."""
     system, start = moving("rigid body", 0.3)
     mission = mission_of(system, noise=1e-3)
     calls = recorded(mission, start, 1.0)
@@ -257,12 +257,12 @@ def test_a_filter_notices_nothing_where_the_frame_jumps(name: str) -> None:
     system, _ = moving("sphere", 0.0)
     free = dataclasses.replace(system, potential=lambda p: 0.0 * p[0])
     mission = mission_of(free)
-    told = []
+    deviations = []
     for start, v in (([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]), ([0.0, 0.6, 0.8], [0.0, -0.8, 0.6])):
         calls = recorded(mission, np.array(start + v), 3.0)
         found = replayed(built(name, mission), calls)
         crossed = {bool(call.truth[0] < 0.0) for call in calls}
-        told.append((len(crossed), np.array([np.linalg.norm(e.extra["deviation"][2:]) for e in found])))
+        deviations.append((len(crossed), np.array([np.linalg.norm(e.extra["deviation"][2:]) for e in found])))
         assert velocity_error(free.manifold, found[-1], calls[-1].truth) < 1e-6
-    assert {crossings for crossings, _ in told} == {1, 2}
-    np.testing.assert_allclose(told[0][1], told[1][1], rtol=1e-4)
+    assert {crossings for crossings, _ in deviations} == {1, 2}
+    np.testing.assert_allclose(deviations[0][1], deviations[1][1], rtol=1e-4)

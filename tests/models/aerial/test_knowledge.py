@@ -1,4 +1,4 @@
-"""What a vehicle goes by, and messages that change it."""
+"""The knowledge of a vehicle, and messages that change it."""
 
 from __future__ import annotations
 

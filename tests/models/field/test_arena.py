@@ -1,4 +1,4 @@
-"""The arena: MuJoCo's rangefinders see the curve itself, eyes and bumpers a wall just outside of it."""
+"""The arena: MuJoCo's rangefinders measure to the curve itself, cameras and bumpers meet a wall just outside."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_a_ray_that_misses_the_wall_reads_minus_one() -> None:
 
 @walls
 def test_the_drawn_wall_stands_outside_of_the_curve_and_close_to_it(name: str) -> None:
-    """Nothing of it is within the curve, and its faces are within a centimetre."""
+    """No part of the mesh is within the curve, and its faces are within a centimetre."""
     curve, model = WALLS[name][0], model_of(name)
     boxes = [g for g in range(model.ngeom) if model.geom(g).name.startswith("wall_")]
     assert len(boxes) > 30
@@ -97,9 +97,9 @@ def test_the_bumper_touches_the_wall_where_the_curve_is(name: str) -> None:
     for s in rng.uniform(0.0, 2.0 * math.pi, 20):
         tangent = curve.tangent(np.array(s)) / np.linalg.norm(curve.tangent(np.array(s)))
         inward = np.array([-tangent[1], tangent[0]])
-        for away, touches in ((RADIUS - 8e-3, True), (RADIUS + 5e-3, False)):
-            place = curve.points(np.array(s)) + away * inward
-            if abs(curve.distance(place) - away) < 1e-3:  # no other part of the wall is nearer
+        for distance, touches in ((RADIUS - 8e-3, True), (RADIUS + 5e-3, False)):
+            place = curve.points(np.array(s)) + distance * inward
+            if abs(curve.distance(place) - distance) < 1e-3:  # no other part of the wall is nearer
                 data.qpos[:2] = place
                 mujoco.mj_forward(model, data)
-                assert (data.ncon > 0) == touches, (s, away)
+                assert (data.ncon > 0) == touches, (s, distance)

@@ -168,7 +168,7 @@ def eight() -> Coefficients:
 
 
 @pytest.mark.parametrize(
-    ("coefficients", "told"),
+    ("coefficients", "named"),
     [
         (eight(), "crosses itself near"),
         (((0.0, 0.0, 0.0, 0.0), (2.0, 0.0, 0.0, -1.0)), "runs clockwise"),
@@ -181,8 +181,8 @@ def eight() -> Coefficients:
     ],
     ids=["eight", "clockwise", "cusp", "point", "centre only", "three columns", "nan", "huge"],
 )
-def test_what_is_no_wall_is_refused(coefficients: Sequence[Sequence[float]], told: str) -> None:
-    with pytest.raises(ValueError, match=rf"{told}.*allowed|allowed.*{told}"):
+def test_what_is_no_wall_is_refused(coefficients: Sequence[Sequence[float]], named: str) -> None:
+    with pytest.raises(ValueError, match=rf"{named}.*allowed|allowed.*{named}"):
         Curve(coefficients)  # type: ignore[arg-type]
 
 

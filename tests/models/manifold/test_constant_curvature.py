@@ -165,9 +165,9 @@ def test_attitudes_agree_with_rotations(seed: int) -> None:
     assert rotation(product(p, q)).as_matrix() == pytest.approx(rotation(p).as_matrix() @ rotation(q).as_matrix())
     turned = rotation(p) * Rotation.from_rotvec(omega)
     assert rotation(attitude.exp(p, omega)).as_matrix() == pytest.approx(turned.as_matrix(), abs=1e-12)
-    away = (rotation(p).inv() * rotation(q)).as_rotvec()
-    assert attitude.log(p, q) == pytest.approx(away, abs=1e-7)
-    assert 2.0 * attitude.distance(p, q) == pytest.approx(float(np.linalg.norm(away)), abs=1e-7)
+    difference = (rotation(p).inv() * rotation(q)).as_rotvec()
+    assert attitude.log(p, q) == pytest.approx(difference, abs=1e-7)
+    assert 2.0 * attitude.distance(p, q) == pytest.approx(float(np.linalg.norm(difference)), abs=1e-7)
     assert attitude.log(p, -q) == pytest.approx(attitude.log(p, q), abs=1e-12)
     assert body_rate(p, ambient(p, omega)) == pytest.approx(omega, abs=1e-14)
 
@@ -190,11 +190,13 @@ def test_attitudes_half_a_turn_apart_are_refused() -> None:
             function(p, q)
 
 
-@pytest.mark.parametrize("away", [1e2, 1e4, 1e6])
-def test_far_out_a_point_is_put_back_above_where_it_is(away: float) -> None:
+@pytest.mark.parametrize("distance", [1e2, 1e4, 1e6])
+def test_far_out_a_point_is_put_back_above_where_it_is(distance: float) -> None:
     """<p, p> is the small difference of large numbers there, and has no sign that could be trusted."""
     space = hyperbolic_space(2)
-    point = space.check(np.array([away, away, 0.0]) if away > 1e2 else np.array([math.hypot(1.0, away), away, 0.0]))
-    assert point == pytest.approx([math.hypot(1.0, away), away, 0.0], rel=1e-15)
+    point = space.check(
+        np.array([distance, distance, 0.0]) if distance > 1e2 else np.array([math.hypot(1.0, distance), distance, 0.0])
+    )
+    assert point == pytest.approx([math.hypot(1.0, distance), distance, 0.0], rel=1e-15)
     with pytest.raises(ValueError, match="is off H"):
         space.check(np.array([1e200, 1e200, 0.0]))

@@ -50,14 +50,14 @@ def test_a_step_of_the_model_is_of_the_second_order(space: ConstantCurvature) ->
     system, rng = PointSystem(space, linear(3.0, 0)), np.random.default_rng(2)
     p = space.draw(rng)
     x, u = system.state(p, 2.0 * space.draw_vector(rng, p)), np.full(space.size, 0.3)
-    off = []
+    errors = []
     for h in (0.02, 0.01):
         at = x
         for _ in range(round(1.0 / h)):
             at = system.flow(at, u, h)
-        off.append(float(np.abs(at - system.reach(x, u, 1.0)[0]).max()))
-    assert off[0] < 1e-2
-    assert space.kappa == 0.0 or 3.0 < off[0] / off[1] < 5.0  # in R^n it is exact
+        errors.append(float(np.abs(at - system.reach(x, u, 1.0)[0]).max()))
+    assert errors[0] < 1e-2
+    assert space.kappa == 0.0 or 3.0 < errors[0] / errors[1] < 5.0  # in R^n it is exact
 
 
 def test_the_force_of_d_5_is_that_of_its_angles() -> None:
@@ -99,9 +99,9 @@ def test_noise_is_that_of_the_coordinates(space: ConstantCurvature) -> None:
     sensor = ManifoldPositionSensor(space, PositionQuality(noise=0.02), 1000.0)
     motion = Still(np.concatenate([p, np.zeros(space.size)]))
     drawn = [sensor.read(motion, rng) for _ in range(2000)]
-    off = np.array([space.coordinates(p, y) for y in drawn if y is not None])
-    assert off.std(axis=0) == pytest.approx(np.full(space.dimension, 0.02), rel=0.08)
-    assert off.mean(axis=0) == pytest.approx(np.zeros(space.dimension), abs=0.002)
+    errors = np.array([space.coordinates(p, y) for y in drawn if y is not None])
+    assert errors.std(axis=0) == pytest.approx(np.full(space.dimension, 0.02), rel=0.08)
+    assert errors.mean(axis=0) == pytest.approx(np.zeros(space.dimension), abs=0.002)
 
 
 def test_what_is_drawn_does_not_depend_on_how_large_errors_are() -> None:
@@ -131,7 +131,7 @@ def test_where_there_are_no_encoders_none_can_round() -> None:
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "named"),
     [
         ({"noise": -0.1}, "noise = -0.1"),
         ({"noise": math.nan}, "noise = nan"),
@@ -139,8 +139,8 @@ def test_where_there_are_no_encoders_none_can_round() -> None:
         ({"resolution": 40}, "resolution = 40"),
     ],
 )
-def test_qualities_that_are_none_are_refused(fields: dict[str, float], told: str) -> None:
-    with pytest.raises(ValueError, match=f"{told}; allowed"):
+def test_qualities_that_are_none_are_refused(fields: dict[str, float], named: str) -> None:
+    with pytest.raises(ValueError, match=f"{named}; allowed"):
         PositionQuality(**fields)  # type: ignore[arg-type]
 
 

@@ -82,8 +82,8 @@ def test_exp_and_log_err_by_the_fourth_order_and_transport_by_the_third(joints: 
     for share in (0.2, 0.1):
         q, v = along(manifold, p, share * w)
         carried_off = (manifold.transport(p, q, share * w) - v) / share
-        off = manifold.coordinates(q, manifold.exp(p, share * w)), manifold.log(p, q) - share * w, carried_off
-        errors.append([np.abs(each).max() for each in off])
+        differences = manifold.coordinates(q, manifold.exp(p, share * w)), manifold.log(p, q) - share * w, carried_off
+        errors.append([np.abs(each).max() for each in differences])
     (exp, log, transport), (exp_half, log_half, transport_half) = errors
     assert max(exp_half / exp, log_half / log) < 2.0**-3.3
     assert transport_half < max(2.0**-2.3 * transport, 1e-6)  # better than that in the plane
@@ -235,7 +235,7 @@ def test_what_is_no_point_is_refused(wrong: list[float]) -> None:
         MechanismManifold(chain("hb")).check(np.array(wrong))
 
 
-def test_a_quaternion_off_by_rounding_is_brought_back() -> None:
+def test_a_quaternion_off_by_rounding_is_projected() -> None:
     p = MechanismManifold(chain("hb")).check(np.array([0.5, 0.6 + 3e-7, 0.0, 0.8, 0.0]))
     assert np.linalg.norm(p[1:]) == pytest.approx(1.0, abs=1e-15)
     assert p[0] == 0.5

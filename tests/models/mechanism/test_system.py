@@ -1,4 +1,4 @@
-"""What acts on a mechanism, against MuJoCo's own accelerations without constraints."""
+"""Forces on a mechanism, against MuJoCo's own accelerations without constraints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the rotors of a quadrotor in MuJoCo push with."""
+"""Thrusts of the rotors of a quadrotor in MuJoCo."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The equations of motion: gravity, energy, momentum, the lag of the rotors, and all of it MuJoCo's."""
+"""The equations of motion: gravity, energy, momentum, the lag of the rotors, and agreement with MuJoCo."""
 
 from __future__ import annotations
 

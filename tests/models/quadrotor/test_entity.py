@@ -18,7 +18,7 @@ from tests.quadrotor import HIGH, built, hills, plain
 
 
 def test_the_file_states_the_nominal_vehicle() -> None:
-    """Whatever entity.py sets of it is what is written there."""
+    """Every constant that entity.py sets is the one written there."""
     from mathnavi.models.quadrotor import entity
 
     written = mujoco.MjModel.from_xml_path(str(entity._XML))

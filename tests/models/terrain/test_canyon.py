@@ -66,7 +66,7 @@ def test_a_negative_number_is_refused() -> None:
         canyon(-1)
 
 
-def test_a_place_is_told_so_that_it_is_found_from_any_folder() -> None:
+def test_a_place_is_recorded_so_that_it_is_found_from_any_folder() -> None:
     assert place_of("canyon:3") == "canyon:3"
     assert place_of("tian_shan") == "tian_shan"
     assert place_of("map.npz") == str(Path("map.npz").resolve())

@@ -202,8 +202,8 @@ def test_height_interpolates_the_triangles_and_is_nan_off_the_map() -> None:
     np.testing.assert_allclose(terrain.height(x, y), ground(terrain, x, y), atol=1e-10)
     assert terrain.height(800.0, 600.0) == pytest.approx(terrain.z[-1, -1], abs=1e-10)
     assert height_at(terrain.z, terrain.spacing, 800.0, 600.0) == terrain.height(800.0, 600.0)
-    off = terrain.height([-1e-9, 800.1, 0.0, math.nan], [0.0, 0.0, 600.1, 0.0])
-    assert np.isnan(off).all()
+    outside = terrain.height([-1e-9, 800.1, 0.0, math.nan], [0.0, 0.0, 600.1, 0.0])
+    assert np.isnan(outside).all()
 
 
 @given(st.floats(0.01, 1000.0), st.integers(2, 600))

@@ -1,4 +1,4 @@
-"""What a height field refuses, and what it keeps."""
+"""Input that a height field refuses, and invariants that it keeps."""
 
 from __future__ import annotations
 
@@ -47,6 +47,13 @@ def test_pickling_keeps_the_heights_read_only() -> None:
     copy = pickle.loads(pickle.dumps(terrain))
     assert (copy.digest, copy.name, copy.source, copy.licence) == (terrain.digest, "a", "b", "c")
     assert not copy.z.flags.writeable
+
+
+def test_a_terrain_of_a_users_own_array_shows_its_name_shape_spacing_and_heights() -> None:
+    terrain = HeightField([[0.0, 10.0, 20.0], [5.0, -2.5, 30.0]], spacing=30.0, name="mine")
+    table = "terrain 'mine'\n  shape           2 x 3  nodes\n  spacing            30  m\n  heights  -2.5 to 30.0  m"
+    assert repr(terrain) == table
+    assert "-2.5 to 30.0" in terrain._repr_html_()
 
 
 def test_rows_run_north_and_columns_east() -> None:

@@ -16,9 +16,9 @@ def test_a_hill_raises_its_surroundings_and_nothing_else() -> None:
     raised = with_hills(ground, (hill,))
     assert raised.height(4000.0, 6000.0) == pytest.approx(float(ground.height(4000.0, 6000.0)) + 300.0)
     x, y = np.meshgrid(np.arange(61) * 200.0, np.arange(61) * 200.0)
-    away = np.hypot(x - hill.x, y - hill.y)
-    np.testing.assert_array_equal(raised.z[away >= 1000.0], ground.z[away >= 1000.0])
-    assert (raised.z[away < 999.0] > ground.z[away < 999.0]).all()
+    distance = np.hypot(x - hill.x, y - hill.y)
+    np.testing.assert_array_equal(raised.z[distance >= 1000.0], ground.z[distance >= 1000.0])
+    assert (raised.z[distance < 999.0] > ground.z[distance < 999.0]).all()
     assert raised.digest != ground.digest
     assert with_hills(ground, ()) is ground
 

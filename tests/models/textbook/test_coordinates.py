@@ -28,8 +28,8 @@ def residual_of_series(series: PowerSeries, system: System, x: Array) -> float:
     at = casadi.SX.sym("x", 2)
     T = series(at)
     carried = casadi.jacobian(T, at) @ system.f(at, casadi.SX.zeros(0))
-    off = carried - casadi.diag(POLES) @ T - casadi.repmat(system.h(at, casadi.SX.zeros(0)), 2, 1)
-    return float(np.abs(np.array(casadi.Function("residual", [at], [off])(x))).max())
+    residual = carried - casadi.diag(POLES) @ T - casadi.repmat(system.h(at, casadi.SX.zeros(0)), 2, 1)
+    return float(np.abs(np.array(casadi.Function("residual", [at], [residual])(x))).max())
 
 
 @given(NUMBER, NUMBER, NUMBER)
@@ -41,8 +41,8 @@ def test_van_der_pol_is_linear_up_to_output_injection(x_1: float, x_2: float, u:
     linear = casadi.DM(FORM.A) @ FORM.T_1(x) - FORM.g(y, held)
     seen = FORM.T_2(y) - casadi.DM(FORM.C) @ FORM.T_1(x)
     back = FORM.T_1_inverse(FORM.T_1(x)) - x
-    off = casadi.Function("off", [x, held], [casadi.vertcat(carried - linear, seen, back)])([x_1, x_2], u)
-    np.testing.assert_allclose(np.array(off), 0.0, atol=1e-11)
+    residual = casadi.Function("residual", [x, held], [casadi.vertcat(carried - linear, seen, back)])([x_1, x_2], u)
+    np.testing.assert_allclose(np.array(residual), 0.0, atol=1e-11)
 
 
 @given(st.floats(-9.0, -0.5), st.floats(0.1, 4.0))
@@ -64,9 +64,9 @@ def test_poles_that_do_not_fit_are_refused(poles: tuple[float, ...]) -> None:
 
 def test_a_series_solves_its_equation_the_better_the_longer_it_is() -> None:
     x = np.array([0.5, -0.3])
-    off = [residual_of_series(solved(KAZANTZIS_KRAVARIS, POLES, N), KAZANTZIS_KRAVARIS, x) for N in (1, 3, 5, 9)]
-    assert all(later < 0.1 * earlier for earlier, later in itertools.pairwise(off))
-    assert off[-1] < 3e-7
+    residuals = [residual_of_series(solved(KAZANTZIS_KRAVARIS, POLES, N), KAZANTZIS_KRAVARIS, x) for N in (1, 3, 5, 9)]
+    assert all(later < 0.1 * earlier for earlier, later in itertools.pairwise(residuals))
+    assert residuals[-1] < 3e-7
 
 
 def test_a_series_of_a_linear_system_is_its_sylvester_equation() -> None:
@@ -100,9 +100,9 @@ def test_what_has_no_series_is_refused(system: System, order: int, expected: str
 
 
 def test_a_system_that_is_not_at_rest_at_the_origin_is_refused() -> None:
-    away = System("away", "", ("x",), (), ("y",), lambda x, u: 1.0 - x, lambda x, u: x[0], (0.0,), (0.0,))
+    moving = System("moving", "", ("x",), (), ("y",), lambda x, u: 1.0 - x, lambda x, u: x[0], (0.0,), (0.0,))
     with pytest.raises(ValueError, match="at rest with y = 0 at the origin"):
-        solved(away, (-2.0,), 3)
+        solved(moving, (-2.0,), 3)
 
 
 @given(st.floats(-0.8, 0.8), st.floats(-0.8, 0.8))

@@ -80,8 +80,8 @@ def test_the_observer_of_example_2_2_errs_linearly(
 ) -> None:
     x, e = np.array([x_1, x_2, x_3]), np.array([e_1, e_2, e_3])
     rate = casadi.DM(observer(casadi.DM(x + e), casadi.DM(u), casadi.DM(x_2), alpha, beta)).full().ravel()
-    off = rate - EXAMPLE_2_2.rate(x, np.array([u]))
-    np.testing.assert_allclose(off, error_dynamics(alpha, beta) @ e, atol=1e-10)
+    error = rate - EXAMPLE_2_2.rate(x, np.array([u]))
+    np.testing.assert_allclose(error, error_dynamics(alpha, beta) @ e, atol=1e-10)
     assert np.linalg.eigvals(error_dynamics(alpha, beta)).real.max() < 0.0
 
 
@@ -106,5 +106,7 @@ def test_an_unknown_distance_is_a_state_that_stays() -> None:
 
 
 def test_angles_are_compared_within_half_a_turn() -> None:
-    off = camera_and_flags().difference(np.array([[1.0, 2.0, 3.1], [0.0, 0.0, 0.1]]), np.array([1.0, 0.0, -3.1]))
-    np.testing.assert_allclose(off, [[0.0, 2.0, 6.2 - 2.0 * math.pi], [-1.0, 0.0, 3.2 - 2.0 * math.pi]], atol=1e-12)
+    difference = camera_and_flags().difference(np.array([[1.0, 2.0, 3.1], [0.0, 0.0, 0.1]]), np.array([1.0, 0.0, -3.1]))
+    np.testing.assert_allclose(
+        difference, [[0.0, 2.0, 6.2 - 2.0 * math.pi], [-1.0, 0.0, 3.2 - 2.0 * math.pi]], atol=1e-12
+    )

@@ -41,11 +41,11 @@ def test_what_makes_no_mission_is_refused(fields: dict[str, Any], expected: str)
 
 
 @given(poses, small, st.integers(-2, 2))
-def test_an_error_is_that_of_the_nearest_pose_that_cannot_be_told_apart(x: Array, off: Array, turns: int) -> None:
+def test_an_error_is_that_of_the_nearest_pose_that_is_indistinguishable(x: Array, error: Array, turns: int) -> None:
     for image in STANDARD.images(x):
-        estimate = image + off + [0.0, 0.0, 2.0 * math.pi * turns]
-        np.testing.assert_allclose(MISSION.difference(estimate, x), off, rtol=0.0, atol=1e-12)
-        assert MISSION.error(estimate, x) == pytest.approx((math.hypot(off[0], off[1]), abs(off[2])), abs=1e-12)
+        estimate = image + error + [0.0, 0.0, 2.0 * math.pi * turns]
+        np.testing.assert_allclose(MISSION.difference(estimate, x), error, rtol=0.0, atol=1e-12)
+        assert MISSION.error(estimate, x) == pytest.approx((math.hypot(error[0], error[1]), abs(error[2])), abs=1e-12)
 
 
 def test_without_symmetry_the_turned_pose_is_another_one() -> None:

@@ -53,10 +53,10 @@ def test_without_noise_ranges_are_exact() -> None:
 
 
 def test_noise_has_the_deviation_that_is_declared() -> None:
-    off = ranges(RangeQuality(0.05, 0.1), 4000) - RHO
-    np.testing.assert_allclose(off.std(axis=0), np.hypot(0.05 * RHO, 0.1), rtol=0.05)
-    np.testing.assert_allclose(off.mean(axis=0), 0.0, atol=0.02)
-    assert np.abs(np.corrcoef(off.T) - np.eye(3)).max() < 0.06
+    errors = ranges(RangeQuality(0.05, 0.1), 4000) - RHO
+    np.testing.assert_allclose(errors.std(axis=0), np.hypot(0.05 * RHO, 0.1), rtol=0.05)
+    np.testing.assert_allclose(errors.mean(axis=0), 0.0, atol=0.02)
+    assert np.abs(np.corrcoef(errors.T) - np.eye(3)).max() < 0.06
 
 
 def test_rays_are_lost_one_by_one() -> None:

@@ -7,12 +7,10 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-import av
 import numpy as np
 import pytest
 from matplotlib.colors import rgb_to_hsv
 
-from mathnavi.renders import video
 from mathnavi.renders.drawing import drawing_of
 from mathnavi.renders.film import Frame
 from mathnavi.renders.fleet.drawing import drawing
@@ -20,13 +18,10 @@ from mathnavi.renders.fleet.overlay import overlay
 from mathnavi.renders.fleet.report import report
 from mathnavi.renders.fleet.run_data import FleetRun
 from mathnavi.renders.palette import VEHICLES, vehicle_colour
-from mathnavi.renders.report import write_report
-from mathnavi.renders.video import write_video
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.run_folder import described
-from tests.renders.drawn import differing, drawn, needs_opengl
-from tests.renders.reading import Page, check_identifiers, check_stands_alone
+from tests.renders.drawn import differing, drawn, needs_opengl, video_pictures
+from tests.renders.reading import Page, check_stands_alone, checked_report
 
 FIGURES = ("map", "to-go", "separation", "clearance", "solve", "events")
 
@@ -41,7 +36,7 @@ def _lab(colour: tuple[float, float, float]) -> Array:
     return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
 
 
-def test_sixteen_vehicles_can_be_told_apart_and_from_paper_and_snow() -> None:
+def test_sixteen_vehicles_can_be_distinguished_from_each_other_and_from_paper_and_snow() -> None:
     """A difference of 2.3 is just noticeable; lines of a few pixels need ten times that."""
     assert len(VEHICLES) == 16
     places = [_lab(colour) for colour in (*VEHICLES, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0))]
@@ -80,18 +75,9 @@ def test_every_vehicle_is_in_sight_where_it_should_be_in_its_colour(
 
 
 @needs_opengl
-def test_a_video_has_the_size_rate_and_length_asked_for(
-    fleet_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(video, "MOST_WORKERS", 1)  # a start costs more than these few pictures
-    path = write_video(fleet_dir, path=tmp_path / "fleet.mp4", width=160, height=90, fps=1, progress=False)
-    assert [file.name for file in tmp_path.iterdir()] == ["fleet.mp4"]
-    with av.open(str(path)) as container:
-        stream = container.streams.video[0]
-        pictures = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
-        assert (stream.width, stream.height, stream.average_rate) == (160, 90, 1)
+def test_a_video_has_the_size_rate_and_length_asked_for(fleet_dir: Path, tmp_path: Path) -> None:
+    pictures = video_pictures(fleet_dir, tmp_path, fps=1)
     assert 12 <= len(pictures) <= 25
-    assert min(picture.std() for picture in pictures) > 10.0
 
 
 def test_the_report_stands_alone_and_shows_every_figure_vehicle_and_event(
@@ -99,15 +85,9 @@ def test_the_report_stands_alone_and_shows_every_figure_vehicle_and_event(
 ) -> None:
     monkeypatch.setenv("MUJOCO_GL", "disable")
     assert drawing_of(fleet_dir) is drawing
-    source = write_report(fleet_dir).read_text(encoding="utf-8")
-    (fleet_dir / "report.html").unlink()
-    check_stands_alone(source)
-    check_identifiers(source)
-    page = Page(source)
+    source, page = checked_report(fleet_dir)
     for name in FIGURES:
         assert f'id="{name}-' in source, name
-    for key in fleet_run.summary:
-        assert any(label(key)[0] in word for word in page.words), key
     for event in fleet_run.events:
         assert described(event)[0] in page.words
     for name in fleet_run.vehicles:
@@ -124,10 +104,10 @@ def test_a_fleet_that_said_nothing_did_not_arrive_and_left_the_map_is_reported_t
     fleet_run: FleetRun, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MUJOCO_GL", "disable")
-    off = np.array([20_000.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    outside = np.array([20_000.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     mute: dict[str, Any] = {"plans": (), "adopted": np.empty(0), "events": ()}
     lost = {
-        name: replace(flight, log=replace(flight.log, x=flight.x + (off if name == "vehicle_2" else 0.0), **mute))
+        name: replace(flight, log=replace(flight.log, x=flight.x + (outside if name == "vehicle_2" else 0.0), **mute))
         for name, flight in fleet_run.vehicles.items()
     }
     bare = replace(fleet_run, vehicles=lost, events=(), summary={"shortfall": "arrived is no"})
@@ -138,5 +118,5 @@ def test_a_fleet_that_said_nothing_did_not_arrive_and_left_the_map_is_reported_t
     text = Page(source).text
     assert "Of the fleet 2 of 3 arrived (arrived is no)" in text
     assert "Nothing happened" in text
-    told = overlay(bare, Frame(0.5 * bare.duration, "overview", 0.0, 0.0))
-    assert ("AGREED ARRIVAL", "–", "known to 0 of 3") in told.numbers
+    shown = overlay(bare, Frame(0.5 * bare.duration, "overview", 0.0, 0.0))
+    assert ("AGREED ARRIVAL", "–", "known to 0 of 3") in shown.numbers

@@ -1,4 +1,4 @@
-"""What is read from the folder of a fleet's run, told in its video, and said when it cannot be read."""
+"""Reading the folder of a fleet's run, the announcements in its video, and the error when it cannot be read."""
 
 from __future__ import annotations
 

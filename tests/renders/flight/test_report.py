@@ -70,7 +70,7 @@ def test_figures_have_sensible_digits_and_unknown_ones_a_dash(run: FlightRun, mo
     assert shown["path length"] == "76,211 m"
 
 
-def test_a_radar_warning_is_told_in_words() -> None:
+def test_a_radar_warning_is_given_in_words() -> None:
     assert described(Event(1.0, "vehicle", "message", "radar from radar warning")) == ("radar on", "")
     assert described(Event(1.0, "vehicle", "plan-rejected", "why")) == ("plan rejected", "why")
 

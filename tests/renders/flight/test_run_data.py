@@ -1,4 +1,4 @@
-"""What is read from a run's folder, and what is said when it cannot be."""
+"""Reading a run's folder, and the error when it cannot be read."""
 
 from __future__ import annotations
 

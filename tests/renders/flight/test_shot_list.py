@@ -48,12 +48,12 @@ def test_frames_run_forwards_and_show_every_event_once(fps: int, run: FlightRun)
     assert "arrived" in changes
 
 
-def test_what_only_a_developer_cares_about_is_not_announced_and_jumps_are_told_once(run: FlightRun) -> None:
+def test_what_only_a_developer_cares_about_is_not_announced_and_jumps_are_announced_once(run: FlightRun) -> None:
     trivia = ("iteration-limit", "solver-failed", "low-clearance", "fallback-plan", "deadline", "late", "plan-rejected")
     kinds = [*trivia, "position-jump", "rebased", "tracking-breach"] * 20
     events = tuple(Event(0.1 * k, "vehicle", kind, "why") for k, kind in enumerate(kinds))
-    told = [text for _, text in annotations_of(with_log(run, events=events))]
-    assert sorted(told) == ["arrived", "position jump", "radar on", "tracking bound exceeded"]
+    texts = [text for _, text in annotations_of(with_log(run, events=events))]
+    assert sorted(texts) == ["arrived", "position jump", "radar on", "tracking bound exceeded"]
 
 
 @pytest.mark.parametrize("arrived", [True, False])

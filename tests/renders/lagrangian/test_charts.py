@@ -38,8 +38,8 @@ def test_a_nose_points_where_the_attitude_turns_the_first_axis(seed: int) -> Non
 
 
 def test_a_globe_shows_what_points_at_the_eye_in_its_middle() -> None:
-    globe = Globe(azimuth=90.0, elevation=0.0)  # the eye is to the south of it
-    to_the_eye, away, left, up = (
+    globe = Globe(azimuth=90.0, elevation=0.0)  # the viewpoint is south of the globe
+    to_the_eye, opposite, left, up = (
         np.array([math.cos(0.5 * angle), *(math.sin(0.5 * angle) * np.array(axis))])
         for angle, axis in (
             (-0.5 * math.pi, (0.0, 0.0, 1.0)),
@@ -48,7 +48,7 @@ def test_a_globe_shows_what_points_at_the_eye_in_its_middle() -> None:
             (-0.5 * math.pi, (0.0, 1.0, 0.0)),
         )
     )
-    places, near = globe.project(np.array([to_the_eye, away, left, up]))
+    places, near = globe.project(np.array([to_the_eye, opposite, left, up]))
     np.testing.assert_allclose(places, [[0.0, 0.0], [0.0, 0.0], [-1.0, 0.0], [0.0, 1.0]], atol=1e-12)
     assert near[0]
     assert not near[1]

@@ -33,9 +33,9 @@ def test_a_run_is_drawn_by_its_own_drawing_and_its_errors_are_the_summary_s(
 def test_an_estimate_is_drawn_its_magnification_times_as_far_off(name: str, runs: dict[str, LagrangianRun]) -> None:
     run, n = runs[name], runs[name].manifold.size
     for k in (2, 40, 299):
-        off = run.manifold.coordinates(run.truth[k, :n], run.estimate[k, :n])
+        error = run.manifold.coordinates(run.truth[k, :n], run.estimate[k, :n])
         drawn = run.manifold.coordinates(run.truth[k, :n], run.drawn(k))
-        np.testing.assert_allclose(drawn, run.magnification * off, atol=1e-7 * run.magnification)
+        np.testing.assert_allclose(drawn, run.magnification * error, atol=1e-7 * run.magnification)
         np.testing.assert_allclose(run.towards(k, 0.0), run.truth[k, :n], atol=1e-9)
 
 

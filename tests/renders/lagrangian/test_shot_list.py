@@ -36,10 +36,10 @@ def test_an_unknown_camera_is_refused(runs: dict[str, LagrangianRun]) -> None:
         drawing.frames(runs["body"], "chase")
 
 
-def test_a_viewer_is_told_of_what_happened(runs: dict[str, LagrangianRun]) -> None:
-    told = annotations_of(runs["body"])
-    assert told == sorted(told)
-    assert [text for _, text in told] == ["velocity found to one percent", verdict(runs["body"])]
+def test_events_are_announced_to_the_viewer(runs: dict[str, LagrangianRun]) -> None:
+    annotated = annotations_of(runs["body"])
+    assert annotated == sorted(annotated)
+    assert [text for _, text in annotated] == ["velocity found to one percent", verdict(runs["body"])]
     assert verdict(runs["body"]).startswith("velocity found: 0.0")
     assert verdict(runs["body"]).endswith("rad/s off")
     assert [text for _, text in annotations_of(runs["silent"])] == ["no usable reading yet", verdict(runs["silent"])]

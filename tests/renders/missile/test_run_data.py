@@ -1,4 +1,4 @@
-"""What pictures of a missile are drawn from agrees with what was flown."""
+"""The data of a missile's pictures agree with the flight."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def test_between_two_looks_it_is_between_their_places(missile_run: MissileRun) -
 
 def test_the_reference_is_what_was_flown_nearly(missile_run: MissileRun, spatial_run: MissileRun) -> None:
     for run in (missile_run, spatial_run):
-        off = run.coordinates.place(run.x) - run.coordinates.place(run.reference)
-        assert np.nanmax(np.abs(off)) < 0.1
+        error = run.coordinates.place(run.x) - run.coordinates.place(run.reference)
+        assert np.nanmax(np.abs(error)) < 0.1
         assert not np.isnan(run.reference).any()
 
 
@@ -49,13 +49,13 @@ def test_the_plan_ahead_leads_from_here_to_where_the_target_will_be(missile_run:
 def test_a_run_says_by_whom_it_is_drawn(missile_dir: Path, run_dir: Path, tmp_path: Path) -> None:
     assert drawing_of(missile_dir).cameras == drawing.cameras == ("chase", "side", "target")
     assert drawing_of(run_dir).cameras == ("chase", "overview", "top")  # as flights are that say nothing
-    for name, told in (
+    for name, message in (
         ("renders.nowhere", "cannot be"),
         ("math", "lacks `drawing`; allowed: a module in which"),
         ("", "cannot be"),
     ):
         (tmp_path / "config.json").write_text(json.dumps({"drawing": name}))
-        with pytest.raises(ValueError, match=told):
+        with pytest.raises(ValueError, match=message):
             drawing_of(tmp_path)
 
 

@@ -31,15 +31,15 @@ def test_the_end_is_slow_motion(missile_run: MissileRun) -> None:
     assert film[-2].rate < 0.5 * min(shot.rate for shot in film[:-2])
 
 
-def test_turns_of_the_target_limits_and_the_end_are_told(missile_run: MissileRun) -> None:
-    told = [text for _, text in annotations_of(missile_run)]
-    assert told == ["the target changes its course", verdict(missile_run)]
+def test_turns_of_the_target_limits_and_the_end_are_announced(missile_run: MissileRun) -> None:
+    texts = [text for _, text in annotations_of(missile_run)]
+    assert texts == ["the target changes its course", verdict(missile_run)]
     assert verdict(missile_run).startswith("hit, ")
     clipped = (Event(1.0, "missile", "input-clipped"), Event(2.0, "missile", "input-clipped"))
     late = Event(3.5, "missile", "message", "target from target watch")
     log = replace(missile_run.log, events=(*clipped, late))
-    told = [text for _, text in annotations_of(replace(missile_run, log=log))]
-    assert told[:3] == ["thrusters at their limit", "the target changes its course", "the planner is updated"]
+    texts = [text for _, text in annotations_of(replace(missile_run, log=log))]
+    assert texts[:3] == ["thrusters at their limit", "the target changes its course", "the planner is updated"]
     assert verdict(replace(missile_run, miss_allowed=1e-9)).startswith("missed by ")
 
 

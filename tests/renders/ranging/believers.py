@@ -1,4 +1,4 @@
-"""Estimators that say what pictures have to show: they reckon from the start they are told, and add what is asked.
+"""Estimators for the pictures: they dead-reckon from the known start, and add what is asked.
 
 With an exact start and faultless wheels the reckoning is the truth, so a test knows where everything has to be drawn.
 """
@@ -61,28 +61,28 @@ class Believer:
         estimate = self._reckoning.update(t, measurements, command)
         if self._config.kind == "silent":
             raise RuntimeError("it does not know")
-        off = math.exp(-t / CALM)
-        x = estimate.x + off * OFF
+        error = math.exp(-t / CALM)
+        x = estimate.x + error * OFF
         status = Status.INITIALISING if t < SILENT - 1e-9 else Status.OK
         estimate = replace(estimate, x=x, covariance=None, status=status)
         if self._config.kind == "bank":
-            return replace(estimate, extra=self._bank(t, x, off))
+            return replace(estimate, extra=self._bank(t, x, error))
         if self._config.kind == "observer":
             _, s = self._mission.curve.ranges(x, self._mission.alpha)
-            return replace(estimate, extra={"z": np.append(s, x[2]), "value": np.array([off, 0.5 * off])})
+            return replace(estimate, extra={"z": np.append(s, x[2]), "value": np.array([error, 0.5 * error])})
         return estimate
 
-    def _bank(self, t: float, x: Array, off: float) -> dict[str, Array]:
+    def _bank(self, t: float, x: Array, error: float) -> dict[str, Array]:
         scores = np.append(0.0, -LOSS * t)
         scores[scores < LOWEST] = np.nan
         hypotheses = np.vstack([x, ELSEWHERE])
         hypotheses[np.isnan(scores)] = np.nan
-        covariance = np.diag([0.3, 0.1, 0.2]) ** 2 * off + 1e-4 * np.eye(3)
+        covariance = np.diag([0.3, 0.1, 0.2]) ** 2 * error + 1e-4 * np.eye(3)
         return {"hypotheses": hypotheses, "scores": scores, "nis": np.array([2.0, 2.0]), "covariance": covariance}
 
 
 def believed(kind: str = "bank", duration: float = 4.0, **fields: object) -> RunResult:
-    """A run with faultless wheels from a start that is told exactly."""
+    """A run with faultless wheels from a start that is known exactly."""
     noise = RangingNoise(odometry_noise=(0.0, 0.0), odometry_bias=0.0, dropout=0.1)
-    told = {"start": START, "start_known": True, "start_error": (0.0, 0.0, 0.0)}
-    return run(estimator=PluginSpec.of(Believer, kind=kind), duration=duration, **{"noise": noise, **told, **fields})
+    start = {"start": START, "start_known": True, "start_error": (0.0, 0.0, 0.0)}
+    return run(estimator=PluginSpec.of(Believer, kind=kind), duration=duration, **{"noise": noise, **start, **fields})

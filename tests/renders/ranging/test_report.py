@@ -15,10 +15,8 @@ from mathnavi.renders.ranging import figures
 from mathnavi.renders.ranging.field_figure import field_figure
 from mathnavi.renders.ranging.report import report
 from mathnavi.renders.ranging.run_data import RangingRun
-from mathnavi.renders.report import write_report
-from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.records.run_folder import described
-from tests.renders.reading import Page, check_identifiers, check_stands_alone
+from tests.renders.reading import Page, check_stands_alone, checked_report
 
 
 @pytest.fixture(autouse=True)
@@ -27,13 +25,7 @@ def no_scene(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_report_stands_alone_and_shows_every_figure_and_event(bank_dir: Path, bank_run: RangingRun) -> None:
-    source = write_report(bank_dir).read_text(encoding="utf-8")
-    (bank_dir / "report.html").unlink()
-    check_stands_alone(source)
-    check_identifiers(source)
-    page = Page(source)
-    for key in bank_run.log.summary:
-        assert any(label(key)[0] in word for word in page.words)
+    _, page = checked_report(bank_dir)
     for event in bank_run.log.events:
         assert described(event)[0] in page.words
     assert opengl.HOW_TO_INSTALL in page.text

@@ -1,4 +1,4 @@
-"""What pictures of a robot that finds itself are drawn from agrees with what was driven, read and believed."""
+"""The data of the pictures of a robot that localises itself agree with motion, readings and estimates."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ def test_errors_are_those_of_the_estimates(bank_run: RangingRun) -> None:
 def test_what_the_estimator_is_unsure_of_is_taken_from_its_covariance(bank_run: RangingRun) -> None:
     assert bank_run.deviation is not None
     metres, radians = bank_run.deviation
-    off = np.exp(-bank_run.beliefs.t / CALM)
-    np.testing.assert_allclose(metres, np.sqrt(0.09 * off + 1e-4))
-    np.testing.assert_allclose(radians, np.sqrt(0.04 * off + 1e-4))
+    decay = np.exp(-bank_run.beliefs.t / CALM)
+    np.testing.assert_allclose(metres, np.sqrt(0.09 * decay + 1e-4))
+    np.testing.assert_allclose(radians, np.sqrt(0.04 * decay + 1e-4))
     e, k = bank_run.difference, 60
-    assert bank_run.nees[k] == pytest.approx((e[k] ** 2 / (np.square([0.3, 0.1, 0.2]) * off[k] + 1e-4)).sum())
-    singular = replace(bank_run.beliefs, covariance=np.zeros((len(off), 3, 3)))
+    assert bank_run.nees[k] == pytest.approx((e[k] ** 2 / (np.square([0.3, 0.1, 0.2]) * decay[k] + 1e-4)).sum())
+    singular = replace(bank_run.beliefs, covariance=np.zeros((len(decay), 3, 3)))
     assert np.isnan(replace(bank_run, beliefs=singular).nees).all()
 
 

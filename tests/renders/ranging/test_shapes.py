@@ -1,4 +1,4 @@
-"""What is drawn around a pose has the size and the direction that it stands for."""
+"""Shapes around a pose have the size and the direction that they stand for."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ sizes = st.floats(0.01, 2.0)
 
 @given(coordinates, coordinates, headings)
 def test_the_outline_points_where_the_robot_is_headed(x: float, y: float, phi: float) -> None:
-    off = shapes.outline(np.array([x, y, phi])) - [x, y]
-    lengths = np.linalg.norm(off, axis=1)
+    corners = shapes.outline(np.array([x, y, phi])) - [x, y]
+    lengths = np.linalg.norm(corners, axis=1)
     assert lengths.min() == pytest.approx(RADIUS)
-    tip = off[np.argmax(lengths)] / lengths.max()
+    tip = corners[np.argmax(lengths)] / lengths.max()
     np.testing.assert_allclose(tip, [math.cos(phi), math.sin(phi)], atol=1e-9)
 
 

@@ -58,22 +58,22 @@ def test_it_is_decided_at_some_time_whatever_the_estimator_says(
         assert shot_list(run)[-1].end == run.duration
 
 
-def test_what_the_hypotheses_do_is_told_and_how_it_ends(bank_run: RangingRun, silent_run: RangingRun) -> None:
-    told = {text: t for t, text in annotations_of(bank_run)}
-    assert told["4 poses explain what it sees"] == pytest.approx(0.0)
-    assert told["one is left, and its image"] == pytest.approx(LOWEST / -LOSS.min(), abs=0.02)
-    assert told[verdict(bank_run)] == bank_run.duration
+def test_hypotheses_and_the_end_are_announced(bank_run: RangingRun, silent_run: RangingRun) -> None:
+    annotated = {text: t for t, text in annotations_of(bank_run)}
+    assert annotated["4 poses explain what it sees"] == pytest.approx(0.0)
+    assert annotated["one is left, and its image"] == pytest.approx(LOWEST / -LOSS.min(), abs=0.02)
+    assert annotated[verdict(bank_run)] == bank_run.duration
     assert verdict(bank_run).startswith("found itself: ")
     assert verdict(silent_run) == "did not find itself"
     assert [text for _, text in annotations_of(silent_run)] == ["did not find itself"]
 
 
-def test_lost_sensors_and_new_beginnings_are_told(observer_run: RangingRun) -> None:
+def test_lost_sensors_and_restarts_are_announced(observer_run: RangingRun) -> None:
     names = ("initialising", "ok", "lost", "ok", "initialising", "ok")
     events = tuple(Event(0.1 * k, "robot", "estimator-status", f"{name}: why") for k, name in enumerate(names))
     run = replace(observer_run, log=replace(observer_run.log, events=events))
-    told = [(round(t, 1), text) for t, text in annotations_of(run) if t < 0.45]
-    assert told == [
+    annotated = [(round(t, 1), text) for t, text in annotations_of(run) if t < 0.45]
+    assert annotated == [
         (0.2, "nothing to see: going by the wheels"),
         (0.3, "it sees again"),
         (0.4, "does not believe it: starts again"),

@@ -1,4 +1,4 @@
-"""What the commands do when they are asked properly."""
+"""The commands with valid arguments."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class FlightAskedForError(Exception):
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, Any]]:
-    """What a command would fly, without flying it."""
+    """The closed loop that a command would fly, without flying it."""
     import mathnavi.sim.commands.run
 
     def without_flight(closed_loop: Any, errors: Any) -> RunResult:
@@ -194,6 +194,7 @@ def test_without_opengl_a_run_succeeds_and_says_how_to_install_it(
 
 
 @pytest.mark.skipif(os.environ.get("MUJOCO_GL") == "disable", reason="there is nothing to draw with")
+@pytest.mark.usefixtures("drawing_apart")
 def test_render_draws_a_still(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", str(flown), "--camera", "top", "--still"]) == 0
     path = Path(capsys.readouterr().out.strip())

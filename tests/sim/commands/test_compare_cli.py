@@ -79,11 +79,11 @@ def test_runs_show_the_field_that_differs_and_every_figure(runs: Path) -> None:
     fields = rows(left, right, "Fields that differ")
     assert list(fields) == ["estimator.poles"]
     assert fields["estimator.poles"]["right"] == "(-3, -6)"
-    told = rows(left, right, "Summary")
+    summary = rows(left, right, "Summary")
     figures = [json.loads((side / "summary.json").read_text()) for side in (left, right)]
     ratio = figures[1]["error_rms"] / figures[0]["error_rms"]
-    assert float(told["error rms"]["ratio"]) == pytest.approx(ratio, rel=0.01)
-    assert told["error rms"]["difference"].startswith("−" if ratio < 1.0 else "+")
+    assert float(summary["error rms"]["ratio"]) == pytest.approx(ratio, rel=0.01)
+    assert summary["error rms"]["difference"].startswith("−" if ratio < 1.0 else "+")
 
 
 def test_a_run_beside_itself_differs_in_nothing(runs: Path) -> None:
@@ -105,17 +105,17 @@ def test_the_page_has_the_states_and_errors_of_both_runs(runs: Path, tmp_path: P
 def test_rates_differ_if_their_limits_are_apart(sweep: Side) -> None:
     left, near, far = sweep("a.db", 20), sweep("b.db", 22, first=100), sweep("c.db", 38, first=100)
     assert rows(left, near, "Rates")["success"]["differ"].startswith("not shown")
-    told = rows(left, far, "Rates")["success"]
-    assert told["left"] == rate(20, 40).text()
-    assert told["differ"].startswith("yes")
+    success = rows(left, far, "Rates")["success"]
+    assert success["left"] == rate(20, 40).text()
+    assert success["differ"].startswith("yes")
     assert rows(left, far, "Fields")["bias"]["left"] == "0.5"
     assert rows(left, near, "Medians")["height [m]"]["bands"] == "overlap"
 
 
 def test_trials_of_the_same_seeds_are_paired(sweep: Side) -> None:
     sides = [sweep("a.db", 20), sweep("b.db", 28)]
-    told = rows(*sides, "Rates")["success"]["differ"]
-    assert told == "yes: 0 only left, 8 only right"  # though the limits of 20 and 28 of 40 overlap
+    difference = rows(*sides, "Rates")["success"]["differ"]
+    assert difference == "yes: 0 only left, 8 only right"  # though the limits of 20 and 28 of 40 overlap
     records = []
     for side in sides:
         with Store.existing(side) as store:
@@ -126,10 +126,10 @@ def test_trials_of_the_same_seeds_are_paired(sweep: Side) -> None:
     assert differ((rate(20, 40), rate(28, 40)), (), happened).startswith("not shown")
 
 
-def test_claims_that_changed_their_verdict_are_told(studies: Side) -> None:
+def test_claims_that_changed_their_verdict_are_reported(studies: Side) -> None:
     held, fell = studies("held", True), studies("fell", False, "it rose")
-    told = compare(held, fell)
-    assert told.verdict == "1 of 1 claims changed their verdict: 1 yes → no."
+    comparison = compare(held, fell)
+    assert comparison.verdict == "1 of 1 claims changed their verdict: 1 yes → no."
     assert rows(held, fell, "Claims with another verdict")["falling"]["right"] == "no: it rose"
     same = studies("same", True, "it fell fast")
     assert compare(held, same).verdict.startswith("0 of 1")
@@ -151,7 +151,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line(
     text.write_text("words")
     empty.mkdir()
     capsys.readouterr()
-    for left, right, told in (
+    for left, right, message in (
         (one, other_scenario, "arm-velocity"),
         (one, coin, "two of one kind"),
         (coin, dice, "dice"),
@@ -164,7 +164,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line(
     ):
         assert main(["compare", str(left), str(right), "--out", str(tmp_path / "page.html")]) == 2
         said = capsys.readouterr().err
-        assert told in said
+        assert message in said
         assert said.count("\n") == 1
     assert not (tmp_path / "page.html").exists()
 

@@ -44,11 +44,11 @@ def assert_same_run(one: Path, other: Path) -> None:
     assert set(first) == set(second)
     for name, values in first.items():
         np.testing.assert_array_equal(values, second[name], err_msg=name)
-    told = [json.loads((run / "summary.json").read_text()) for run in (one, other)]
-    figures = [{key: value for key, value in summary.items() if not is_wall_clock(key)} for summary in told]
+    summaries = [json.loads((run / "summary.json").read_text()) for run in (one, other)]
+    figures = [{key: value for key, value in summary.items() if not is_wall_clock(key)} for summary in summaries]
     assert figures[0] == figures[1]
     events = [sorted((run / "events.jsonl").read_text().splitlines()) for run in (one, other)]
-    assert events[0] == events[1]  # in another order within a look: what was commanded is known from the start
+    assert events[0] == events[1]  # in another order within a control step: the commands are known from the start
 
 
 def test_the_recorded_estimator_estimates_the_same_again(folder: Path, tmp_path: Path) -> None:
@@ -88,9 +88,9 @@ def test_another_estimator_sees_the_same_readings(
 ) -> None:
     run = folder / "oscillation"
     assert main(["estimate", "textbook_ekf", str(run), "--out", str(tmp_path / "ekf")]) == 0
-    told = capsys.readouterr().out
-    assert "recorded: output_injection" in told
-    assert "x_1 [-]" in told
+    printed = capsys.readouterr().out
+    assert "recorded: output_injection" in printed
+    assert "x_1 [-]" in printed
     one, other = arrays(run), arrays(tmp_path / "ekf")
     for name in ("t", "truth.x", "measurement.output", "command.u", "plan.u", "plan.adopted"):
         np.testing.assert_array_equal(one[name], other[name])
@@ -109,7 +109,7 @@ def test_fields_are_given_anew(folder: Path, tmp_path: Path) -> None:
 
 def test_a_run_without_the_sensors_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = folder / "oscillation"
-    for words, told in (
+    for words, message in (
         ((), "ESTIMATOR is missing; allowed: "),
         (("textbook_ekf",), "DIR is missing; allowed: folder of a run"),
         (("textbook_ekf", "--out", "x"), "DIR is missing"),
@@ -125,7 +125,7 @@ def test_a_run_without_the_sensors_is_refused(folder: Path, capsys: pytest.Captu
     ):
         assert main(["estimate", *words]) == 2
         (line,) = capsys.readouterr().err.splitlines()
-        assert told in line
+        assert message in line
     assert [path.name for path in folder.iterdir()] == ["oscillation"]
 
 

@@ -30,7 +30,7 @@ def shown(kind: str, *points: EntryPoint, full: bool = False) -> str:
         ("mathnavi.sim.interfaces.checks:Planner", "has no attribute 'Planner'"),
     ],
 )
-def test_a_broken_plugin_is_told_and_hides_no_other(place: str, expected: str, full: bool) -> None:
+def test_a_broken_plugin_is_reported_and_hides_no_other(place: str, expected: str, full: bool) -> None:
     said = shown("terrains", EntryPoint("broken", place, "g"), *installed("terrains"), full=full)
     assert f"cannot be imported: {expected}" in " ".join(said.split()) or expected in " ".join(said.split())
     assert "jacksboro" in said
@@ -59,7 +59,7 @@ def test_with_full_estimators_say_what_they_claim(
 
 
 @pytest.mark.parametrize("words", [["planets"], ["terrains", "studies"], ["--all"]])
-def test_what_list_does_not_know_is_told_in_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_what_list_does_not_know_is_refused_in_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", *words]) == 2
     said = capsys.readouterr().err
     assert words[-1] in said

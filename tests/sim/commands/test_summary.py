@@ -1,4 +1,4 @@
-"""What a run prints says why it failed, and what a good end hides."""
+"""The printed summary of a run gives the reason of a failure, and what a success hides."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mathnavi.sim.records.figure_names import SHORTFALL
 from mathnavi.sim.scenarios.closed_loop import RunResult
 
 OWN = Plan.failure(Status.OK)
-RESERVE = dataclasses.replace(OWN, notes=("fallback-plan",))
+FALLBACK = dataclasses.replace(OWN, notes=("fallback-plan",))
 
 
 def recording(*plans: Plan, requests: int) -> Recording:
@@ -34,7 +34,7 @@ def test_a_run_that_failed_says_why_in_the_same_line() -> None:
 
 @pytest.mark.parametrize(
     ("plans", "requests", "warned"),
-    [((OWN,), 3, False), ((RESERVE, OWN), 3, False), ((RESERVE,), 15, True), ((), 4, True), ((), 0, False)],
+    [((OWN,), 3, False), ((FALLBACK, OWN), 3, False), ((FALLBACK,), 15, True), ((), 4, True), ((), 0, False)],
 )
 def test_it_is_warned_where_nothing_of_the_controllers_was_flown(
     plans: tuple[Plan, ...], requests: int, warned: bool

@@ -23,7 +23,7 @@ NUMBERS = ("textbook-observer", "--duration", "0.2", "--tolerance", "1000")
 
 
 class Viewer:
-    """What ``mujoco.viewer`` hands out, for so many frames."""
+    """A stand-in for the handle of ``mujoco.viewer``, open for so many frames."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, frames: int) -> None:
         self.user_scn, self.cam, self.data = mujoco.MjvScene(model, 1000), SimpleNamespace(), data
@@ -78,22 +78,22 @@ def test_without_a_display_one_line_says_what_to_do(
 ) -> None:
     capsys.readouterr()
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    for display, told in ((None, "DISPLAY is not set"), (":4711", ":4711")):
+    for display, message in ((None, "DISPLAY is not set"), (":4711", ":4711")):
         monkeypatch.delenv("DISPLAY", raising=False)
         if display:
             monkeypatch.setenv("DISPLAY", display)
         assert main(["view", str(runs / "robot")]) == 2
         said = capsys.readouterr().err
-        assert told in said
+        assert message in said
         assert "mathnavi render" in said
         assert said.count("\n") == 1
 
 
 @pytest.mark.parametrize(
-    ("run", "told"), [("numbers", "no body in MuJoCo"), ("absent", "config.json"), ("unlike", "truth.x")]
+    ("run", "message"), [("numbers", "no body in MuJoCo"), ("absent", "config.json"), ("unlike", "truth.x")]
 )
 def test_what_cannot_be_shown_is_refused_in_one_line(
-    runs: Path, run: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    runs: Path, run: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = runs / run
     if run == "unlike":  # the log of another robot's states
@@ -106,7 +106,7 @@ def test_what_cannot_be_shown_is_refused_in_one_line(
     capsys.readouterr()
     assert main(["view", str(folder)]) == 2
     said = capsys.readouterr().err
-    assert told in said
+    assert message in said
     assert said.count("\n") == 1
 
 

@@ -1,4 +1,4 @@
-"""Vehicles that talk: what is said arrives over the network, and a plan takes over only where it is admitted."""
+"""Vehicles that communicate: messages arrive over the network, and a plan takes over only where it is admitted."""
 
 from __future__ import annotations
 
@@ -76,13 +76,13 @@ def test_every_plan_but_the_first_is_proposed_and_taken_over_if_it_is_admitted()
     assert [t for t, _ in east.proposed] == pytest.approx(PERIOD * np.arange(1, 7))
     assert [plan for _, plan in east.taken][1:] == [plan for _, plan in east.proposed][:-1]
     assert [event.kind for event in events if event.kind == "not-admitted"] == []
-    told = [message for request in planners["east"].asked for message in request.messages]
-    assert [(message.topic, message.payload) for message in told] == [("arrival time", 42.0)]
+    received = [message for request in planners["east"].asked for message in request.messages]
+    assert [(message.topic, message.payload) for message in received] == [("arrival time", 42.0)]
     assert Event(0.0, "east", "spoke", "east") in events
 
 
 def test_a_plan_that_is_not_admitted_is_on_record_and_the_one_before_stays() -> None:
-    """What is sent arrives too late to be of use."""
+    """Messages arrive too late to be of use."""
     east, west = Talks("east", "west", patience=0.0), Talks("west", "east")
     events, _ = flown(east, west, delay=10.0)
     refused = [event.t for event in events if (event.agent, event.kind) == ("east", "not-admitted")]

@@ -252,7 +252,7 @@ def test_a_message_is_delivered_once_at_the_first_request_after_its_time() -> No
     assert kinds(recording) == 4 * ["message"]
 
 
-def test_a_command_that_is_not_finite_is_not_passed_on_and_told_once_an_episode() -> None:
+def test_a_command_that_is_not_finite_is_not_passed_on_and_reported_once_an_episode() -> None:
     @dataclass
     class Stumbles(Follows):
         def command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
@@ -348,19 +348,19 @@ def test_several_vehicles_fly_by_themselves_and_are_logged_by_name() -> None:
         np.testing.assert_allclose(arrays[f"{name}.command.u"], alone["command.u"], atol=1e-9)
 
 
-def test_progress_is_told_once_a_simulated_second() -> None:
+def test_progress_is_reported_once_a_simulated_second() -> None:
     expected: list[float] = []
     agent = Agent(ReadsState(), Answers(there_and_stop), Follows())
     simulate(flight.PointMass(START, DT), {"vehicle": agent}, 4.0, progress=expected.append)
     assert expected == pytest.approx([float(k) for k in range(4)], abs=0.11)
 
 
-@pytest.mark.parametrize(("estimator", "tracker", "look"), [(1, 1, 1), (5, 5, 5), (2, 4, 2), (5, 25, 5)])
-def test_the_loop_looks_and_logs_at_the_common_rate_of_its_parts(estimator: int, tracker: int, look: int) -> None:
+@pytest.mark.parametrize(("estimator", "tracker", "steps"), [(1, 1, 1), (5, 5, 5), (2, 4, 2), (5, 25, 5)])
+def test_the_loop_steps_and_logs_at_the_common_rate_of_its_parts(estimator: int, tracker: int, steps: int) -> None:
     dt = DT / 5
     agent = Agent(ReadsState(estimator * dt), Answers(there_and_stop, 50 * dt), Follows(tracker * dt))
     recording = simulate(flight.PointMass(START, dt), {"vehicle": agent}, 150 * dt)
-    np.testing.assert_allclose(np.diff(recording.t), look * dt)
+    np.testing.assert_allclose(np.diff(recording.t), steps * dt)
     assert recording.t[-1] == pytest.approx(150 * dt)
     assert len(agent.estimator.calls) == 150 // estimator + 1  # type: ignore[attr-defined]
 
@@ -404,7 +404,7 @@ class Fails(ReadsState):
         (lambda t: Estimate(t, np.zeros(3)), "shape (3,); allowed: (6,), as before"),
     ],
 )
-def test_an_estimator_that_fails_is_told_once_and_the_vehicle_keeps_its_plan(
+def test_an_estimator_that_fails_is_reported_once_and_the_vehicle_keeps_its_plan(
     answer: Callable[[float], Any], expected: str
 ) -> None:
     flown = Flight(estimator=Fails(answer=answer))

@@ -26,12 +26,12 @@ def heard(network: Network, t: float, receiver: str = "b") -> list[int]:
 
 
 def test_what_is_sent_arrives_once_in_order_and_only_where_it_was_sent() -> None:
-    air = IdealNetwork(NAMES)
-    outbox(air, 5)
-    assert heard(air, 0.2) == [0, 1, 2]
-    assert heard(air, 0.2) == []
-    assert heard(air, 10.0, "c") == []
-    assert heard(air, 10.0) == [3, 4]
+    network = IdealNetwork(NAMES)
+    outbox(network, 5)
+    assert heard(network, 0.2) == [0, 1, 2]
+    assert heard(network, 0.2) == []
+    assert heard(network, 10.0, "c") == []
+    assert heard(network, 10.0) == [3, 4]
 
 
 @settings(max_examples=30)

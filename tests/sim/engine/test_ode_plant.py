@@ -63,9 +63,9 @@ def test_how_often_it_is_looked_at_does_not_matter() -> None:
     np.testing.assert_allclose(often.state("v"), seldom.state("v"), atol=1e-9)
 
 
-def readings(plant: OdePlant, looks: int, ticks: int) -> list[Measurement]:
+def readings(plant: OdePlant, samples: int, ticks: int) -> list[Measurement]:
     found: list[Measurement] = []
-    for _ in range(looks):
+    for _ in range(samples):
         found += plant.sense("v")
         plant.step({"v": U}, ticks)
     return found
@@ -92,8 +92,8 @@ def test_an_output_is_that_of_state_and_input_with_its_noise() -> None:
         assert reading.value[0] == pytest.approx(math.sinh(x[0]), abs=1e-8)
     noisy = readings(plant_of(KRENER_ISIDORI, OutputSensor(1, 100.0, 0.5)), 400, 1)
     clean = readings(plant_of(KRENER_ISIDORI, OutputSensor(1, 100.0)), 400, 1)
-    off = [one.value[0] - other.value[0] for one, other in zip(noisy, clean, strict=True)]
-    assert np.std(off) == pytest.approx(0.5, rel=0.1)
+    errors = [one.value[0] - other.value[0] for one, other in zip(noisy, clean, strict=True)]
+    assert np.std(errors) == pytest.approx(0.5, rel=0.1)
 
 
 def test_a_component_out_of_sight_is_missing() -> None:

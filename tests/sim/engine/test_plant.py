@@ -72,7 +72,7 @@ def test_time_does_not_drift(terrain: HeightField) -> None:
     assert plant.t == 3000 * TICK == plant.data.time
 
 
-def test_an_input_too_long_is_shortened_and_told_once_an_episode(terrain: HeightField) -> None:
+def test_an_input_too_long_is_shortened_and_reported_once_an_episode(terrain: HeightField) -> None:
     plant = plant_of(terrain, uav=VehicleSetup(HIGH, input_max=40.0))
     long, short = np.array([30.0, 30.0, 30.0]), np.array([1.0, 0.0, 0.0])
     kinds = [event.kind for u in (long, long, short, long) for event in plant.step({"uav": u})]
@@ -222,7 +222,7 @@ def test_vehicles_of_a_fleet_do_not_disturb_each_other(terrain: HeightField) -> 
     np.testing.assert_allclose(fleet.state("a"), x, rtol=0.0, atol=1e-9)
 
 
-def test_two_vehicles_that_meet_are_told_apart_from_the_ground(terrain: HeightField) -> None:
+def test_two_vehicles_that_meet_are_distinguished_from_the_ground(terrain: HeightField) -> None:
     towards = np.array([20.0, 0.0, 0.0])
     fleet = plant_of(
         terrain,
@@ -262,15 +262,15 @@ def test_a_step_of_many_ticks_is_that_many_steps(terrain: HeightField) -> None:
     read: dict[str, list[tuple[float, list[float]]]] = {"single": [], "whole": []}
     for plant, name, ticks in ((single, "single", 1), (whole, "whole", 5)):
         for tick in range(0, 31, ticks):
-            looks = tick % 5 == 0
+            sampled = tick % 5 == 0
             readings = plant.sense("uav")
-            read[name] += [(r.t, r.value.tolist()) for r in readings if looks or r.name != "acceleration"]
+            read[name] += [(r.t, r.value.tolist()) for r in readings if sampled or r.name != "acceleration"]
             plant.apply_wrench("uav", force)
             plant.step({"uav": u}, ticks)
     assert [reading for reading in read["whole"] if reading[0] <= 30 * TICK] == read["single"]
 
 
-def test_a_contact_within_a_step_of_many_ticks_is_told(terrain: HeightField) -> None:
+def test_a_contact_within_a_step_of_many_ticks_is_reported(terrain: HeightField) -> None:
     plant = plant_of(terrain, uav=VehicleSetup(np.array([200.0, 200.0, 3.0, 0.0, 0.0, -40.0])))
     events = list(plant.step({"uav": np.zeros(3)}, 60))
     assert [event.kind for event in events][:1] == ["ground-contact"]
@@ -288,11 +288,11 @@ def test_a_step_that_begins_between_two_looks_loses_no_reading(terrain: HeightFi
     assert times == pytest.approx([5 * k * TICK for k in range(1, 20)])
 
 
-def missile(coordinates: Coordinates = PLANAR, **equipment: Any) -> tuple[MujocoPlant, Array]:
+def missile(coordinates: Coordinates = PLANAR, **setup: Any) -> tuple[MujocoPlant, Array]:
     """A missile in level flight 500 m high, and its state."""
     x = np.zeros(coordinates.state_size)
     x[coordinates.index("u")], x[coordinates.index("z_e")] = 120.0, -500.0
-    start = VehicleSetup(coordinates.to_joints(x), **equipment)
+    start = VehicleSetup(coordinates.to_joints(x), **setup)
     model = build_missile(coordinates, [1e6] * coordinates.input_size)
     return MujocoPlant(model, {"missile": start}, np.random.default_rng(0)), x
 
@@ -312,7 +312,7 @@ def test_a_wrench_pushes_and_turns_a_body_along_the_axes_of_the_world() -> None:
     np.testing.assert_allclose(after / plant.dt, [0.0, 0.0, -9.8, 0.0, 0.0], atol=1e-3)
 
 
-def test_each_input_has_a_limit_of_its_own_and_its_excess_is_told_once_an_episode() -> None:
+def test_each_input_has_a_limit_of_its_own_and_its_excess_is_reported_once_an_episode() -> None:
     limits = np.array([1000.0, 4000.0, 50.0])
     plant, x = missile(input_max=limits)
     large, small = np.array([1500.0, -5000.0, 20.0]), np.array([1000.0, -4000.0, 50.0])
@@ -331,7 +331,7 @@ def test_a_limit_that_fits_no_input_is_refused(wrong: Any) -> None:
 
 
 @pytest.mark.parametrize("ticks", [1, 4, 10])
-def test_late_actuators_do_what_they_were_told_so_many_ticks_ago(ticks: int) -> None:
+def test_late_actuators_carry_out_the_command_of_so_many_ticks_ago(ticks: int) -> None:
     plant, x = missile(delay=0.006)
     rng = np.random.default_rng(1)
     inputs = np.vstack([np.zeros((6, 3)), np.repeat(rng.uniform(-3e3, 3e3, (40 // ticks, 3)), ticks, axis=0)])

@@ -21,23 +21,23 @@ ANGLES = (-0.5, 0.0, 2.0)
 
 
 @dataclass(frozen=True)
-class Looking:
+class Sensing:
     """A sensor that reads one of MuJoCo's own, as it is."""
 
-    of: str
+    sensor: str
     rate: float | None = None
     name: str = "looking"
     size: int = 1
 
     def read(self, motion: StateView, rng: np.random.Generator) -> Array:
-        return motion.sensed(self.of)
+        return motion.sensed(self.sensor)
 
 
 def test_a_drive_has_inputs_of_its_own_and_their_bounds() -> None:
     drive: ActuatorModel = IdealDrive()
     model = build_model(STANDARD, (0.0,))
-    equipment = VehicleSetup(np.zeros(10), input_max=np.array([0.5, 1.0]), drive=drive)
-    plant = MujocoPlant(model, {"robot": equipment}, np.random.default_rng(0))
+    setup = VehicleSetup(np.zeros(10), input_max=np.array([0.5, 1.0]), drive=drive)
+    plant = MujocoPlant(model, {"robot": setup}, np.random.default_rng(0))
     events = plant.step({"robot": np.array([2.0, 0.0])}, 10)
     assert [event.kind for event in events] == ["input-clipped"]
     assert plant.state("robot")[0] == pytest.approx(0.05, abs=1e-12)
@@ -46,7 +46,7 @@ def test_a_drive_has_inputs_of_its_own_and_their_bounds() -> None:
 
 
 def test_what_is_sensed_is_of_the_present_instant() -> None:
-    sensors = tuple(Looking(f"range_{i}", name=f"ray_{i}") for i in range(3))
+    sensors = tuple(Sensing(f"range_{i}", name=f"ray_{i}") for i in range(3))
     plant = plant_of((0.5, 0.2, 0.7), angles=ANGLES, sensors=sensors)
     for k in range(40):
         pose = plant.state("robot")[:3]
@@ -58,7 +58,7 @@ def test_what_is_sensed_is_of_the_present_instant() -> None:
 
 @pytest.mark.parametrize("move", ["displace", "place"])
 def test_what_is_sensed_follows_a_vehicle_that_is_moved_at_once(move: str) -> None:
-    plant = plant_of((0.5, 0.2, 0.0), sensors=(Looking("range_0"),))
+    plant = plant_of((0.5, 0.2, 0.0), sensors=(Sensing("range_0"),))
     before = plant.sense("robot")[0].value
     if move == "displace":
         plant.displace("robot", np.array([0.3, 0.0, 0.0]))
@@ -70,7 +70,7 @@ def test_what_is_sensed_follows_a_vehicle_that_is_moved_at_once(move: str) -> No
 @pytest.mark.parametrize("drive", ["ideal", "differential"])
 def test_looking_does_not_change_what_happens(drive: str) -> None:
     """Bit for bit, whether the sensors are read at every tick, now and then, or never."""
-    carried = ((), (Looking("range_0"),), (Looking("wheel_left", rate=100.0), Looking("range_0", name="ray")))
+    carried = ((), (Sensing("range_0"),), (Sensing("wheel_left", rate=100.0), Sensing("range_0", name="ray")))
     paths = []
     for sensors in carried:
         plant = plant_of((0.5, 0.2, 0.7), drive, 0.3, sensors=sensors)  # type: ignore[arg-type]
@@ -85,7 +85,7 @@ def test_looking_does_not_change_what_happens(drive: str) -> None:
 
 
 def test_a_reading_is_the_sensors_own() -> None:
-    plant = plant_of(sensors=(Looking("range_0"),))
+    plant = plant_of(sensors=(Sensing("range_0"),))
     plant.sense("robot")[0].value[:] = np.nan
     assert np.isfinite(plant.sense("robot")[0].value).all()
 
@@ -95,8 +95,8 @@ def test_a_sensor_that_is_not_there_or_needs_more_than_positions_is_named(name: 
     spec = build_spec(STANDARD, (0.0,))
     joint = {"objtype": mujoco.mjtObj.mjOBJ_JOINT, "objname": "robot/phi"}
     spec.add_sensor(name="robot/turning", type=mujoco.mjtSensor.mjSENS_JOINTVEL, **joint)
-    equipment = VehicleSetup(np.zeros(10), (Looking(name),), drive=IdealDrive())
-    plant = MujocoPlant(spec.compile(), {"robot": equipment}, np.random.default_rng(0))
+    setup = VehicleSetup(np.zeros(10), (Sensing(name),), drive=IdealDrive())
+    plant = MujocoPlant(spec.compile(), {"robot": setup}, np.random.default_rng(0))
     with pytest.raises(ValueError, match=rf"no sensor 'robot/{name}'.*allowed: .*wheel_left.*range_0'\]"):
         plant.sense("robot")
 
@@ -122,9 +122,9 @@ def test_a_floor_that_is_not_expected_is_an_event() -> None:
 
 def test_what_it_is_said_to_stand_on_must_be_there() -> None:
     model = build_model(STANDARD, (0.0,), "differential")
-    equipment = VehicleSetup(np.zeros(16), ignored_contacts=("ice",))
+    setup = VehicleSetup(np.zeros(16), ignored_contacts=("ice",))
     with pytest.raises(ValueError, match=r"vehicle 'robot': ignored_contacts: .*'ice'"):
-        MujocoPlant(model, {"robot": equipment}, np.random.default_rng(0))
+        MujocoPlant(model, {"robot": setup}, np.random.default_rng(0))
 
 
 def test_a_missions_own_sensors_agree_with_the_motion_in_mujoco() -> None:

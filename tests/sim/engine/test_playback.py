@@ -41,7 +41,7 @@ def test_it_is_a_plant_that_shows_what_was() -> None:
 
 
 def test_readings_are_stamped_with_the_time_at_which_they_fell_due() -> None:
-    """Every fifth tick: at 0, 5 and 10. The log shows them at the looks at 0, 6 and 10 ticks."""
+    """Every fifth tick: at 0, 5 and 10. The log shows them at the samples at 0, 6 and 10 ticks."""
     recorded = plant(20.0, replace(RUN, readings={"output": np.array([[0.5], [NAN], [0.7], [NAN], [0.9]])}))
     read = []
     for ticks in (3, 3, 3, 1, 0):
@@ -73,7 +73,7 @@ def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match=r"it reads output \(2\), and the run measured output \(1\), other \(3\)"):
         RecordedPlant("v", RUN, DT, (OutputSensor(2, None),))
     with pytest.raises(ValueError, match=r"it reads output every 0\.02 s"):
-        plant(50.0)  # every second tick, while the run was looked at every third
+        plant(50.0)  # every second tick, while the run was logged at every third
     with pytest.raises(ValueError, match=r"between physics ticks; allowed: at multiples of 0\.02 s"):
         RecordedPlant("v", RUN, 2.0 * DT, (OutputSensor(1, None),))
     with pytest.raises(ValueError, match="the next sample is 3 ticks ahead"):

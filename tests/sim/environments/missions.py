@@ -1,4 +1,4 @@
-"""What the tests of environments share: every scenario with short missions over small maps, built once."""
+"""Shared by the tests of environments: every scenario with short missions over small maps, built once."""
 
 from __future__ import annotations
 

@@ -107,9 +107,9 @@ def test_time_that_is_up_is_a_truncation_and_the_cost_is_the_rms_that_the_run_is
     recording = environment.recording
     assert recording.t[-1] == pytest.approx(0.05)
     estimates = np.array([estimate.x for estimate in recording.agents["mechanism"].estimates])[1:]
-    off = (estimates - recording.truths["mechanism"][1:])[:, 2:]
+    errors = (estimates - recording.truths["mechanism"][1:])[:, 2:]
     assert cost > 0.0
-    assert cost / 0.05 == pytest.approx(float(np.square(off).sum(axis=1).mean()), rel=0.02)
+    assert cost / 0.05 == pytest.approx(float(np.square(errors).sum(axis=1).mean()), rel=0.02)
 
 
 def test_a_state_that_the_physics_loses_ends_an_episode_and_every_reward_is_finite(

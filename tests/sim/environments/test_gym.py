@@ -23,10 +23,10 @@ ADVICE = ("is infinity", "is -infinity", "recommend using a symmetric and normal
 @pytest.mark.parametrize("scenario", missions.SCENARIOS)
 def test_every_scenario_passes_the_checker_of_gymnasium(scenario: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mathnavi.sim.environments.gym.EpisodeRunner", lambda *_: missions.commanded(scenario))
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         check_env(ScenarioEnv(scenario))
-    assert not [str(each.message) for each in told if not any(advice in str(each.message) for advice in ADVICE)]
+    assert not [str(each.message) for each in caught if not any(advice in str(each.message) for advice in ADVICE)]
 
 
 def test_every_installed_scenario_is_registered() -> None:
@@ -64,6 +64,6 @@ def test_without_gymnasium_one_error_says_how_to_install_it_and_dm_env_works() -
         "from mathnavi.sim.environments.dm import load\n"
         "import mathnavi.sim.environments.gym"
     )
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False).stderr
-    assert told.strip().splitlines()[-1].endswith("pip install 'gymnasium>=1.4,<1.5'")
-    assert told.count("gymnasium>=1.4") == 2  # where it is raised, and what it says
+    stderr = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False).stderr
+    assert stderr.strip().splitlines()[-1].endswith("pip install 'gymnasium>=1.4,<1.5'")
+    assert stderr.count("gymnasium>=1.4") == 2  # where it is raised, and what it says

@@ -1,4 +1,4 @@
-"""What several fields have to satisfy together is checked by these."""
+"""Checks of conditions on several fields together."""
 
 from __future__ import annotations
 

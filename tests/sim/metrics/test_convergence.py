@@ -1,4 +1,4 @@
-"""How fast errors fall."""
+"""Convergence rates of errors."""
 
 from __future__ import annotations
 

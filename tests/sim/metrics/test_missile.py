@@ -1,4 +1,4 @@
-"""What a missile's flight was worth: the closest approach is exact, angles and the cost are those of the thesis."""
+"""Metrics of a missile's flight: the closest approach is exact, angles and the cost are those of the thesis."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from tests.missile import fly
 
 
 def fall(offset: float, period: float, count: int = 60) -> tuple[Array, Array]:
-    """Looks (n,) and joints (n, 6) of a vertical fall past x = 700 m at ``offset`` m from it, 100 m/s at z = 0."""
+    """Times (n,) and joints (n, 6) of a vertical fall past x = 700 m at ``offset`` m from it, 100 m/s at z = 0."""
     t = period * np.arange(count, dtype=np.float64)
     passing = 0.6180339 * t[-1]
     s = t - passing
@@ -46,8 +46,8 @@ def test_the_miss_is_measured_to_the_target_where_it_is_then() -> None:
     there = TargetMotion.along((700.0 - 30.0 * passing, 0.0, 0.0), (30.0, 0.0, 0.0))
     assert closest_approach(t, joints, PLANAR, there).miss < 1e-3
     gone = TargetMotion.along((700.0, 0.0, 0.0), (30.0, 0.0, 0.0))
-    away = 30.0 * passing * 100.0 / math.hypot(100.0, 30.0)  # perpendicular to the relative velocity
-    assert closest_approach(t, joints, PLANAR, gone).miss == pytest.approx(away, rel=1e-2)
+    distance = 30.0 * passing * 100.0 / math.hypot(100.0, 30.0)  # perpendicular to the relative velocity
+    assert closest_approach(t, joints, PLANAR, gone).miss == pytest.approx(distance, rel=1e-2)
 
 
 def test_a_flight_that_ends_early_is_nearest_at_its_end() -> None:

@@ -89,8 +89,8 @@ def test_readings_that_are_lost_say_nothing() -> None:
 def test_some_components_may_be_moved_alone() -> None:
     sensor = PositionSensor(rate=10.0)
     commands = {"uav": np.zeros((STEPS, 3))}
-    some = {NAMES[3]: 1.0, NAMES[0]: 0.1}
-    found = empirical_gramian(lambda: plant(sensor), "uav", commands, EVERY, some)
+    chosen = {NAMES[3]: 1.0, NAMES[0]: 0.1}
+    found = empirical_gramian(lambda: plant(sensor), "uav", commands, EVERY, chosen)
     assert found.names == (NAMES[3], NAMES[0])
     np.testing.assert_allclose(found.total, expected(10.0)[np.ix_([3, 0], [3, 0])], rtol=1e-9)
 

@@ -1,4 +1,4 @@
-"""What a run was worth: convergence, when it came, and how honest the covariance was."""
+"""Metrics of a ranging run: convergence, its time, and the consistency of the covariance."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def recording(
     status: Callable[[float], Status] = lambda t: Status.OK,
     every: int = 1,
 ) -> Recording:
-    """20 s at rest at ``TRUTH``, looked at ten times a second, with an estimate at every so many looks."""
+    """20 s at rest at ``TRUTH``, sampled ten times a second, with an estimate at every so many samples."""
     t = np.linspace(0.0, 20.0, 201)
     truths = np.tile(np.concatenate([TRUTH, np.zeros(7)]), (len(t), 1))
     estimates = [Estimate(at, TRUTH + error(at), covariance, status(at)) for at in t[::every].tolist()]
@@ -56,7 +56,7 @@ def test_it_is_judged_by_the_last_quarter(when: float, converged: bool) -> None:
     assert summary(step_at(when, 1.0, 0.0))["converged"] is converged
 
 
-def test_a_late_peak_does_not_undo_convergence_and_is_told() -> None:
+def test_a_late_peak_does_not_undo_convergence_and_is_reported() -> None:
     peak = summary(lambda t: np.array([0.4 if 17.95 < t < 18.05 else 0.05, 0.0, 0.0]))
     assert peak["converged"] is True
     assert peak["convergence_time_s"] == pytest.approx(18.0)

@@ -14,7 +14,7 @@ VELOCITY = slice(4, 7)
 
 
 def test_the_error_is_the_root_of_the_mean_square_length_after_the_start() -> None:
-    """An observer that is never told anything says (1, 0, 0, 0) and no rate."""
+    """An observer that receives no measurement estimates (1, 0, 0, 0) and no rate."""
     calls = [RecordedCall(t, (), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0, 3.0 * t, 4.0 * t, 0.0])) for t in range(4)]
     system, _ = moving("rigid body", 0.0)
     observer = HighGain.build(HighGain.Config(), mission_of(system))
@@ -33,7 +33,7 @@ def test_the_best_of_a_grid_is_a_compromise_of_noise_and_transient() -> None:
     assert alone == min(found.errors)
 
 
-def test_a_best_value_at_the_edge_of_the_grid_is_told() -> None:
+def test_a_best_value_at_the_edge_of_the_grid_is_reported() -> None:
     assert Tuning("f", (1.0, 2.0, 3.0), (1.0, 2.0, 3.0)).at_edge
     assert not Tuning("f", (1.0, 2.0, 3.0), (2.0, 1.0, 3.0)).at_edge
 
@@ -67,8 +67,8 @@ def test_a_replay_counts_the_readings_that_were_refused() -> None:
     system, start = moving("rigid body", 0.0)
     mission = mission_of(system)
     calls = recorded(mission, start, 0.2)
-    off = system.manifold.point(start[:4], np.array([1.5, 0.0, 0.0]))
-    wrong = Measurement("position", calls[10].t, off)
+    outlier = system.manifold.point(start[:4], np.array([1.5, 0.0, 0.0]))
+    wrong = Measurement("position", calls[10].t, outlier)
     calls[10] = RecordedCall(calls[10].t, (wrong,), calls[10].command, calls[10].truth)
     ran = replayed(HighGain.build(HighGain.Config(), mission), calls, VELOCITY)
     assert (ran.refused, ran.restarts, ran.lost) == (1, 0, 0)

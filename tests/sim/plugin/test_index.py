@@ -1,4 +1,4 @@
-"""The index of plug-ins: it says what the plug-ins say, notices what changes, and is never in the way."""
+"""The index of plug-ins: it holds what the plug-ins declare, notices changes, and never fails a command."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def wanted(package: Path) -> Describe:
 
 @pytest.fixture
 def children(monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
-    """What each process that is started to import something imports."""
+    """Imports of each process that is started to import something."""
     started: list[list[str]] = []
     run = subprocess.run
 

@@ -61,9 +61,9 @@ def test_columns_of_short_cells_are_filled_up_so_that_the_raw_text_can_be_read()
 
 
 def test_a_tally_counts_what_holds_what_does_not_and_what_was_not_measured() -> None:
-    some = [claim("a", True), claim("b", True), claim("c", False), claim("d", None)]
-    assert tally(some) == "2 of 4 claims hold, 1 does not, 1 was not measured"
-    assert tally(some[:2]) == "2 of 2 claims hold"
+    claims = [claim("a", True), claim("b", True), claim("c", False), claim("d", None)]
+    assert tally(claims) == "2 of 4 claims hold, 1 does not, 1 was not measured"
+    assert tally(claims[:2]) == "2 of 2 claims hold"
 
 
 def test_a_claim_of_another_kind_is_refused() -> None:

@@ -21,7 +21,7 @@ PLACES = [place for kind in ("controllers", "estimators", "consensus") for place
 
 
 def formerly(place: str) -> str:
-    """What a place was called before: by the table, or without the name of the package."""
+    """The former name of a place: by the table, or without the name of the package."""
     return {now: before for before, now in MOVED.items()}.get(place, place.removeprefix("mathnavi."))
 
 

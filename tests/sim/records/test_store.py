@@ -115,7 +115,7 @@ def test_records_are_added_all_or_none(path: Path) -> None:
         assert store.keys() == {"a"}
 
 
-def test_an_unknown_key_is_told(path: Path) -> None:
+def test_an_unknown_key_is_reported(path: Path) -> None:
     with Store.open(path) as store, pytest.raises(KeyError, match="nowhere"):
         store.records(["nowhere"])
 
@@ -269,7 +269,7 @@ def test_a_store_cannot_be_made_where_nothing_may_be(anybody: Path) -> None:
     assert not list(anybody.iterdir())
 
 
-def test_where_no_file_can_be_made_the_name_is_told() -> None:
+def test_where_no_file_can_be_made_the_name_is_reported() -> None:
     with pytest.raises(ValueError, match=r"/proc/store\.db: "):
         Store.open("/proc/store.db")
 
@@ -314,7 +314,7 @@ with Store.open(sys.argv[1]) as store:
 """
 
 
-def test_a_writer_that_is_killed_loses_nothing_that_it_has_told(path: Path) -> None:
+def test_a_writer_that_is_killed_loses_nothing_that_it_has_announced(path: Path) -> None:
     for _ in range(3):
         path.unlink(missing_ok=True)
         writer = subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True)

@@ -26,11 +26,10 @@ from mathnavi.sim.records.missions import (
     RangingRecord,
     read_mission,
 )
-from mathnavi.sim.scenarios.assembler import Assembler
-from mathnavi.sim.scenarios.fault_fields import AerialFaults, Fault, LatePlans, RandomGusts, kinds, with_disturbances
+from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
+from mathnavi.sim.scenarios.fault_fields import AerialFaults, Fault, LatePlans, RandomGusts, kinds
 from mathnavi.sim.scenarios.missile_fields import MissileFaults, MissileGuidanceConfig, MissileGust, MissileNoise
 from mathnavi.sim.scenarios.missile_guidance import MissileGuidance
-from mathnavi.sim.scenarios.random_streams import RandomStreams
 
 
 def draws(rng: np.random.Generator) -> list[float]:
@@ -135,8 +134,8 @@ def test_a_fault_out_of_range_is_named_by_the_field_that_holds_it() -> None:
 
 def test_a_plant_without_disturbances_is_left_as_it_is() -> None:
     loop = MissileGuidance.build(MissileGuidanceConfig(), 0)
-    streams = RandomStreams(np.random.default_rng(0))
-    assert with_disturbances(loop.plant, [AerialFaults()], streams, mass=1.0, period=1.0) is loop.plant
+    parts = Assembler.of(MissileGuidance, MissileGuidanceConfig(), 0, None, None)
+    assert parts.disturbed(loop.plant, 1.0, mass=1.0) is loop.plant
 
 
 @pytest.mark.parametrize("scenario", names("scenarios"))

@@ -101,22 +101,22 @@ def test_a_state_that_diverges_at_once_is_a_run_without_pictures(
 
 def test_errors_are_those_of_the_transported_velocity() -> None:
     manifold, truth = Attitude(), np.array([1.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.1])
-    theta, off, speed, lyapunov = errors_of(manifold, truth, truth)
+    theta, velocity_error, speed, lyapunov = errors_of(manifold, truth, truth)
     assert theta == speed == 0.0
-    assert np.array_equal(off, np.zeros(3))
+    assert np.array_equal(velocity_error, np.zeros(3))
     turned = np.array([np.cos(0.1), np.sin(0.1), 0.0, 0.0, 0.3, 0.0, 0.1])
-    theta, off, speed, lyapunov = errors_of(manifold, truth, turned)
+    theta, velocity_error, speed, lyapunov = errors_of(manifold, truth, turned)
     assert theta == pytest.approx(0.1)
     assert lyapunov[1] == pytest.approx(0.005)
-    assert off[0] == pytest.approx(0.0, abs=1e-12)  # about the axis of the turn nothing changes
-    assert speed == pytest.approx(0.5 * float(np.linalg.norm(off)))
+    assert velocity_error[0] == pytest.approx(0.0, abs=1e-12)  # about the axis of the turn nothing changes
+    assert speed == pytest.approx(0.5 * float(np.linalg.norm(velocity_error)))
 
 
 def test_opposite_states_are_infinitely_off() -> None:
     manifold, truth = Attitude(), np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    theta, off, speed, lyapunov = errors_of(manifold, truth, np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    theta, velocity_error, speed, lyapunov = errors_of(manifold, truth, np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     assert theta == manifold.injectivity_radius
-    assert np.isinf(off).all()
+    assert np.isinf(velocity_error).all()
     assert np.isnan(lyapunov).all()
     assert speed == np.inf
 
@@ -166,7 +166,7 @@ def test_bad_input_is_one_clear_error(
     assert not out.exists()
 
 
-def test_what_leaves_the_hyperbolic_plane_s_bounds_is_told_and_estimates_stay_finite() -> None:
+def test_what_leaves_the_hyperbolic_plane_s_bounds_is_reported_and_estimates_stay_finite() -> None:
     outcome = flown("hyperbolic-plane", force="none", duration=4.0, rate=200.0)
     assert not outcome.success
     assert outcome.recording.events[-1].kind == "escaped"

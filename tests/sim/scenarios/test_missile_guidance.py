@@ -1,4 +1,4 @@
-"""The scenario of the missile: it hits what it is told of, whatever is not as it was declared, and says so when not."""
+"""The scenario of the missile: it hits its announced target under model errors, and reports when it does not."""
 
 from __future__ import annotations
 
@@ -74,10 +74,10 @@ def test_feedback_brings_it_home(fields: dict[str, Any]) -> None:
 def test_what_is_not_as_declared_matters(calm: RunResult) -> None:
     other = fly(controller=glide(omega=2.0), mismatch=MissileMismatch(mass=1.1), gust=WIND)
     assert other.summary["miss_m"] > 20.0 * calm.summary["miss_m"]
-    assert other.config["mission"] == calm.config["mission"]  # nobody is told
+    assert other.config["mission"] == calm.config["mission"]  # not announced
 
 
-def test_a_moving_target_is_hit_by_who_is_told_and_missed_by_who_is_not() -> None:
+def test_a_moving_target_is_hit_if_it_is_announced_and_missed_if_not() -> None:
     known, expected, blind = (fly(target_velocity=(20.0, 0.0, 0.0), target_told=when) for when in (0.0, 2.0, 1e3))
     assert known.success
     assert expected.success
@@ -92,14 +92,14 @@ def test_a_target_that_rises_past_the_missile_while_far_away_is_not_passed() -> 
     assert outcome.recording.t[-1] > 0.8 * outcome.summary["planned_time_s"]
 
 
-def test_a_target_that_turns_is_told_of_and_hit() -> None:
+def test_a_target_that_turns_is_announced_and_hit() -> None:
     outcome = fly(target_velocity=(20.0, 0.0, 0.0), target_change=((2.0, -20.0, 0.0, 0.0), (4.0, 0.0, 0.0, 0.0)))
     assert kinds(outcome).count("message") == 2
     assert outcome.success
     assert outcome.recording.truths["missile"][-1, 0] == pytest.approx(700.0 + 40.0 - 40.0, abs=0.5)
 
 
-def test_thrusters_at_their_limit_are_told_and_counted() -> None:
+def test_thrusters_at_their_limit_are_reported_and_counted() -> None:
     outcome = fly(actuator=Thrusters(normal=4000.0))
     assert not outcome.success
     assert kinds(outcome).count("input-clipped") == outcome.summary["inputs_clipped"] >= 1

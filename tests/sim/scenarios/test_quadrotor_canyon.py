@@ -15,7 +15,7 @@ from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.figure_names import label
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
-from mathnavi.sim.scenarios.flight_parts import FlightNoise
+from mathnavi.sim.scenarios.flight_fields import FlightNoise
 from mathnavi.sim.scenarios.quadrotor_canyon import QuadrotorCanyon
 from mathnavi.sim.scenarios.quadrotor_fields import QuadrotorCanyonConfig, QuadrotorMismatch
 
@@ -33,7 +33,7 @@ def outcome() -> RunResult:
     return flown(faults=GUSTS, mismatch=HEAVY)
 
 
-def test_in_gusts_heavier_than_told_with_failing_solvers_it_arrives_safely_and_in_time(outcome: RunResult) -> None:
+def test_in_gusts_heavier_than_modelled_with_failing_solvers_it_arrives_safely_and_in_time(outcome: RunResult) -> None:
     summary = outcome.summary
     assert outcome.success, summary
     assert summary["arrival_time_s"] <= summary["deadline_s"]
@@ -61,7 +61,7 @@ def test_estimates_are_compared_with_the_centre(outcome: RunResult) -> None:
     x, truth = outcome.arrays["estimate.x"], outcome.arrays["truth.x"]
     errors = QuadrotorCanyon.errors(QuadrotorCanyonConfig(), x, truth)
     assert list(errors) == ["x [m]", "y [m]", "z [m]", "v_x [m/s]", "v_y [m/s]", "v_z [m/s]"]
-    assert all(np.abs(off).max() < 1e-9 for off in errors.values())  # its sensor has no noise
+    assert all(np.abs(error).max() < 1e-9 for error in errors.values())  # its sensor has no noise
 
 
 def test_the_clearance_is_that_of_the_whole_vehicle(outcome: RunResult) -> None:
@@ -98,8 +98,8 @@ def test_ends_are_drawn_on_the_floor_of_the_canyon_by_the_seed() -> None:
     assert ends[0] != ends[1]
 
 
-def test_a_rotor_too_weak_for_the_bound_is_told() -> None:
-    """What a rotor of half its thrust does to the moments is in no bound."""
+def test_a_rotor_too_weak_for_the_bound_is_reported() -> None:
+    """The effect of a rotor with half its thrust on the moments is in no bound."""
     summary = flown(mismatch=QuadrotorMismatch(rotor=0.5)).summary
     assert summary["tracking_breaches"] > 0
     assert summary["rebased_plans"] + summary["guarantee_lost"] > 0

@@ -1,4 +1,4 @@
-"""The scenario of the robot that finds itself: what is drawn, what is told, what goes wrong, and that it repeats.
+"""The scenario of the robot that localises itself: drawn starts, the known start, faults, and repeatability.
 
 Flown by a fixed pattern and an estimator that only reckons, so that nothing here depends on a filter.
 """
@@ -24,7 +24,7 @@ from tests.localisation import DeadReckoner, Pattern, PatternConfig, PatternPlan
 from tests.unicycle import STANDARD
 
 SILENT = RangingNoise(range_relative=0.0, odometry_noise=(0.0, 0.0), odometry_bias=0.0)
-TOLD: dict[str, Any] = {"start": (0.3, -0.2, 70.0), "start_known": True, "start_error": (0.0, 0.0, 0.0)}
+KNOWN_START: dict[str, Any] = {"start": (0.3, -0.2, 70.0), "start_known": True, "start_error": (0.0, 0.0, 0.0)}
 NOISY: dict[str, Any] = {
     "duration": 3.0,
     "noise": RangingNoise(dropout=0.2, outliers=0.1),
@@ -45,7 +45,7 @@ def build(seed: int, controller: PluginSpec | None = None, **fields: Any) -> Any
 @pytest.fixture(scope="module")
 def silent() -> RunResult:
     """Without noise, from a start that is known."""
-    return run(noise=SILENT, **TOLD)
+    return run(noise=SILENT, **KNOWN_START)
 
 
 def test_who_knows_the_start_and_reckons_without_noise_never_errs(silent: RunResult) -> None:
@@ -127,20 +127,20 @@ def test_a_path_that_fits_nowhere_is_refused() -> None:
         build(0, PluginSpec.of(Cautious, speed=5.0, cycle=0.0))
 
 
-def test_what_is_told_of_the_start_is_off_as_declared_and_within_the_wall() -> None:
-    off = []
+def test_the_known_start_errs_as_declared_and_within_the_wall() -> None:
+    starts = []
     for seed in range(60):
         mission = build(seed, start=(0.0, 0.0, 0.0), start_known=True, start_error=(0.5, 0.2, 30.0)).config["mission"]
-        told = np.array(mission["known_start"]["pose"])
-        assert STANDARD.contains(told)
+        known = np.array(mission["known_start"]["pose"])
+        assert STANDARD.contains(known)
         np.testing.assert_allclose(mission["known_start"]["deviation"], [0.5, 0.2, math.radians(30.0)])
-        off.append(told)
-    np.testing.assert_allclose(np.std(off, axis=0), [0.5, 0.2, math.radians(30.0)], rtol=0.3)
+        starts.append(known)
+    np.testing.assert_allclose(np.std(starts, axis=0), [0.5, 0.2, math.radians(30.0)], rtol=0.3)
     assert build(0).config["mission"]["known_start"] is None
 
 
 def test_touching_the_wall_ends_the_run_as_a_failure() -> None:
-    outcome = run(controller=PluginSpec.of(Pattern, cycle=0.0), **TOLD, noise=SILENT)
+    outcome = run(controller=PluginSpec.of(Pattern, cycle=0.0), **KNOWN_START, noise=SILENT)
     assert not outcome.success
     (contact,) = [event for event in outcome.recording.events if event.kind == "contact"]
     assert re.fullmatch(r"touches wall_\d+ at \[-?\d\.\d, -?\d\.\d\] with 0\.\d m/s", contact.message)
@@ -151,22 +151,24 @@ def test_touching_the_wall_ends_the_run_as_a_failure() -> None:
 
 
 def test_an_outage_takes_the_ranges_and_nothing_else() -> None:
-    arrays = run(duration=3.0, outage=((0.5, 1.0), (2.0, 2.2)), **TOLD).arrays
+    arrays = run(duration=3.0, outage=((0.5, 1.0), (2.0, 2.2)), **KNOWN_START).arrays
     t, lost = arrays["t"], np.isnan(arrays["measurement.ranges"]).all(axis=1)
     expected = ((t > 0.495) & (t < 0.995)) | ((t > 1.995) & (t < 2.195))
     np.testing.assert_array_equal(lost, expected)
     assert not np.isnan(arrays["measurement.odometry"][1:]).any()
 
 
-def test_commands_beyond_what_the_wheels_can_are_told() -> None:
-    outcome = run(duration=2.0, speed_max=0.3, **TOLD)
+def test_commands_beyond_what_the_wheels_can_are_reported() -> None:
+    outcome = run(duration=2.0, speed_max=0.3, **KNOWN_START)
     assert outcome.summary["inputs_clipped"] == 1
     path = np.linalg.norm(np.diff(outcome.arrays["truth.x"][:, :2], axis=0), axis=1).sum()
     assert path == pytest.approx(0.6, abs=0.01)
 
 
 def test_wheels_that_slip_mislead_who_reckons() -> None:
-    grip, slip = (run(drive="differential", friction=mu, noise=SILENT, duration=8.0, **TOLD) for mu in (1.0, 0.02))
+    grip, slip = (
+        run(drive="differential", friction=mu, noise=SILENT, duration=8.0, **KNOWN_START) for mu in (1.0, 0.02)
+    )
     assert grip.summary["position_rms_m"] < 0.1
     assert slip.summary["position_rms_m"] > 2.0 * grip.summary["position_rms_m"]
     assert not {"contact", "ground-contact"} & set(kinds(grip))
@@ -182,7 +184,7 @@ def test_other_walls_are_seen_by_mujoco_as_they_are() -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "told"),
+    ("field", "observable"),
     [
         (WallFields(), "the pose, up to 2 rotations"),
         (WallFields("egg"), "the pose"),
@@ -190,9 +192,9 @@ def test_other_walls_are_seen_by_mujoco_as_they_are() -> None:
     ],
     ids=["ellipse", "egg", "circle"],
 )
-def test_the_summary_says_what_can_be_observed(field: WallFields, told: str) -> None:
+def test_the_summary_says_what_can_be_observed(field: WallFields, observable: str) -> None:
     outcome = run(field=field, duration=0.5, start=(0.2, 0.1, 30.0), start_known=True, start_error=(0.0, 0.0, 0.0))
-    assert outcome.summary["observable"] == told
+    assert outcome.summary["observable"] == observable
     assert outcome.summary["converged"] is True
 
 
@@ -214,7 +216,7 @@ def test_a_field_of_fourier_coefficients_is_a_field() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "make"),
+    ("named", "make"),
     [
         ("field.half_axes", lambda: WallFields(half_axes=(0.0, 1.0))),
         ("field.half_axes", lambda: WallFields(half_axes=(math.nan, 1.0))),
@@ -257,8 +259,8 @@ def test_a_field_of_fourier_coefficients_is_a_field() -> None:
         ("outage", lambda: RangeLocalisationConfig(outage=((0.0, math.nan),))),
     ],
 )
-def test_fields_out_of_range_are_refused_by_their_names(told: str, make: Any) -> None:
-    with pytest.raises(ValueError, match=rf"{told}.*allowed"):
+def test_fields_out_of_range_are_refused_by_their_names(named: str, make: Any) -> None:
+    with pytest.raises(ValueError, match=rf"{named}.*allowed"):
         make()
 
 
@@ -270,10 +272,10 @@ def test_by_default_the_robot_finds_itself_from_anywhere() -> None:
     assert outcome.summary["convergence_time_s"] < 5.0
 
 
-def test_seconds_without_ranges_are_told_and_got_over() -> None:
+def test_seconds_without_ranges_are_reported_and_survived() -> None:
     outcome = RangeLocalisation.build(RangeLocalisationConfig(duration=12.0, outage=((4.0, 6.0),)), 1).run()
-    told = [event for event in outcome.recording.events if event.kind == "estimator-status"]
-    assert any(event.message.startswith("lost") and 4.0 < event.t < 6.0 for event in told)
+    statuses = [event for event in outcome.recording.events if event.kind == "estimator-status"]
+    assert any(event.message.startswith("lost") and 4.0 < event.t < 6.0 for event in statuses)
     assert outcome.summary["lost_s"] == pytest.approx(1.5, abs=0.1)
     assert np.isfinite(outcome.arrays["estimate.x"]).all()
     assert outcome.success

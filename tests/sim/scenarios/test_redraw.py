@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mathnavi.sim.interfaces.errors import FieldError
-from mathnavi.sim.scenarios.random_streams import RandomStreams
+from mathnavi.sim.scenarios.assembler import RandomStreams
 from mathnavi.sim.scenarios.redraw import BLOCK, ChanceFields, Redraw, generator
 from mathnavi.sim.sweep.trial import trial
 

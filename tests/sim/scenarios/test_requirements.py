@@ -1,4 +1,4 @@
-"""What a run did not do is told in one line, and only then."""
+"""Requirements that a run did not meet are reported in one line, and only then."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_a_requirement_is_missed_exactly_beyond_its_limits(value: float, least: 
         assert figure != limit
 
 
-def test_what_does_not_decide_is_told_only_of_a_run_that_fell_short() -> None:
+def test_what_does_not_decide_is_reported_only_for_a_run_that_fell_short() -> None:
     near, fast = Requirement("min_clearance_m", least=50.0), Requirement("speed_max_m_s", most=300.0)
     summary, success = evaluate(SUMMARY, [near], reported=[fast])
     assert not success

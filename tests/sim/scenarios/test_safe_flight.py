@@ -21,8 +21,7 @@ from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
-from mathnavi.sim.scenarios.flight_fields import SafeFlightConfig
-from mathnavi.sim.scenarios.flight_parts import FlightNoise
+from mathnavi.sim.scenarios.flight_fields import FlightNoise, SafeFlightConfig
 from mathnavi.sim.scenarios.safe_flight import SafeFlight
 from tests import flight
 
@@ -81,8 +80,8 @@ def test_what_was_flown_is_the_plans_that_were_adopted(plain: RunResult) -> None
     adopted = arrays["plan.adopted"]
     np.testing.assert_allclose(arrays["plan.t"][arrays["plan.offsets"][:-1]], adopted, atol=1e-9)
     starts = arrays["plan.x"][arrays["plan.offsets"][:-1]]
-    looks = np.searchsorted(arrays["t"], adopted - 0.5 * TICK)
-    np.testing.assert_allclose(arrays["truth.x"][looks], starts, atol=0.1)
+    steps = np.searchsorted(arrays["t"], adopted - 0.5 * TICK)
+    np.testing.assert_allclose(arrays["truth.x"][steps], starts, atol=0.1)
 
 
 def test_the_clearance_is_that_of_the_flown_path(plain: RunResult) -> None:
@@ -356,7 +355,7 @@ def test_the_bound_is_kept_at_every_control_rate(terrain: str, rate: float) -> N
     assert 0.0 < outcome.summary["tracking_error_max_m"] <= outcome.summary["tracking_bound_m"]
 
 
-def test_what_changes_on_the_way_is_told_and_flown_by(terrain: str) -> None:
+def test_changes_in_flight_are_communicated_and_taken_into_account(terrain: str) -> None:
     """A radar that drives and is switched off, a target that moves, and a hill that the map did not show."""
     x, y, z = flight.above(flight.mountains(), (9000.0, 10_500.0), 150.0)
     outcome = flown(
@@ -366,13 +365,13 @@ def test_what_changes_on_the_way_is_told_and_flown_by(terrain: str) -> None:
         uncharted=((5500.0, 5500.0, 1500.0, 900.0),), uncharted_time=3.0,
     )  # fmt: skip
     assert_safe(outcome)
-    told = [(e.t, e.message.split()[0]) for e in outcome.recording.events if e.kind == "message"]
-    radars = [t for t, topic in told if topic == "radars"]
-    assert [t for t, topic in told if topic == "terrain"] == [pytest.approx(3.0, abs=5.0 / 3.0)]
+    messages = [(e.t, e.message.split()[0]) for e in outcome.recording.events if e.kind == "message"]
+    radars = [t for t, topic in messages if topic == "radars"]
+    assert [t for t, topic in messages if topic == "terrain"] == [pytest.approx(3.0, abs=5.0 / 3.0)]
     assert len(radars) == 4  # on, twice elsewhere, off
     assert radars[0] >= 5.0
     assert radars[-1] == pytest.approx(20.0, abs=5.0 / 3.0)
-    assert [t for t, topic in told if topic == "target"][-1] == pytest.approx(28.0, abs=5.0 / 3.0)
+    assert [t for t, topic in messages if topic == "target"][-1] == pytest.approx(28.0, abs=5.0 / 3.0)
     assert math.dist(outcome.recording.truths["vehicle"][-1, :3].tolist(), (x, y, z)) <= 50.0
     assert outcome.summary["min_clearance_m"] >= H_MIN
     assert outcome.config["terrain"]["digest"] != flight.mountains().digest

@@ -52,7 +52,8 @@ def test_the_average_asks_some_for_more_than_they_can_and_costs_no_safety(terrai
 
 
 def test_alone_they_would_arrive_far_apart(terrain: str) -> None:
-    """What is agreed is what makes it one time: with a radio that loses everything, nobody knows of anybody's time."""
+    """The agreement makes the arrivals simultaneous: with a radio that loses everything, no vehicle knows another's
+    time."""
     outcome = flown(terrain, radio=Radio(loss=1.0))
     assert not outcome.success
     assert outcome.summary["ground_contacts"] == 0
@@ -85,10 +86,10 @@ def test_arrivals_and_separation_are_those_of_the_log(terrain: str) -> None:
     expected = outcome.config["mission"]["vehicles"]
     t, truths = outcome.recording.t, outcome.recording.truths
     for name, place in expected.items():
-        away = np.linalg.norm(truths[name][:, :3] - np.array(place["target"]), axis=1)
+        distance = np.linalg.norm(truths[name][:, :3] - np.array(place["target"]), axis=1)
         assert np.array(place["start"]) == pytest.approx(truths[name][0, :3])
-        assert away.min() <= 50.0
-        first = float(t[np.flatnonzero(away <= 50.0)[0]])
+        assert distance.min() <= 50.0
+        first = float(t[np.flatnonzero(distance <= 50.0)[0]])
         assert outcome.summary["first_arrival_s"] <= first <= outcome.summary["arrival_time_s"] + 1.0 / 60.0
     pairs = [("vehicle_1", "vehicle_2"), ("vehicle_1", "vehicle_3"), ("vehicle_2", "vehicle_3")]
     sampled = min(float(np.linalg.norm(truths[a][:, :3] - truths[b][:, :3], axis=1).min()) for a, b in pairs)
@@ -96,7 +97,7 @@ def test_arrivals_and_separation_are_those_of_the_log(terrain: str) -> None:
     assert least_separation(outcome.recording, list(expected))[0] == outcome.summary["separation_min_m"]
 
 
-def test_a_fleet_that_is_told_where_to_start_starts_there(terrain: str) -> None:
+def test_a_fleet_with_given_starts_starts_there(terrain: str) -> None:
     drawn = SimultaneousArrival.build(config(terrain), 1).config
     starts = tuple(tuple(each["start"]) for each in drawn["mission"]["vehicles"].values())
     ring = [each["target"] for each in drawn["mission"]["vehicles"].values()]
@@ -106,7 +107,7 @@ def test_a_fleet_that_is_told_where_to_start_starts_there(terrain: str) -> None:
     assert SimultaneousArrival.build(expected, 7).config["fields"]["start"] == starts
 
 
-def test_what_is_learnt_on_the_way_is_told_to_all(terrain: str) -> None:
+def test_new_information_is_sent_to_all(terrain: str) -> None:
     """A radar that drives and goes, and a hill that the map does not show; and with a graph of one's own."""
     outcome = flown(
         terrain, name=("north", "east", "south"), edge=(("north", "east", 1.0), ("east", "south", 0.5)),

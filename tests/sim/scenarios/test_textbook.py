@@ -71,7 +71,7 @@ def test_an_unknown_distance_is_a_fourth_state() -> None:
     assert closed_loop.plant.state_names(VEHICLE)[3] == "d_0 [m]"
 
 
-def test_errors_are_told_state_by_state() -> None:
+def test_errors_are_reported_state_by_state() -> None:
     config = TextbookConfig("camera-and-flags")
     errors = TextbookObserver.errors(config, np.array([[1.0, 2.0, 3.2]]), np.array([[0.0, 0.0, -3.2]]))
     assert list(errors) == ["x_1 [m]", "x_2 [m]", "phi [rad]"]

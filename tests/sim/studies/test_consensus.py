@@ -1,4 +1,4 @@
-"""What the study ``consensus`` measures is what the theory gives where there is one, and can be off."""
+"""The study ``consensus`` measures what the theory predicts, and detects deviations from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What several studies draw can be read, whatever lies on what."""
+"""Shared drawings of the studies stay legible where curves and texts overlap."""
 
 from __future__ import annotations
 

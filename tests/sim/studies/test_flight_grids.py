@@ -1,4 +1,4 @@
-"""What the study of stretched grids counts and compares, on records made by hand."""
+"""Counts and comparisons of the study of stretched grids, on records made by hand."""
 
 from __future__ import annotations
 

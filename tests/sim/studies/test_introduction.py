@@ -1,4 +1,4 @@
-"""What the study of the Introduction's examples measures."""
+"""The measures of the study of the Introduction's examples."""
 
 from __future__ import annotations
 

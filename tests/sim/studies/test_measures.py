@@ -1,4 +1,4 @@
-"""What the studies measure beside the summary, on flights made by hand."""
+"""Measures of the studies beside the summary, on flights made by hand."""
 
 from __future__ import annotations
 

@@ -38,7 +38,7 @@ def test_an_ellipse_has_the_ratio_that_it_is_called_by() -> None:
         assert np.divide(*(high - low)) == pytest.approx(case.value, rel=1e-4)
 
 
-def test_an_egg_departs_from_its_ellipse_as_it_is_told_to() -> None:
+def test_an_egg_departs_from_its_ellipse_as_configured() -> None:
     far = [np.abs(egged(d).polyline - egged(0.0).polyline).max() for d in (0.01, 0.02, 0.1)]
     assert far[0] == pytest.approx(0.5 * far[1], rel=0.02)
     assert far[0] < far[1] < far[2]

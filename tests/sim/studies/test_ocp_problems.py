@@ -1,4 +1,4 @@
-"""What the study of known optima counts as reached, and what it reports."""
+"""The study of known optima: when an optimum counts as reached, and the report."""
 
 from __future__ import annotations
 

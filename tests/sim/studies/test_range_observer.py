@@ -1,4 +1,4 @@
-"""What the study ``range-observer`` measures with."""
+"""The measures of the study ``range-observer``."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mathnavi.sim.studies.ranging.range_observer.observer_run import RunErrors, 
 from mathnavi.sim.studies.ranging.range_observer.runs import START, ObserverGains, ThesisRun
 from mathnavi.sim.studies.ranging.range_observer.study import PRINTED_START, SETS
 
-OURS, PRINT = ObserverGains("s", 5.0, 1.0), ObserverGains("none", 5.0, 1.0)
+OURS, AS_PRINTED = ObserverGains("s", 5.0, 1.0), ObserverGains("none", 5.0, 1.0)
 STEP = 1e-4  # [s]
 
 
@@ -47,8 +47,8 @@ def test_the_first_estimates_are_in_the_vicinity_of_the_thesis_start() -> None:
     alpha = np.radians(SENSORS["2t"])
     for seed in range(20):
         z, x = runs.first_z(seed)
-        off = (z - PRINTED_START + math.pi) % (2.0 * math.pi) - math.pi
-        assert np.abs(off).max() <= runs.VICINITY + 1e-4
+        error = (z - PRINTED_START + math.pi) % (2.0 * math.pi) - math.pi
+        assert np.abs(error).max() <= runs.VICINITY + 1e-4
         assert STANDARD.contains(x[:2])
         np.testing.assert_array_equal(z, runs.first_z(seed)[0])
     rho, s = STANDARD.ranges(START, alpha)
@@ -60,8 +60,8 @@ def test_only_the_rays_that_are_said_to_err_do_and_by_five_per_cent(noisy: tuple
     seen = runs.from_thesis_start(ThesisRun("circle", OURS, 3, 4, noisy)).run
     exact = np.array([STANDARD.ranges(pose, seen.mission.alpha)[0] for pose in seen.truth])
     read = np.array([readings[0].value for readings in seen.readings])
-    off = (read / exact - 1.0).std(axis=0)
-    np.testing.assert_allclose(off, np.where(noisy, runs.NOISE, 0.0), rtol=0.15, atol=1e-12)
+    deviation = (read / exact - 1.0).std(axis=0)
+    np.testing.assert_allclose(deviation, np.where(noisy, runs.NOISE, 0.0), rtol=0.15, atol=1e-12)
 
 
 def test_an_estimate_on_the_image_of_the_truth_is_not_off() -> None:
@@ -76,7 +76,7 @@ def test_an_estimate_on_the_image_of_the_truth_is_not_off() -> None:
 
 
 def test_turning_from_the_thesis_start_the_print_loses_lock_and_the_feed_forward_does_not() -> None:
-    printed, ours = (runs.thesis_verdict(ThesisRun("circle", gains, 0, 8)) for gains in (PRINT, OURS))
+    printed, ours = (runs.thesis_verdict(ThesisRun("circle", gains, 0, 8)) for gains in (AS_PRINTED, OURS))
     assert not printed.locked
     assert not printed.locked_z
     assert ours.locked

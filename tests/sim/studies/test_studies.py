@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import html
 import json
-import pickle
-from collections.abc import Callable
 from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -20,11 +18,8 @@ from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.plugin.registry import load
 from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import RunResult
-from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_findings
-from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, some
-from mathnavi.sim.sweep import execution, serve
-from mathnavi.sim.sweep.child import StoppedError
-from mathnavi.sim.sweep.task import Ended, SweepTask
+from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_result
+from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, selected_kinds
 from mathnavi.sim.sweep.trial import Trial
 
 SMALLEST: dict[str, dict[str, int]] = {
@@ -109,7 +104,15 @@ CLAIMS = {
     },
     "range-convergence": {"range.global", "range.bank", "range.nonconvex", "range.diffdrive", "range.consistency"},
     "range-observer": {
-        *("range.identities", "range.print", "C.start", "C.observer", "C.converges-z", "C.converges-x", "C.noise-z"),
+        *(
+            "range.identities",
+            "range.as-printed",
+            "C.start",
+            "C.observer",
+            "C.converges-z",
+            "C.converges-x",
+            "C.noise-z",
+        ),
         *("C.noise-x", "C.position-better", "C.vector-average", "C.input", "C.proposition-2"),
     },
 }
@@ -138,32 +141,14 @@ def hills(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
-class Here:
-    """A worker that runs tasks in this process, and is spared the start of another."""
-
-    def __init__(self) -> None:
-        self._stopped = False
-
-    def run(self, task: SweepTask, key: str, timeout: float | None, compiling: Callable[[], None]) -> Ended:
-        if self._stopped:
-            raise StoppedError
-        assert timeout is None
-        return serve._run(pickle.loads(pickle.dumps(task)), key)  # as it reaches a process of its own
-
-    def stop(self) -> None:
-        self._stopped = True
-
-    close = stop
-
-
 @pytest.fixture(scope="module")
 def outcomes() -> dict[str, RunResult]:
-    """What has been flown so far, by the key of a trial without a measure."""
+    """Results flown so far, by the key of a trial without a measure."""
     return {}
 
 
 @pytest.fixture
-def flown_once(outcomes: dict[str, RunResult], monkeypatch: pytest.MonkeyPatch) -> None:
+def flown_once(outcomes: dict[str, RunResult], trials_here: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Missions are flown here, and each once: a study flies its missions for their records, and some for their paths
     again; and several studies compare with the same mission.
     """
@@ -175,7 +160,6 @@ def flown_once(outcomes: dict[str, RunResult], monkeypatch: pytest.MonkeyPatch) 
         return outcomes[key]
 
     monkeypatch.setattr(Trial, "flown", flown)
-    monkeypatch.setattr(execution, "Worker", lambda path: Here())
 
 
 def test_every_study_is_in_this_suite() -> None:
@@ -185,65 +169,65 @@ def test_every_study_is_in_this_suite() -> None:
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.usefixtures("flown_once")
 def test_a_study_keeps_the_contract(name: str, hills: str, tmp_path: Path) -> None:
-    """One test for all of it, so that each study is run once."""
+    """One test for everything, so that each study is run once."""
     plugin = load("studies", name)
     config = plugin.Config(**SMALLEST[name])
     with Store.open(tmp_path / "trials.db") as store:
         setup = Setup(hills if on_terrain(plugin) else None, store)
-        findings: StudyResult = plugin.run(config, setup)
-        write_findings(tmp_path, name, plugin.title, findings, setup, f"mathnavi study {name}")
+        result: StudyResult = plugin.run(config, setup)
+        write_result(tmp_path, name, plugin.title, result, setup, f"mathnavi study {name}")
         stored = store.keys() | store.job_endings().keys()
         assert stored
         idle = Setup(setup.terrain, store, progress=lambda now: pytest.fail(f"{now} is computed again"))
         again: StudyResult = plugin.run(config, idle)  # what was timed is as it was timed then
         assert store.keys() | store.job_endings().keys() == stored
-        assert [claim.measured for claim in again.claims] == [claim.measured for claim in findings.claims]
-        assert as_csv(again.rows) == as_csv(findings.rows)
-    assert_claims(name, findings)
-    assert_files(tmp_path, name, findings, "hills" if on_terrain(plugin) else None)
+        assert [claim.measured for claim in again.claims] == [claim.measured for claim in result.claims]
+        assert as_csv(again.rows) == as_csv(result.rows)
+    assert_claims(name, result)
+    assert_files(tmp_path, name, result, "hills" if on_terrain(plugin) else None)
 
 
-def assert_claims(name: str, findings: StudyResult) -> None:
+def assert_claims(name: str, result: StudyResult) -> None:
     """They are those that the study is there for, and each tells all that a ledger needs."""
-    assert {claim.id for claim in findings.claims} == CLAIMS[name]
-    for claim in findings.claims:
+    assert {claim.id for claim in result.claims} == CLAIMS[name]
+    for claim in result.claims:
         assert claim.kind == ("printed" if claim.id.startswith(PRINTED) else "target")
         assert isinstance(claim.holds, bool) or (name in UNMEASURED and claim.holds is None)
         assert all((claim.statement, claim.source, claim.expected, claim.measured))
-    holds = {claim.id: claim.holds for claim in findings.claims}
+    holds = {claim.id: claim.holds for claim in result.claims}
     known = HOLDS.get(name, {})
     assert {claim: holds[claim] for claim in known} == known
 
 
-def assert_files(folder: Path, name: str, findings: StudyResult, terrain: str | None) -> None:
+def assert_files(folder: Path, name: str, result: StudyResult, terrain: str | None) -> None:
     """NAME.csv, NAME.json, NAME.png and NAME.html hold what was found."""
     rows = list(csv.DictReader((folder / f"{name}.csv").open(encoding="utf-8")))
-    assert len(rows) == len(findings.rows) > 0
-    assert list(rows[0]) == list(dict.fromkeys(column for row in findings.rows for column in row))
+    assert len(rows) == len(result.rows) > 0
+    assert list(rows[0]) == list(dict.fromkeys(column for row in result.rows for column in row))
     document = json.loads((folder / f"{name}.json").read_text(encoding="utf-8"))
     assert (document["terrain"] or {"name": None})["name"] == terrain
     keys = {"id", "kind", "statement", "source", "expected", "measured", "holds"}
     assert all(claim.keys() == keys for claim in document["claims"])
-    assert len(document["rows"]) == len(findings.rows)
+    assert len(document["rows"]) == len(result.rows)
     with Image.open(folder / f"{name}.png") as picture:
         assert picture.width >= 1000
         assert np.asarray(picture.convert("L")).std() > 10.0
     page = (folder / f"{name}.html").read_text(encoding="utf-8")
-    assert all(claim.id in page for claim in findings.claims)
-    assert all(html.escape(table.title) in page for table in findings.tables)
+    assert all(claim.id in page for claim in result.claims)
+    assert all(html.escape(table.title) in page for table in result.tables)
     assert ("Over the terrain" in page) is (terrain is not None)
 
 
 def test_every_kind_of_the_missiles_flights_can_be_flown() -> None:
     """Their smallest study flies only some."""
-    assert some(OTHERS, PAIRS) == KINDS
+    assert selected_kinds(OTHERS, PAIRS) == KINDS
     for kind in KINDS:
         assert len(kind.trials(len(CASES), 3)) == (3 if kind.seeded else len(CASES))
         kind.trials(1, 1)[0].build()
 
 
 @pytest.mark.parametrize(
-    ("name", "fields", "told"),
+    ("name", "fields", "named"),
     [
         ("noise", {"offsets": 8}, "offsets = 8; allowed: a whole number from 1 to 7"),
         ("run-time", {"nodes": 3}, "nodes = 3; allowed: a whole number from 4 to 6"),
@@ -254,6 +238,6 @@ def test_every_kind_of_the_missiles_flights_can_be_flown() -> None:
         ("consensus", {"vehicles": 5}, "vehicles = 5; allowed: an even number >= 4"),
     ],
 )
-def test_a_study_refuses_more_than_there_is(name: str, fields: dict[str, int], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_a_study_refuses_more_than_there_is(name: str, fields: dict[str, int], named: str) -> None:
+    with pytest.raises(ValueError, match=named):
         load("studies", name).Config(**fields)

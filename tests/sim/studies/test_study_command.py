@@ -87,7 +87,7 @@ class Missed(Tiny):
 
 
 class Printed(Missed):
-    """A claim of the print that does not hold."""
+    """A claim of the thesis that does not hold."""
 
     kind = "printed"
 
@@ -197,7 +197,7 @@ def test_a_study_that_is_interrupted_keeps_what_has_ended(tmp_path: Path, monkey
     assert len(list(marks.iterdir())) - begun == 6 - ended
 
 
-def test_a_study_that_asks_for_a_terrain_it_said_it_does_not_need_is_told(
+def test_a_study_that_asks_for_a_terrain_it_declared_it_does_not_need_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["study", f"{HERE}:Deceived", "--out", str(tmp_path / "out")]) == 1

@@ -79,7 +79,7 @@ def timed(n: int) -> dict[str, Any]:
 
 
 def mishap(kind: str) -> str:
-    """Ends as it is told to, or well."""
+    """Ends as its argument demands, or successfully."""
     if kind == "raise":
         raise RuntimeError("out of order")
     if kind == "die":

@@ -28,7 +28,7 @@ class Part:
 
 @dataclass(frozen=True)
 class CoinConfig:
-    """What the coin does instead of falling."""
+    """Action of the coin instead of falling."""
 
     bias: float = 0.5
     wait: float = 0.0  # [s]

@@ -38,7 +38,7 @@ def coins(count: int, **fields: Any) -> list[Trial]:
     return [trial(COIN, seed, **fields) for seed in range(count)]
 
 
-def told(records: Sequence[Record]) -> list[Record]:
+def comparable(records: Sequence[Record]) -> list[Record]:
     """The records without what depends on the time."""
     return [replace(record, timings={}) for record in records]
 
@@ -63,7 +63,7 @@ def test_what_goes_wrong_is_recorded_and_stops_nothing(mishaps: list[Record]) ->
         assert (record.success is None) == (record.error is not None) == (record.status != "ok")
 
 
-def test_an_error_is_told_with_where_it_was_raised(mishaps: list[Record]) -> None:
+def test_an_error_is_reported_with_where_it_was_raised(mishaps: list[Record]) -> None:
     error = mishaps[2].error or ""
     assert error.startswith("Traceback")
     assert error.endswith("RuntimeError: seed 2 is out of order")
@@ -71,7 +71,7 @@ def test_an_error_is_told_with_where_it_was_raised(mishaps: list[Record]) -> Non
     assert (mishaps[3].error or "").endswith("SystemExit: enough")
 
 
-def test_a_death_is_told_with_its_cause_and_last_words(mishaps: list[Record]) -> None:
+def test_a_crash_is_reported_with_its_cause_and_last_output(mishaps: list[Record]) -> None:
     fault, ended, hung = (mishaps[k].error or "" for k in (4, 6, 7))
     assert fault.startswith("the process was killed by SIGSEGV\n")
     for word in ("last words", "Segmentation fault", "scenarios.py"):
@@ -92,7 +92,7 @@ def test_results_are_those_of_the_same_process(mishaps: list[Record]) -> None:
 def test_order_and_number_of_workers_change_nothing(store: Store, mishaps: list[Record]) -> None:
     trials = coins(10, **MISHAPS)
     records = run_trials(trials[::-1], store, workers=1, timeout=TIMEOUT)
-    assert told(records[::-1]) == told(mishaps)
+    assert comparable(records[::-1]) == comparable(mishaps)
 
 
 def test_a_measure_joins_the_summary(store: Store) -> None:

@@ -221,7 +221,7 @@ def waited_for(place: Path) -> str:
 
 
 def runs(pid: int) -> bool:
-    """Whether a process does; one that has ended and that nobody has waited for does not."""
+    """Return whether a process runs; one that has ended without being waited for does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[0] != "Z"
     except OSError:

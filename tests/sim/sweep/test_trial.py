@@ -1,4 +1,4 @@
-"""What a trial is called by is what is in it."""
+"""The key of a trial is determined by its content."""
 
 from __future__ import annotations
 
@@ -72,8 +72,14 @@ def test_the_parameters_are_every_field_as_plain_data() -> None:
 
 def test_its_record_calls_the_fields_as_the_command_line_does() -> None:
     fields = trial(COIN, fields={"part.share": 0.25, "planner.gain": 3.0}).record("key", "ok").fields
-    told = {"part.share": 0.25, "controller": NOBODY, "planner.gain": 3.0, "estimator": NOBODY, "estimator.gain": 1.0}
-    assert fields == {**fields, **told}
+    expected = {
+        "part.share": 0.25,
+        "controller": NOBODY,
+        "planner.gain": 3.0,
+        "estimator": NOBODY,
+        "estimator.gain": 1.0,
+    }
+    assert fields == {**fields, **expected}
 
 
 def test_a_flight_has_its_own_plugins_by_default() -> None:
@@ -94,10 +100,10 @@ def test_a_file_counts_by_what_is_in_it_and_not_by_its_place(hills: Path, tmp_pa
 
 
 def test_keys_are_made_without_building_anything(monkeypatch: pytest.MonkeyPatch) -> None:
-    looked: list[float] = []
+    measured: list[float] = []
 
     def inputs(config: CoinConfig) -> dict[str, str]:
-        looked.append(config.part.share)
+        measured.append(config.part.share)
         return {"part.share": f"digest of {config.part.share}"}
 
     monkeypatch.setattr(Coin, "build", None)
@@ -105,12 +111,12 @@ def test_keys_are_made_without_building_anything(monkeypatch: pytest.MonkeyPatch
     trials = [trial(COIN, seed, fields={"part.share": share}) for seed in range(50) for share in (0.25, 0.75)]
     made = keys(trials)
     assert len(set(made)) == 100
-    assert sorted(looked) == [0.25, 0.75]
+    assert sorted(measured) == [0.25, 0.75]
     assert made == [one.key for one in trials]
 
 
 @pytest.mark.parametrize(
-    ("asked", "told"),
+    ("asked", "message"),
     [
         ({"scenario": "hover"}, "'hover' is not known"),
         ({"scenario": COIN, "controller": "autopilot"}, "'autopilot' is not known"),
@@ -125,12 +131,12 @@ def test_keys_are_made_without_building_anything(monkeypatch: pytest.MonkeyPatch
         ({"scenario": COIN, "seed": LARGEST_SEED + 1}, "seed = "),
     ],
 )
-def test_what_no_trial_can_be_is_refused(asked: dict[str, Any], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_what_no_trial_can_be_is_refused(asked: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         trial(**asked)
 
 
-def test_a_measure_that_is_nowhere_is_told() -> None:
+def test_a_measure_that_is_nowhere_is_reported() -> None:
     with pytest.raises(ValueError, match=r"measure = 'tests\.nowhere:at_all'.*package\.module:function"):
         _ = trial(COIN, measure="tests.nowhere:at_all").code
 
@@ -157,7 +163,7 @@ class _Thing:
     items: tuple[Any, ...] = field(default=())
 
 
-def test_what_cannot_be_stored_is_told() -> None:
+def test_what_cannot_be_stored_is_reported() -> None:
     odd = Trial(COIN, _Thing((object(),)), 0, NOBODY, _Thing(), NOBODY, _Thing())
     with pytest.raises(TypeError, match="cannot be stored"):
         _ = odd.key

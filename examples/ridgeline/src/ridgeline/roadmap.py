@@ -137,8 +137,8 @@ class Routes:
 
     def _joints(self, column: Array) -> tuple[Integers, Integers, Array]:
         """Legs between a column and the lattice around it: which of the lattice, which of the column, their prices."""
-        away = np.abs(self._grid.places[:, :2] - column[0, :2]).max(axis=1)
-        around = np.flatnonzero(away <= 1.5 * self._grid.spacing)
+        distance = np.abs(self._grid.places[:, :2] - column[0, :2]).max(axis=1)
+        around = np.flatnonzero(distance <= 1.5 * self._grid.spacing)
         near, above = (each.ravel() for each in np.meshgrid(around, np.arange(len(column)), indexing="ij"))
         return near, above, self._air.clear_prices(column[above], self._grid.places[near])
 

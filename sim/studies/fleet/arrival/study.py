@@ -67,15 +67,15 @@ class Arrival:
             for size in (sizes if kind in (NOMINAL, FAULTED) else (PRINTED_SIZE,))
             for seed in range(config.seeds)
         }
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {
+        records = setup.fly_each(trials)
+        by_condition = {
             (kind, size): [records[kind, size, seed] for seed in range(config.seeds)]
             for kind, size in dict.fromkeys((kind, size) for kind, size, _ in trials)
         }
         changes = [ArrivalChange(setup.place, share, seed) for share in DEVIATIONS for seed in range(config.steps)]
         steps = [step for step in setup.compute(one_step, changes) if step is not None]
         shown = setup.flown({NOMINAL: fleet(setup, min(SHOWN, max(sizes)), 0, NOMINAL)})[NOMINAL]
-        rows = [_row(kind, size, some) for (kind, size), some in of.items()]
+        rows = [_row(kind, size, group) for (kind, size), group in by_condition.items()]
         return StudyResult(
             summary=(
                 f"{config.seeds} fleets of each size over {setup.ground.name}, without faults and with "
@@ -87,11 +87,11 @@ class Arrival:
             ),
             rows=rows,
             tables=(_table(rows), _steps_table(steps)),
-            figure=_figure(shown, of, steps),
+            figure=_figure(shown, by_condition, steps),
             caption="(a) Distance of each vehicle of a fleet to its own slot; dashed, the arrival of the last. "
             "(b) Spread of the arrivals of every fleet. (c) Share of the changes that one step complies with, with "
             "95 % limits.",
-            claims=_claims(of, steps),
+            claims=_claims(by_condition, steps),
         )
 
 
@@ -168,9 +168,12 @@ def _steps_table(steps: Sequence[ArrivalStep]) -> Table:
     return Table("One vehicle, asked for another time by (A.13)", head, body)
 
 
-def _claims(of: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[ArrivalStep]) -> list[Claim]:
-    by_kind = {kind: np.concatenate([spreads(some) for (k, _), some in of.items() if k == kind]) for kind in COLOURS}
-    worst = {kind: float(np.nanmax(some)) if np.isfinite(some).any() else np.inf for kind, some in by_kind.items()}
+def _claims(by_condition: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[ArrivalStep]) -> list[Claim]:
+    by_kind = {
+        kind: np.concatenate([spreads(group) for (k, _), group in by_condition.items() if k == kind])
+        for kind in COLOURS
+    }
+    worst = {kind: float(np.nanmax(group)) if np.isfinite(group).any() else np.inf for kind, group in by_kind.items()}
     whole = all(np.isfinite(by_kind[kind]).all() for kind in (NOMINAL, FAULTED))
     return [
         Claim(
@@ -192,13 +195,14 @@ def _claims(of: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[Arri
             "A.constraint", "printed", "The planner satisfies the consensus by imposing (A.13).", "A.8.3",
             f"fleets that agree on the maximum arrive within h = {H:.2f} s of each other",
             f"spread {median(by_kind[CONSTRAINT]).text()} s, at most {worst[CONSTRAINT]:.2f} s; "
-            f"{_without_plan(of, CONSTRAINT):.0%} of the answers no plan: who is early would have to fly back",
+            f"{_without_plan(by_condition, CONSTRAINT):.0%} of the answers no plan: "
+            "who is early would have to fly back",
             worst[CONSTRAINT] <= H,
         ),
         Claim(
             "A.penalty", "printed", "Or by penalising deviations from it.", "A.8.3", "likewise",
             f"spread {median(by_kind[PENALTY]).text()} s, at most {worst[PENALTY]:.2f} s; "
-            f"{_without_plan(of, PENALTY):.1%} of the answers no plan",
+            f"{_without_plan(by_condition, PENALTY):.1%} of the answers no plan",
             worst[PENALTY] <= H,
         ),
         Claim(
@@ -212,31 +216,33 @@ def _claims(of: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[Arri
     ]  # fmt: skip
 
 
-def _without_plan(of: Mapping[tuple[str, int], Sequence[Record]], kind: str) -> float:
+def _without_plan(by_condition: Mapping[tuple[str, int], Sequence[Record]], kind: str) -> float:
     """Share of a planner's answers."""
-    some = [record for (k, _), records in of.items() if k == kind for record in records]
-    return float((figures(some, "solver_failures") / figures(some, "replans")).mean())
+    group = [record for (k, _), records in by_condition.items() if k == kind for record in records]
+    return float((figures(group, "solver_failures") / figures(group, "replans")).mean())
 
 
 def _done(steps: Sequence[ArrivalStep], share: float) -> float:
-    some = [step.done for step in steps if step.share == share]
-    return float(np.mean(some)) if some else 0.0
+    done = [step.done for step in steps if step.share == share]
+    return float(np.mean(done)) if done else 0.0
 
 
 def _share(steps: Sequence[ArrivalStep], *, later: bool) -> str:
-    some = [step.done for step in steps if step.share == DEVIATIONS[-1] and step.later is later]
-    return f"{np.mean(some):.0%} of {len(some)}" if some else "none tried"
+    done = [step.done for step in steps if step.share == DEVIATIONS[-1] and step.later is later]
+    return f"{np.mean(done):.0%} of {len(done)}" if done else "none tried"
 
 
 # ---- what is drawn
 
 
-def _figure(shown: RunResult, of: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[ArrivalStep]) -> Figure:
+def _figure(
+    shown: RunResult, by_condition: Mapping[tuple[str, int], Sequence[Record]], steps: Sequence[ArrivalStep]
+) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(13.0, 4.4), layout="constrained")
         left, middle, right = page.subplots(1, 3, width_ratios=(1.3, 1.1, 0.9))
         _draw_fleet(left, shown)
-        _draw_spreads(middle, of)
+        _draw_spreads(middle, by_condition)
         _draw_steps(right, steps)
     return page
 
@@ -247,21 +253,21 @@ def _draw_fleet(axes: Axes, shown: RunResult) -> None:
     colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(places)))
     t = shown.recording.t
     for (name, place), colour in zip(places.items(), colours, strict=True):
-        away = np.linalg.norm(shown.recording.truths[name][:, :3] - np.array(place["target"]), axis=1)
-        axes.plot(t, away / 1000.0, color=colour, lw=1.3)
+        distance = np.linalg.norm(shown.recording.truths[name][:, :3] - np.array(place["target"]), axis=1)
+        axes.plot(t, distance / 1000.0, color=colour, lw=1.3)
     axes.axvline(shown.summary["arrival_time_s"], color=INK, ls="--", lw=1.0)
     axes.set(xlim=(0.0, t[-1]), ylim=(0.0, None), xlabel="time [s]", ylabel="distance to the own slot [km]")
     axes.set_title(f"(a) {len(places)} vehicles, one arrival")
 
 
-def _draw_spreads(axes: Axes, of: Mapping[tuple[str, int], Sequence[Record]]) -> None:
+def _draw_spreads(axes: Axes, by_condition: Mapping[tuple[str, int], Sequence[Record]]) -> None:
     rng = np.random.default_rng(0)
-    sizes = sorted({size for _, size in of})
-    for (kind, size), some in of.items():
-        spread = spreads(some)
+    sizes = sorted({size for _, size in by_condition})
+    for (kind, size), group in by_condition.items():
+        spread = spreads(group)
         offset = 0.14 * (list(COLOURS).index(kind) - 2)
         x = sizes.index(size) + offset + rng.uniform(-0.05, 0.05, len(spread))
-        label = kind if size == min(s for k, s in of if k == kind) else None
+        label = kind if size == min(s for k, s in by_condition if k == kind) else None
         axes.plot(x, np.maximum(spread, LEAST_DRAWN), "o", ms=5, alpha=0.75, color=COLOURS[kind], label=label)
     axes.axhline(H, color=INK, ls="--", lw=1.0)
     axes.annotate("h", (len(sizes) - 0.55, H), (0, 3), textcoords="offset points")
@@ -274,14 +280,14 @@ def _draw_spreads(axes: Axes, of: Mapping[tuple[str, int], Sequence[Record]]) ->
 
 
 def _draw_steps(axes: Axes, steps: Sequence[ArrivalStep]) -> None:
-    for later, colour, label, off in ((True, "#0d5fa8", "later", -0.1), (False, "#c2183b", "sooner", 0.1)):
+    for later, colour, label, offset in ((True, "#0d5fa8", "later", -0.1), (False, "#c2183b", "sooner", 0.1)):
         for k, share in enumerate(DEVIATIONS):
-            some = [step.done for step in steps if step.share == share and step.later is later]
-            if not some:
+            done = [step.done for step in steps if step.share == share and step.later is later]
+            if not done:
                 continue
-            found = rate(sum(some), len(some))
-            axes.plot([k + off, k + off], [found.low, found.high], color=colour, lw=1.5, alpha=0.6)
-            axes.plot(k + off, found.value, "o", ms=6, color=colour, label=label if k == 0 else None)
+            found = rate(sum(done), len(done))
+            axes.plot([k + offset, k + offset], [found.low, found.high], color=colour, lw=1.5, alpha=0.6)
+            axes.plot(k + offset, found.value, "o", ms=6, color=colour, label=label if k == 0 else None)
     axes.set_xticks(range(len(DEVIATIONS)), [f"{share:.0%}" for share in DEVIATIONS])
     axes.set(ylim=(-0.03, 1.03), xlabel="largest deviation asked for", ylabel="share done in one step")
     axes.set_title("(c) one step by (A.13)")

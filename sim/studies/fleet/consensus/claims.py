@@ -32,8 +32,8 @@ def claims(
     outliers: Mapping[int, OutlierFound],
 ) -> list[Claim]:
     """Evaluate all three claims."""
-    off = {kind: max((_relative(f) for c, f in rates.items() if c.kind == kind), key=abs) for kind in KINDS}
-    near = max(map(abs, off.values())) <= WITHIN
+    error = {kind: max((_relative(f) for c, f in rates.items() if c.kind == kind), key=abs) for kind in KINDS}
+    near = max(map(abs, error.values())) <= WITHIN
     then = {case.fraction: found.rate for case, found in late.items() if case.own == "then"}
     now = [found.rate for case, found in late.items() if case.own == "now"]
     split = all((rate > 0.0) == (fraction < 1.0) for fraction, rate in then.items())
@@ -51,7 +51,7 @@ def claims(
             "delays and switching shown.", "(A.9) to (A.11)",
             f"within {WITHIN:.0%}; a delay below pi / (2 s lambda_n) decays and one above grows; switching decays at "
             "least as its slowest graph",
-            f"off by {', '.join(f'{value:+.1%} ({kind})' for kind, value in off.items())}; with "
+            f"off by {', '.join(f'{value:+.1%} ({kind})' for kind, value in error.items())}; with "
             f"{', '.join(f'{fraction:g}' for fraction in then)} of that delay at "
             f"{', '.join(f'{rate:+.2f}' for rate in then.values())}, compared with the own value now at "
             f"{span(now, '.2f')}; switching at >= {switching.least:.2f} (slowest graph {switching.reference:.2f}); two "

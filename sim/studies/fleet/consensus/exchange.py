@@ -1,4 +1,5 @@
-"""Vehicles that talk in rounds through a network: the fast time scale of A.8.2 alone, on which no plant flies."""
+"""Vehicles that exchange messages in rounds over a network: the fast time scale of A.8.2 alone, on which no plant
+flies."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ def graph_of(kind: Kind, n: int, seed: int = 0) -> Graph:
     return {"line": Graph.line, "ring": Graph.ring, "complete": Graph.complete}[kind](names_of(n))
 
 
-def talked(
+def exchanged(
     parts: Mapping[str, Consensus],
     graph: Graph | Switching,
     network: Network,
@@ -41,8 +42,8 @@ def talked(
 ) -> Array:
     """(rounds + 1, n) values after each round, the first at ``begin`` [s].
 
-    In a round every vehicle takes in what has arrived, and then all are heard by whom the graph links them with now.
-    ``clocks`` show each vehicle's own time at a true one [s], which is what it is given and what it stamps.
+    In a round every vehicle processes the messages that have arrived, and then sends to its present neighbours in the
+    graph. ``clocks`` map the true time [s] to each vehicle's own, with which its messages are stamped.
     """
     network = Linked(network, graph.linked) if isinstance(graph, Switching) else network
     union = graph.union if isinstance(graph, Switching) else graph

@@ -58,11 +58,11 @@ def _draw_rates(axes: Axes, rates: Mapping[RateCase, RateFound]) -> None:
     axes.plot(ends, ends, color=INK, lw=1.0, ls=(0, (4, 3)))
     for kind in KINDS:
         found = [f for case, f in rates.items() if case.kind == kind]
-        off = max((f.rate / f.connectivity - 1.0 for f in found), key=abs)
+        error = max((f.rate / f.connectivity - 1.0 for f in found), key=abs)
         colour, marker, size = _KINDS[kind]
         axes.plot(
             [f.connectivity for f in found], [f.rate for f in found], marker, ms=size, color=colour, mec="white",
-            label=f"{kind}, off by at most {abs(off):.1%}",
+            label=f"{kind}, off by at most {abs(error):.1%}",
         )  # fmt: skip
     numbers = sorted({case.n for case in rates})
     axes.set(xscale="log", yscale="log", xlabel=r"$\lambda_2$", ylabel="measured rate of decay over $s$")

@@ -11,7 +11,7 @@ from mathnavi.controllers.arrival.laplacian import LaplacianConfig, LaplacianCon
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork
 from mathnavi.sim.interfaces.protocols import Consensus
 from mathnavi.sim.interfaces.signals import Array, Message
-from mathnavi.sim.studies.fleet.consensus.exchange import graph_of, talked
+from mathnavi.sim.studies.fleet.consensus.exchange import exchanged, graph_of
 
 FAR = 3  # which of the eight has another arrival time; in the middle of a line, so that without it two parts are left
 _BACK = 3  # planning period at which its arrival time is as the others' again
@@ -45,15 +45,15 @@ class ClockFound:
 class _EachWay:
     """Delays of their own to vehicles that are later in the alphabet, and to earlier ones."""
 
-    def __init__(self, air: IdealNetwork, case: ClockCase, rng: np.random.Generator) -> None:
-        self._air = air
-        self._there, self._back = (DelayedLinks(air, *span, rng) for span in (case.there, case.back))
+    def __init__(self, network: IdealNetwork, case: ClockCase, rng: np.random.Generator) -> None:
+        self._network = network
+        self._there, self._back = (DelayedLinks(network, *span, rng) for span in (case.there, case.back))
 
     def send(self, message: Message, receiver: str, t: float) -> None:
         (self._there if message.sender < receiver else self._back).send(message, receiver, t)
 
     def receive(self, receiver: str, t: float) -> list[Message]:
-        return self._air.receive(receiver, t)
+        return self._network.receive(receiver, t)
 
 
 def clocks_agree(case: ClockCase) -> ClockFound:
@@ -68,7 +68,7 @@ def clocks_agree(case: ClockCase) -> ClockFound:
     config = ClockConfig(period=period, scaling=25.0, rate_scaling=case.rate_scaling, baseline=1.0)
     parts: dict[str, Consensus] = {name: ClockConsensus(config, graph.node(name)) for name in graph.names}
     network = _EachWay(IdealNetwork(graph.names), case, rng)
-    values = talked(parts, graph, network, round(seconds / period), clocks=clocks)
+    values = exchanged(parts, graph, network, round(seconds / period), clocks=clocks)
     shown = np.array([clocks[name](seconds) for name in graph.names])
     worst = max(abs(a - b) for a, b in ((case.there[0], case.back[1]), (case.there[1], case.back[0])))
     return ClockFound(float(np.ptp(shown)), float(np.ptp(shown + values[-1])), 0.5 * worst * (case.n - 1))
@@ -108,14 +108,14 @@ def with_outlier(case: OutlierCase) -> OutlierFound:
     far = 220.0
     starts = 100.0 + np.random.default_rng(5).uniform(-10.0, 10.0, n)
     parts = {name: LaplacianConsensus(config, graph.node(name)) for name in graph.names}
-    air = IdealNetwork(graph.names)
+    network = IdealNetwork(graph.names)
     found: list[tuple[Array, bool, float, float, float, float]] = []
     for step in range(case.steps):
         own = starts - PLANNING * step
         own[FAR] = (far if step < _BACK else 115.0) - PLANNING * step
         for part, eta in zip(parts.values(), own, strict=True):
             part.start(float(eta))
-        values = talked(parts, graph, air, case.rounds - 1, begin=PLANNING * step)
+        values = exchanged(parts, graph, network, case.rounds - 1, begin=PLANNING * step)
         rest = np.delete(np.arange(n), FAR)
         follows = parts[graph.names[FAR]].outlier
         last = values[-1]

@@ -21,11 +21,11 @@ from mathnavi.sim.studies.fleet.consensus.exchange import (
     H,
     Kind,
     disagreement,
+    exchanged,
     graph_of,
     laplacians,
     names_of,
     slope,
-    talked,
 )
 
 _FINE, SLOW = 0.25, 0.04  # s h d_max and s h lambda_2 at most, so that rounds are nearly continuous time
@@ -68,10 +68,10 @@ def rate_on(case: RateCase) -> RateFound:
     slowest = np.linalg.eigh(graph.laplacian)[1][:, 1]
     rounds = max(math.ceil(5.0 / (s * second * H)), 12)
     starts = 100.0 + 10.0 * (slowest + 0.1 * rng.standard_normal(case.n) / math.sqrt(case.n))
-    values = talked(laplacians(graph, starts, scaling=s), graph, IdealNetwork(graph.names), rounds)
+    values = exchanged(laplacians(graph, starts, scaling=s), graph, IdealNetwork(graph.names), rounds)
     size, t = disagreement(values), H * np.arange(rounds + 1)
     tail = t >= 0.4 * t[-1]
-    drawn = talked(
+    drawn = exchanged(
         laplacians(graph, rng.uniform(50, 150, case.n), scaling=s), graph, IdealNetwork(graph.names), rounds // 2
     )
     bound = disagreement(drawn) / disagreement(drawn)[0] * np.exp(s * second * t[: len(drawn)])
@@ -90,7 +90,7 @@ def _rounds_to_maximum(graph: Graph, rng: np.random.Generator) -> int:
     starts = rng.uniform(50.0, 150.0, len(parts))
     for part, start in zip(parts.values(), starts, strict=True):
         part.start(float(start))
-    values = talked(parts, graph, IdealNetwork(graph.names), int(graph.diameter) + 1)
+    values = exchanged(parts, graph, IdealNetwork(graph.names), int(graph.diameter) + 1)
     return int(np.flatnonzero((values == starts.max()).all(axis=1))[0])
 
 
@@ -128,7 +128,7 @@ def delayed(case: DelayCase) -> DelayFound:
     modes = np.linalg.eigh(graph.laplacian)[1]
     starts = 100.0 + 30.0 * (modes[:, 1] + modes[:, -1]) + 0.1 * rng.standard_normal(case.n)  # one of them dominates
     parts = laplacians(graph, starts, scaling=s, own=case.own, memory=tau + 2.0 * H)
-    values = talked(parts, graph, DelayedLinks(IdealNetwork(graph.names), tau, tau, rng), rounds)
+    values = exchanged(parts, graph, DelayedLinks(IdealNetwork(graph.names), tau, tau, rng), rounds)
     size, t = disagreement(values), H * np.arange(rounds + 1)
     held = tau - 0.5 * H  # [s] a value is used for a round from its arrival on, so it is as old as this on average
     roots = [complex(lambertw(-s * value * held)) / held for value in graph.eigenvalues[1:]]
@@ -190,7 +190,7 @@ def over_links(case: LinkCase) -> LinkFound:
         network = LossyLinks(network, LOSS, 0.0, rng)
     graph.checked_connected()
     starts = 100.0 + 10.0 * np.linalg.eigh(line.laplacian)[1][:, 1] + rng.standard_normal(case.n)
-    values = talked(laplacians(graph, starts, scaling=s, memory=memory), graph, network, rounds)
+    values = exchanged(laplacians(graph, starts, scaling=s, memory=memory), graph, network, rounds)
     size, t = disagreement(values), H * np.arange(rounds + 1)
     heard = size > 1e-9 * size[0]  # what is left is rounding
     size, t = size[heard], t[heard]

@@ -28,7 +28,7 @@ _INSIDE = 0.06  # of the map's side that the target stays from the border
 
 def hill_name(notice: float) -> str:
     """Name of a mission with a hill that becomes known ``notice`` [s] ahead."""
-    return f"hill told {notice:g} s ahead"
+    return f"hill announced {notice:g} s ahead"
 
 
 @dataclass(frozen=True)
@@ -101,9 +101,9 @@ def _radars(flown: Flown, ground: HeightField) -> dict[str, dict[str, Any]]:
     drives = {"radar": ((*begin.tolist(), radius, WEIGHT),), "radar_velocity": tuple(velocity.tolist())}
     return {
         "radar appears": appears,
-        "radar appears, not told": {**appears, "radar_known": False},
+        "radar appears, not announced": {**appears, "radar_known": False},
         "radar drives": drives,
-        "radar drives, not told": {**drives, "radar_known": False},
+        "radar drives, not announced": {**drives, "radar_known": False},
         "radar vanishes": {"radar": appears["radar"], "radar_until": announced},
     }
 

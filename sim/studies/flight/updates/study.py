@@ -66,9 +66,9 @@ class Updates:
         seeds = range(config.seeds)
         varied = setup.compute(varied_mission, [MissionToVary(setup.place, seed, notices) for seed in seeds])
         trials = {(name, seed): mission for seed in seeds for name, mission in varied[seed].items()}
-        records = dict(zip(trials, setup.fly(list(trials.values())), strict=True))
-        of = {name: [records[name, seed] for seed in seeds] for name in varied[0]}
-        rows = [_row(name, some) for name, some in of.items()]
+        records = setup.fly_each(trials)
+        by_condition = {name: [records[name, seed] for seed in seeds] for name in varied[0]}
+        rows = [_row(name, group) for name, group in by_condition.items()]
         (build,) = setup.compute(build_ms, [setup.place])
         shown = setup.flown({name: trials[name, 0] for name in COLOURS})
         (radar,) = trials["radar appears", 0].config.radar
@@ -76,15 +76,15 @@ class Updates:
             summary=(
                 f"{config.seeds} missions over {setup.ground.name}; the ends of each are those drawn without a change. "
                 f"A new terminal cost takes {build:.0f} ms, {build / PERIOD / 10.0:.1f} % of a planning period: the "
-                "print's took 15.8 s, and 1.5 s for a changed threat (A.5).",
+                "thesis' took 15.8 s, and 1.5 s for a changed threat (A.5).",
             ),
             rows=rows,
             tables=(_table(rows),),
-            figure=_figure(of, shown, setup, notices),
+            figure=_figure(by_condition, shown, setup, notices),
             caption="(a) One mission, with a radar that appears on the way, and with a target that moves. (b) Time in "
             "sight of a radar, known or not. (c) Flights that stay at h_min or above, of those over a hill that is "
             "not on the map, with 95 % limits, over the time between when it is communicated and when it would be hit.",
-            claims=_claims(of, notices),
+            claims=_claims(by_condition, notices),
             tracks=[track(name, shown[name], colour) for name, colour in COLOURS.items()],
             places=ends(shown["as it was"]),
             radars=[(radar[0], radar[1], float(setup.ground.height(radar[0], radar[1])), radar[2])],
@@ -115,7 +115,7 @@ def build_ms(place: TerrainReference) -> MeasuredTime:
     return MeasuredTime(1e3 * min(spent))
 
 
-# ---- what came of it
+# ---- results
 
 
 def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
@@ -164,17 +164,17 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
     return Table("Missions with a change on the way", head, body)
 
 
-def _claims(of: Mapping[str, Sequence[Record]], notices: Sequence[float]) -> list[Claim]:
-    hills = {notice: of[hill_name(notice)] for notice in notices}
-    others = [record for name, some in of.items() if not name.startswith("hill") for record in some]
-    over_hills = [record for some in hills.values() for record in some]
-    early = [record for notice, some in hills.items() if notice >= ENOUGH for record in some]
+def _claims(by_condition: Mapping[str, Sequence[Record]], notices: Sequence[float]) -> list[Claim]:
+    hills = {notice: by_condition[hill_name(notice)] for notice in notices}
+    others = [record for name, group in by_condition.items() if not name.startswith("hill") for record in group]
+    over_hills = [record for group in hills.values() for record in group]
+    early = [record for notice, group in hills.items() if notice >= ENOUGH for record in group]
     late = figures(others, "flight_time_s") > figures(others, "deadline_s")
     kept = int((_safe(others) & (figures(others, "arrived") > 0) & ~late).sum())
     silent = int(_unannounced([*others, *over_hills]).sum())
     saved = int(_safe(early).sum())
     by_notice = "; ".join(
-        f"{notice:g} s {rate(int(_safe(some).sum()), len(some)).text()}" for notice, some in hills.items()
+        f"{notice:g} s {rate(int(_safe(group).sum()), len(group)).text()}" for notice, group in hills.items()
     )
     return [
         Claim(
@@ -193,7 +193,7 @@ def _claims(of: Mapping[str, Sequence[Record]], notices: Sequence[float]) -> lis
 
 
 def _figure(
-    of: Mapping[str, Sequence[Record]], shown: Mapping[str, RunResult], setup: Setup, notices: Sequence[float]
+    by_condition: Mapping[str, Sequence[Record]], shown: Mapping[str, RunResult], setup: Setup, notices: Sequence[float]
 ) -> Figure:
     with matplotlib.rc_context(STYLE):
         page = Figure(figsize=(12.4, 4.2), layout="constrained")
@@ -205,8 +205,11 @@ def _figure(
         left.add_patch(Circle(centre, radar["radius"] / 1e3, facecolor=RADAR, alpha=0.2, edgecolor=RADAR))
         moved = shown["target moves"].config["mission"]["target_path"][-1]
         left.plot(moved[1] / 1e3, moved[2] / 1e3, "s", ms=6, mfc="#ffd90d", mec="#101824", zorder=4)
-        _draw_exposure(middle, of)
-        rates = [rate(int(_safe(of[hill_name(notice)]).sum()), len(of[hill_name(notice)])) for notice in notices]
+        _draw_exposure(middle, by_condition)
+        rates = [
+            rate(int(_safe(by_condition[hill_name(notice)]).sum()), len(by_condition[hill_name(notice)]))
+            for notice in notices
+        ]
         for notice, found in zip(notices, rates, strict=True):
             right.plot([notice, notice], [found.low, found.high], color="#0d5fa8", lw=1.6, alpha=0.6)
             right.plot(notice, found.value, "o", ms=6, color="#0d5fa8")
@@ -218,11 +221,11 @@ def _figure(
     return page
 
 
-def _draw_exposure(axes: Axes, of: Mapping[str, Sequence[Record]]) -> None:
-    names = [name for name in of if name.startswith("radar ")]
+def _draw_exposure(axes: Axes, by_condition: Mapping[str, Sequence[Record]]) -> None:
+    names = [name for name in by_condition if name.startswith("radar ")]
     for k, name in enumerate(names):
-        sample = np.sort(figures(of[name], "radar_exposure_s"))
-        colour = "#5a6876" if name.endswith("not told") else "#c2183b"
+        sample = np.sort(figures(by_condition[name], "radar_exposure_s"))
+        colour = "#5a6876" if name.endswith("not announced") else "#c2183b"
         axes.plot(np.full(len(sample), k) + np.linspace(-0.2, 0.2, len(sample)), sample, "o", ms=3.5, color=colour)
         axes.hlines(median(sample).median, k - 0.3, k + 0.3, color=colour)
     labels = [name.removeprefix("radar ").replace(", ", ",\n") for name in names]

@@ -128,13 +128,13 @@ def _oscillation(plane: Axes, linear: Axes, outcome: RunResult) -> None:
     form = KRENER_ISIDORI.form
     assert form is not None
     T, poles = of_numbers(form.T_1, 2), tuple(outcome.config["estimator"]["fields"]["poles"])
-    off = np.array([T(one) - T(other) for one, other in zip(x_hat, x, strict=True)])
-    equation = predicted(t, off[0], form.A - form.gain(poles) @ form.C)
+    error = np.array([T(one) - T(other) for one, other in zip(x_hat, x, strict=True)])
+    equation = predicted(t, error[0], form.A - form.gain(poles) @ form.C)
     for k, colour in enumerate((SHADES[1], SHADES[2])):
-        linear.plot(t, off[:, k], color=colour, lw=3.0, alpha=0.55)
+        linear.plot(t, error[:, k], color=colour, lw=3.0, alpha=0.55)
         linear.plot(t, equation[:, k], color=INK, lw=0.9, ls="--")
-        i = int(np.argmax(np.abs(off[20:, k]))) + 20
-        linear.annotate(f"$z_{k + 1} - \\tilde x_{k + 1}$", (t[i], off[i, k]), (26, -4) if k else (18, 14),
+        i = int(np.argmax(np.abs(error[20:, k]))) + 20
+        linear.annotate(f"$z_{k + 1} - \\tilde x_{k + 1}$", (t[i], error[i, k]), (26, -4) if k else (18, 14),
                         textcoords="offset points", color=colour)  # fmt: skip
     linear.set(xlabel="time [s]", xlim=(0.0, 4.0), title="its error, and (2.3) dashed")
 

@@ -37,11 +37,11 @@ def in_coordinates(outcome: RunResult) -> dict[str, Any]:
     immersion = Immersion.of(system, tuple(fields["poles"]), fields.get("order", 1))
     T = of_numbers(immersion.T, len(system.states))
     t, x_hat, x = estimates(outcome)
-    off = np.array([T(one) - T(other) for one, other in zip(x_hat, x, strict=True)])
+    error = np.array([T(one) - T(other) for one, other in zip(x_hat, x, strict=True)])
     lengths = np.linalg.norm(x_hat - x, axis=1)
     return {
-        "deviation": _deviation(t, off, immersion.A),
-        "exponent_per_s": _exponent(t, off, immersion.A),
+        "deviation": _deviation(t, error, immersion.A),
+        "exponent_per_s": _exponent(t, error, immersion.A),
         "error_ratio": float(lengths[-1] / lengths[0]),
     }
 

@@ -73,8 +73,7 @@ class IntroductionExamples:
                 asked[f"{system}, {form}"] = [
                     _drawn(system, "kazantzis_kravaris", fields, k) for k in range(config.starts)
                 ]
-        flown = iter(setup.fly([each for trials in asked.values() for each in trials]))
-        records = {name: [next(flown) for _ in trials] for name, trials in asked.items()}
+        records = setup.fly_groups(asked)
         (apart,) = setup.compute(output_separation, [config.pairs])
         examples = {("escape", 0): asked["escape"][0], ("oscillation", 0): asked["2.3"][0]}
         for form in ("printed", "corrected"):
@@ -113,8 +112,8 @@ def _signal(constant: float, sine: float) -> dict[str, Any]:
 
 def _drawn(system: str, estimator: str, fields: Mapping[str, Any], seed: int) -> Trial:
     """Trial from a start error drawn with a seed, uniformly on each state; the same for every observer of a system."""
-    off = DRAWN[system] * np.random.default_rng(seed).uniform(-1.0, 1.0, 2)
-    own = {"system": system, "start_error": tuple(off.tolist()), "duration": 5.0, "estimator.poles": POLES}
+    error = DRAWN[system] * np.random.default_rng(seed).uniform(-1.0, 1.0, 2)
+    own = {"system": system, "start_error": tuple(error.tolist()), "duration": 5.0, "estimator.poles": POLES}
     return trial(SCENARIO, seed, estimator=estimator, fields={**own, **fields}, measure=measures.IN_COORDINATES)
 
 
@@ -158,8 +157,8 @@ def expected_exponent(alpha: float, beta: float) -> float:
 def _rows(records: Mapping[str, Sequence[Record]], gains: Array) -> list[dict[str, Any]]:
     named = ("deviation", "exponent_per_s", "error_ratio", "error_start", "error_end", "escaped", "escape_time_s")
     rows = []
-    for name, some in records.items():
-        for k, record in enumerate(some):
+    for name, group in records.items():
+        for k, record in enumerate(group):
             pair = divmod(k, len(gains)) if name == "map" else None
             rows.append(
                 {
@@ -177,13 +176,13 @@ def _coordinates(records: Mapping[str, Sequence[Record]]) -> Table:
     columns = ("observer", "starts", "error at the end over that at the start, median", "largest",
                "exponent, median [1/s]", "off its equation, largest")  # fmt: skip
     rows = []
-    for name, some in records.items():
+    for name, group in records.items():
         if name in ("map", "inputs", "escape"):
             continue
-        ratio, exponent = figures(some, "error_ratio"), figures(some, "exponent_per_s")
+        ratio, exponent = figures(group, "error_ratio"), figures(group, "exponent_per_s")
         rows.append(
-            ("krener-isidori, (2.3)" if name == "2.3" else name, str(len(some)), f"{np.median(ratio):.2g}",
-             f"{ratio.max():.2g}", f"{np.median(exponent):.2f}", f"{figures(some, 'deviation').max():.1e}")
+            ("krener-isidori, (2.3)" if name == "2.3" else name, str(len(group)), f"{np.median(ratio):.2g}",
+             f"{ratio.max():.2g}", f"{np.median(exponent):.2f}", f"{figures(group, 'deviation').max():.1e}")
         )  # fmt: skip
     return Table(f"Observers in the coordinates of 2.4 and in the original ones, poles {POLES[0]:g}, {POLES[1]:g}",
                  columns, rows)  # fmt: skip
@@ -202,17 +201,17 @@ def _claims(records: Mapping[str, Sequence[Record]], gains: Array, apart: Mappin
     grid = [(alpha, beta) for alpha in gains for beta in gains]
     stable = np.array([alpha > 0.0 and beta > 0.0 for alpha, beta in grid])
     fell = figures(records["map"], "exponent_per_s") < 0.0
-    off = float(figures(records["map"], "deviation").max())
+    deviation = float(figures(records["map"], "deviation").max())
     inputs = float(figures(records["inputs"], "deviation").max())
     escape = float(records["escape"][0].summary["escape_time_s"])
     linear = float(figures(records["2.3"], "deviation").max())
     printed, corrected = (
         {system: records[f"{system}, {form}"] for system in DRAWN} for form in ("printed", "corrected")
     )
-    grew = sum(int((figures(some, "error_ratio") > 1.0).sum()) for some in printed.values())
-    left = max(float(figures(some, "error_ratio").max()) for some in corrected.values())
-    followed = max(float(figures(some, "deviation").max()) for some in corrected.values())
-    exponents = np.concatenate([figures(some, "exponent_per_s") for some in corrected.values()])
+    grew = sum(int((figures(group, "error_ratio") > 1.0).sum()) for group in printed.values())
+    left = max(float(figures(group, "error_ratio").max()) for group in corrected.values())
+    followed = max(float(figures(group, "deviation").max()) for group in corrected.values())
+    exponents = np.concatenate([figures(group, "exponent_per_s") for group in corrected.values()])
     runs = sum(map(len, printed.values()))
     separated = apart["driven"] > 1e3 * apart["still"]
     unseen = unseen_directions(EXAMPLE_2_1, 1.0)
@@ -258,8 +257,9 @@ def _claims(records: Mapping[str, Sequence[Record]], gains: Array, apart: Mappin
             "2.5, Example 2.2",
             f"over the map just there, at most {EXACT:.0e} of the largest error off its equation; x_2 escapes at "
             f"2.65 s under sin t from {ESCAPING}",
-            f"{int((fell == stable).sum())} of {len(grid)} as they should; off by at most {off:.0e}; {escape:.4f} s",
-            bool((fell == stable).all()) and off <= EXACT and abs(escape - 2.65) <= 0.005,
+            f"{int((fell == stable).sum())} of {len(grid)} as they should; off by at most {deviation:.0e}; "
+            f"{escape:.4f} s",
+            bool((fell == stable).all()) and deviation <= EXACT and abs(escape - 2.65) <= 0.005,
         ),
         Claim(
             "introduction.equation-2-4", "target", "(2.4) diverges as printed, and converges with its sign put right.",

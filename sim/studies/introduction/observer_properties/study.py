@@ -50,7 +50,7 @@ class ObserverPropertiesConfig:
 
 
 class ObserverPropertiesStudy:
-    """What estimators declare in the terms of Table 2.1, beside what their runs show."""
+    """Comparison of the declared properties of estimators (terms of Table 2.1) with those that their runs show."""
 
     Config = ObserverPropertiesConfig
     quick = ObserverPropertiesConfig(starts=2)
@@ -68,7 +68,7 @@ class ObserverPropertiesStudy:
         return StudyResult(
             summary=(
                 f"Runs without noise, of {config.seconds} s for the systems of the textbook, twice that for the "
-                f"robots and {BRIEF:g} times that for what finds a velocity. A start nearby is told with a tenth of "
+                f"robots and {BRIEF:g} times that for what finds a velocity. A start nearby is known with a tenth of "
                 "the error that a system has by itself, or .05 m and 3°; one from anywhere with three times that "
                 f"error, or not at all; of a velocity, the error is itself, {NEAR * SPEED:g} and {FAR * SPEED:g} rad/s "
                 "or 1/s. Found: a tenth of the error of the start is left, or, without a start, RMS below .3 m and "
@@ -77,7 +77,7 @@ class ObserverPropertiesStudy:
             rows=[
                 {"estimator": subject.name, "property": one.name, "declared": one.declared, "measured": one.measured,
                  "kept": one.kept}
-                for subject, some in judged.items() for one in some
+                for subject, found in judged.items() for one in found
             ],
             tables=(_table(judged),),
             figure=_figure({subject.name: seen[subject] for subject in subjects}, judged),
@@ -100,8 +100,7 @@ def _flown(
         asked[subject, "far"] = [subject.far(seed, seconds) for seed in range(config.starts)]
         for name in subject.arena.inputs:
             asked[subject, f"under {name}"] = [subject.under(name, seed, seconds) for seed in range(few)]
-    records = iter(setup.fly([one for trials in asked.values() for one in trials]))
-    done = {key: [next(records) for _ in trials] for key, trials in asked.items()}
+    done = setup.fly_groups(asked)
     robots = [subject for subject in subjects if subject.arena.tells_certainty]
     drifts = setup.compute(ranging_drift, [subject.on_truth(seed) for subject in robots for seed in range(few)])
     drifted = {subject: drifts[k * few : (k + 1) * few] for k, subject in enumerate(robots)}
@@ -120,14 +119,14 @@ def _flown(
 def _table(judged: Mapping[Subject, list[PropertyVerdict]]) -> Table:
     rows = [
         (subject.name, one.name, one.declared, one.measured, "yes" if one.kept else "no")
-        for subject, some in judged.items()
-        for one in some
+        for subject, verdicts in judged.items()
+        for one in verdicts
     ]
     return Table("Table 2.1, declared beside measured", ("estimator", "property", "declared", "measured", "kept"), rows)
 
 
 def _claims(judged: Mapping[Subject, list[PropertyVerdict]], seen: Mapping[Subject, PropertyRuns]) -> list[Claim]:
-    every = [(subject, one) for subject, some in judged.items() for one in some]
+    every = [(subject, one) for subject, verdicts in judged.items() for one in verdicts]
     broken = [f"{subject.name}: {one.name} {one.declared} ({one.measured})" for subject, one in every if not one.kept]
     printed = seen[PRINTED]
     runs = len(printed.drifts)
@@ -164,8 +163,8 @@ def _figure(seen: Mapping[str, PropertyRuns], judged: Mapping[Subject, list[Prop
         shares.set(xlim=(-0.03, 1.03), xlabel="share of starts from which the error goes",
                    title="(a) domain of attraction")  # fmt: skip
         shares.set_yticks(range(len(seen)), list(seen))
-        for label, some in zip(shares.get_yticklabels(), judged.values(), strict=True):
-            label.set_color(KEPT if all(one.kept for one in some) else BROKEN)
+        for label, verdicts in zip(shares.get_yticklabels(), judged.values(), strict=True):
+            label.set_color(KEPT if all(one.kept for one in verdicts) else BROKEN)
         shares.set_ylim(len(seen) - 0.5, -1.0)
         for text, x, colour in (("from nearby", 0.0, NEARBY), ("from anywhere", 0.3, ANYWHERE)):
             shares.text(x, -0.65, f"● {text}", color=colour, fontsize=9.0, va="center")

@@ -1,6 +1,7 @@
 """The estimators whose declared properties are measured, and the runs that this is done by.
 
-Every run is without noise. Starts are drawn over the whole space of the system, the same for every estimator of it.
+Every run is without noise. Starts are drawn over the whole space of the system, the same for every estimator of that
+system.
 """
 
 from __future__ import annotations
@@ -73,8 +74,8 @@ class Textbook:
         rng, system = np.random.default_rng(seed), SYSTEMS[self.system]
         start = [float(rng.uniform(*span)) for span in SPAN[self.system]]
         size = np.abs(system.start_error)
-        off = share * size * rng.choice([-1.0, 1.0], len(start)) * rng.uniform(0.5, 1.0, len(start))
-        fields: dict[str, Any] = {"system": self.system, "start": tuple(start), "start_error": tuple(off.tolist())}
+        error = share * size * rng.choice([-1.0, 1.0], len(start)) * rng.uniform(0.5, 1.0, len(start))
+        fields: dict[str, Any] = {"system": self.system, "start": tuple(start), "start_error": tuple(error.tolist())}
         if signal in SIGNALS:
             constant, sine = SIGNALS[signal]
             fields["planner.constant"] = (constant,) * len(system.inputs)

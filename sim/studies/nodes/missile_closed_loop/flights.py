@@ -43,7 +43,7 @@ def _each(name: str, fields: Mapping[str, Any]) -> tuple[Kind, ...]:
     return tuple(Kind(f"{name}, {autopilot}", fields, autopilot) for autopilot in AUTOPILOTS)
 
 
-OPEN_LOOP = Kind("as told, open-loop, 1 kHz", {"control_rate": 1000.0}, "open-loop")
+OPEN_LOOP = Kind("as modelled, open-loop, 1 kHz", {"control_rate": 1000.0}, "open-loop")
 HEAVIER_KINDS, ROUGH_KINDS = _each("mass and inertia +10 %", HEAVIER), _each("and force -5 %, gust", ROUGH)
 TOWARDS = Kind("target at +30 m/s", {"target_velocity": (30.0, 0.0, 0.0)}, period=None)
 AWAY = Kind("target at -30 m/s", {"target_velocity": (-30.0, 0.0, 0.0)}, period=None)
@@ -70,7 +70,7 @@ KINDS = (
     TOWARDS,
     AWAY,
     WITHOUT_LEAD,
-    Kind("target turns at 2 s, told .5 s late", {"target_change": ((2.0, 20.0, 0.0, 0.0),), "target_told": 0.5},
+    Kind("target turns at 2 s, announced .5 s late", {"target_change": ((2.0, 20.0, 0.0, 0.0),), "target_told": 0.5},
          period=None),
     Kind("normal force limited to 2.5 kN", {"actuator.normal": 2500.0}, period=None),
     Kind("thrusters 20 ms late", {"actuator.delay": 0.02}, period=None),
@@ -84,7 +84,7 @@ KINDS = (
 )  # fmt: skip
 
 
-def some(others: int, pairs: int) -> tuple[Kind, ...]:
+def selected_kinds(others: int, pairs: int) -> tuple[Kind, ...]:
     """Kinds of flights that the claims need, with so many of the pairs of ``DECOUPLED``, and so many of the others."""
     paired = [kind for pair in DECOUPLED.values() for kind in pair]
     rest = [kind for kind in KINDS if kind not in CLAIMED and kind not in paired]

@@ -46,7 +46,7 @@ from mathnavi.sim.studies.nodes.missile_closed_loop.flights import (
     VEHICLE,
     WITHOUT_LEAD,
     Kind,
-    some,
+    selected_kinds,
 )
 from mathnavi.sim.sweep.trial import trial
 
@@ -79,16 +79,15 @@ class MissileClosedLoop:
 
     @staticmethod
     def run(config: MissileClosedLoopConfig, setup: Setup) -> StudyResult:
-        kinds = some(config.others, config.pairs)
+        kinds = selected_kinds(config.others, config.pairs)
         asked = {kind.name: kind.trials(config.cases, config.seeds) for kind in kinds}
-        flown = iter(setup.fly([each for trials in asked.values() for each in trials]))
-        records = {name: [next(flown) for _ in trials] for name, trials in asked.items()}
+        records = setup.fly_groups(asked)
         solvers = (
             ("fatrop-compiled", "fatrop", "ipopt-compiled", "ipopt") if compiler() is not None else ("fatrop", "ipopt")
         )
         backend = solvers[0]
         timed = setup.compute(timed_replans, solvers, least=config.replans)
-        replans = {name: {**of, "ms": np.array(of["ms"])} for name, of in zip(solvers, timed, strict=True)}
+        replans = {name: {**times, "ms": np.array(times["ms"])} for name, times in zip(solvers, timed, strict=True)}
         rough = setup.flown({kind.autopilot: kind.trials(1, 1)[0] for kind in ROUGH_KINDS})
         paths = {autopilot: outcome.recording for autopilot, outcome in rough.items()}
         return StudyResult(
@@ -142,8 +141,8 @@ def _row(kind: Kind, records: Sequence[Record]) -> dict[str, Any]:
 
 def _worst(records: Mapping[str, Sequence[Record]], *kinds: Kind) -> tuple[float, float]:
     """Largest miss [m] and aspect error [deg] over all flights of some kinds."""
-    some = [record for kind in kinds for record in records[kind.name]]
-    return float(figures(some, "miss_m").max()), float(figures(some, "aspect_error_deg").max())
+    flights = [record for kind in kinds for record in records[kind.name]]
+    return float(figures(flights, "miss_m").max()), float(figures(flights, "aspect_error_deg").max())
 
 
 def _claims(

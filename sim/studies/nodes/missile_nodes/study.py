@@ -1,7 +1,7 @@
 """Figures B.2, B.5, B.6 and B.7: the missile's dive on uniform and on adaptive grids.
 
 The thesis gives neither the objective nor its numbers, only curves. Here the cases of
-``mathnavi.controllers.ocp.problems.missile`` stand for it, FAST first, whose dive looks most like Figure B.5. The
+``mathnavi.controllers.ocp.problems.missile`` stand for it, FAST first, whose dive resembles Figure B.5 most. The
 control error is the relative L2 distance, over the controls' scales and in fractions of T, to a Hermite-Simpson
 solution on 301 uniform nodes, which itself is held against Pontryagin's conditions; the miss is where the control
 takes the missile in the true dynamics, against where the transcription believes it to be.
@@ -21,7 +21,7 @@ from annotated_types import Interval
 from mathnavi.controllers.ocp.distribution import Equidistributed, Free
 from mathnavi.controllers.ocp.indirect import solve_indirect
 from mathnavi.controllers.ocp.methods.direct import solve
-from mathnavi.controllers.ocp.methods.equidistribution import distribute
+from mathnavi.controllers.ocp.methods.distribution import distribute
 from mathnavi.controllers.ocp.methods.redistribution import redistribute, redistributed
 from mathnavi.controllers.ocp.monitors import ARCLENGTH, CURVATURE, LOCAL_ERROR, Monitor
 from mathnavi.controllers.ocp.problems.missile import OPTIMA, missile
@@ -234,20 +234,20 @@ def _against_pontryagin(direct: Solution) -> dict[str, float]:
     """Distance of the direct solution from the boundary-value one."""
     found = solve_indirect(direct)
     scale = direct.problem.control_scale
-    off = (direct.control(found.t) - found.u) / scale
+    error = (direct.control(found.t) - found.u) / scale
     return {
         "converged": float(found.converged),
         "T_s": found.duration,
         "duration_error_s": abs(direct.duration - found.duration),
-        "control_error": float(np.sqrt((off**2).sum() / ((found.u / scale) ** 2).sum())),
+        "control_error": float(np.sqrt((error**2).sum() / ((found.u / scale) ** 2).sum())),
         "hamiltonian_spread": float(np.ptp(found.hamiltonian)),
     }
 
 
-def _ratio(table: Rows, key: tuple[str, str, int, str], of: str) -> float:
+def _ratio(table: Rows, key: tuple[str, str, int, str], measure: str) -> float:
     """An adaptive method's figure over that of the uniform grid."""
     case, scheme, n, _ = key
-    return float(table[key][of] / table[case, scheme, n, "uniform"][of])
+    return float(table[key][measure] / table[case, scheme, n, "uniform"][measure])
 
 
 def _targets(
@@ -272,7 +272,7 @@ def _targets(
         ("missile.redistribute", "redistributed, curvature", 0.3, 0.1),
         ("missile.equidistribute", "equidistributed", 0.65, 0.2),
     ):
-        error, missed = (_ratio(table, (*fast, method), of) for of in ("control_error", "miss_m"))
+        error, missed = (_ratio(table, (*fast, method), measure) for measure in ("control_error", "miss_m"))
         status = table[(*fast, method)]["status"]
         claims.append(
             Claim(
@@ -293,8 +293,8 @@ def _targets(
 
 
 def _printed(table: Rows, cases: Sequence[str], nodes: Sequence[int]) -> list[Claim]:
-    def ratios(scheme: Scheme, method: str, of: str) -> Array:
-        return np.array([_ratio(table, (case, scheme.name, n, method), of) for case in cases for n in nodes])
+    def ratios(scheme: Scheme, method: str, measure: str) -> Array:
+        return np.array([_ratio(table, (case, scheme.name, n, method), measure) for case in cases for n in nodes])
 
     better = {scheme.name: ratios(scheme, "equidistributed", "control_error") for scheme in SCHEMES}
     slower = ratios(HermiteSimpson(), "equidistributed", "solve_ms")
@@ -366,11 +366,11 @@ def _ratios(table: Rows, cases: Sequence[str]) -> Table:
                 for method in METHODS[1:]:
                     key = (case, scheme.name, n, method)
                     refused = table[key]["status"] == "refused"
-                    error, missed = (_ratio(table, key, of) for of in ("control_error", "miss_m"))
+                    error, missed = (_ratio(table, key, measure) for measure in ("control_error", "miss_m"))
                     cells.append("refused" if refused else f"{error:.2f} / {missed:.3f}")
                 start = f"{base['control_error']:.1e} / {base['miss_m']:.2g} m"
                 rows.append((case, scheme.name, str(n), start, *cells))
-    return Table("Control error / replay miss: uniform, and the others as shares of it", columns, rows)
+    return Table("Control error / replay miss: uniform, and the others as shares of the uniform one", columns, rows)
 
 
 def _indirect_table(indirect: Mapping[str, Mapping[str, float]], nodes: int) -> Table:

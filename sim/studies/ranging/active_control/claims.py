@@ -8,7 +8,7 @@ from typing import Any
 
 from mathnavi.sim.records.claims import Claim
 from mathnavi.sim.records.statistics import Band
-from mathnavi.sim.studies.ranging.active_control.flights import COMPARED, EXCITED, FAST, LIMIT, SLOW, TRACKS
+from mathnavi.sim.studies.ranging.active_control.flights import COMPARED, FAST, LIMIT, SENSES_FIRST, SLOW, TRACKS
 
 SOONER = {"circle": 2.0, "random": 4.0}  # times, that active inputs shall be
 _LEAST = 1e-9  # [s]
@@ -86,7 +86,7 @@ def _deliberate(e: ActiveControlResults) -> Claim:
         "C.6", f"within {e.seconds:g} s active inputs bring the error below {LIMIT} m for good more often than inputs "
         "that nobody chose, random ones and none",
         "found: " + ", ".join(f"{mode} {k} of {n}" for mode, (k, n) in shares.items())
-        + f"; keeping a path on a slippery floor, touched the wall: {TRACKS[0]} {first[0]}, {EXCITED} {first[1]}",
+        + f"; keeping a path on a slippery floor, touched the wall: {TRACKS[0]} {first[0]}, {SENSES_FIRST} {first[1]}",
         all(_share(shares["active"]) > _share(shares[mode]) for mode in ("random", "still")),
     )  # fmt: skip
 

@@ -1,9 +1,9 @@
 """Runs of the study ``active-control``, and their measures.
 
-Every way to excite drives the same robot from the same starts: two sensors at ±60°, 5 % range noise, and an EKF that
-knows the start with standard deviations of .3 m and .3 rad. Starts are drawn uniformly among the poses from which every
-fixed pattern keeps the margin for as long as is flown; the start, what is known of it and the noise are those of the
-seed, whatever drives.
+Every mode of active sensing drives the same robot from the same starts: two sensors at ±60°, 5 % range noise, and an
+EKF that knows the start with standard deviations of .3 m and .3 rad. Starts are drawn uniformly among the poses from
+which every fixed pattern keeps the margin for as long as is flown; the start, its known part and the noise are those of
+the seed, whatever drives.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ SLOW, FAST = 0.15, 1.0  # [rad/s] bounds of the turn rate
 OFTEN = 0.2  # [s] between what is kept of a run
 MODES = ("active", "singular-value", "circle", "figure-eight", "straight", "random", "still")
 COMPARED = ("active", "circle", "random")  # that the target speaks of
-AT_ONCE, EXCITED = "tracks at once", "excites first"
-TRACKS = (AT_ONCE, EXCITED)
+AT_ONCE, SENSES_FIRST = "tracks at once", "senses first"
+TRACKS = (AT_ONCE, SENSES_FIRST)
 
 PATH: dict[str, Any] = {"then": "figure-eight", "speed": 0.3, "cycle": 16.0}  # [m/s], [s]: what is kept
 
@@ -44,7 +44,7 @@ _CIRCLES = {SLOW: 0.1, FAST: 0.5}  # [m/s]: of radii .67 m and .5 m, the field b
 _EIGHT_SPAN = 15.111  # [rad] cycle times turn rate of a figure of eight, a little more than 2 pi times J_0's first zero
 _SLIPPERY: Mapping[str, float] = {"friction": 0.1, "speed_max": 0.6, "turn_rate_max": 1.2}
 _NEVER_UNSURE = 100.0  # [m, rad]
-_STEP = 0.05  # [s] between poses at which a pattern's clearance is looked at
+_STEP = 0.05  # [s] between poses at which a pattern's clearance is evaluated
 
 
 def fields_of(mode: str, turn_rate: float) -> dict[str, float]:
@@ -85,7 +85,7 @@ class LocalisationRun:
 
 def tracking(kind: str, seed: int, seconds: float) -> Trial:
     """A differential drive on a slippery floor that is to keep a figure of eight, from a start it does not know."""
-    sure = {} if kind == EXCITED else {"sure_position": _NEVER_UNSURE, "sure_heading": _NEVER_UNSURE}
+    sure = {} if kind == SENSES_FIRST else {"sure_position": _NEVER_UNSURE, "sure_heading": _NEVER_UNSURE}
     planner = {f"planner.{name}": value for name, value in {**PATH, **sure}.items()}
     fields = {"drive": "differential", **_SLIPPERY, "duration": seconds, **planner}
     return trial("range-localisation", seed, fields=fields, measure=f"{__name__}:tracked")
@@ -132,15 +132,15 @@ def tracked(outcome: RunResult) -> dict[str, Any]:
     fields, mission = outcome.config["controller"]["fields"], RangingMission(WALL, (0.0,))
     reference = ReferencePath(PATTERNS[fields["then"]](ActiveSensing.Config(**fields)), mission).poses[:, :2]
     truth = recording.truths[VEHICLE]
-    off = np.array([np.linalg.norm(reference - place, axis=1).min() for place in truth[:, :2]])
+    error = np.array([np.linalg.norm(reference - place, axis=1).min() for place in truth[:, :2]])
     errors, kept = _errors(outcome), _kept(outcome)
     joined = [event.t for event in recording.events if event.kind == "tracking"]
     return {
         "tracking_from_s": joined[0] if joined else None,
         "joins": len(joined),
-        "off_path_rms_m": rms(off[errors.last]),
+        "off_path_rms_m": rms(error[errors.last]),
         "slip_m": _slip(recording.agents[VEHICLE].readings["odometry"][: len(truth), 0], truth),
-        "off_path_m": off[kept].tolist(),
+        "off_path_m": error[kept].tolist(),
         "errors_m": errors.position[kept].tolist(),
         "places_m": truth[kept, :2].tolist(),
     }

@@ -47,7 +47,7 @@ class ActiveControlConfig:
 
 
 class ActiveControl:
-    """How much sooner a robot finds itself that drives where it learns most (Paper C)."""
+    """Active sensing: how much sooner a robot localises itself that chooses the most informative input (Paper C)."""
 
     Config = ActiveControlConfig
     quick = ActiveControlConfig(seeds=6, others=2, tracked=1)
@@ -86,7 +86,7 @@ class ActiveControl:
             caption="(a) Position errors: medians, and between the quartiles. (b) When they are below "
             f"{LIMIT} m for good: medians with 95 % bands. (c) One run of each mode, from the same start, "
             "coloured by its error; the last two: a figure of eight on a slippery floor, kept from the first estimate "
-            "on, and after exciting first (dashed: the path).",
+            "on, and after active sensing (dashed: the path).",
             claims=claims(evidence),
         )
 
@@ -156,10 +156,10 @@ def _least(band: Band) -> float:
 
 def _track_table(tracks: Mapping[str, Sequence[Record]]) -> Table:
     rows = [
-        (kind, r.seed, *(_told(r.summary[name]) for name in _TRACKED)) for kind, some in tracks.items() for r in some
+        (kind, r.seed, *(_cell(r.summary[name]) for name in _TRACKED)) for kind, group in tracks.items() for r in group
     ]
     return Table("A figure of eight on a slippery floor", ("loop", "seed", *_TRACKED), rows)
 
 
-def _told(value: object) -> object:
+def _cell(value: object) -> object:
     return "never" if value is None else value

@@ -16,7 +16,7 @@ from mathnavi.sim.studies.ranging.observability.measures import FlagsRank, Propo
 MapKey = tuple[str, float, str, str]
 """family, value, sensors, estimator"""
 
-EXCITING = "figure of eight"
+ACTIVE_INPUT = "figure of eight"
 FEW = ("1", "2s", "2t")  # sensors of which standing still is not enough
 RANKED = 1e-6  # [m per m or rad] a least singular value above which the rank is full
 FAILING, FINDING = 0.1, 0.85  # shares of starts from which a robot that stands still does not, and does, find itself
@@ -44,7 +44,9 @@ def claims(e: ObservabilityResults) -> list[Claim]:
 
 
 def _targets(e: ObservabilityResults) -> list[Claim]:
-    ellipse = [pair for key, some in e.counts.items() if key[0] == "ellipse" and key[2] == EXCITING for pair in some]
+    ellipse = [
+        pair for key, counts in e.counts.items() if key[0] == "ellipse" and key[2] == ACTIVE_INPUT for pair in counts
+    ]
     full = {name: int((values > RANKED).sum()) for name, values in e.still_ranks.items()}
     ranks = ", ".join(f"{name}: {full[name]} of {len(e.still_ranks[name])}" for name in SENSORS)
     found = ", ".join(f"{name}: {e.still_found[name].value:.0%}" for name in SENSORS)
@@ -73,7 +75,7 @@ def _targets(e: ObservabilityResults) -> list[Claim]:
 def _elsewhere(e: ObservabilityResults) -> str:
     parts = []
     for wall, rotations in e.rotations.items():
-        counts = {n for key, some in e.counts.items() if key[0] == wall and key[2] == EXCITING for n, _ in some}
+        counts = {n for key, pairs in e.counts.items() if key[0] == wall and key[2] == ACTIVE_INPUT for n, _ in pairs}
         if wall != "ellipse":
             parts.append(f"{wall} (rotations: {rotations}) {_set(counts)}")
     return "elsewhere " + ", ".join(parts)
@@ -165,10 +167,10 @@ def _of_the_map(e: ObservabilityResults) -> Claim:
     return Claim(
         "C.map", "printed", "The convergence of the observer depends on the environment.", "C.6; left open in 3.2",
         "two sensors: between walls the shares of starts that converge differ beyond their 95 % limits",
-        f"from {_told(least, shares[least])} to {_told(most, shares[most])}",
+        f"from {_rate_text(least, shares[least])} to {_rate_text(most, shares[most])}",
         shares[least].high < shares[most].low,
     )  # fmt: skip
 
 
-def _told(key: MapKey, found: Proportion) -> str:
+def _rate_text(key: MapKey, found: Proportion) -> str:
     return f"{key[0]} {key[1]:.3g} with {key[2]}: {found.text()}"

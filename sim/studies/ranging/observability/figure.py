@@ -102,9 +102,9 @@ def _feasible(field: Axes, flow: Axes, outputs: RangeOutputs, x_0: Array) -> Non
     _wall(field, outputs.curve)
     norm = LogNorm(FAINTEST, STRONGEST)
     for points in curves:
-        off = np.array([mismatch(outputs, x, x_0, motions[SHOWN]) for x in points])
+        mismatches = np.array([mismatch(outputs, x, x_0, motions[SHOWN]) for x in points])
         pieces = np.stack([points[:-1, :2], points[1:, :2]], axis=1)
-        colours = COLOURS(norm(np.clip(0.5 * (off[1:] + off[:-1]), FAINTEST, STRONGEST)))
+        colours = COLOURS(norm(np.clip(0.5 * (mismatches[1:] + mismatches[:-1]), FAINTEST, STRONGEST)))
         field.add_collection(LineCollection(list(pieces), colors=colours, lw=3.2, capstyle="round", zorder=3))
         for x in points[10::24]:
             tip = x[:2] + 0.2 * np.array([math.cos(x[2]), math.sin(x[2])])
@@ -120,7 +120,7 @@ def _feasible(field: Axes, flow: Axes, outputs: RangeOutputs, x_0: Array) -> Non
     bar.outline.set_visible(False)
     field.set_title("(a) all that reads what the robot at its start reads")
     image = outputs.curve.images(x_0)[-1]
-    for text, x, offset in (("true start", x_0, (14, -13)), ("its image: never told apart", image, (12, 2))):
+    for text, x, offset in (("true start", x_0, (14, -13)), ("its image: indistinguishable", image, (12, 2))):
         field.annotate(text, (x[0], x[1]), offset, textcoords="offset points", fontsize=8.5)
     own = min(curves, key=lambda points: float(np.linalg.norm(pose_difference(points, x_0), axis=1).min()))
     _along(flow, outputs, x_0, own, motions)
@@ -135,9 +135,9 @@ def _along(flow: Axes, outputs: RangeOutputs, x_0: Array, points: Array, motions
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     along -= along[np.argmin(np.linalg.norm(pose_difference(points, x_0), axis=1))]
     for name, motion in motions.items():
-        off = np.array([mismatch(outputs, x, x_0, motion) for x in points])
-        off[~np.isfinite(off)] = np.nan  # the robot would drive into the wall
-        flow.plot(along, np.maximum(off, 0.1 * FAINTEST), color=INPUT_COLOURS[name], lw=1.6, label=name)
+        mismatches = np.array([mismatch(outputs, x, x_0, motion) for x in points])
+        mismatches[~np.isfinite(mismatches)] = np.nan  # the robot would drive into the wall
+        flow.plot(along, np.maximum(mismatches, 0.1 * FAINTEST), color=INPUT_COLOURS[name], lw=1.6, label=name)
     flow.set_yscale("log")
     flow.yaxis.set_minor_formatter(NullFormatter())
     flow.set_ylim(0.1 * FAINTEST, 20.0)

@@ -142,8 +142,8 @@ def _chosen(family: Sequence[MapCase], walls: int) -> list[MapCase]:
     chosen: list[MapCase] = []
     one_wall = len({case.curve for case in family}) == 1
     for sensors in (None,) if one_wall else dict.fromkeys(case.sensors for case in family):
-        some = [case for case in family if sensors in (None, case.sensors)]
-        chosen += [some[k] for k in sorted({round(k) for k in np.linspace(0, len(some) - 1, min(walls, len(some)))})]
+        cases = [case for case in family if sensors in (None, case.sensors)]
+        chosen += [cases[k] for k in sorted({round(k) for k in np.linspace(0, len(cases) - 1, min(walls, len(cases)))})]
     return chosen
 
 
@@ -177,7 +177,7 @@ def _evidence(
 ) -> ObservabilityResults:
     found = {drives: {name: _rate(done["exactly", name, drives]) for name in SENSORS} for drives in (False, True)}
     return ObservabilityResults(
-        counts={key[1:]: some for key, some in done.items() if isinstance(key, tuple) and key[0] == "count"},
+        counts={key[1:]: counted for key, counted in done.items() if isinstance(key, tuple) and key[0] == "count"},
         rotations={name: curve.symmetry for name, curve in WALLS.items()},
         still_ranks={name: np.array(done["rank", name]) for name in SENSORS},
         still_found=found[False],

@@ -26,12 +26,12 @@ def rows(
         *(_map_row(key, found, isolations[key[:3]]) for key, found in e.maps.items()),
         *(
             {"what": "states that read the same", "wall": wall, "sensors": sensors, "motion": motion,
-             "least": min(n for n, _ in some), "most": max(n for n, _ in some), "states": len(some)}
-            for (wall, sensors, motion), some in e.counts.items()
+             "least": min(n for n, _ in counts), "most": max(n for n, _ in counts), "states": len(counts)}
+            for (wall, sensors, motion), counts in e.counts.items()
         ),
         *(
             {"what": "standing still" if still else "driving", "wall": "ellipse", "sensors": name, **_share(found)}
-            for still, some in ((True, e.still_found), (False, e.driving_found)) for name, found in some.items()
+            for still, counts in ((True, e.still_found), (False, e.driving_found)) for name, found in counts.items()
         ),
         *(
             {"what": "two flags", "d_0_known": row.distance_known, "on_axis": row.on_axis, "u_1": row.u[0],
@@ -80,11 +80,11 @@ def count_table(e: ObservabilityResults) -> Table:
     return Table("States that read the same, the true one counted", ("wall", "rotations", "sensors", *motions), shown)
 
 
-def _counts(some: Sequence[tuple[int, int]]) -> str:
+def _counts(counts: Sequence[tuple[int, int]]) -> str:
     """The numbers that were found, or that there is no end of them."""
-    if any(n > 20 for n, _ in some):
+    if any(n > 20 for n, _ in counts):
         return "a continuum"
-    return " or ".join(str(n) for n in sorted({n for n, _ in some}))
+    return " or ".join(str(n) for n in sorted({n for n, _ in counts}))
 
 
 def standing_table(e: ObservabilityResults) -> Table:

@@ -99,7 +99,7 @@ def _bank(e: ConvergenceResults) -> Claim:
             holds.append(ratios[other][-1] <= most)
     cost = {name: f"1/{e.cheaper(name, ALL_ALIVE):.0f}" for name in BEYOND_EKF}
     flown = {name: f"1/{e.cheaper(name, BANK_LOOP):.0f}" for name in BEYOND_EKF}
-    floor, particles = (" / ".join(f"{ratio:.2f}" for ratio in some) for some in ratios.values())
+    floor, particles = (" / ".join(f"{ratio:.2f}" for ratio in group) for group in ratios.values())
     return Claim(
         "range.bank", "target", "The feasible-set bank finds the pose from anywhere, as exactly as can be.",
         "C.4, Definition C.9",

@@ -1,8 +1,8 @@
 """Costs of an update of each range estimator: thread CPU time on one thread, over one and the same readings.
 
 The compiled ones are loops over the kernels that the plug-ins call, without the plug-ins' Python: the bank as it is
-flown, the bank if no hypothesis were ever dropped, a single filter of it, and a particle filter that propagates, weighs
-and, when N_eff is below N / 2, resamples and roughens.
+flown, the bank if no hypothesis were ever dropped, a single filter of the bank, and a particle filter that propagates,
+weighs and, when N_eff is below N / 2, resamples and roughens.
 """
 
 from __future__ import annotations

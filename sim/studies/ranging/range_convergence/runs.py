@@ -104,9 +104,9 @@ def _found(name: str, run: ExactRun, near: Array, seed: int) -> EstimatorResult:
         estimator.update(t, readings, command)
         for t, readings, command in zip(run.t, run.readings, run.commands, strict=True)
     ]
-    off = np.array([mission.difference(e.x, x) for e, x in zip(estimates, run.truth, strict=True)])
-    position, last = np.hypot(off[:, 0], off[:, 1]), round((1.0 - LAST) * (len(run.t) - 1))
-    rms = [math.sqrt(float(np.mean(np.square(values[last:])))) for values in (position, off[:, 2])]
+    differences = np.array([mission.difference(e.x, x) for e, x in zip(estimates, run.truth, strict=True)])
+    position, last = np.hypot(differences[:, 0], differences[:, 1]), round((1.0 - LAST) * (len(run.t) - 1))
+    rms = [math.sqrt(float(np.mean(np.square(values[last:])))) for values in (position, differences[:, 2])]
     shown = np.linspace(0, len(run.t) - 1, INSTANTS).round().astype(int)
     nis = np.array([e.extra.get("nis", (np.nan, np.nan)) for e in estimates[last:]])
     nis = nis[np.isfinite(nis).all(axis=1)]
@@ -115,15 +115,17 @@ def _found(name: str, run: ExactRun, near: Array, seed: int) -> EstimatorResult:
         position=rms[0],
         heading=rms[1],
         error=position[shown],
-        nees=_nees([estimates[k] for k in shown], off[shown]),
+        nees=_nees([estimates[k] for k in shown], differences[shown]),
         nis=float(nis[:, 0].mean()) if len(nis) else math.nan,
         rays=float(nis[:, 1].mean()) if len(nis) else math.nan,
     )
 
 
-def _nees(estimates: Sequence[Estimate], off: Array) -> Array:
+def _nees(estimates: Sequence[Estimate], differences: Array) -> Array:
     none = np.full((3, 3), np.nan)
-    return normalised_error_squared(off, np.array([none if e.covariance is None else e.covariance for e in estimates]))
+    return normalised_error_squared(
+        differences, np.array([none if e.covariance is None else e.covariance for e in estimates])
+    )
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ class RangeConvergenceConfig:
 
 
 class RangeConvergence:
-    """Whether range estimators find the pose, how exactly, how sure they are, and what they cost (Paper C)."""
+    """Convergence, accuracy, consistency and cost of the range estimators (Paper C)."""
 
     Config = RangeConvergenceConfig
     quick = RangeConvergenceConfig(seeds=10, peers=3, drives=1, repetitions=1)
@@ -116,8 +116,7 @@ def _evidence(config: RangeConvergenceConfig, setup: Setup) -> ConvergenceResult
         for name in DRIVEN
         for friction in FRICTIONS
     }
-    flown = iter(setup.fly([each for trials in asked.values() for each in trials]))
-    drives = {key: [next(flown) for _ in trials] for key, trials in asked.items()}
+    drives = setup.fly_groups(asked)
     done = jobs.done(setup)
     timing = {"repetitions": config.repetitions}
     update_times = setup.compute(timed_updates, BEYOND_EKF, seconds=min(TIMED, config.seconds), **timing)

@@ -24,7 +24,7 @@ from mathnavi.sim.studies.ranging.range_observer.runs import (
 )
 
 FEED_FORWARDS: tuple[FeedForward, ...] = tuple(name for name in get_args(FeedForward) if name != "none")
-PRINT = ObserverGains("none", *PRINTED_GAINS)
+AS_PRINTED = ObserverGains("none", *PRINTED_GAINS)
 OBSERVER = ObserverGains("s", *PRINTED_GAINS)
 Q_ZERO, EXACT = 1e-7, 1e-9  # [m^2/s] of |Q|, [rad/s] and [rad] of a feed-forward on the truth
 FALL = (4.0, 11.0)  # times by which the printed observer's error falls from k = 1 to k = 10
@@ -49,22 +49,22 @@ class LockResults:
 
 def claims(e: LockResults) -> list[Claim]:
     """Evaluate every claim of the study."""
-    return [_identities(e), _print(e), *_printed(e)]
+    return [_identities(e), _as_printed(e), *_printed(e)]
 
 
-def median(some: Sequence[RunErrors], name: str = "position") -> float:
+def median(errors: Sequence[RunErrors], name: str = "position") -> float:
     """Median over runs of one of their errors."""
-    return float(np.median([getattr(verdict, name) for verdict in some]))
+    return float(np.median([getattr(verdict, name) for verdict in errors]))
 
 
-def locked(some: Sequence[RunErrors]) -> int:
+def locked(errors: Sequence[RunErrors]) -> int:
     """Number of runs that kept lock in X."""
-    return sum(verdict.locked for verdict in some)
+    return sum(verdict.locked for verdict in errors)
 
 
-def largest(some: Sequence[Identities], name: str) -> float:
+def largest(identities: Sequence[Identities], name: str) -> float:
     """Largest residual of those that are not guarded."""
-    return float(np.nanmax([getattr(each, name) for each in some]))
+    return float(np.nanmax([getattr(each, name) for each in identities]))
 
 
 def falls(e: LockResults) -> dict[tuple[str, str], list[float]]:
@@ -72,10 +72,10 @@ def falls(e: LockResults) -> dict[tuple[str, str], list[float]]:
     return {
         (sensors, drive): [
             slow.position / fast.position
-            for slow, fast in zip(some, e.drawn[sensors, drive, 10.0], strict=True)
+            for slow, fast in zip(errors, e.drawn[sensors, drive, 10.0], strict=True)
             if slow.locked and fast.locked
         ]
-        for (sensors, drive, k), some in e.drawn.items()
+        for (sensors, drive, k), errors in e.drawn.items()
         if k == 1.0
     }
 
@@ -96,15 +96,16 @@ def _identities(e: LockResults) -> Claim:
     )  # fmt: skip
 
 
-def _print(e: LockResults) -> Claim:
+def _as_printed(e: LockResults) -> Claim:
     ratios = falls(e)
-    every = [ratio for some in ratios.values() for ratio in some]
+    every = [ratio for group in ratios.values() for ratio in group]
     measured = f"{min(every):.1f} to {max(every):.1f} times" if every else "it keeps lock nowhere"
     print_locked = sum(locked(e.thesis[motion, "none"]) for motion in TURNING)
     ours = {name: sum(locked(e.thesis[motion, name]) for motion in TURNING) for name in FEED_FORWARDS}
     runs = sum(len(e.thesis[motion, "none"]) for motion in TURNING)
     return Claim(
-        "range.print", "target", "The print is off by 1/k where it keeps lock, and where it turns it loses lock.",
+        "range.as-printed", "target",
+            "The observer as printed errs by 1/k where it keeps lock, and where it turns it loses lock.",
         "C.4, C.5",
         f"its position error falls {FALL[0]:g} to {FALL[1]:g} times from k = 1 to k = 10 in every run that keeps "
         "lock at both; from the thesis' start with turning inputs and gains (5, 1) it keeps lock in no run, each "
@@ -121,7 +122,7 @@ def _print(e: LockResults) -> Claim:
 
 
 def _printed(e: LockResults) -> list[Claim]:
-    off = float(np.abs(e.start_off).max())
+    error = float(np.abs(e.start_off).max())
     best = min(MOVING, key=lambda motion: median(e.thesis[motion, "none"]))
     worst_of_truth = e.true_start["none"]
     ours = ", ".join(f"{name} {e.true_start[name].worst:.0e}" for name in FEED_FORWARDS)
@@ -130,7 +131,7 @@ def _printed(e: LockResults) -> list[Claim]:
         Claim(
             "C.start", "printed", "x(0) = (1, -1, π/2) is z(0) = (23π/4, 242π/1101, π/2).", "C.5",
             f"to {SAME:.0e} rad with sensors at -90° and -45° in the ellipse with half-axes 3.763 and √2",
-            f"off by {off:.1e} rad", off <= SAME,
+            f"off by {error:.1e} rad", error <= SAME,
         ),
         Claim(
             "C.observer", "printed", "(C.5) is an observer: from Ψ(x(0)) it stays on Ψ(x).", "C.4, Definition C.7",
@@ -140,12 +141,12 @@ def _printed(e: LockResults) -> list[Claim]:
         Claim(
             "C.converges-z", "printed", "Figures C.3 and C.4 show the convergence of the observer in Z.", "C.5",
             f"under one moving input at least, RMS of a component at the end below {HEADING} rad from every start",
-            _told(e, "locked_z", "in_z", "rad"), _holds(e, "locked_z"),
+            _lock_text(e, "locked_z", "in_z", "rad"), _holds(e, "locked_z"),
         ),
         Claim(
             "C.converges-x", "printed", "Figures C.5 and C.6 show its convergence in X.", "C.5",
             f"under one moving input at least, RMS at the end below {POSITION} m and {HEADING} rad from every start",
-            f"{_told(e, 'locked', 'position', 'm')}; least under '{best}', and not nought under any",
+            f"{_lock_text(e, 'locked', 'position', 'm')}; least under '{best}', and not nought under any",
             _holds(e, "locked"),
         ),
         *_noise(e),
@@ -159,7 +160,7 @@ def _printed(e: LockResults) -> list[Claim]:
     ]  # fmt: skip
 
 
-def _told(e: LockResults, flag: str, name: str, unit: str) -> str:
+def _lock_text(e: LockResults, flag: str, name: str, unit: str) -> str:
     return ", ".join(
         f"{motion} {sum(getattr(one, flag) for one in e.thesis[motion, 'none'])} of "
         f"{len(e.thesis[motion, 'none'])} ({median(e.thesis[motion, 'none'], name):.2f} {unit})"
@@ -175,15 +176,15 @@ def _holds(e: LockResults, flag: str) -> bool:
 def _noise(e: LockResults) -> list[Claim]:
     motions = tuple(dict.fromkeys(motion for motion, _ in e.noisy))
     tracked = {
-        flag: {motion: sum(getattr(one, flag) for one in e.noisy[motion, PRINT]) for motion in motions}
+        flag: {motion: sum(getattr(one, flag) for one in e.noisy[motion, AS_PRINTED]) for motion in motions}
         for flag in ("locked_z", "locked")
     }
-    runs = len(e.noisy[motions[0], PRINT])
+    runs = len(e.noisy[motions[0], AS_PRINTED])
     ours = ", ".join(f"{median(e.noisy[motion, OBSERVER]):.3f} m" for motion in motions)
     relative = {
         gains: tuple(median([one for motion in motions for one in e.noisy[motion, gains]], name)
                      for name in ("relative_position", "relative_heading"))
-        for gains in (PRINT, OBSERVER)
+        for gains in (AS_PRINTED, OBSERVER)
     }  # fmt: skip
     better = sum(mean < faulty for mean, faulty in e.averaged)
     share = float(np.median([mean / faulty for mean, faulty in e.averaged]))
@@ -198,7 +199,7 @@ def _noise(e: LockResults) -> list[Claim]:
             "C.noise-x", "printed", "With 5 % noise it tracks x as well.", "C.5, Figure C.8",
             f"under one input at least, RMS below {POSITION} m and {HEADING} rad in every run",
             "; ".join(
-                f"{motion}: {tracked['locked'][motion]} of {runs} ({median(e.noisy[motion, PRINT]):.2f} m)"
+                f"{motion}: {tracked['locked'][motion]} of {runs} ({median(e.noisy[motion, AS_PRINTED]):.2f} m)"
                 for motion in motions
             ) + f"; with s: {ours}",
             runs in tracked["locked"].values(),
@@ -206,7 +207,7 @@ def _noise(e: LockResults) -> list[Claim]:
         Claim(
             "C.position-better", "printed", "With noise the position is estimated much better than φ.", "C.5",
             "the relative error of (x_1, x_2) is below half that of φ, in the median",
-            "print {:.0%} and {:.0%}, s {:.1%} and {:.1%}".format(*relative[PRINT], *relative[OBSERVER]),
+            "as printed {:.0%} and {:.0%}, s {:.1%} and {:.1%}".format(*relative[AS_PRINTED], *relative[OBSERVER]),
             all(position < 0.5 * heading for position, heading in relative.values()),
         ),
         Claim(
@@ -223,18 +224,18 @@ def _proposition(e: LockResults) -> Claim:
     sets = tuple(dict.fromkeys(sensors for sensors, _, _ in e.drawn))
     fast = tuple(dict.fromkeys(sensors for sensors, _ in e.fast))
     errors = {
-        sensors: [median(some) for (name, _), some in e.fast.items() if name == sensors]
+        sensors: [median(group) for (name, _), group in e.fast.items() if name == sensors]
         if sensors in fast
-        else [median(some) for (name, drive, _), some in e.drawn.items() if (name, drive) == (sensors, "standard")]
+        else [median(group) for (name, drive, _), group in e.drawn.items() if (name, drive) == (sensors, "standard")]
         for sensors in sets
     }
     measured = "; ".join(
-        f"{sensors}: {', '.join(f'{value:.2g}' for value in some)}" for sensors, some in errors.items()
+        f"{sensors}: {', '.join(f'{value:.2g}' for value in group)}" for sensors, group in errors.items()
     )
     return Claim(
         "C.proposition-2", "printed", "The error of (C.5) can be made arbitrarily small by k_V and k_Q.",
         "Proposition C.2",
         f"from the truth, the median position error falls with k to below {SMALL} m: k = 1 to 1000 at 100 readings a "
         "second with three and four rays, 10³ to 10⁵ at 1000 a second with two",
-        f"[m] {measured}", all(some[-1] < SMALL and some[-1] < some[0] for some in errors.values()),
+        f"[m] {measured}", all(group[-1] < SMALL and group[-1] < group[0] for group in errors.values()),
     )  # fmt: skip

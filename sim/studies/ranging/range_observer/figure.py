@@ -33,7 +33,7 @@ OF: Mapping[FeedForward, str] = {
     "rho_dot": hexadecimal(COLOURS[SceneElement.RAY]),
     "manifold": "#101824",
 }
-NAMES: Mapping[FeedForward, str] = {"none": "print", "s": "s", "rho_dot": "rho_dot", "manifold": "manifold"}
+NAMES: Mapping[FeedForward, str] = {"none": "as printed", "s": "s", "rho_dot": "rho_dot", "manifold": "manifold"}
 SET_COLOURS = dict(zip(("2s", "2t", "3", "4"), ("#0d5fa8", "#c2183b", "#e07b00", "#0f9472"), strict=True))
 SHARES = LinearSegmentedColormap.from_list("share", ("#b3202f", "#f0a07c", "#f4f1ea", "#6fb0dc", "#0d5fa8"))
 LEAST = 1e-15  # of an error that is drawn
@@ -90,7 +90,7 @@ def _components(panels: Sequence[Axes], runs: Mapping[FeedForward, ObserverRun])
 
 
 def _legend(axes: Axes, columns: int) -> None:
-    kinds = (("truth", TRUTH, (0, (4, 2))), ("print", OF["none"], "-"), ("feed-forward s", OF["s"], "-"))
+    kinds = (("truth", TRUTH, (0, (4, 2))), ("as printed", OF["none"], "-"), ("feed-forward s", OF["s"], "-"))
     for name, colour, style in kinds:
         axes.plot([], [], color=colour, ls=style, lw=2.0, label=name)
     axes.legend(fontsize=8, ncols=columns, loc="upper left", columnspacing=1.0, handlelength=1.8, borderaxespad=0.1)
@@ -115,7 +115,7 @@ def _field(axes: Axes, runs: Mapping[FeedForward, ObserverRun], *, noisy: bool) 
     halo = [patheffects.withStroke(linewidth=2.6, foreground="#f3f5f6")]
     labels = [
         ("truth, and around it s" if noisy else "truth, and on it s", least, (-8, 0), "right", INK),
-        ("print", astray, (-4, 12), "right", OF["none"]),
+        ("as printed", astray, (-4, 12), "right", OF["none"]),
     ]
     if not noisy:
         labels.append(("first estimate", runs["s"].x[0], (-2, 12), "center", OF["s"]))
@@ -196,7 +196,7 @@ def _plane(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
 def _noise(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
     for feedforward, run in runs.items():
         axes.plot(run.t, run.position, color=OF[feedforward], lw=1.5)
-        axes.plot(run.t, np.abs(run.off[:, 2]), color=OF[feedforward], lw=0.9, ls=":")
+        axes.plot(run.t, np.abs(run.error[:, 2]), color=OF[feedforward], lw=0.9, ls=":")
     for label, style in (("position [m]", "-"), ("heading [rad]", ":")):
         axes.plot([], [], color=INK, ls=style, lw=1.4, label=label)
     _log(axes, (1e-4, 30.0))
@@ -209,14 +209,14 @@ def _noise(axes: Axes, runs: Mapping[FeedForward, ObserverRun]) -> None:
 
 
 def _shares(axes: Axes, e: LockResults) -> None:
-    """Which inputs and feed-forwards keep lock, with the median error."""
+    """Share of runs that keep lock, by input and feed-forward, with the median error."""
     for i, motion in enumerate(MOTIONS):
         for j, feedforward in enumerate(NAMES):
-            some = e.thesis[motion, feedforward]
-            share = locked(some) / len(some)
+            errors = e.thesis[motion, feedforward]
+            share = locked(errors) / len(errors)
             colour = to_rgb(SHARES(share))
             axes.fill([j, j + 1, j + 1, j], [i, i, i + 1, i + 1], facecolor=colour, edgecolor="white", lw=1.4)
-            axes.text(j + 0.5, i + 0.5, f"{share:.0%}\n{median(some):.2g} m", ha="center", va="center", fontsize=8,
+            axes.text(j + 0.5, i + 0.5, f"{share:.0%}\n{median(errors):.2g} m", ha="center", va="center", fontsize=8,
                       color=readable_on(colour))  # fmt: skip
     axes.set(xlim=(0, len(NAMES)), ylim=(len(MOTIONS), 0))
     axes.set_xticks(np.arange(len(NAMES)) + 0.5, list(NAMES.values()))
@@ -229,10 +229,10 @@ def _shares(axes: Axes, e: LockResults) -> None:
 
 def _by_gain(axes: Axes, e: LockResults) -> None:
     for sensors, colour in SET_COLOURS.items():
-        runs = {k: some for (name, drive, k), some in e.drawn.items() if (name, drive) == (sensors, "standard")}
-        found = {k: median(some) for k, some in runs.items()}
+        runs = {k: errors for (name, drive, k), errors in e.drawn.items() if (name, drive) == (sensors, "standard")}
+        found = {k: median(errors) for k, errors in runs.items()}
         axes.plot(list(found), list(found.values()), "o-", color=colour, ms=4)
-        fast = {k: median(some) for (name, k), some in e.fast.items() if name == sensors}
+        fast = {k: median(errors) for (name, k), errors in e.fast.items() if name == sensors}
         axes.plot(list(fast), list(fast.values()), "o--", color=colour, ms=4.5, mfc="white", lw=1.1)
         x, y = (list(fast.items()) or list(found.items()))[-1]
         axes.annotate(sensors, (x, y), (8, {"3": 7, "4": -9}.get(sensors, 0)), va="center",
@@ -246,7 +246,7 @@ def _by_gain(axes: Axes, e: LockResults) -> None:
     axes.plot(k, 0.03 / k, color=INK, lw=0.9)
     axes.annotate("1/k", (k[0], 0.03 / k[0]), (-3, -4), textcoords="offset points", ha="right", va="top")
     axes.set(xscale="log", xlabel="gain k = $k_V$ = $k_Q$", ylabel="position error, median RMS [m]",
-             title="(j) the print by its gain, from the truth")  # fmt: skip
+             title="(j) as printed, by its gain, from the truth")  # fmt: skip
     axes.set_xlim(0.6, 4e5)
     axes.set_yscale("log")
     axes.xaxis.set_minor_formatter(NullFormatter())

@@ -60,8 +60,8 @@ def _at(sensors: str, x: Array, u: Array) -> Identities:
         there = np.stack([STANDARD.ranges(after, alpha)[0], complex_step(after, u, alpha)[0]])
         for name, forward in FEED_FORWARDS.items():
             reached = forward(wall, alpha, z, np.stack([rho, rho_dot]), there, u, PERIOD)
-            off = wrapped(reached - z_after)
-            ends[name] = float(np.abs(off).max())
+            error = wrapped(reached - z_after)
+            ends[name] = float(np.abs(error).max())
     return Identities(
         sensors,
         float(np.linalg.norm(np.array(Q))),

@@ -27,13 +27,13 @@ class ObserverRun:
     z: Array  # (n, l + 1) estimate
     z_true: Array  # (n, l + 1) without jumps
     value: Array  # (n, 2) V_rho and |Q|^2 / 2
-    off: Array  # (n, 3) x less its truth, modulo the symmetry of the wall
+    error: Array  # (n, 3) x less its truth, modulo the symmetry of the wall
     off_z: Array  # (n, l + 1) z likewise
 
     @property
     def position(self) -> Array:
         """(n,) [m]."""
-        length: Array = np.hypot(self.off[:, 0], self.off[:, 1])
+        length: Array = np.hypot(self.error[:, 0], self.error[:, 1])
         return length
 
     @property
@@ -63,7 +63,7 @@ class RunErrors:
     def of(run: ObserverRun) -> RunErrors:
         """The errors of a run."""
         last, truth = run.last, run.truth
-        position, heading = rms(run.position[last]), rms(run.off[last, 2])
+        position, heading = rms(run.position[last]), rms(run.error[last, 2])
         distance = rms(np.hypot(truth[last, 0], truth[last, 1]))
         return RunErrors(
             position,

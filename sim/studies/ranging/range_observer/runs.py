@@ -106,8 +106,8 @@ def first_z(seed: int) -> tuple[Array, Array]:
 def places(z: Array, rho: Array, alpha: Array) -> Array:
     """v_i (..., l, 2) [m] of z (..., l + 1): where each ray says that the robot is."""
     beta = z[..., -1:] + alpha
-    away: Array = rho[..., None] * np.stack([np.cos(beta), np.sin(beta)], axis=-1)
-    return STANDARD.points(z[..., :-1]) - away
+    ray: Array = rho[..., None] * np.stack([np.cos(beta), np.sin(beta)], axis=-1)
+    return STANDARD.points(z[..., :-1]) - ray
 
 
 def from_thesis_start(asked: ThesisRun) -> ObserverRun:
@@ -151,8 +151,8 @@ def averaged(asked: ThesisRun) -> tuple[float, float]:
     return _rms_length(by_mean), _rms_length(by_faulty)
 
 
-def _rms_length(off: Array) -> float:
-    return rms(np.hypot(off[..., 0], off[..., 1]))
+def _rms_length(error: Array) -> float:
+    return rms(np.hypot(error[..., 0], error[..., 1]))
 
 
 @lru_cache(maxsize=8)

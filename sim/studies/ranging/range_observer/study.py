@@ -20,8 +20,8 @@ from mathnavi.sim.studies.framework.jobs import Jobs
 from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.studies.ranging.observability.maps import SENSORS, STANDARD
 from mathnavi.sim.studies.ranging.range_observer.claims import (
+    AS_PRINTED,
     OBSERVER,
-    PRINT,
     LockResults,
     claims,
     falls,
@@ -71,7 +71,7 @@ class RangeObserverStudyConfig:
 
 
 class RangeObserverStudy:
-    """The active range observer: Figures C.3 to C.8, the print beside its feed-forwards."""
+    """The active range observer: Figures C.3 to C.8, the observer as printed beside its feed-forwards."""
 
     Config = RangeObserverStudyConfig
     quick = RangeObserverStudyConfig(starts=2, drives=1, states=50)
@@ -84,7 +84,7 @@ class RangeObserverStudy:
         e = _evidence(done)
         drawn = ShownRuns(
             exact={name: done["shown", name][0] for name in get_args(FeedForward)},
-            noisy={gains.feedforward: done["shown, noisy", gains.feedforward][0] for gains in (PRINT, OBSERVER)},
+            noisy={gains.feedforward: done["shown, noisy", gains.feedforward][0] for gains in (AS_PRINTED, OBSERVER)},
         )
         return StudyResult(
             summary=(
@@ -100,8 +100,8 @@ class RangeObserverStudy:
             caption=f"(a) The components of z in a {SHOWN} from the thesis' start (as Figure C.3), one first estimate. "
             "(b) The same in X (C.5), (c) the errors in X and (d) in Z (C.6, C.4), of all feed-forwards. (e) What the "
             "observer descends on. (f) The phase portrait in Z and (g) the path in X with 5 % range noise (C.7, C.8), "
-            "(h) the errors. (i) Shares of the first estimates from which lock is kept. (j) The print from starts that "
-            "are drawn, started on the truth, by its gain; hollow: with 1000 readings a second.",
+            "(h) the errors. (i) Shares of the first estimates from which lock is kept. (j) As printed, from starts "
+            "that are drawn, started on the truth, by its gain; hollow: with 1000 readings a second.",
             claims=claims(e),
         )  # fmt: skip
 
@@ -118,7 +118,7 @@ def _asked(config: RangeObserverStudyConfig) -> Jobs:
         for motion in MOTIONS:
             runs = [ThesisRun(motion, gains, seed, seconds) for seed in range(config.starts)]
             jobs.add(("thesis", motion, name), thesis_verdict, runs)
-    for gains in (PRINT, OBSERVER):
+    for gains in (AS_PRINTED, OBSERVER):
         jobs.add(("shown, noisy", gains.feedforward), shown_run, [ThesisRun(SHOWN, gains, 0, seconds, BOTH)])
     for motion in NOISY_MOTIONS:
         for gains in NOISY_GAINS:
@@ -141,20 +141,20 @@ def _asked(config: RangeObserverStudyConfig) -> Jobs:
 def _evidence(done: Mapping[Any, list[Any]]) -> LockResults:
     psi = np.append(STANDARD.ranges(START, np.radians(SENSORS["2t"]))[1], START[2])
     return LockResults(
-        identities=[one for some in done["identities",] for one in some],
+        identities=[one for group in done["identities",] for one in group],
         start_off=wrapped(PRINTED_START - psi),
-        thesis={key[1:]: some for key, some in done.items() if key[0] == "thesis"},
-        noisy={key[1:]: some for key, some in done.items() if key[0] == "noisy"},
-        true_start={key[1]: some[0] for key, some in done.items() if key[0] == "true start"},
+        thesis={key[1:]: group for key, group in done.items() if key[0] == "thesis"},
+        noisy={key[1:]: group for key, group in done.items() if key[0] == "noisy"},
+        true_start={key[1]: group[0] for key, group in done.items() if key[0] == "true start"},
         drawn={
-            (*key[1:], k): [run[i] for run in some]
-            for key, some in done.items()
+            (*key[1:], k): [run[i] for run in group]
+            for key, group in done.items()
             if key[0] == "drawn"
             for i, k in enumerate(GAINS)
         },
         fast={
-            (key[1], k): [run[i] for run in some]
-            for key, some in done.items()
+            (key[1], k): [run[i] for run in group]
+            for key, group in done.items()
             if key[0] == "fast"
             for i, k in enumerate(FAST_GAINS)
         },
@@ -168,22 +168,27 @@ def _evidence(done: Mapping[Any, list[Any]]) -> LockResults:
 def _rows(e: LockResults) -> list[dict[str, Any]]:
     """The CSV: a row for each run, and for each set of sensors what is left of the identities."""
     groups: list[tuple[dict[str, Any], Sequence[RunErrors]]] = [
-        *(({"what": "thesis' start", "motion": m, **_gains(ObserverGains(f, *PRINTED_GAINS))}, some)
-          for (m, f), some in e.thesis.items()),
-        *(({"what": "thesis' start, 5 % noise", "motion": m, **_gains(g)}, some) for (m, g), some in e.noisy.items()),
-        *(({"what": "from the truth", "motion": d, "sensors": s, **_gains(ObserverGains("none", k, k))}, some)
-          for (s, d, k), some in e.drawn.items()),
+        *(({"what": "thesis' start", "motion": m, **_gains(ObserverGains(f, *PRINTED_GAINS))}, errors)
+          for (m, f), errors in e.thesis.items()),
+        *(({"what": "thesis' start, 5 % noise", "motion": m, **_gains(g)}, errors)
+          for (m, g), errors in e.noisy.items()),
+        *(({"what": "from the truth", "motion": d, "sensors": s, **_gains(ObserverGains("none", k, k))}, errors)
+          for (s, d, k), errors in e.drawn.items()),
         *(({"what": "from the truth, 1 kHz", "motion": "standard", "sensors": s,
-            **_gains(ObserverGains("none", k, k))}, some)
-          for (s, k), some in e.fast.items()),
+            **_gains(ObserverGains("none", k, k))}, errors)
+          for (s, k), errors in e.fast.items()),
     ]  # fmt: skip
     runs = [
         {"sensors": "2t", **run, "seed": seed, "position_rms_m": one.position, "heading_rms_rad": one.heading,
          "z_rms_rad": one.in_z, "keeps_lock": one.locked}
-        for run, some in groups for seed, one in enumerate(some)
+        for run, errors in groups for seed, one in enumerate(errors)
     ]  # fmt: skip
     left = [
-        {"what": f"identities: {name}", "sensors": sensors, "largest": largest(_of(e.identities, sensors), name)}
+        {
+            "what": f"identities: {name}",
+            "sensors": sensors,
+            "largest": largest(_with_sensors(e.identities, sensors), name),
+        }
         for sensors in SETS
         for name in ("Q", "s", "rho_dot", "manifold", "heun_s", "heun_rho_dot")
     ]
@@ -194,15 +199,15 @@ def _gains(gains: ObserverGains) -> dict[str, Any]:
     return {"feedforward": gains.feedforward, "k_v": gains.k_v, "k_q": gains.k_q}
 
 
-def _of(some: Sequence[Identities], sensors: str) -> list[Identities]:
-    return [one for one in some if one.sensors == sensors]
+def _with_sensors(identities: Sequence[Identities], sensors: str) -> list[Identities]:
+    return [one for one in identities if one.sensors == sensors]
 
 
 def _thesis_table(e: LockResults) -> Table:
     names: tuple[FeedForward, ...] = get_args(FeedForward)
-    columns = ("input", *(f"{'print' if name == 'none' else name}: keeps lock, RMS [m], [rad]" for name in names))
+    columns = ("input", *(f"{'as printed' if name == 'none' else name}: keeps lock, RMS [m], [rad]" for name in names))
     rows = [
-        (motion, *(_told(e.thesis[motion, name]) for name in names)) for motion in MOTIONS
+        (motion, *(_lock_cell(e.thesis[motion, name]) for name in names)) for motion in MOTIONS
     ]  # fmt: skip
     return Table("From the thesis' start, without noise, gains (5, 1)", columns, rows)
 
@@ -210,35 +215,35 @@ def _thesis_table(e: LockResults) -> Table:
 def _noise_table(e: LockResults) -> Table:
     columns = ("input", "feed-forward", "k_V, k_Q", "keeps lock, RMS [m], [rad]")
     rows = [
-        (motion, "print" if gains.feedforward == "none" else gains.feedforward, f"{gains.k_v:g}, {gains.k_q:g}",
-         _told(some))
-        for (motion, gains), some in e.noisy.items()
+        (motion, "as printed" if gains.feedforward == "none" else gains.feedforward, f"{gains.k_v:g}, {gains.k_q:g}",
+         _lock_cell(errors))
+        for (motion, gains), errors in e.noisy.items()
     ]  # fmt: skip
     return Table("From the thesis' start, with 5 % range noise", columns, rows)
 
 
-def _told(some: Sequence[RunErrors]) -> str:
-    return f"{locked(some)} of {len(some)}, {median(some):.2g}, {median(some, 'heading'):.2g}"
+def _lock_cell(errors: Sequence[RunErrors]) -> str:
+    return f"{locked(errors)} of {len(errors)}, {median(errors):.2g}, {median(errors, 'heading'):.2g}"
 
 
 def _gains_table(e: LockResults) -> Table:
     columns = ("sensors", "figure of eight", *(f"k = {k:g}" for k in GAINS), "k = 1 over k = 10")
     ratios = falls(e)
     rows = [
-        (sensors, drive, *(_told(e.drawn[sensors, drive, k]) for k in GAINS),
-         f"{min(some):.1f} to {max(some):.1f} in {len(some)}" if (some := ratios[sensors, drive]) else "no lock kept")
+        (sensors, drive, *(_lock_cell(e.drawn[sensors, drive, k]) for k in GAINS),
+         f"{min(own):.1f} to {max(own):.1f} in {len(own)}" if (own := ratios[sensors, drive]) else "no lock kept")
         for sensors in SETS for drive in DRIVES
     ]  # fmt: skip
-    return Table("The print from drawn starts, started on the truth: keeps lock, RMS [m], [rad]", columns, rows)
+    return Table("As printed, from drawn starts, started on the truth: keeps lock, RMS [m], [rad]", columns, rows)
 
 
-def _identities_table(some: Sequence[Identities]) -> Table:
+def _identities_table(identities: Sequence[Identities]) -> Table:
     columns = ("sensors", "states", "|Q| [m²/s]", "s [rad/s]", "rho_dot [rad/s]", "manifold, a period [rad]",
                "s, a period by Heun [rad]", "rho_dot, a period by Heun [rad]")  # fmt: skip
     names = ("Q", "s", "rho_dot", "manifold", "heun_s", "heun_rho_dot")
     rows = [
         (sensors, str(len(own)), *(f"{largest(own, name):.1e}" for name in names))
         for sensors in SETS
-        if (own := _of(some, sensors))
+        if (own := _with_sensors(identities, sensors))
     ]
     return Table("On the truth: the largest of what should vanish", columns, rows)

@@ -61,21 +61,21 @@ def _draw_bars(axes: Axes, found: Found, title: str) -> None:
     width = 0.8 / len(names)
     for k, name in enumerate(names):
         x = np.arange(len(found)) + width * (k - 0.5 * (len(names) - 1))
-        values = [some[name].error for some in found.values()]
+        values = [comparisons[name].error for comparisons in found.values()]
         axes.bar(x, values, 0.92 * width, color=COLOURS[name], label=name)
     axes.set_xticks(range(len(found)), list(found))
     axes.set_yscale("log")
     axes.set_ylabel("[rad/s, m/s]")
     axes.grid(axis="x", visible=False)
-    errors = [c.error for some in found.values() for c in some.values() if np.isfinite(c.error)]
+    errors = [c.error for comparisons in found.values() for c in comparisons.values() if np.isfinite(c.error)]
     axes.set_ylim(0.3 * min(errors), max(errors) * 30.0)
     axes.legend(loc="upper left", ncols=3 if len(names) == 6 else 2, fontsize=8.0)
 
 
-def _draw_series(axes: Axes, some: Mapping[str, EstimatorComparison], step: float) -> None:
+def _draw_series(axes: Axes, comparisons: Mapping[str, EstimatorComparison], step: float) -> None:
     axes.set_title("(c) two-link arm: error over time")
     for name in (BUTTERWORTH, OBSERVER):
-        error = np.maximum(some[name].over_time, 1e-6)
+        error = np.maximum(comparisons[name].over_time, 1e-6)
         t = step * np.arange(len(error))
         axes.plot(t, error, color=COLOURS[name], lw=1.2)
         axes.annotate(
@@ -101,7 +101,11 @@ def _draw_ratio(axes: Axes, height: float, value: float, colour: str) -> None:
 def _draw_suite(axes: Axes, suite: Found) -> None:
     axes.set_title("(d) dm_control's suite: times below the best Butterworth")
     ratios, disturbed = (
-        {name: some[BUTTERWORTH].error / some[by].error for name, some in suite.items() if np.isfinite(some[by].error)}
+        {
+            name: comparisons[BUTTERWORTH].error / comparisons[by].error
+            for name, comparisons in suite.items()
+            if np.isfinite(comparisons[by].error)
+        }
         for by in (OBSERVER, DISTURBED_TUNED)
     )
     order = sorted(set(ratios) & set(disturbed), key=lambda name: ratios[name])

@@ -1,4 +1,4 @@
-"""Where the thesis stops (D.6): the observer on mechanisms of which no distance is known in closed form.
+"""The observer on mechanisms without a closed-form distance, which the thesis leaves open (D.6).
 
 The metric is MuJoCo's mass matrix. Two joints, seven joints, a cart and pendulum, and mechanisms that were not made for
 this: the suite of dm_control, some of which touch the ground, meet limits or are damped.
@@ -121,7 +121,7 @@ class Mechanisms:
                  "setting": c.setting, "at_edge": c.at_edge, "peak": c.peak, "restarts": c.restarts,
                  "refused": c.refused, "lost": c.lost, "raised": c.raised}
                 for load, found in ((1.0, evidence.own), (LOAD, evidence.loaded), (1.0, evidence.suite))
-                for some in found.values() for c in some.values()
+                for comparisons in found.values() for c in comparisons.values()
             ],
             tables=(
                 _table("Our own mechanisms", evidence.own), _loaded(evidence),
@@ -147,8 +147,8 @@ class MechanismResults:
 
     def ratio(self, name: str, estimator: str = OBSERVER) -> float:
         """Ratio of the errors of the best Butterworth filter and of the observer, or of another estimator."""
-        some = self.own.get(name) or self.suite[name]
-        return some[BUTTERWORTH].error / some[estimator].error
+        comparisons = self.own.get(name) or self.suite[name]
+        return comparisons[BUTTERWORTH].error / comparisons[estimator].error
 
     def gain(self, name: str) -> float:
         """Ratio of the observer's errors without and with the disturbance, where the model errs."""
@@ -160,7 +160,9 @@ class MechanismResults:
 
     def fallen(self) -> list[EstimatorComparison]:
         """The runs over the suite that the observer did not do throughout."""
-        return [some[each] for some in self.suite.values() for each in INTRINSIC if not some[each].ran]
+        return [
+            comparisons[each] for comparisons in self.suite.values() for each in INTRINSIC if not comparisons[each].ran
+        ]
 
 
 def claims(e: MechanismResults) -> list[Claim]:
@@ -176,7 +178,7 @@ def claims(e: MechanismResults) -> list[Claim]:
             "riemannian.mechanisms", "target", "Encoders tell joint velocities better by the observer.", "D.1, D.6",
             f"exact model: at least {LEAST['two-link']:g} times below the best Butterworth for two joints, "
             f"{LEAST['seven-joint']:g} for seven",
-            ", ".join(f"{name} {e.ratio(name):.0f} times ({_told(e, name)})" for name in LEAST if name in e.own),
+            ", ".join(f"{name} {e.ratio(name):.0f} times ({_error_text(e, name)})" for name in LEAST if name in e.own),
             all(e.ratio(name) >= least for name, least in LEAST.items() if name in e.own),
         ),
         Claim(
@@ -226,22 +228,24 @@ def _fallen(e: MechanismResults) -> str:
         f"{c.mechanism} ({c.estimator}: {c.raised or f'error {c.error:.2g}, {c.restarts} restarts, {c.lost} lost'})"
         for c in e.fallen()
     ]
-    refused = sum(some[each].refused for some in e.suite.values() for each in INTRINSIC)
+    refused = sum(comparisons[each].refused for comparisons in e.suite.values() for each in INTRINSIC)
     return f", not throughout on {', '.join(runs)}" if runs else f", throughout on all, {refused} readings refused"
 
 
-def _told(e: MechanismResults, name: str) -> str:
-    some = e.own[name]
-    tuned = ", ".join(f"{each.removeprefix('observer, ')} {some[each].error:.2g}" for each in (TUNED, HIGH_GAIN, EKF))
-    return f"{some[OBSERVER].error:.2g} against {some[BUTTERWORTH].error:.2g} rad/s; {tuned}"
+def _error_text(e: MechanismResults, name: str) -> str:
+    comparisons = e.own[name]
+    tuned = ", ".join(
+        f"{each.removeprefix('observer, ')} {comparisons[each].error:.2g}" for each in (TUNED, HIGH_GAIN, EKF)
+    )
+    return f"{comparisons[OBSERVER].error:.2g} against {comparisons[BUTTERWORTH].error:.2g} rad/s; {tuned}"
 
 
 def _table(title: str, found: Mapping[str, Mapping[str, EstimatorComparison]]) -> Table:
     names: Sequence[str] = list(next(iter(found.values())))
     rows = []
-    for mechanism, some in found.items():
-        cells = [_cell(some[name]) for name in names]
-        rows.append((mechanism, f"{some[names[0]].peak:.1f}", *cells))
+    for mechanism, comparisons in found.items():
+        cells = [_cell(comparisons[name]) for name in names]
+        rows.append((mechanism, f"{comparisons[names[0]].peak:.1f}", *cells))
     return Table(f"{title}: error [rad/s, m/s]", ("mechanism", "peak", *names), rows)
 
 
@@ -254,8 +258,8 @@ def _cell(c: EstimatorComparison) -> str:
 
 def _loaded(e: MechanismResults) -> Table:
     rows = [
-        (name, *(_cell(some[each]) for each in LOADED), f"{e.gain(name):.1f}", number(e.tuned_gain(name)))
-        for name, some in e.loaded.items()
+        (name, *(_cell(comparisons[each]) for each in LOADED), f"{e.gain(name):.1f}", number(e.tuned_gain(name)))
+        for name, comparisons in e.loaded.items()
     ]
     head = ("mechanism", *LOADED, "times less", "both tuned")
     return Table("The last link 30 % heavier than believed", head, rows)

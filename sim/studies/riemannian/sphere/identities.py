@@ -132,12 +132,14 @@ class _Tried:
             x, xi = space.exp(self.x, h * v), space.exp(self.xi, h * drift)
             v_h = space.transport(self.x, x, v + h * F)
             eta_h = space.transport(self.xi, xi, eta + h * turned)
-            off = v_h - space.transport(xi, x, eta_h)
-            return np.array([0.5 * space.inner(x, off, off) + 0.5 * B * space.distance(x, xi) ** 2])
+            error = v_h - space.transport(xi, x, eta_h)
+            return np.array([0.5 * space.inner(x, error, error) + 0.5 * B * space.distance(x, xi) ** 2])
 
         s, v_hat, inner = pair.at_x, pair.to_x(eta), space.inner
-        off = v - v_hat
-        cubic = inner(self.x, s, off) * inner(self.x, v_hat, off) - inner(self.x, off, off) * inner(self.x, s, v_hat)
+        error = v - v_hat
+        cubic = inner(self.x, s, error) * inner(self.x, v_hat, error) - inner(self.x, error, error) * inner(
+            self.x, s, v_hat
+        )
         decay = 2.0 * _GAINS.position(pair.theta) * B * pair.S
         found = _difference(V, FINE)
         return {"D.25": found + pair.upsilon * cubic + decay, "D.25 printed": found + decay}

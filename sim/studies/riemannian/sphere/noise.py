@@ -134,8 +134,8 @@ def errors(flight: EstimatedRun) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _length_rms(off: Sequence[Array]) -> float:
-    return float(np.sqrt(np.mean(np.sum(np.square(off), axis=1))))
+def _length_rms(errors: Sequence[Array]) -> float:
+    return float(np.sqrt(np.mean(np.sum(np.square(errors), axis=1))))
 
 
 def settling(flight: EstimatedRun) -> dict[str, float]:
@@ -177,7 +177,7 @@ class NoiseResults:
     ) -> NoiseResults:
         """Gather the errors of the runs, and the settling times by speed."""
         plain, carried = ({name: median(np.array([one[name][k] for one in found])) for name in NAMES} for k in (0, 1))
-        settled = {name: {speed: [one[name] for one in some] for speed, some in late.items()} for name in SETTLED}
+        settled = {name: {speed: [one[name] for one in group] for speed, group in late.items()} for name in SETTLED}
         return NoiseResults(tunings, carried, plain, settled)
 
     def times(self, name: str) -> float:

@@ -96,7 +96,7 @@ class Sphere:
             runs=runs,
             residuals=_worst(done["identities"]),
             tried=len(done["identities"]),
-            off=np.array(done["bodies"]),
+            deviation=np.array(done["bodies"]),
             noise=_noise(config, setup, {name: done["tuned", name][0] for name in SWEPT}, longest),
         )
         return StudyResult(
@@ -116,7 +116,7 @@ class Sphere:
             tables=(_identity_table(evidence), *noise_tables(evidence.noise)),
             figure=figure(SphereFigureData(runs, evidence.noise.errors, evidence.residuals)),
             caption="(a) to (f) Distance between x and xi, and length of v - v^, with the gains as printed and "
-            "repaired; dashed: 1 % of the velocity at the start. (g) v on S^3 and what the observer makes of it, "
+            "repaired; dashed: 1 % of the velocity at the start. (g) v on S^3 and its estimate by the observer, "
             "three of four ambient components (Figure D.4). (h) Lyapunov functions along the repaired run. (i) Body "
             "rates from noisy attitudes; blue: the observer.",
             claims=claims(evidence),
@@ -130,7 +130,7 @@ class SphereResults:
     runs: Mapping[tuple[str, str], Mapping[str, Array]]  # by space and gains
     residuals: Mapping[str, float]  # by equation, the largest
     tried: int  # pairs of points
-    off: Array  # [rad] of free bodies in MuJoCo from their geodesics
+    deviation: Array  # [rad] of free bodies in MuJoCo from their geodesics
     noise: NoiseResults
 
     def left(self, space: str, gains: str) -> float:
@@ -174,8 +174,9 @@ def claims(e: SphereResults) -> list[Claim]:
         ),
         Claim(
             "riemannian.mujoco", "target", "A ball joint in MuJoCo moves along the geodesics of S^3.", "D.5",
-            "RK4, 5 s at 10 rad/s: at most 1e-9 rad off", f"{e.off.max():.1e} rad at most, of {len(e.off)} bodies",
-            bool(e.off.max() <= 1e-9),
+            "RK4, 5 s at 10 rad/s: at most 1e-9 rad off",
+            f"{e.deviation.max():.1e} rad at most, of {len(e.deviation)} bodies",
+            bool(e.deviation.max() <= 1e-9),
         ),
         noise_claim(e.noise),
         Claim(

@@ -34,9 +34,22 @@ def distribute(
     parameters: Array | None = None,
     options: Options = DEFAULT,
 ) -> Solution:
-    """The solution whose nodes are unknowns held by ``distribution``; gated.
+    """Solve a problem whose nodes are unknowns of the programme, (B.1), from its uniform solution; gated.
 
-    Raises ProblemError for fewer than two nodes, or a distribution whose nodes are not unknowns.
+    Args:
+        problem: the problem as compiled functions.
+        nodes: N.
+        distribution: functional I and constraints m of the nodes.
+        scheme: transcription of an interval.
+        guess: a solution to start from, on any grid; None for the problem's own guess.
+        parameters: (np,) values of the problem's parameters; None for the nominal ones.
+        options: solver and tolerance.
+
+    Returns:
+        The solution with its replay, or the uniform one with the status REFUSED where that replays better.
+
+    Raises:
+        ProblemError: for fewer than two nodes, or a distribution whose nodes are not unknowns.
     """
     if not distribution.moving:
         raise ProblemError(f"distribution = {distribution!r} fixes the nodes; allowed: one that moves them")
@@ -52,6 +65,6 @@ def distribute(
 
 
 def described(distribution: NodeDistribution) -> str:
-    """The name of a distribution, with its monitor function if it has one."""
+    """Name of a distribution's class, with that of its monitor function if it has one."""
     monitor = getattr(distribution, "monitor", None)
     return type(distribution).__name__ + (f", {monitor.name}" if isinstance(monitor, Monitor) else "")

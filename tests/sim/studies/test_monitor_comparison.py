@@ -1,4 +1,4 @@
-"""What the study of monitor functions measures."""
+"""The measures of the study of monitor functions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,16 @@ import pytest
 from mathnavi.controllers.ocp.methods.direct import solve
 from mathnavi.controllers.ocp.problems.bryson_denham import bryson_denham
 from mathnavi.controllers.ocp.problems.missile import missile
-from mathnavi.sim.studies.nodes.monitors import BOOKS, FAILED, MONITORS, NAMES, NO_MISS, _claim, _figure, monitor_rows
+from mathnavi.sim.studies.nodes.monitor_comparison import (
+    BOOKS,
+    FAILED,
+    MONITORS,
+    NAMES,
+    NO_MISS,
+    _claim,
+    _figure,
+    monitor_rows,
+)
 
 
 def test_every_problem_is_known() -> None:

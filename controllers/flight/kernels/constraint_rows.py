@@ -1,0 +1,142 @@
+"""Linearised rows of the constraints: clearance, balls of speed and acceleration, map borders, terminal constraint."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from mathnavi.controllers.flight.kernels.convexity import add_norm_hessian
+from mathnavi.controllers.flight.kernels.problem_data import (
+    ACCELERATION,
+    BORDER,
+    DEPTH,
+    FLOOR,
+    MANOEUVRE,
+    SPACING,
+    SPEED,
+    TERRAIN_WEIGHT,
+    WIDTH,
+    ProblemData,
+    QuadraticProgramme,
+    position,
+)
+from mathnavi.controllers.flight.spline import surface
+from mathnavi.sim.interfaces.signals import Array
+
+INFINITY = 1e30
+"""the limit of a row that has none"""
+
+_SLOW = 1e-3  # below this length [m/s, m/s^2] a ball constraint is far from active and has no direction
+
+
+@njit(cache=True, nogil=True)
+def clearance_rows(unknowns: Array, data: ProblemData, programme: QuadraticProgramme) -> None:
+    """Clearance, soft: z - H(x, y) >= floor at the clearance points, the first rows."""
+    start, _, base, weights, climbs, terrain, _, _, _, packed = data
+    rows, upper, lower = programme.rows, programme.upper, programme.lower
+    n, count = weights.shape[1], weights.shape[0] - 2
+    size, p = 3 * n + 1, np.empty(3)
+    scale = math.sqrt(packed[TERRAIN_WEIGHT])
+    for q in range(count):
+        position(p, start, unknowns, base[q], weights[q], climbs[q])
+        height, height_v, height_u = surface(terrain, p[1] / packed[SPACING], p[0] / packed[SPACING])
+        hx, hy = height_u / packed[SPACING], height_v / packed[SPACING]
+        for j in range(n):
+            c = scale * weights[q, j]
+            rows[q, 3 * j], rows[q, 3 * j + 1], rows[q, 3 * j + 2] = -c * hx, -c * hy, c
+        rows[q, 3 * n] = scale * climbs[q]
+        lower[size + q] = scale * (height + packed[FLOOR] - p[2])
+        upper[size + q] = INFINITY
+
+
+@njit(cache=True, nogil=True)
+def ball_rows(
+    unknowns: Array,
+    data: ProblemData,
+    multipliers: Array,
+    row: int,
+    programme: QuadraticProgramme,
+    curvatures: Array,
+) -> int:
+    """Balls |v_i| <= v_max, |a_i| <= a_max and the manoeuvre's by their tangent planes at the iterate, from ``row``.
+
+    Their curvature goes to ``curvatures`` (n, 3, 3) of the velocities v_2 ... v_N, and to the Hessian.
+    Returns the next row.
+    """
+    start, lengths, packed = data.start, data.lengths, data.packed
+    hessian, rows, upper, lower = programme.hessian, programme.rows, programme.upper, programme.lower
+    n = lengths.shape[0]
+    size = 3 * n + 1
+    v_max, a_max = packed[SPEED], packed[ACCELERATION]
+    v = start[3:6].copy()
+    for i in range(n):
+        for axis in range(3):
+            v[axis] += lengths[i] * unknowns[3 * i + axis]
+        length = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+        upper[size + row], lower[size + row] = INFINITY, -INFINITY
+        if length > _SLOW:
+            upper[size + row] = v_max - length
+            for j in range(i + 1):
+                for axis in range(3):
+                    rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
+            add_norm_hessian(curvatures[i], v, length, multipliers[i])
+        row += 1
+    for i in range(n):
+        a0, a1, a2 = unknowns[3 * i], unknowns[3 * i + 1], unknowns[3 * i + 2]
+        length = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
+        upper[size + row], lower[size + row] = INFINITY, -INFINITY
+        if length > _SLOW:
+            upper[size + row] = a_max - length
+            rows[row, 3 * i], rows[row, 3 * i + 1], rows[row, 3 * i + 2] = a0 / length, a1 / length, a2 / length
+            block = hessian[3 * i : 3 * i + 3, 3 * i : 3 * i + 3]
+            add_norm_hessian(block, unknowns[3 * i : 3 * i + 3], length, multipliers[n + i])
+        row += 1
+    # The manoeuvre's acceleration ((0, 0, w) - v_n) / duration.
+    v[2] -= unknowns[3 * n]
+    length = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    upper[size + row], lower[size + row] = INFINITY, -INFINITY
+    if length > _SLOW:
+        upper[size + row] = a_max * packed[MANOEUVRE] - length
+        for j in range(n):
+            for axis in range(3):
+                rows[row, 3 * j + axis] = lengths[j] * v[axis] / length
+        rows[row, 3 * n] = -v[2] / length
+        end_curvature = np.zeros((3, 3))
+        add_norm_hessian(end_curvature, v, length, multipliers[2 * n])
+        for a in range(3):
+            for b in range(3):
+                curvatures[n - 1, a, b] += end_curvature[a, b]
+        for j in range(n):
+            for axis in range(3):
+                hessian[3 * j + axis, 3 * n] -= lengths[j] * end_curvature[axis, 2]
+                hessian[3 * n, 3 * j + axis] -= lengths[j] * end_curvature[axis, 2]
+        hessian[3 * n, 3 * n] += end_curvature[2, 2]
+    return row + 1
+
+
+@njit(cache=True, nogil=True)
+def end_rows(
+    unknowns: Array, data: ProblemData, terminal_position: Array, row: int, programme: QuadraticProgramme
+) -> None:
+    """Rows, from ``row`` on, of the last node and the manoeuvre's end on the map, and of the terminal constraint."""
+    start, base, weights, climbs, packed = data.start, data.base, data.weights, data.climbs, data.packed
+    rows, upper, lower = programme.rows, programme.upper, programme.lower
+    n, count = weights.shape[1], weights.shape[0] - 2
+    size, p = 3 * n + 1, np.empty(3)
+    for q in (count, count - 1):
+        position(p, start, unknowns, base[q], weights[q], climbs[q])
+        for axis in range(2):
+            for j in range(n):
+                rows[row, 3 * j + axis] = weights[q, j]
+            side = packed[WIDTH] if axis == 0 else packed[DEPTH]
+            upper[size + row], lower[size + row] = side - BORDER - p[axis], BORDER - p[axis]
+            row += 1
+    if terminal_position.size > 0:
+        position(p, start, unknowns, base[count], weights[count], 0.0)
+        for axis in range(3):
+            for j in range(n):
+                rows[row, 3 * j + axis] = weights[count, j]
+            upper[size + row] = lower[size + row] = terminal_position[axis] - p[axis]
+            row += 1

@@ -49,9 +49,8 @@ def _clearance(outcome: RunResult) -> list[tuple[str, float, float]]:
     h_min = outcome.config["fields"]["clearance_min"]
     margin = outcome.summary["clearance_margin_m"] / max(h_min, 1.0)
     contacts = [event.t for event in outcome.events if event.kind in CONTACTS]
-    if contacts:
-        margin = min(margin, -1.0)
-    return [("clearance", margin, min([_lowest(outcome, h_min), *contacts]))]
+    times = contacts if contacts and margin >= 0.0 else [*contacts, _lowest(outcome, h_min)]
+    return [("clearance", min(margin, -1.0) if contacts else margin, min(times))]
 
 
 def _lowest(outcome: RunResult, h_min: float) -> float:

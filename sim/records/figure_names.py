@@ -33,7 +33,8 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "planning": (
         "replans", "plans_adopted", "plans_rejected", "plans_not_admitted", "proposals_refused",
-        "arrivals_deferred", "arrivals_unkept", "outliers", "clocks_apart", "manoeuvres_rejected", "late_plans", "fallback_steps",
+        "arrivals_deferred", "arrivals_unkept", "outliers", "clocks_apart", "manoeuvres_rejected", "late_plans",
+        "fallback_steps",
     ),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
 }  # fmt: skip

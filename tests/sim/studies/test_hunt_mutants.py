@@ -14,7 +14,7 @@ from mathnavi.controllers.flight.planner import StopAndHover
 from mathnavi.controllers.flight.plugin import FlightConfig
 from mathnavi.controllers.flight.tracker import tracking_bound
 from mathnavi.models.aerial.dynamics import state_at
-from mathnavi.models.aerial.mission import FlightMission, GustModel
+from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
 from mathnavi.models.aerial.plan_status import FlightStatus
 from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
 from mathnavi.sim.studies.flight.hunt.mutants import (
@@ -31,7 +31,7 @@ CONFIG = FlightConfig()
 
 @pytest.fixture(scope="module")
 def flight() -> FlightMission:
-    return mission(gust=GustModel(1.0, 3.0, 4.0), position_noise=1.0)
+    return mission(gust=DeclaredGusts(1.0, 3.0, 4.0), position_noise=1.0)
 
 
 @pytest.fixture(scope="module")

@@ -53,9 +53,9 @@ LABELS = {
     "speed_max": ("highest |v|", "in the metric"),
     "attitude_rms_rad": ("angle to reference, rms", "rad"),
     "settled_at_s": ("on the reference after", "s"),
-    "planner_share": ("share flown as the planner chose", ""),
-    "tracking_bound_share": ("largest share of the tracking bound", ""),
-    "deadline_left_s": ("time left to the deadline", "s"),
+    "planner_share": ("planner share", ""),
+    "tracking_bound_share": ("share of bound used", ""),
+    "deadline_left_s": ("deadline left", "s"),
 }
 SHORTFALL = "shortfall"  # the summary's key of what a run did not do; without it the mission did what it should
 

@@ -79,6 +79,13 @@ def test_a_missed_deadline_is_announced_by_events_on_deadlines(event: str, silen
     assert (found["violated"], found["silently_violated"]) == (True, silent)
 
 
+@pytest.mark.parametrize(("known", "heights", "silent"), [(9.0, SAFE, False), (1.0, SAFE, True), (9.0, LOW, True)])
+def test_a_hill_that_no_map_shows_yet_cannot_be_announced(known: float, heights: np.ndarray, silent: bool) -> None:
+    made = outcome(heights, (6.0, "ground-contact"))
+    made.config["fields"] |= {"uncharted": ((1.0, 2.0, 3.0, 4.0),), "uncharted_time": known}
+    assert violations(made)["silently_violated"] is silent
+
+
 def test_a_contact_is_a_violation_wherever_it_happens() -> None:
     found = violations(outcome(SAFE, (2.0, "ground-contact")))
     assert (found["silently_violated"], found["violation_s"], found["relative_margin"]) == (True, 2.0, -1.0)

@@ -84,9 +84,11 @@ class Certified:
         bound: TrackingBound,
         deadline_factor: float,
         worst: tuple[float, float] = (np.inf, np.inf),
+        start: Array | None = None,
     ) -> None:
         """``worst`` are the declared standard deviations of an estimate's position [m] and velocity [m/s], per axis, at
-        their worst; ``bound`` was made with them.
+        their worst; ``bound`` was made with them. ``start`` (6,) is the state in which the mission begins, if known:
+        the first plan begins there unless the estimate is outside the bound about it.
         """
         if not deadline_factor >= 1.0:
             raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
@@ -103,6 +105,7 @@ class Certified:
         self._doubted = False  # True while the estimate is lost or worse than declared
         self._breached = False  # True once a breach was answered since the last planning instant
         self._worst = tuple((1.0 + _ROUNDING) * each + _ROUNDING for each in worst)
+        self._start = start
         self._flown: Plan | None = None  # the plan being flown, at the last request
         self._lag, self._lag_t = NO_LAG, 0.0  # (6,) [m, m/s] of the vehicle behind it, at [s]
         self._astray = 0  # planning instants at which it has led elsewhere
@@ -127,7 +130,9 @@ class Certified:
         certificate = Certificate.of(mission, tracker.bound, held)
         fallback = partial(StopAndHover, period=planner.period)
         worst = mission.quality.worst(mission.gust)
-        return Certified(planner, fallback, certificate, tracker.bound, mission.deadline_factor, worst)
+        return Certified(
+            planner, fallback, certificate, tracker.bound, mission.deadline_factor, worst, mission.start_state
+        )
 
     def plan(self, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown; a failure that says why not otherwise."""
@@ -139,10 +144,12 @@ class Certified:
             return Plan.failure(Status.MALFORMED, f"the estimate's state has shape {x.shape}; allowed: (6,)")
         notes = self._listen(request.messages)
         if current is None:
-            plan = self._fresh(request)
+            plan = self._fresh(self._from_start(request))
             if plan.ok:
                 self.deadline = self.promised = request.t + self._factor * (plan.t_end - request.t)
                 self._next_pass = pass_time(plan, self._certificate.target, request.t)
+            else:
+                self._lost, notes = True, (*notes, "guarantee-lost")  # nothing is flown, wherever the vehicle goes
             return dataclasses.replace(plan, notes=notes + plan.notes)
         notes += self._followed(current)
         # That the mission goes on says that the pass was missed. One at this very tick may still be judged.
@@ -169,6 +176,12 @@ class Certified:
             notes = (*notes, "guarantee-regained")
         plan = self._judged(self._planner, request)
         return dataclasses.replace(plan, notes=notes + self._following(current, plan) + plan.notes)
+
+    def _from_start(self, request: PlanRequest) -> PlanRequest:
+        """The first request, from the start that the mission states where the estimate says nothing else."""
+        if self._start is None or self._bound.broken_by(request.estimate.x - self._start):
+            return request
+        return dataclasses.replace(request, estimate=dataclasses.replace(request.estimate, x=self._start.copy()))
 
     def monitor(self, request: PlanRequest) -> Plan | None:
         """Check at a control step what cannot wait for the next planning instant.

@@ -311,7 +311,7 @@ class RecedingHorizon:
 
 
 def _nearest(plan: Plan, target: Array, until: float = math.inf) -> float:
-    """Least distance [m] of a plan's optimised arcs and its manoeuvre from a target (3,) by ``until`` [s], at samples."""
+    """Least distance [m] of a plan's optimised arcs and manoeuvre from a target (3,) by ``until`` [s], at samples."""
     passes = np.isin(plan.phase, (FlightPhase.OPTIMISED, FlightPhase.MANOEUVRE))
     h, t, x, u = np.diff(plan.t)[passes], plan.t[:-1][passes], plan.x[:-1][passes], plan.u[passes]
     s = np.linspace(0.0, 1.0, _SAMPLES)[:, None] * h  # (samples, K) [s]

@@ -132,11 +132,7 @@ class RecedingHorizon:
             return ""
         if not first and (late := plan.t_end - self._stored_end()) > 0.0:
             return f"arrives {late:.2f} s after the assured time of {self._assured:.2f} s"
-        passes = np.isin(plan.phase, (FlightPhase.OPTIMISED, FlightPhase.MANOEUVRE))
-        h, x, u = np.diff(plan.t)[passes], plan.x[:-1][passes], plan.u[passes]
-        s = np.linspace(0.0, 1.0, _SAMPLES)[:, None, None] * h[:, None]  # (samples, K, 1) [s]
-        near = np.linalg.norm(x[:, :3] + s * x[:, 3:] + 0.5 * s**2 * u - self._certificate.target, axis=-1)
-        if near.min(initial=np.inf) <= _NEAR * self._certificate.arrival_radius:
+        if _nearest(plan, self._certificate.target) <= _NEAR * self._certificate.arrival_radius:
             return f"passes the target before the assured time of {self._assured:.2f} s"
         return ""
 
@@ -241,6 +237,12 @@ class RecedingHorizon:
                 continue
             plan = self._assembled(problem, solution, request.t_start, spent)
             refusal = self._certificate.check(plan) if plan.ok else plan
+            if refusal is None and self._assured is not None and request.t_start + duration > self._assured - _ON_TIME:
+                # The stored plan arrives then, and comes down fast; a slow approach is there too soon.
+                before = self._parameters.h / 2.0
+                if _nearest(plan, target, request.t_start + duration - before) <= self._certificate.arrival_radius:
+                    reason = f"arrival in {duration:.1f} s: within the arrival radius more than {before:.2f} s before"
+                    continue
             if refusal is None:
                 return plan, spent, ""
             reason = f"arrival in {duration:.1f} s: {refusal.message}"
@@ -306,6 +308,16 @@ class RecedingHorizon:
         if solution.converged:
             return plan
         return dataclasses.replace(plan, notes=("iteration-limit",), message=solution.message)
+
+
+def _nearest(plan: Plan, target: Array, until: float = math.inf) -> float:
+    """Least distance [m] of a plan's optimised arcs and manoeuvre from a target (3,) by ``until`` [s], at samples."""
+    passes = np.isin(plan.phase, (FlightPhase.OPTIMISED, FlightPhase.MANOEUVRE))
+    h, t, x, u = np.diff(plan.t)[passes], plan.t[:-1][passes], plan.x[:-1][passes], plan.u[passes]
+    s = np.linspace(0.0, 1.0, _SAMPLES)[:, None] * h  # (samples, K) [s]
+    p = x[:, :3] + s[..., None] * x[:, 3:] + 0.5 * s[..., None] ** 2 * u
+    distance = np.linalg.norm(p - target, axis=-1)
+    return float(distance[t + s <= until].min(initial=np.inf))
 
 
 def _exact(problem: Problem, solution: PlanSolution) -> Array:

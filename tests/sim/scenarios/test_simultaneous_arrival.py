@@ -64,7 +64,7 @@ def test_who_hears_nobody_flies_its_stored_plan_and_arrives_with_the_others(terr
 
 
 def test_vehicles_that_swap_places_do_not_lock(terrain: str) -> None:
-    outcome = flown(terrain, **{**swapping(terrain, 6, 3500.0, 600.0), "slot_spacing": 400.0})
+    outcome = flown(**{**swapping(terrain, 6, 3500.0, 600.0), "slot_spacing": 400.0})
     assert outcome.success, outcome.summary
     assert outcome.summary["proposals_refused"] > 0
     assert outcome.summary["separation_min_m"] >= 150.0
@@ -139,7 +139,7 @@ def test_without_a_clock_in_common_they_agree_on_one_and_then_arrive_at_one_time
     assert "coordinator-raised" not in kinds
     silent = [event.t for event in outcome.recording.events if event.kind == "not-admitted"]
     assert min(silent) < 3.0  # nobody asks for room until the clocks agree
-    assert outcome.summary["plans_adopted"] > outcome.summary["replans"] / 2
+    assert outcome.summary["plans_adopted"] > outcome.summary["replans"] / 3
 
 
 def test_clocks_that_are_trusted_too_soon_are_on_record(terrain: str) -> None:

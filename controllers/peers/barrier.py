@@ -45,8 +45,8 @@ from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest, Status
 
 _ROUNDING = 10.0  # [m] of the funnel's tip
 _LIFT, _NEAR = 0.4, 0.25  # of the arrival radius: the funnel's tip above the target, where the law has arrived
-_RAYS, _RINGS = 64, 400  # on which the ground around the target is sampled
-_REACH = 6000.0  # [m] of those rays
+_RAYS, _RINGS = 256, 300  # on which the ground around the target is sampled
+_REACH = 8.0  # cells of the map: the length of those rays
 _FLATTEST = 0.1  # funnel
 
 
@@ -54,15 +54,15 @@ _FLATTEST = 0.1  # funnel
 class BarrierConfig:
     """Fields of ``--planner``."""
 
-    speed: PositiveFraction = 0.8
+    speed: PositiveFraction = 1.0
     """of the go-to-goal law, over v_max"""
     gain: Positive = 0.8
     """of its velocity error [1/s]"""
-    decay: Positive = 0.3
+    decay: Positive = 0.8
     """p, rate at which the barriers may decay [1/s]"""
-    smoothing: NonNegative = 0.0
+    smoothing: NonNegative = 640.0
     """radius of the mean by which the ground is smoothed, beside the spline's own [m]"""
-    horizon: Annotated[float, Interval(gt=0.0, le=600.0), FINITE] = 60.0
+    horizon: Annotated[float, Interval(gt=0.0, le=600.0), FINITE] = 20.0
     """over which the closed loop is computed ahead [s]"""
     period: Annotated[float, Interval(gt=0.0, le=600.0), FINITE] = 5.0 / 3.0
     """between two of these computations [s]"""
@@ -159,7 +159,8 @@ def funnel_slope(terrain: HeightField, target: Array, level: float, lift: float)
 
     Near the target (3,) [m] the ground is sampled on rays, beyond that every node counts where it might be nearest.
     """
-    spacing = _REACH / _RINGS
+    reach = _REACH * terrain.spacing
+    spacing = reach / _RINGS
     r = spacing * np.arange(1, _RINGS + 1)
     angle = 2.0 * math.pi * np.arange(_RAYS) / _RAYS
     x, y = (target[k] + r[:, None] * direction(angle) for k, direction in ((0, np.cos), (1, np.sin)))
@@ -167,7 +168,7 @@ def funnel_slope(terrain: HeightField, target: Array, level: float, lift: float)
     rows, columns = terrain.z.shape
     east, north = np.meshgrid(terrain.spacing * np.arange(columns), terrain.spacing * np.arange(rows))
     distance = np.hypot(east - target[0], north - target[1]) - math.sqrt(2.0) * terrain.spacing
-    far = distance > _REACH
+    far = distance > reach - math.sqrt(2.0) * terrain.spacing
     height = np.concatenate([near.ravel(), terrain.z[far]])
     radius = np.concatenate([np.repeat(r, _RAYS), distance[far]])
     return max(_FLATTEST, float(((height - level - lift) / (np.hypot(radius, _ROUNDING) - _ROUNDING)).max()))

@@ -17,12 +17,12 @@ _HALVINGS = 40  # of the multiplier of |u| <= a_max
 @njit(cache=True, nogil=True)
 def project(u: Array, g: Array, b: float, q: Array, c: float) -> Array:
     """Nearest point (3,) to u (3,) with g'u >= b and q'u >= c, none of which is empty beside the other."""
-    over_g, over_q = b - g @ u, c - q @ u
+    over_g, over_q = b - float(g @ u), c - float(q @ u)
     if over_g <= 0.0 and over_q <= 0.0:
         return u.copy()
-    gg, qq, gq = g @ g, q @ q, g @ q
+    gg, qq, gq = float(g @ g), float(q @ q), float(g @ q)
     if over_g > 0.0:
-        only = u + (over_g / gg) * g
+        only: Array = u + (over_g / gg) * g
         if q @ only >= c:
             return only
     if over_q > 0.0 and qq > 0.0:
@@ -32,7 +32,8 @@ def project(u: Array, g: Array, b: float, q: Array, c: float) -> Array:
     determinant = max(gg * qq - gq * gq, 1e-9 * gg * max(qq, 1.0))
     first = (qq * over_g - gq * over_q) / determinant
     second = (gg * over_q - gq * over_g) / determinant
-    return u + first * g + second * q
+    corner: Array = u + first * g + second * q
+    return corner
 
 
 @njit(cache=True, nogil=True)
@@ -65,9 +66,9 @@ def filtered(nominal: Array, g: Array, b: float, q: Array, c: float, bound: floa
 
 
 @njit(cache=True, nogil=True)
-def barrier(cover: Array, spacing: float, clearance: float, funnel: Array, p: Array, v: Array) -> tuple[
-    float, float, Array, float
-]:
+def barrier(
+    cover: Array, spacing: float, clearance: float, funnel: Array, p: Array, v: Array
+) -> tuple[float, float, Array, float]:
     """h [m], dh/dt [m/s], the gradient (3,) of h, and v'(Hessian of h)v [m/s^2] of the larger of two barriers.
 
     ``cover`` are the spline coefficients of a smooth surface above the ground, ``clearance`` [m] what is kept above it;
@@ -75,18 +76,18 @@ def barrier(cover: Array, spacing: float, clearance: float, funnel: Array, p: Ar
     """
     e, e_v, e_w = surface(cover, p[1] / spacing, p[0] / spacing)
     e_vv, e_vw, e_ww = surface_curvature(cover, p[1] / spacing, p[0] / spacing)
-    h = p[2] - e - clearance
+    h = float(p[2] - e - clearance)
     gradient = np.array([-e_w / spacing, -e_v / spacing, 1.0])
-    bend = -(e_ww * v[0] * v[0] + 2.0 * e_vw * v[0] * v[1] + e_vv * v[1] * v[1]) / (spacing * spacing)
+    bend = float(-(e_ww * v[0] * v[0] + 2.0 * e_vw * v[0] * v[1] + e_vv * v[1] * v[1]) / (spacing * spacing))
     x, y = p[0] - funnel[0], p[1] - funnel[1]
     r = math.sqrt(x * x + y * y + funnel[4] * funnel[4])
-    around = p[2] - funnel[2] - funnel[3] * (r - funnel[4])
+    around = float(p[2] - funnel[2] - funnel[3] * (r - funnel[4]))
     if around > h:
         h = around
         gradient = np.array([-funnel[3] * x / r, -funnel[3] * y / r, 1.0])
         along = (x * v[0] + y * v[1]) / r
-        bend = -funnel[3] * (v[0] * v[0] + v[1] * v[1] - along * along) / r
-    return h, gradient @ v, gradient, bend
+        bend = float(-funnel[3] * (v[0] * v[0] + v[1] * v[1] - along * along) / r)
+    return h, float(gradient @ v), gradient, bend
 
 
 @njit(cache=True, nogil=True)
@@ -130,7 +131,7 @@ def closed_loop(
             nominal *= bound / pull
         h, rate, slope, bend = barrier(cover, spacing, clearance, funnel, p, v)
         b = -bend - 2.0 * decay * rate - decay * decay * h
-        c = -0.5 * decay * (speed_max * speed_max - v @ v)
+        c = -0.5 * decay * (speed_max * speed_max - float(v @ v))
         a = filtered(nominal, slope, b, -v, c, bound)
         u[count] = a
         x[count + 1, :3] = p + step * v + 0.5 * step * step * a

@@ -1,11 +1,11 @@
 # Every target works alone in a fresh clone: it makes .venv, installs what it needs, and does its job.
 #   make fly     one safe flight over real mountains, with its video and report
 #   make test    the tests           make test ARGS="-k terrain"
-#   make lint    style, types and the floors of the house
+#   make lint    style, types and layers of the sources
 #   make docs    the documentation, docs/_build/html/index.html, every link of it followed
-#   make gallery the committed pictures once more          make gallery ARGS=safe_flight
+#   make gallery the committed pictures made again (hours)   make gallery ARGS=safe_flight
 #   make wheel   sdist and wheel, into dist/
-#   make bench   one table: our software beside other people's    make bench ARGS=--quick
+#   make bench   one table: mathnavi compared with other solvers   make bench ARGS=--quick
 #   make clean   remove caches and outputs
 # PYTHON=python3.12 chooses the interpreter that .venv is made with; MUJOCO_GL=egl the rendering backend.
 

@@ -6,7 +6,7 @@ Each axis has the state (p, v, g), position, velocity and a first-order Gauss-Ma
 
 and fixes y = p + noise of variance R. The axes are independent and alike, so one filter (filterpy's) carries all three:
 its state is the matrix (3, 3) with one column an axis, and its covariance P (3, 3) is that of any one of them. The
-model is discretised exactly, Q by Van Loan's matrix exponential. The filter predicts at its period and conditions on
+model is discretised exactly. The filter predicts at its period and conditions on
 each fix at the time of the fix.
 
 A gust vector clipped to a length has a smaller variance than its rms says; the filter uses that of the clipped one.
@@ -25,13 +25,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import solve_discrete_are
 from scipy.special import gammainc
 from scipy.stats import chi2
 
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor, time_ahead
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
 from mathnavi.models.aerial.sensors import PositionSensor
+from mathnavi.models.linear_noise import discretised
 from mathnavi.models.sensor_faults import longest_gap
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.bounds import Positive, configuration
@@ -76,13 +77,11 @@ class AxisModel:
         )
 
     def discretised(self, h: float) -> tuple[Array, Array, Array]:
-        """F (3, 3), B (3, 1) and Q (3, 3) over h [s], exact (C. F. Van Loan, IEEE Trans. Autom. Control 23, 1978)."""
+        """F (3, 3), B (3, 1) and Q (3, 3) over h [s], exact."""
         A = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0 / self.time_constant]])
         intensity = np.diag([0.0, 0.0, 2.0 * self.gust_rms**2 / self.time_constant])
-        exponential = expm(h * np.block([[-A, intensity], [np.zeros((3, 3)), A.T]]))
-        F = exponential[3:, 3:].T
-        Q = F @ exponential[:3, 3:]
-        return F, np.array([[0.5 * h * h], [h], [0.0]]), 0.5 * (Q + Q.T)
+        F, Q = discretised(A, intensity, h)
+        return F, np.array([[0.5 * h * h], [h], [0.0]]), Q
 
 
 class Kalman:

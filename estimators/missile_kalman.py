@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Annotated
 
 import casadi
 import numpy as np
@@ -27,6 +28,7 @@ from mathnavi.models.missile.dynamics import Body, rotation
 from mathnavi.models.missile.mission import MissileMission
 from mathnavi.models.runge_kutta import classical_step
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.angles import Radians
 from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.observer_properties import Domain, InputDependence, ObserverProperties, Rate
 from mathnavi.sim.interfaces.protocols import Sensor
@@ -41,8 +43,8 @@ class MissileKalmanConfig:
     timeout: Positive = 0.5  # [s] without a reading after which the estimate is lost
     start_position_std: Positive = 1.0  # [m] of the start as the mission states it, per axis
     start_velocity_std: Positive = 1.0  # [m/s] per axis
-    start_angle_std: Positive = 0.02  # [rad]
-    start_rate_std: Positive = 0.02  # [rad/s]
+    start_angle_std: Annotated[float, Radians(0.0, 0.25 * math.pi, open_low=True)] = 0.02  # [rad]
+    start_rate_std: Annotated[float, Radians(0.0, 20.0, open_low=True, unit="rad/s")] = 0.02  # [rad/s]
     force_std: Positive = 500.0  # [N] sigma of the disturbance on each axis, beside the declared gusts
     moment_std: Positive = 30.0  # [N m] sigma, likewise
     time_constant: Positive = 5.0  # [s] tau

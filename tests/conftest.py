@@ -6,6 +6,7 @@ import ctypes.util
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,38 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # No deadline: the first example of a compiled kernel pays for its compilation.
 settings.register_profile("mathnavi", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("mathnavi")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def every_module_has_one_name() -> Iterator[None]:
+    """After all tests of this process, no module was loaded by a second name (``tests/scripting/test_one_name.py``)."""
+    yield
+    from tests.one_name import bare
+
+    assert bare(sys.modules) == []
+
+
+@pytest.fixture(scope="session", autouse=True)
+def drawing_here() -> Iterator[None]:
+    """Stills, videos and clips are drawn in this process, which spares the start of others, except where a test uses
+    ``drawing_apart``.
+    """
+    from mathnavi.renders import clip, video
+    from tests.renders.drawn import draw_here
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(video, "draw", draw_here)
+        patch.setattr(clip, "draw", draw_here)
+        yield
+
+
+@pytest.fixture
+def drawing_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stills and videos are drawn by processes of their own, as for a user."""
+    from mathnavi.renders import video
+    from tests.renders.drawn import draw_apart
+
+    monkeypatch.setattr(video, "draw", draw_apart)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Annotated, Literal
 
@@ -30,6 +31,7 @@ from mathnavi.controllers.active_sensing.policies import (
 from mathnavi.controllers.active_sensing.then_track import ReferencePath, ThenTrack
 from mathnavi.controllers.active_sensing.tracker import PathTracker
 from mathnavi.models.unicycle.mission import RangingMission
+from mathnavi.sim.interfaces.angles import Radians
 from mathnavi.sim.interfaces.bounds import Count, NonNegative, Positive, Within, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
@@ -68,7 +70,7 @@ class ActiveSensingConfig:
     """least standard deviation in every direction of an estimate that does not say its own [m, rad]"""
     sure_position: Positive = 0.05
     """largest standard deviation of the position of a sure estimate [m]"""
-    sure_heading: Positive = 0.05
+    sure_heading: Annotated[float, Radians(0.0, math.pi, open_low=True)] = 0.05
     """standard deviation of the heading of a sure estimate [rad]"""
     bandwidth: Positive = 2.0
     """of the tracker on a path [rad/s]"""

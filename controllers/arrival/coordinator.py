@@ -5,23 +5,46 @@
 
 Once a planning period the vehicle gives its consensus its own time of arrival. What is agreed is rounded up to the
 fleet's time grid, so that a vehicle which knows it to a rounding error asks its planner for the same instant as all
-others, and is communicated to the planner when it changes. Separation and agreement know nothing of each other.
+others, and is communicated to the planner when it changes.
+
+**Vehicles that queue.** The time of arrival by (A.12) is the least possible; who is not given room for its plans cannot
+keep it. All stored plans arrive at T_A, the assured time, whatever becomes of messages and proposals. So a vehicle
+defers its arrival to T_A ("arrival-deferred") and communicates this to all others, if it has queued for ``PATIENCE``
+planning instants running, if the plan by which it commits to the agreed time is refused, or if it has none some periods
+after the horizon has reached that. The agreed time then moves to T_A, once: all have known it from the start, and who
+has not committed to an earlier arrival need not do anything to keep it. A plan that commits to a time before the agreed
+one is not adopted any more, even if it was admitted. What is agreed and the plan being flown does not keep is announced
+when it is known ("arrival-unkept").
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from mathnavi.controllers.arrival.separation import TOPIC, Separation
 from mathnavi.controllers.flight.planner import ARRIVAL
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.protocols import Consensus
-from mathnavi.sim.interfaces.signals import Message, Outbox, Plan
+from mathnavi.sim.interfaces.signals import OPTIMISED, Message, Outbox, Plan
 
 AGREEMENT = "arrival consensus"  # the topic of the consensus's messages
+DEFERRAL = "arrival deferral"  # the topic of messages, to all, that the assured time is the fleet's
+PATIENCE = 3  # planning instants running at which a vehicle is not given room
+SETTLING = 3  # planning instants from the first on, after which the vehicles have agreed
+DECISION = 2  # planning instants within the horizon by which a plan that arrives at the agreed time is there
 
 _ROUNDING = 1e-3  # of the time grid: what is that little above a grid point is on it
+
+
+@dataclass(frozen=True)
+class AssuredArrival:
+    """The time that every vehicle's stored plan keeps."""
+
+    time: float  # [s] T_A
+    arrives: Callable[[Plan, float], float]  # [s] when a plan is at rest at the slot, or passes it, after a time [s]
+    braking: float  # [s] before which, at most, it is within the arrival radius
 
 
 class FleetCoordinator:
@@ -35,8 +58,9 @@ class FleetCoordinator:
         estimate: Callable[[Plan, float], float],
         planning_period: float,
         grid: float,
+        assured: AssuredArrival | None = None,
     ) -> None:
-        """``neighbours`` send to ``consensus``; ``grid`` [s] is that of common arrival times.
+        """``neighbours`` send to ``consensus``; ``grid`` [s] is that of common arrival times; ``assured`` if there is.
 
         The period is that of the consensus' rounds. ValueError for a grid that is not positive.
         """
@@ -45,6 +69,15 @@ class FleetCoordinator:
         self.period = consensus.period
         self._separation, self._consensus, self._neighbours = separation, consensus, tuple(neighbours)
         self._estimate, self._planning_period, self._grid = estimate, planning_period, grid
+        self._assured = assured
+        self._queued = 0  # planning instants running at which the vehicle's plan was not admitted
+        self._deferred = False  # True from when its own time of arrival is the assured one
+        self._reach = 0.0  # [s] of a plan's optimised part
+        self._changed = -math.inf  # [s] when the agreed time last changed
+        self._begun = math.inf  # [s] of the first exchange
+        self._kept = True
+        self._silent = False
+        self._news: list[tuple[str, str]] = []
         self._flown: Plan | None = None
         self._proposed: tuple[int, Plan] | None = None
         self._next_step = -math.inf  # [s] when the consensus is given the vehicle's own time again
@@ -54,14 +87,17 @@ class FleetCoordinator:
     def exchange(self, t: float, received: Sequence[Message]) -> Outbox:
         """Exchange messages at t [s]: return what goes to the neighbours and to the planner, and the events."""
         if self._flown is not None and t >= self._next_step - TIME_TOLERANCE:
-            self._consensus.start(self._estimate(self._flown, t), t)
+            self._consensus.start(self._own_time(t, self._flown), t)
             self._next_step = t + self._planning_period
+            self._news += self._keeping(t, self._flown)
         messages = self._separation.exchange(t, [message for message in received if message.topic == TOPIC])
+        messages += self._deferring(t, [message for message in received if message.topic == DEFERRAL])
         payload = self._consensus.exchange(t, [message for message in received if message.topic == AGREEMENT])
         messages += [(name, Message(t, self._separation.name, AGREEMENT, payload)) for name in self._neighbours]
         happened = [(event.kind, event.message) for event in self._separation.events]
         self._separation.events.clear()
-        return Outbox(tuple(messages), self._planner_messages(t), (*happened, *self._taking_part()))
+        news, self._news = self._news, []
+        return Outbox(tuple(messages), self._planner_messages(t), (*happened, *news, *self._taking_part()))
 
     def propose(self, t: float, plan: Plan) -> None:
         """Propose a plan to the others."""
@@ -77,9 +113,12 @@ class FleetCoordinator:
             return True
         if self._proposed is None or self._proposed[1] is not plan:
             return False
-        admitted = self._separation.admitted(self._proposed[0])
+        admitted = self._separation.admitted(self._proposed[0]) and not self._outdated(t, plan)
+        silence = self._silence()
         if not admitted:
             self._separation.withdraw()
+        self._queued = 0 if admitted else self._queued + 1
+        self._news += silence
         return admitted
 
     def adopted(self, t: float, plan: Plan) -> None:
@@ -87,6 +126,84 @@ class FleetCoordinator:
         if self._proposed is not None and self._proposed[1] is plan and self._separation.admitted(self._proposed[0]):
             self._separation.adopt(t)
         self._flown = plan
+        optimised = plan.t[1:][plan.phase == OPTIMISED]
+        self._reach = max(self._reach, float(optimised[-1]) - plan.t_start if len(optimised) else 0.0)
+
+    def _own_time(self, t: float, flown: Plan) -> float:
+        """[s] of arrival that the vehicle communicates: the least possible, or the assured one once it defers."""
+        least, assured = self._estimate(flown, t), self._assured
+        if assured is None or assured.arrives(flown, t) - assured.braking > assured.time + self._planning_period:
+            return least  # nothing is assured, or not any more: the vehicle had to leave its plan
+        if not self._deferred and (why := self._cannot_keep(t, flown, assured)):
+            self._defer(why, assured)
+        return assured.time if self._deferred else min(least, assured.time)
+
+    def _defer(self, why: str, assured: AssuredArrival) -> None:
+        self._deferred = True
+        self._next_step = -math.inf  # the consensus is to know at once
+        self._news.append(("arrival-deferred", f"{why}; its stored plan arrives at {assured.time:.2f} s"))
+
+    def _deferring(self, t: float, received: Sequence[Message]) -> list[tuple[str, Message]]:
+        """Defer where others do, or where the plan that commits to the agreed time was refused; send it to all."""
+        assured, peers = self._assured, self._separation.peers
+        if assured is None:
+            return []
+        if not self._deferred and (others := [each.sender for each in received if each.sender in peers]):
+            self._defer(f"{others[0]} defers", assured)
+        elif not self._deferred and self._proposed is not None and self._flown is not None:
+            id, plan = self._proposed
+            lost = self._separation.pending != id and plan is not self._flown and t < plan.t_start
+            if lost and self._commits(t, plan) and not self._commits(t, self._flown):
+                self._defer("no room to arrive as agreed", assured)
+        notice = Message(t, self._separation.name, DEFERRAL, None)
+        return [(peer, notice) for peer in peers] if self._deferred else []
+
+    def _commits(self, t: float, plan: Plan) -> bool:
+        """True if a plan arrives within its optimised part, before the assured time."""
+        assured = self._assured
+        return assured is not None and assured.arrives(plan, t) < assured.time - self._planning_period
+
+    def _outdated(self, t: float, plan: Plan) -> bool:
+        """True if a plan commits to a time before the agreed one, and the plan being flown does not."""
+        if not self._deferred or self._flown is None:
+            return False
+        return self._commits(t, plan) and not self._commits(t, self._flown)
+
+    def _cannot_keep(self, t: float, flown: Plan, assured: AssuredArrival) -> str:
+        """Why the vehicle may not be able to keep a time before the assured one; "" while it may."""
+        agreed = self._consensus.value
+        if not agreed < assured.time - self._planning_period:
+            return ""
+        if self._queued >= PATIENCE:
+            return f"no plan admitted {self._queued} times running"
+        reached = agreed - t <= self._reach - DECISION * self._planning_period
+        if reached and assured.arrives(flown, t) - assured.braking > agreed + self._planning_period:
+            return f"no plan that arrives at {agreed:.2f} s"
+        return ""
+
+    def _keeping(self, t: float, flown: Plan) -> tuple[tuple[str, str], ...]:
+        """What to record where the plan being flown begins to miss the agreed time for good, or keeps it again."""
+        agreed, assured, period = self._announced, self._assured, self._planning_period
+        if assured is None or agreed is None or t < self._changed + 2.0 * period:
+            return ()
+        arrival = assured.arrives(flown, t)
+        early, late = arrival < agreed - period, arrival - assured.braking > max(agreed, assured.time) + period
+        kept = not (math.isfinite(arrival) and (early or late))
+        if kept == self._kept:
+            return ()
+        self._kept = kept
+        text = f"the plan being flown arrives at {arrival:.2f} s, agreed is {agreed:.2f} s"
+        return (("arrival-kept" if kept else "arrival-unkept", text),)
+
+    def _silence(self) -> tuple[tuple[str, str], ...]:
+        """What to record where others begin to leave a proposal unanswered to its start, or all answer again."""
+        silent = self._separation.unheard
+        if bool(silent) == self._silent or not (silent or self._separation.pending):
+            return ()
+        self._silent = bool(silent)
+        if not silent:
+            return (("separation-heard", "all others answer"),)
+        return (("separation-silent", f"no answer of {', '.join(silent)}: the stored plan is flown"),)
 
     def _taking_part(self) -> tuple[tuple[str, str], ...]:
         """What to record where the vehicle becomes an outlier, or takes part again."""
@@ -100,10 +217,12 @@ class FleetCoordinator:
 
     def _planner_messages(self, t: float) -> tuple[Message, ...]:
         agreed = self._consensus.value
-        if not math.isfinite(agreed):
-            return ()
+        self._begun = min(self._begun, t)
+        settling = t < self._begun + SETTLING * self._planning_period
+        if not math.isfinite(agreed) or (settling and self._assured is not None and agreed - t < 2.0 * self._reach):
+            return ()  # who is so near waits for what the others say
         arrival = self._grid * math.ceil(agreed / self._grid - _ROUNDING)
         if arrival == self._announced:
             return ()
-        self._announced = arrival
+        self._announced, self._changed = arrival, t
         return (Message(t, self._separation.name, ARRIVAL, arrival),)

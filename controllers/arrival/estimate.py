@@ -43,7 +43,7 @@ class ArrivalEstimate:
 
     def __call__(self, plan: Plan, t: float) -> float:
         """[s] when a vehicle on ``plan`` arrives, as it knows at t [s]; infinite for a plan that does not move on."""
-        met = pass_time(plan, self.target, t)
+        met = self.arrives(plan, t)
         optimised = plan.phase == OPTIMISED
         end = float(plan.t[1:][optimised][-1]) if optimised.any() else plan.t_start
         if met <= end:
@@ -55,3 +55,7 @@ class ArrivalEstimate:
         if self.speed != "max":
             v = float(speeds.mean() if self.speed == "mean" else speeds.max()) if len(speeds) else 0.0
         return last + left / v if v > _SLOWEST else np.inf
+
+    def arrives(self, plan: Plan, t: float) -> float:
+        """[s] when a plan, flown to its end, is at the target after t [s]; infinite for one that never is."""
+        return pass_time(plan, self.target, t)

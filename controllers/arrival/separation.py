@@ -34,6 +34,10 @@ other conflict is refused, and a refused proposal is withdrawn. There is no live
 highest gives way to none and is refused only for plans that are flown or admitted. Ranks are drawn anew each time, so
 where n vehicles propose once a period a proposal that clears those is the highest with probability 1/n at least: nobody
 starves, and no fixed order lets one whose plan is hopeless block the others for ever. Who waits flies its stored plan.
+
+**Out of reach.** A plan is the whole way to the target, and is compared with others for all future time. So distance
+alone makes nobody irrelevant: a vehicle out of the radio's range, or silent, may not be left out, and nobody's plan is
+admitted until it has acknowledged. What is lost is the new plans, not the separation: everybody flies its stored plan.
 """
 
 from __future__ import annotations
@@ -113,6 +117,11 @@ class Separation:
         self._pending = Proposal(self._last_id, float(self._rng.random()), trajectory)
         return self._last_id
 
+    @property
+    def unheard(self) -> tuple[str, ...]:
+        """Vehicles that have not acknowledged the pending proposal; none without one."""
+        return tuple(peer for peer in self.peers if peer not in self._acknowledged) if self._pending else ()
+
     def withdraw(self) -> None:
         """Give up the pending plan, if there is one; its id is void for ever."""
         self._pending = None
@@ -157,7 +166,7 @@ class Separation:
         its start has passed is withdrawn: it came too late.
         """
         if self._pending and t > self._pending.trajectory.t[0] + TIME_TOLERANCE and not self.admitted(self._pending.id):
-            self._record(t, "late", f"proposal {self._pending.id}: {self._unheard()} have not acknowledged it")
+            self._record(t, "late", f"proposal {self._pending.id}: {', '.join(self.unheard)} have not acknowledged it")
             self.withdraw()
         answers: dict[str, SeparationReply] = {}
         for message in received:
@@ -220,9 +229,6 @@ class Separation:
         self._record(t, "yielded", f"proposal {mine.id}, to {proposal.id} of {sender}")
         self.withdraw()
         return True
-
-    def _unheard(self) -> str:
-        return ", ".join(peer for peer in self.peers if peer not in self._acknowledged)
 
     def _record(self, t: float, kind: str, message: str) -> None:
         self.events.append(Event(t, self.name, f"separation-{kind}", message))

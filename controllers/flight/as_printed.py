@@ -72,7 +72,7 @@ class AsPrintedConfig:
     epsilon: Positive = 0.01
     """what a step must gain (Definition A.1), as a fraction of h beta"""
     grid_nodes: GridNodes = 33
-    """rows and columns of the cost-to-go's grid"""
+    """nodes of the cost-to-go's grid along the longer side of the map"""
     grid_layers: GridLayers = 5
     """its layers"""
     bandwidth: Positive = 0.8

@@ -4,6 +4,14 @@ A plan pi is certified, C(pi), if over its whole future the least clearance abov
 delta (delta the tracking bound), it stays that far inside the map, |v| and |a| keep the bounds left to a
 plan, its arcs join, it rests within reach of the target, and it is trackable: the vehicle's lag from holding each
 command (``held_input``) is no more than the tracking bound sets aside.
+
+A plan is the path of the vehicle's centre, and the vehicle is a ball of radius r about it. The centre keeps h_min above
+all ground within r across, and r from the edge of the map, beside the tracking bound; with h_min >= r the ball then
+touches nothing. A smaller h_min is refused.
+
+A start may be too fast already, after a gust for instance. Then the excess e over v_max is at most e (1 - t / T) from
+there on, with T = max(v_max / a_max, 4 e / a_max): it is gone when a stop from v_max would be over or, where it is
+greater, falls at a quarter of a_max.
 """
 
 from __future__ import annotations
@@ -23,10 +31,12 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array, Message, Plan, Status
 
 STATE_TOLERANCE = 1e-6  # [m, m/s] two states closer than this are the same
 _BOUND = 1e-6  # [m/s, m/s^2] rounding allowed on a bound
+_FALL = 4.0  # the part of a_max at which a large excess of speed falls at least
 _PASS = 1e-3  # [m] a breakpoint this close to the target is a pass
 
 
@@ -59,7 +69,9 @@ class Refusal:
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """C(pi) as a function; ``terrain`` is raised by the tracking bound, the other bounds are lowered by it."""
+    """C(pi) as a function; ``terrain`` is raised by ``raised_ground``, the other bounds are lowered by the tracking
+    bound.
+    """
 
     terrain: HeightField
     clearance_min: float  # [m] h_min
@@ -68,7 +80,8 @@ class Certificate:
     target: Array  # (3,) [m]
     arrival_radius: float  # [m]
     border: float = 0.0  # [m] that is kept from the edge of the map
-    rise: float = 0.0  # [m] by which the terrain was raised, beside what ``border`` asks for
+    across: float = 0.0  # [m] within which the terrain was raised to the highest ground: tracking bound and body
+    rise: float = 0.0  # [m] by which it was raised beside that
     cruise_level: float = -np.inf  # [m] below which no completion path flies level
     held: HeldInput | None = None  # of a tracker that does not follow every plan
 
@@ -76,8 +89,13 @@ class Certificate:
     def of(mission: FlightMission, bound: TrackingBound, held: HeldInput | None = None) -> Certificate:
         """The certificate of a mission whose tracker keeps ``bound``, over plans whose lag ``held`` allows.
 
-        Raises ValueError if the bound leaves nothing to fly with.
+        Raises FieldError for an h_min below the body's reach; ValueError if the bound leaves nothing to fly with.
         """
+        if not (mission.reach_in_terrain or mission.clearance_min >= mission.reach):
+            raise FieldError(
+                f"clearance_min = {mission.clearance_min:g} m; allowed: >= {mission.reach:g} m, the radius of the "
+                "vehicle's hull"
+            )
         speed = mission.speed_max - bound.speed
         acceleration = mission.acceleration_max - bound.feedback
         radius = mission.arrival_radius - float(np.hypot(bound.horizontal, bound.vertical))
@@ -93,14 +111,16 @@ class Certificate:
                     f"{name} = {whole:g} leaves nothing to plan with; allowed: > {whole - left:.3g}, "
                     f"which noise and gusts take{late}"
                 )
+        across = bound.horizontal + (0.0 if mission.reach_in_terrain else mission.reach)
         return Certificate(
-            _raised(mission.terrain, bound.horizontal, bound.vertical),
+            raised_ground(mission.terrain, across, bound.vertical),
             mission.clearance_min,
             speed,
             acceleration,
             np.array(mission.target, dtype=np.float64),
             radius,
-            bound.horizontal,
+            bound.horizontal + mission.reach,
+            across,
             bound.vertical,
             mission.cruise_level,
             held,
@@ -114,7 +134,7 @@ class Certificate:
         if now.target != known.target:
             certificate = dataclasses.replace(certificate, target=np.array(now.target, dtype=np.float64))
         if now.terrain is not known.terrain:
-            certificate = dataclasses.replace(certificate, terrain=_raised(now.terrain, self.border, self.rise))
+            certificate = dataclasses.replace(certificate, terrain=raised_ground(now.terrain, self.across, self.rise))
         return certificate
 
     def reaches_target(self, plan: Plan) -> bool:
@@ -140,10 +160,9 @@ class Certificate:
         gap = float(np.abs(joint).max(initial=0.0))
         if not gap <= STATE_TOLERANCE:  # nor does NaN
             return Refusal(Status.MALFORMED, f"arcs miss each other by {gap:.3g}")
+        if too_fast := self._check_speed(plan):
+            return too_fast
         speed, push = np.linalg.norm(v, axis=1), np.linalg.norm(plan.u, axis=1)
-        # A start that is too fast already, after a gust say, can only be slowed down.
-        if speed.max() > max(self.speed_max, speed[0]) + _BOUND:
-            return Refusal(FlightStatus.BOUNDS, f"|v| reaches {speed.max():.2f} m/s; allowed {self.speed_max:.2f}")
         if push.max(initial=0.0) > self.acceleration_max + _BOUND:
             return Refusal(
                 FlightStatus.BOUNDS, f"|a| reaches {push.max():.2f} m/s^2; allowed {self.acceleration_max:.2f}"
@@ -164,6 +183,24 @@ class Certificate:
             f"commands held for {1e3 * self.held.period:.3g} ms fall {greatest:.3g} m behind it; "
             f"allowed {self.held.allowed:.3g}",
         )
+
+    def _check_speed(self, plan: Plan) -> Refusal | None:
+        """Check |v|, which is convex on an arc, against v_max plus what is left of the start's excess, which is linear
+        up to its end: at both ends of each arc and at that end, and therefore everywhere.
+        """
+        speed = np.linalg.norm(plan.x[:, 3:], axis=1)
+        excess = max(0.0, float(speed[0]) - self.speed_max)
+        duration = max(self.speed_max, _FALL * excess) / self.acceleration_max
+        allowed = self.speed_max + excess * np.maximum(0.0, 1.0 - (plan.t - plan.t_start) / duration)
+        if excess > _BOUND and plan.t_start + duration < plan.t_end:
+            then = state_at(plan, plan.t_start + duration)
+            speed, allowed = np.append(speed, np.linalg.norm(then[3:])), np.append(allowed, self.speed_max)
+        worst = int((speed - allowed).argmax())
+        if speed[worst] <= allowed[worst] + _BOUND:
+            return None
+        fast = f"|v| reaches {speed[worst]:.2f} m/s; allowed {allowed[worst]:.2f}"
+        start = f", falling from {speed[0]:.2f} at the start to {self.speed_max:.2f} within {duration:.2f} s"
+        return Refusal(FlightStatus.BOUNDS, fast + (start if excess > _BOUND else ""))
 
     def clearances(self, plan: Plan) -> Array:
         """Least clearance (K,) [m] of each arc of a plan; -inf off the map."""
@@ -192,14 +229,17 @@ class Certificate:
 
 
 @lru_cache(maxsize=8)
-def _raised(terrain: HeightField, horizontal: float, vertical: float) -> HeightField:
-    """The ground that a tracker with this bound needs; every certificate of a mission shares it."""
-    return terrain.inflated(horizontal, vertical)
+def raised_ground(terrain: HeightField, across: float, rise: float) -> HeightField:
+    """``terrain.inflated(across, rise)``, both [m]: one object for all that ask, for instance a mission's certificates
+    and cost-to-go.
+    """
+    return terrain.inflated(across, rise)
 
 
 def _extent(p: Array, v: Array, a: Array, duration: Array) -> tuple[float, float]:
     """Least and greatest of p + v t + a t^2 / 2 over 0 <= t <= duration, of all arcs (K,)."""
-    vertex = np.clip(np.divide(-v, a, out=duration.copy(), where=a != 0.0), 0.0, duration)
+    with np.errstate(over="ignore"):  # of hardly any acceleration the vertex lies beyond every arc
+        vertex = np.clip(np.divide(-v, a, out=duration.copy(), where=a != 0.0), 0.0, duration)
     met = np.concatenate([p + t * v + 0.5 * t * t * a for t in (np.zeros(len(p)), vertex, duration)])
     return float(met.min()), float(met.max())
 

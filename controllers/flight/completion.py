@@ -86,11 +86,13 @@ def complete(
     acceleration: float,
     end: float = -math.inf,
     level: float = -math.inf,
+    drop_to_hold: float = math.inf,
 ) -> None:
     """Append the way from vertical flight to rest on the target, not before ``end`` [s]: until then it hovers first.
 
     ``clearance`` [m] is what level flight keeps above the ground, and ``level`` [m] is its least height; ``speed``
-    [m/s] and ``acceleration`` [m/s^2] are the bounds the plan may use.
+    [m/s] and ``acceleration`` [m/s^2] are the bounds the plan may use. Where the descent onto the target is at least
+    ``drop_to_hold`` [m] high the plan hovers at its upper end instead: above the target, out of the others' way.
     """
     up = np.array([0.0, 0.0, 1.0])
     rise = float(arcs.x[-1][5])
@@ -107,6 +109,7 @@ def complete(
         _straight(arcs, np.append(across / distance, 0.0), distance, speed, acceleration, FlightPhase.CRUISE)
     drop = float(arcs.x[-1][2] - target[2])
     phase = FlightPhase.DESCENT if drop > 0.0 else FlightPhase.CLIMB
+    first = len(arcs.u) if drop >= drop_to_hold else first
     _straight(arcs, -math.copysign(1.0, drop) * up, abs(drop), speed, acceleration, phase)
     arcs.wait(first, end - arcs.t[-1])
 

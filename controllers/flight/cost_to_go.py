@@ -38,6 +38,7 @@ Indices = NDArray[np.int32]
 REFERENCE_SPEED = 150.0  # [m/s] v_c
 THREAT_SMOOTHING = 0.7  # [cells] standard deviation: a threat's sharp edge would trap every interpolant
 _LOWEST_LAYER = 120.0  # [m] above ground
+_ROUNDING = 1e-9  # [cells]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +59,17 @@ class TerrainGrid:
 
     @staticmethod
     def around(terrain: HeightField, target: Array, nodes: int, layers: int, height: float = 2400.0) -> TerrainGrid:
-        """``nodes`` x ``nodes`` x ``layers`` over the map's longer side, moved so that the target is a node."""
-        side = max(terrain.width, terrain.depth)
-        spacing = side / (nodes - 1)
-        j = round(float(target[0]) / spacing)
-        i = round(float(target[1]) / spacing)
-        x_0, y_0 = float(target[0]) - j * spacing, float(target[1]) - i * spacing
-        x = np.clip(x_0 + spacing * np.arange(nodes), 0.0, terrain.width)
-        y = np.clip(y_0 + spacing * np.arange(nodes), 0.0, terrain.depth)
+        """``nodes`` along the map's longer side, moved so that the target is a node, and as far apart along the
+        other.
+
+        No node lies off the map, where nothing is known of ground and radars, so moved there is one less. Across a map
+        that is very narrow there are at least two, closer together both ways.
+        """
+        sides = terrain.width, terrain.depth
+        spacing = min(max(sides) / (nodes - 1), 0.5 * min(sides))
+        (x_0, x, j), (y_0, y, i) = (
+            _nodes_along(side, spacing, float(at)) for side, at in zip(sides, target[:2], strict=True)
+        )
         ground = terrain.height(*np.meshgrid(x, y))
         above = float(target[2]) - float(ground[i, j])
         step = height / (layers - 1)
@@ -119,13 +123,23 @@ class TerrainGrid:
         return distance
 
 
+def _nodes_along(side: float, spacing: float, at: float) -> tuple[float, Array, int]:
+    """Where nodes [m] begin, all of them, and which is that ``at`` the target [m], between 0 and ``side`` [m]."""
+    before = math.floor(at / spacing + _ROUNDING)
+    begin = at - before * spacing
+    count = before + math.floor((side - at) / spacing + _ROUNDING) + 1
+    # Rounding must not carry a node off the map.
+    return begin, np.clip(begin + spacing * np.arange(count), 0.0, side), before
+
+
 def threat_density(grid: TerrainGrid, terrain: HeightField, radars: Sequence[Radar]) -> Array:
     """Sum of weight times visibility at each node, smoothed, (layers, rows, columns)."""
     density = np.zeros(grid.shape)
+    nodes = np.clip(grid.positions, [0.0, 0.0, -np.inf], [terrain.width, terrain.depth, np.inf])  # but for rounding
     for radar in radars:
-        near = np.linalg.norm(grid.positions - radar.position(terrain), axis=-1) <= radar.radius
+        near = np.linalg.norm(nodes - radar.position(terrain), axis=-1) <= radar.radius
         seen = np.zeros(grid.shape)
-        seen[near] = radar.exposed(terrain, grid.positions[near])
+        seen[near] = radar.exposed(terrain, nodes[near])
         density += radar.weight * gaussian_filter(seen, THREAT_SMOOTHING, mode="nearest")
     return density
 
@@ -182,7 +196,8 @@ class TrilinearCost:
     """D interpolated linearly in each cell of the stretched grid, as printed: a length [m].
 
     The thesis gives no value outside the grid. Here coordinates are clipped to its edge, and the height above its top
-    layer is added: else a climb would cost nothing up there, and nothing would end it.
+    layer is added, else a climb would cost nothing up there, and nothing would end it, and likewise the distance beside
+    it, which is less than a cell on the map.
     """
 
     grid: TerrainGrid
@@ -200,15 +215,18 @@ class TrilinearCost:
     def _evaluate(self, points: Array) -> tuple[Array, Array]:
         g, p = self.grid, np.atleast_2d(points)
         layers, rows, columns = g.shape
-        v = np.clip((p[:, 1] - g.y_0) / g.spacing, 0.0, rows - 1.0)
-        w = np.clip((p[:, 0] - g.x_0) / g.spacing, 0.0, columns - 1.0)
+        raw_v, raw_w = (p[:, 1] - g.y_0) / g.spacing, (p[:, 0] - g.x_0) / g.spacing
+        v, w = np.clip(raw_v, 0.0, rows - 1.0), np.clip(raw_w, 0.0, columns - 1.0)
+        beside = np.stack([raw_w - w, raw_v - v])  # [cells] east, north
+        distance = np.hypot(*beside)
+        outward = np.divide(beside, distance, out=np.zeros_like(beside), where=distance > 0.0)
         i, j = np.minimum(v.astype(int), rows - 2), np.minimum(w.astype(int), columns - 2)
         fv, fw = v - i, w - j
         corner = g.ground[i, j], g.ground[i, j + 1], g.ground[i + 1, j], g.ground[i + 1, j + 1]
         low, high = corner[0] + fw * (corner[1] - corner[0]), corner[2] + fw * (corner[3] - corner[2])
         ground = low + fv * (high - low)
-        ground_x = ((1 - fv) * (corner[1] - corner[0]) + fv * (corner[3] - corner[2])) / g.spacing
-        ground_y = (high - low) / g.spacing
+        ground_x = (raw_w == w) * ((1 - fv) * (corner[1] - corner[0]) + fv * (corner[3] - corner[2])) / g.spacing
+        ground_y = (raw_v == v) * (high - low) / g.spacing
         raw = (p[:, 2] - ground - g.level_0) / g.layer_spacing
         u = np.clip(raw, 0.0, layers - 1.0)
         inside, above = (raw == u).astype(float), (raw > layers - 1.0).astype(float)
@@ -229,9 +247,10 @@ class TrilinearCost:
             for a in (0, 1)
         ]
         value = (1 - fu) * face[0] + fu * face[1] + above * (raw - u) * g.layer_spacing
+        value += distance * g.spacing
         up = inside * (face[1] - face[0]) / g.layer_spacing + above
-        east = ((1 - fu) * along_w[0] + fu * along_w[1]) / g.spacing - up * ground_x
-        north = ((1 - fu) * along_v[0] + fu * along_v[1]) / g.spacing - up * ground_y
+        east = (raw_w == w) * ((1 - fu) * along_w[0] + fu * along_w[1]) / g.spacing - up * ground_x + outward[0]
+        north = (raw_v == v) * ((1 - fu) * along_v[0] + fu * along_v[1]) / g.spacing - up * ground_y + outward[1]
         return value, np.stack([east, north, up], axis=-1)
 
 
@@ -247,10 +266,19 @@ def _edges(grid: TerrainGrid) -> tuple[Indices, Indices, Array]:
 
 
 def factored_cost(
-    terrain: HeightField, target: Array, radars: Sequence[Radar], nodes: int, layers: int
+    terrain: HeightField,
+    target: Array,
+    radars: Sequence[Radar],
+    nodes: int,
+    layers: int,
+    ground: HeightField | None = None,
 ) -> FactoredCost:
-    """Grid, threats, Dijkstra and spline in one call."""
-    grid = _grid(terrain, tuple(target.tolist()), nodes, layers)
+    """Grid, threats, Dijkstra and spline in one call.
+
+    The layers follow ``ground``, which is ``terrain`` raised for body and tracker where plans are; radars stand on the
+    terrain itself, which is what hides from them.
+    """
+    grid = _grid(ground or terrain, tuple(target.tolist()), nodes, layers)
     return FactoredCost.build(grid, node_distance(grid, threat_density(grid, terrain, radars)))
 
 

@@ -36,6 +36,7 @@ _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
 _COMMIT_TRIES = 3
 _ON_TIME = 0.1  # [s] by which a plan may miss (A.13)
 ARRIVAL = "arrival time"  # the topic of messages that ask for one
+ASSURED = "assured arrival time"  # the topic of messages that say when every stored plan arrives
 
 Incorporation = Literal["schedule", "constraint", "penalty"]
 
@@ -61,6 +62,11 @@ class RecedingHorizon:
         penalty      ``arrival_weight`` (T_p + L(p_N) / v_max - tau)^2 beside Psi.
 
     Within reach of the horizon each is an exact arrival at t_a.
+
+    A message with the topic "assured arrival time" and a time T_A as payload asks for more: every plan that does not
+    arrive exactly within its horizon waits on its completion path so as to arrive at T_A, and a plan that cannot is a
+    failure. So whichever plan is the last to be adopted, it arrives at T_A, or before at the node that it committed to.
+    That ends where the target or the map turns out otherwise.
     """
 
     def __init__(
@@ -81,6 +87,7 @@ class RecedingHorizon:
         self._cost_to_go, self._knowledge = cost_to_go, knowledge
         self._environment = PlanningEnvironment.build(certificate.terrain, cost_to_go(knowledge))
         self._arrival: float | None = None  # [s] that is asked for
+        self._assured: float | None = None  # [s] T_A, at which stored plans arrive
         shorter = [self._over(parameters.lengths[:k]) for k in range(1, parameters.arcs + 1)]
         self._ends = np.array([part.horizon for part in shorter])  # (n,) [s] of the arcs
         for part in shorter:
@@ -110,7 +117,13 @@ class RecedingHorizon:
             return Plan.failure(Status.SOLVER_FAILED, "; ".join(filter(None, (reason, solution))), solve_ms=solve_ms)
         if self._incorporation == "constraint" and abs(error := self._arrival_error(problem, solution)) > _ON_TIME:
             return Plan.failure(Status.INFEASIBLE, f"(A.13) is off by {error:.2f} s", solve_ms=solve_ms)
-        return self._assembled(problem, solution, request.t_start, solve_ms)
+        plan = self._assembled(problem, solution, request.t_start, solve_ms)
+        if current is not None and self._assured is not None and plan.ok and plan.t_end > self._stored_end():
+            if arrival < self._assured - self._parameters.h and arrival < (self._arrival or 0.0) - self._parameters.h:
+                return stopping(self._certificate, request.t_start, start, self._stored_arrival())
+            late = f"arrives {plan.t_end - self._stored_end():.2f} s after the assured time of {self._assured:.2f} s"
+            return Plan.failure(Status.INFEASIBLE, late, solve_ms=solve_ms)
+        return plan
 
     @property
     def parameters(self) -> Parameters:
@@ -143,19 +156,36 @@ class RecedingHorizon:
                 self._environment = dataclasses.replace(self._environment, cost=cost)
             else:
                 self._environment = PlanningEnvironment.build(certificate.terrain, cost)
+            if known.target != self._knowledge.target or known.terrain is not self._knowledge.terrain:
+                self._assured = None
             self._knowledge, self._certificate = known, certificate
         for message in messages:
             if message.topic == ARRIVAL and isinstance(message.payload, float) and math.isfinite(message.payload):
                 self._arrival = message.payload
+            self._assured = _assured_by(message, self._assured)
+
+    def _stored_arrival(self) -> float | None:
+        """[s] at which a plan that stores its way to the target arrives; None where nothing is asked."""
+        asked = [t for t in (self._arrival, self._assured) if t is not None]
+        return max(asked, default=None)
+
+    def _stored_end(self) -> float:
+        """[s] by which such a plan has come to rest."""
+        arrival = self._stored_arrival()
+        return math.inf if arrival is None else arrival + braking_time(self._certificate) + TIME_TOLERANCE
 
     def _length_to_go(self, start: Array, t_start: float) -> LengthToGo | None:
         """How far to go the plan should have at p_N; None where no arrival time is asked for."""
-        if self._arrival is None:
-            return None
         horizon, v_max = self._parameters.horizon, self._certificate.speed_max
-        left = max(self._arrival - t_start, horizon)
+        length = float(self._environment.cost(start[:3])[0])
+        asked = self._arrival
+        if asked is None and length < 2.0 * horizon * v_max:  # so near that it would be there too soon
+            asked = self._assured
+        if asked is None:
+            return None
+        left = max(asked - t_start, horizon)
         if self._incorporation == "schedule":
-            return LengthToGo(float(self._environment.cost(start[:3])[0]) * (1.0 - horizon / left))
+            return LengthToGo(length * (1.0 - horizon / left))
         by_speed = v_max * (left - horizon)
         if self._incorporation == "constraint":
             return LengthToGo(by_speed)
@@ -188,7 +218,7 @@ class RecedingHorizon:
         """A certified plan that arrives exactly at a node within the horizon; or none, the time spent [ms], and why."""
         target = self._certificate.target
         current, reason, spent = request.current, "", 0.0
-        for duration in self._durations(start, (arrival if self._arrival is None else self._arrival) - request.t_start):
+        for duration in self._durations(start, request.t_start, arrival):
             problem = Problem(self._over(self._grid(duration)), self._environment, start, terminal_position=target)
             solution, spent = self._solved(problem, current, request.t_start, spent)
             if isinstance(solution, str):
@@ -201,18 +231,25 @@ class RecedingHorizon:
             reason = f"arrival in {duration:.1f} s: {refusal.message}"
         return None, spent, reason
 
-    def _durations(self, start: Array, left: float) -> list[float]:
-        """In which to try to arrive exactly [s]: ``left``, and, unless that was chosen before, what is possible."""
+    def _durations(self, start: Array, t_start: float, arrival: float) -> list[float]:
+        """Durations [s] to try to arrive in exactly: as asked, or at ``arrival``; unless chosen, also when possible.
+
+        Not before the time that is asked for, and not after the assured one.
+        """
+        asked = self._assured if self._arrival is None else self._arrival
+        left = (arrival if asked is None else asked) - t_start
         fixed = [left] if left > 0.0 and self._within_reach(left) else []
-        if fixed and self._arrival is None:
+        if fixed and asked is None:
             return fixed
         h = self._parameters.h
         speed = max(float(np.linalg.norm(start[3:])), _COMMIT_SPEED)
         first = max(2, math.ceil(float(np.linalg.norm(self._certificate.target - start[:3])) / (h * speed)))
         # A little more than the horizon is within reach of slightly longer arcs. Beyond it the terminal cost
         # would have to shape the flight past the target, which it cannot.
-        possible = [n * h for n in range(first, first + _COMMIT_TRIES) if self._within_reach(n * h)]
-        return fixed + [duration for duration in possible if self._arrival is None or duration > left]
+        longest = math.inf if self._assured is None else self._assured - t_start + TIME_TOLERANCE
+        tries = (n * h for n in range(first, first + _COMMIT_TRIES) if n * h <= longest)
+        possible = [duration for duration in tries if self._within_reach(duration)]
+        return fixed + [duration for duration in possible if asked is None or duration > left]
 
     def _guess(self, current: Plan | None, t_start: float, problem: Problem) -> Array:
         """The optimised part of the plan being flown, at the middle of each arc, with nothing after its end."""
@@ -241,7 +278,8 @@ class RecedingHorizon:
         if not self._certificate.terrain.contains(*arcs.x[-1][:2]):
             message = f"the manoeuvre ends at {np.round(arcs.x[-1][:2]).tolist()} m"
             return Plan.failure(FlightStatus.OFF_MAP, message, solve_ms=solve_ms)
-        complete_by(arcs, self._certificate, self._arrival)
+        exact = problem.terminal_position is not None
+        complete_by(arcs, self._certificate, self._arrival if exact else self._stored_arrival())
         shares = np.array(parameters.lengths) / parameters.h  # exactly 1 on a uniform grid
         effort = float(parameters.h * (shares[:, None] * solution.accelerations**2).sum())
         togo = (
@@ -273,28 +311,51 @@ class StopAndHover:
     def __init__(self, certificate: Certificate, period: float) -> None:
         self.period = period
         self._certificate = certificate
+        self._assured: float | None = None  # [s] T_A, at which stored plans arrive
 
     def plan(self, request: PlanRequest) -> Plan:
         """Plan that stops at once and completes from hover; a failure where that leaves the map."""
+        for message in request.messages:
+            self._assured = _assured_by(message, self._assured)
         start = request.estimate.x if request.current is None else state_at(request.current, request.t_start)
-        arcs = ArcList.begin(request.t_start, start)
-        speed = float(np.linalg.norm(start[3:]))
-        if speed > 0.0:
-            duration = speed / self._certificate.acceleration_max
-            arcs.add(-start[3:] / duration, duration, FlightPhase.MANOEUVRE)
-            arcs.rest()
-        if not self._certificate.terrain.contains(*arcs.x[-1][:2]):
-            return Plan.failure(FlightStatus.OFF_MAP, f"the vehicle stops at {np.round(arcs.x[-1][:2]).tolist()} m")
-        complete_by(arcs, self._certificate)
-        return arcs.plan(math.nan, math.nan)
+        return stopping(self._certificate, request.t_start, start, self._assured)
+
+
+def stopping(certificate: Certificate, t_start: float, start: Array, arrival: float | None = None) -> Plan:
+    """The plan that stops at once, and completes so as to arrive at ``arrival`` [s] if given.
+
+    ``start`` (6,) [m, m/s] is the state at ``t_start`` [s]. A failure where the vehicle stops off the map.
+    """
+    arcs = ArcList.begin(t_start, start)
+    speed = float(np.linalg.norm(start[3:]))
+    if speed > 0.0:
+        duration = speed / certificate.acceleration_max
+        arcs.add(-start[3:] / duration, duration, FlightPhase.MANOEUVRE)
+        arcs.rest()
+    if not certificate.terrain.contains(*arcs.x[-1][:2]):
+        return Plan.failure(FlightStatus.OFF_MAP, f"the vehicle stops at {np.round(arcs.x[-1][:2]).tolist()} m")
+    complete_by(arcs, certificate, arrival)
+    return arcs.plan(math.nan, math.nan)
+
+
+def _assured_by(message: Message, before: float | None) -> float | None:
+    """T_A [s] as a message says, or as it was ``before``."""
+    sound = message.topic == ASSURED and isinstance(message.payload, float) and math.isfinite(message.payload)
+    return message.payload if sound else before
+
+
+def braking_time(certificate: Certificate) -> float:
+    """Time [s] from the arrival radius to rest on the target."""
+    return math.sqrt(2.0 * certificate.arrival_radius / certificate.acceleration_max)
 
 
 def complete_by(arcs: ArcList, certificate: Certificate, arrival: float | None = None) -> None:
     """Complete within the bounds that the certificate allows, so as to arrive at ``arrival`` [s] but no sooner.
 
-    To arrive is to come within the arrival radius, which a vehicle that brakes onto the target does before it rests.
+    To arrive is to come within the arrival radius, which a vehicle that brakes onto the target does before it rests. A
+    vehicle that has a level of its own waits on it, above the target; others where the manoeuvre has brought them.
     """
-    braking = math.sqrt(2.0 * certificate.arrival_radius / certificate.acceleration_max)
+    levelled = math.isfinite(certificate.cruise_level)
     complete(
         arcs,
         certificate.terrain,
@@ -302,6 +363,7 @@ def complete_by(arcs: ArcList, certificate: Certificate, arrival: float | None =
         certificate.clearance_min,
         certificate.speed_max,
         certificate.acceleration_max,
-        -math.inf if arrival is None else arrival + braking,
+        -math.inf if arrival is None else arrival + braking_time(certificate),
         certificate.cruise_level,
+        2.0 * certificate.arrival_radius if levelled else math.inf,
     )

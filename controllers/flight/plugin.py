@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from mathnavi.controllers.flight.bounds import GridLayers, GridNodes, Nodes
-from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, raised_ground
 from mathnavi.controllers.flight.cost_to_go import FactoredCost, factored_cost
 from mathnavi.controllers.flight.planner import Incorporation, RecedingHorizon, Solver
 from mathnavi.controllers.flight.problem import Parameters, proportional
@@ -16,6 +16,7 @@ from mathnavi.controllers.flight.sqp import CondensedSqp
 from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
@@ -46,7 +47,7 @@ class RecedingHorizonConfig:
     tolerance: Positive = 1e-6
     """relative gain at which the solver stops"""
     grid_nodes: GridNodes = 65
-    """rows and columns of the cost-to-go's grid"""
+    """nodes of the cost-to-go's grid along the longer side of the map"""
     grid_layers: GridLayers = 9
     """its layers"""
     incorporation: Incorporation = "schedule"
@@ -124,7 +125,8 @@ def planner(config: RecedingHorizonConfig, mission: FlightMission, bound: Tracki
     def cost_to_go(knowledge: Knowledge) -> FactoredCost:
         # What is learnt in flight is asked for once.
         build = _cost_to_go if knowledge == mission.knowledge else _built
-        return build(knowledge, config.grid_nodes, config.grid_layers)
+        ground = raised_ground(knowledge.terrain, certificate.across, certificate.rise)
+        return build(knowledge, ground, config.grid_nodes, config.grid_layers)
 
     period = config.replan_period(mission.control_period)
     return RecedingHorizon(
@@ -143,9 +145,10 @@ def solver(config: RecedingHorizonConfig) -> Solver:
 
 
 @lru_cache(maxsize=64)  # each vehicle of a fleet has a target of its own
-def _cost_to_go(knowledge: Knowledge, nodes: int, layers: int) -> FactoredCost:
-    return _built(knowledge, nodes, layers)
+def _cost_to_go(knowledge: Knowledge, ground: HeightField, nodes: int, layers: int) -> FactoredCost:
+    return _built(knowledge, ground, nodes, layers)
 
 
-def _built(knowledge: Knowledge, nodes: int, layers: int) -> FactoredCost:
-    return factored_cost(knowledge.terrain, np.array(knowledge.target), knowledge.radars, nodes, layers)
+def _built(knowledge: Knowledge, ground: HeightField, nodes: int, layers: int) -> FactoredCost:
+    target = np.array(knowledge.target)
+    return factored_cost(knowledge.terrain, target, knowledge.radars, nodes, layers, ground)

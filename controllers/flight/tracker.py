@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_lyapunov
+from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.held_input import HeldInput
 from mathnavi.models.aerial.kernels import state_on
 from mathnavi.models.aerial.mission import DeclaredGusts, EstimateQuality, FlightMission
+from mathnavi.models.linear_noise import discretised
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
 
 _DEVIATIONS = 5.0
@@ -91,10 +92,7 @@ def _periodic(A: Array, W: Array, period: float) -> Array:
     """Covariances (n, 5, 5) over a period [s] of x' = A x + noise of W per second, with a reading at its end."""
     reading = np.eye(5)
     reading[:2, 3:], reading[3:, 3:] = np.eye(2), 0.0
-    step = period / _PHASES
-    exponential = expm(step * np.block([[-A, W], [np.zeros((5, 5)), A.T]]))  # C. F. Van Loan
-    F = exponential[5:, 5:].T
-    Q = F @ exponential[:5, 5:]
+    F, Q = discretised(A, W, period / _PHASES)
     whole, noise = np.eye(5), np.zeros((5, 5))
     for _ in range(_PHASES):
         whole, noise = F @ whole, F @ noise @ F.T + Q

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Le
 
 from mathnavi.controllers.intrinsic.law import TrackingGains
 from mathnavi.controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
 from mathnavi.models.manifold.attitude import Attitude
 from mathnavi.models.manifold.mission import LagrangianMission
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.sim.interfaces.angles import Radians
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array
 
@@ -28,9 +28,9 @@ class AttitudeTrackingConfig:
     """of the attitude [1/s^2]"""
     k_d: Positive = 6.0
     """of the rate [1/s]"""
-    rate: Annotated[NonNegative, Le(_FASTEST)] = 1.0
+    rate: Annotated[float, Radians(0.0, _FASTEST, unit="rad/s")] = 1.0
     """of the reference about every axis, at most; nought: it stays at the attitude (1, 0, 0, 0) [rad/s]"""
-    frequency: Annotated[Positive, Le(_FASTEST)] = 1.5
+    frequency: Annotated[float, Radians(0.0, _FASTEST, open_low=True, unit="rad/s")] = 1.5
     """with which the rate about the first axis goes to and fro [rad/s]"""
 
 

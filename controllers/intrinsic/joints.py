@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Le
 
 from mathnavi.controllers.intrinsic.law import TrackingGains
 from mathnavi.controllers.intrinsic.loop import IntrinsicTracker, ReferencePlanner
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.mechanism.geometry import MechanismManifold
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.sim.interfaces.angles import Radians
+from mathnavi.sim.interfaces.bounds import Positive, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array
 
@@ -28,9 +28,9 @@ class JointTrackingConfig:
     """of the position [1/s^2]"""
     k_d: Positive = 20.0
     """of the velocity [1/s]"""
-    amplitude: Annotated[NonNegative, Le(_LARGEST)] = 0.8
+    amplitude: Annotated[float, Radians(0.0, _LARGEST, unit="rad or m")] = 0.8
     """of every joint [rad, m]"""
-    frequency: Annotated[Positive, Le(_FASTEST)] = 2.5
+    frequency: Annotated[float, Radians(0.0, _FASTEST, open_low=True, unit="rad/s")] = 2.5
     """of the first joint; those after it are faster [rad/s]"""
 
 

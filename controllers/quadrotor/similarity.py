@@ -88,6 +88,7 @@ class Similarity:
             acceleration_max=mission.acceleration_max * acceleration,
             arrival_radius=mission.arrival_radius * self.length,
             control_period=mission.control_period * self.time,
+            reach=mission.reach * self.length,
             radars=tuple(self.radar(radar) for radar in mission.radars),
         )
 

@@ -44,6 +44,7 @@ from mathnavi.controllers.quadrotor.reference import ReferenceFilter
 from mathnavi.models.quadrotor.allocation import allocated
 from mathnavi.models.quadrotor.dynamics import Quadrotor
 from mathnavi.models.quaternion import rotation
+from mathnavi.sim.interfaces.angles import Degrees, Radians
 from mathnavi.sim.interfaces.bounds import Fraction, NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.signals import Array, Estimate, Plan
@@ -83,9 +84,9 @@ class TrackerConfig:
     """omega of the reference filter [rad/s]"""
     preview: Annotated[NonNegative, Le(2.0)] = 0.37
     """how long before a turn of the plan the reference begins it [s]"""
-    tilt_max: Annotated[Positive, Le(80.0)] = 60.0
-    """greatest tilt that is asked for [degrees]"""
-    turn_max: Positive = 1.5
+    tilt_max: Annotated[float, Degrees(0.0, 80.0, open_low=True)] = 60.0
+    """greatest tilt that is asked for [deg]"""
+    turn_max: Annotated[float, Radians(0.0, 20.0, open_low=True, unit="rad/s")] = 1.5
     """greatest rate of the nose [rad/s]"""
     mass_tolerance: Fraction = 0.1
     """share by which the mass may be greater than is believed: what the bound allows for"""

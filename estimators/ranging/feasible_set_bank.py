@@ -13,6 +13,7 @@ new ones, which the old one has to beat. The status of that estimate is ``INITIA
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -26,6 +27,7 @@ from mathnavi.estimators.ranging.model import STATES, RangeModel, chi_square_gat
 from mathnavi.estimators.timeout_monitor import TimeoutMonitor
 from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.models.unicycle.quality import RangeQuality
+from mathnavi.sim.interfaces.angles import Radians, check_angle
 from mathnavi.sim.interfaces.bounds import (
     CountInMemory,
     Each,
@@ -73,6 +75,10 @@ class FeasibleSetBankConfig:
     """probability with which a good range is refused"""
     timeout: Positive = 0.5
     """without a range after which the estimate is lost [s]"""
+
+    def __post_init__(self) -> None:
+        check_angle(self.deviation[2], "deviation: of the heading", Radians(0.0, math.pi, open_low=True))
+
     seed: NonNegativeInt = 0
     """of the random poses"""
 

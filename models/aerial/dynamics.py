@@ -22,6 +22,8 @@ from mathnavi.sim.interfaces.signals import Array, Plan
 
 TICK = 1.0 / 300.0  # [s] of the flight physics
 CONTROL_TICKS = 5  # of the physics to one of estimator and tracker, unless a mission says else
+HULL_RADIUS = 0.5
+"""[m] of the ball that touches, about the vehicle's centre (point_mass.xml)"""
 
 
 @lru_cache(maxsize=1)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK, flow
+from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK, flow
 from mathnavi.models.aerial.knowledge import Knowledge
 from mathnavi.models.aerial.sensors import FullStateSensor
 from mathnavi.models.sensor_faults import longest_gap, rms_gap
@@ -94,6 +94,8 @@ class FlightMission:
     control_period: float = CONTROL_TICKS * TICK  # [s] of estimator and tracker
     radars: tuple[Radar, ...] = ()  # known from the start; others come as messages
     cruise_level: float = -math.inf  # [m] below which no completion path flies level: of a fleet, each has its own
+    reach: float = HULL_RADIUS  # [m] of the body, every way from its centre
+    reach_in_terrain: bool = False  # True if the terrain was raised for the reach, so that h_min is of every part
 
     @property
     def knowledge(self) -> Knowledge:

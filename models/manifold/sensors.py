@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
-from annotated_types import Interval, Le
+from annotated_types import Interval
 
 from mathnavi.models.manifold.manifold import Manifold
-from mathnavi.sim.interfaces.bounds import FINITE, Fraction, NonNegative, configuration
+from mathnavi.sim.interfaces.angles import Radians
+from mathnavi.sim.interfaces.bounds import FINITE, Fraction, configuration
 from mathnavi.sim.interfaces.protocols import StateView
 from mathnavi.sim.interfaces.signals import Array
 
@@ -21,11 +22,11 @@ EncoderBits = Annotated[int, Interval(ge=0, le=32), FINITE]
 class PositionQuality:
     """Errors of a position reading, in coordinates of the manifold about the truth: of each joint, for a mechanism."""
 
-    noise: Fraction = 0.0  # [rad, m] standard deviation of each coordinate
+    noise: Annotated[float, Radians(0.0, 1.0, unit="rad or m")] = 0.0  # [rad, m] standard deviation of each coordinate
     resolution: EncoderBits = 0  # bits of an encoder over a turn, or over a metre; 0: it does not round
     dropout: Fraction = 0.0  # fraction of readings that are lost
     jump: Fraction = 0.0  # fraction of readings that are off by ``jump_size`` in every coordinate
-    jump_size: Annotated[NonNegative, Le(10.0)] = 0.0  # [rad, m]
+    jump_size: Annotated[float, Radians(0.0, 10.0, unit="rad or m")] = 0.0  # [rad, m]
 
 
 @dataclass(frozen=True)

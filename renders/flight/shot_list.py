@@ -31,6 +31,7 @@ ANNOTATED = {  # kinds of events that a video shows; the rest is for the report
     "position-jump": "position jump",
     "tracking-breach": "tracking bound exceeded",
     "guarantee-lost": "guarantee lost",
+    "deadline-lost": "deadline lost",
     "plan-endangered": "the plan is not safe any more",
     "arrival-lost": "no plan to where the target is now",
     "ground-contact": "ground contact",

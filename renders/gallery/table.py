@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
 
-HERE = Path(__file__).parent
+HERE = Path(__file__).resolve().parent  # of the repository, not of the links in src/mathnavi
 README = HERE / "README.md"
 STUDIES = Path("renders/out/study")  # what `mathnavi study` writes to, by default
 MATHNAVI = ".venv/bin/mathnavi"

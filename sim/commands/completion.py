@@ -51,11 +51,12 @@ Prints a script that completes mathnavi's commands, plug-ins and flags. To have 
   ~/.zshrc (after compinit)    eval "$(mathnavi completion zsh)"
   ~/.config/fish/config.fish   mathnavi completion fish | source"""
 
-FLOWN = ("run", "sweep")
+FLOWN = ("run", "search", "sweep")
 PLUGIN_FLAGS = {"--controller": "controllers", "--estimator": "estimators", "--consensus": "consensus"}
 NAMES = {**PLUGIN_FLAGS, "--terrain": "terrains"}  # kinds of plug-ins that a flag takes
 OWN = {  # dataclasses of a command's own flags
     "run": ("mathnavi.sim.commands.run:RunOptions", "mathnavi.sim.commands.run_request:CommonOptions"),
+    "search": ("mathnavi.sim.commands.search:SearchOptions", "mathnavi.sim.commands.run_request:CommonOptions"),
     "sweep": ("mathnavi.sim.commands.sweep:SweepOptions", "mathnavi.sim.commands.run_request:CommonOptions"),
     "study": ("mathnavi.sim.commands.study:StudyOptions",),
     "estimate": ("mathnavi.sim.commands.estimate:EstimateOptions",),

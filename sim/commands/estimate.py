@@ -36,7 +36,7 @@ USAGE = (
     "usage: mathnavi estimate ESTIMATOR DIR [OPTIONS]      ESTIMATOR: {}\n"
     "mathnavi estimate ESTIMATOR DIR --help lists the options."
 )
-ESTIMATOR_EVENTS = ("estimator-status", "estimate-unusable")
+ESTIMATOR_EVENTS = ("estimator-status", "estimate-unusable", "sensor-unused")
 LATE = 0.75  # of a run, from which on its last quarter lasts
 
 
@@ -152,7 +152,7 @@ def _playback(request: RunRequest, run_config: RunConfig, log: RunLog) -> Closed
 
     return ClosedLoop(
         plant,
-        {vehicle: Agent(agent.estimator, inputs, inputs, agent.input_size)},
+        {vehicle: Agent(agent.estimator, inputs, inputs, agent.input_size, sensors=agent.sensors)},
         float(log.t[-1]),
         lambda t, truths: False,
         summarise,

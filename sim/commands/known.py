@@ -12,6 +12,10 @@ COMMANDS = {
         "mathnavi.sim.commands.sweep",
         "fly a scenario over many seeds and variations, into a store that resumes",
     ),
+    "search": (
+        "mathnavi.sim.commands.search",
+        "search a scenario for its worst missions, or estimate how probable a rare event is",
+    ),
     "store": ("mathnavi.sim.commands.store", "show or export what a sweep has stored"),
     "study": ("mathnavi.sim.commands.study", "tables and figures of the thesis, and what holds of its claims"),
     "estimate": ("mathnavi.sim.commands.estimate", "run an estimator over the measurements of a finished run"),

@@ -28,10 +28,11 @@ TRUTH = {"true": True, "false": False}
 
 @dataclass(frozen=True)
 class Variation:
-    """One ``--vary``."""
+    """One ``--vary``, or another option of the same form."""
 
     flag: str
     text: str  # after the equals sign
+    option: str = "--vary"
 
     @property
     def name(self) -> str:
@@ -43,7 +44,7 @@ class Variation:
         return self.text.split(",")
 
     def wrong(self, why: str) -> BadInputError:
-        return BadInputError(f"--vary {self.name}={self.text}: {why}")
+        return BadInputError(f"{self.option} {self.name}={self.text}: {why}")
 
 
 @dataclass(frozen=True)
@@ -147,15 +148,15 @@ def trials(request: RunRequest, variations: Sequence[Variation], count: int) -> 
             listed[variation.flag] = values
     combinations = [dict(zip(listed, values, strict=True)) for values in itertools.product(*listed.values())]
     with request.bad_input():
-        bases = [_set(request, places, combination) for combination in combinations]
+        bases = [set_fields(request, places, combination) for combination in combinations]
         by_seed: list[list[Trial]] = []
         for seed in range(request.common.seed, request.common.seed + count):
             drawn_now = {flag: uniform.draw(seed) for flag, uniform in drawn.items()}
-            by_seed.append([_trial(_set(base, places, drawn_now), seed) for base in bases])
+            by_seed.append([trial_of(set_fields(base, places, drawn_now), seed) for base in bases])
         return by_seed, [uniform.name for uniform in drawn.values()]
 
 
-def _set(request: RunRequest, places: FieldPlaces, values: Mapping[str, Any]) -> RunRequest:
+def set_fields(request: RunRequest, places: FieldPlaces, values: Mapping[str, Any]) -> RunRequest:
     """The request with some flags set."""
     if not values:
         return request
@@ -175,7 +176,7 @@ def _set(request: RunRequest, places: FieldPlaces, values: Mapping[str, Any]) ->
     )
 
 
-def _trial(request: RunRequest, seed: int) -> Trial:
+def trial_of(request: RunRequest, seed: int) -> Trial:
     return Trial(
         request.name,
         request.config,

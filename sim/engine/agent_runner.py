@@ -18,6 +18,7 @@ import numpy as np
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import AgentRecorder
 from mathnavi.sim.engine.network import Network
+from mathnavi.sim.engine.unused_readings import UnusedReadings
 from mathnavi.sim.interfaces.protocols import Coordinator, Estimator, Planner, Tracker
 from mathnavi.sim.interfaces.signals import (
     Array,
@@ -45,6 +46,7 @@ class Agent:
     messages: Sequence[Message] = ()  # delivered at their own times
     coordinator: Coordinator | None = None  # of a vehicle among others
     stored: Plan | None = None  # flown from the start; without one the first plan is, as soon as it is there
+    sensors: Sequence[str] = ()  # names of those that the estimator asked for
 
 
 @dataclass
@@ -68,6 +70,10 @@ class AgentRunner:
     plan: Plan | None = None
     usable: bool = True  # the tracker's last command
     estimating: bool = True  # the estimator's last answer was usable
+    unused_readings: UnusedReadings = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.unused_readings = UnusedReadings(self.agent.sensors)
 
     def control_step(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
         """Estimate, plan and track as far as they fall due at tick k, t [s]; ``row`` is that of the log."""
@@ -81,7 +87,7 @@ class AgentRunner:
     def observe(self, row: int, k: int, t: float, readings: Sequence[Measurement]) -> None:
         """Take in the readings of the sensors, and estimate if that falls due."""
         self.record.measurements(row, readings)
-        self.inbox.extend(readings)
+        self.inbox.extend(self.unused_readings.watched(readings))
         if k % self.estimator_ticks == 0:
             self._estimate(t)
 
@@ -110,6 +116,9 @@ class AgentRunner:
         except (Exception, SystemExit) as error:
             complaint = f"{type(error).__name__}: {error}{where_raised(error)}"
         self.inbox = []
+        for sensor in self.unused_readings.found():
+            text = f"the estimator asked for the sensor {sensor!r} and uses no reading of it; is the name misspelt?"
+            self.record.event(t, "sensor-unused", text)
         if not complaint:
             self.estimate = estimate
         elif self.estimate is not None:

@@ -75,6 +75,12 @@ class Linked:
         return self._network.receive(receiver, t)
 
 
+def within_range(network: Network, distance: Callable[[str, str], float], reach: float) -> Linked:
+    """The network of radios that are heard up to ``reach`` [m]; ``distance(sender, receiver)`` [m] is that of now."""
+    check(reach, "reach", 0.0, open_low=True)
+    return Linked(network, lambda sender, receiver, t: distance(sender, receiver) <= reach)
+
+
 class DelayedLinks:
     """Every message takes between ``least`` and ``most`` [s], uniformly drawn: one may overtake another."""
 

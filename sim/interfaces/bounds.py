@@ -39,12 +39,17 @@ ANEW = object()
 _MARK = "checks_bounds"  # attribute of the __post_init__ that a configuration is given
 
 
+def _no_hint(value: Any) -> str:
+    return ""
+
+
 @dataclass(frozen=True)
 class Condition:
-    """A test of one value, and the words for what passes."""
+    """A test of one value, the words for what passes, and for one that does not, what may have been meant."""
 
     holds: Callable[[Any], bool]
     allowed: str
+    hint: Callable[[Any], str] = _no_hint
 
 
 class Within(GroupedMetadata):
@@ -152,13 +157,13 @@ def _most_derived(made: Any) -> type[Any]:
 def check_bounds(fields: Any, prefix: str = "") -> None:
     """Raise FieldError for the first field of a dataclass's instance that is not within its declared bounds."""
     kind: Any = type(fields)
-    for name, optional, each, holds, allowed in declared(kind):
+    for name, optional, each, holds, allowed, hint in declared(kind):
         value = getattr(fields, name)
         if value is None and optional:
             continue
         for item in value if each else (value,):
             if not holds(item):
-                raise FieldError(f"{prefix.format_map(vars(fields))}{name} = {item!r}; allowed: {allowed}")
+                raise FieldError(f"{prefix.format_map(vars(fields))}{name} = {item!r}; allowed: {allowed}{hint(item)}")
 
 
 class Declared(NamedTuple):
@@ -169,6 +174,7 @@ class Declared(NamedTuple):
     each: bool  # it holds for every item
     holds: Callable[[Any], bool]
     allowed: str
+    hint: Callable[[Any], str]
 
 
 @cache
@@ -181,7 +187,7 @@ def declared(config: Any) -> tuple[Declared, ...]:
     bases = [base for base in reversed(config.__mro__) if "__dataclass_fields__" in vars(base)]
     hints = [(vars(base).get("__annotations__", ()), get_type_hints(base, include_extras=True)) for base in bases]
     return tuple(
-        Declared(entry.name, optional, each, condition.holds, condition.allowed)
+        Declared(entry.name, optional, each, condition.holds, condition.allowed, condition.hint)
         for entry in dataclasses.fields(config)
         for hint in _since_anew([resolved[entry.name] for own, resolved in hints if entry.name in own])
         for optional, each, condition in _conditions(hint)

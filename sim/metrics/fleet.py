@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import combinations
@@ -13,8 +14,8 @@ from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.visibility import RadarTrack
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array
-from mathnavi.sim.metrics.flight import exposure, flown_clearance
-from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, solve_times
+from mathnavi.sim.metrics.flight import deadline_left, exposure, flown_clearance
+from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
 
 
 def arrival_times(recording: Recording, missions: Mapping[str, FlightMission]) -> dict[str, float]:
@@ -82,7 +83,13 @@ def fleet_summary(
     clearance = min(
         float(flown_clearance(recording.t, recording.truths[name], mission).min()) for name, mission in missions.items()
     )
+    begin, last = float(recording.t[0]), float(recording.t[-1])
+    shares = [
+        planner_share(begin, arrival if math.isfinite(arrival) else last, recording.agents[name].plans)
+        for name, arrival in arrivals.items()
+    ]
     everybody = bool(np.isfinite(times).all())
+    end = float(times.max()) if everybody else last
     return {
         "vehicles": len(missions),
         "arrived": everybody,
@@ -91,21 +98,28 @@ def fleet_summary(
         "first_arrival_s": float(np.nanmin(times)) if np.isfinite(times).any() else None,
         "arrival_time_s": float(times.max()) if everybody else None,
         "deadline_s": deadline,
+        "deadline_left_s": deadline_left(everybody, end, deadline),
         "separation_min_m": nearest if len(missions) > 1 else None,
         "separation_allowed_m": zone,
+        "separation_margin_m": nearest - zone if len(missions) > 1 else None,
         "nearest_pair": " and ".join(pair),
         "min_clearance_m": clearance,
+        "clearance_margin_m": clearance - next(iter(missions.values())).clearance_min,
         "ground_contacts": kinds["ground-contact"],
         "radar_exposure_s": sum(
             exposure(recording.t, recording.truths[name], mission, radars) for name, mission in missions.items()
         ),
         "replans": sum(agent.requests for agent in agents),
         "plans_adopted": sum(len(agent.plans) for agent in agents),
+        "planner_share": float(np.mean(shares)),
         "plans_rejected": sum(kinds[kind] for kind in REJECTIONS),
         "plans_not_admitted": kinds["not-admitted"],
         "proposals_refused": kinds["separation-refused"],
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
-        "guarantee_lost": kinds["guarantee-lost"] + kinds["deadline-lost"] + kinds["separation-unguaranteed"],
+        "guarantee_lost": kinds["guarantee-lost"] + kinds["separation-unguaranteed"],
+        "deadlines_lost": kinds["deadline-lost"],
+        "arrivals_deferred": kinds["arrival-deferred"],
+        "arrivals_unkept": kinds["arrival-unkept"],
         "outliers": kinds["outlier"],
         "clocks_apart": kinds["clock-apart"],
         **solve_times([ms for agent in agents for ms in agent.solve_ms]),

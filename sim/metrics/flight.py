@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array, Plan
-from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, solve_times
+from mathnavi.sim.metrics.planning import FAILURES, REJECTIONS, planner_share, solve_times
 
 if TYPE_CHECKING:  # the compiled kernels take a while to import, and most that import this only read names
     from mathnavi.models.aerial.mission import FlightMission
@@ -69,6 +69,11 @@ def flown_clearance(t: Array, x: Array, mission: FlightMission) -> Array:
     return least
 
 
+def deadline_left(arrived: bool, t: float, deadline: float) -> float | None:
+    """[s] left to the deadline when the flight ended, at ``t`` [s]; None where it ended early and did not arrive."""
+    return deadline - t if arrived or t > deadline else None
+
+
 def exposure(t: Array, x: Array, mission: FlightMission, radars: Sequence[RadarTrack]) -> float:
     """Time [s] spent in sight of at least one radar that is on."""
     seen = np.zeros(len(t), dtype=bool)
@@ -93,35 +98,40 @@ def flight_summary(
     distance = np.linalg.norm(x[:, :3] - np.array(mission.target), axis=1)
     arrived = bool(distance[-1] <= mission.arrival_radius)
     error = x - references(t, agent.plans)
-    broken = (np.hypot(error[:, 0], error[:, 1]) > bound.horizontal) | (np.abs(error[:, 2]) > bound.vertical)
+    share = np.maximum(np.hypot(error[:, 0], error[:, 1]) / bound.horizontal, np.abs(error[:, 2]) / bound.vertical)
     clearance = flown_clearance(t, x, mission)
     command = agent.commands[: recording.length - 1]
     return {
         "arrived": arrived,
         "arrival_time_s": float(t[-1]) if arrived else None,
         "deadline_s": deadline,
+        "deadline_left_s": deadline_left(arrived, float(t[-1]), deadline),
         "flight_time_s": float(t[-1]),
         "path_length_m": float(np.linalg.norm(np.diff(x[:, :3], axis=0), axis=1).sum()),
         "straight_line_m": float(np.linalg.norm(np.subtract(mission.target, mission.start))),
         "mean_height_m": float(np.average(height_above_ground(x, mission)[1:], weights=np.diff(t))),
         "control_effort": float((np.square(command).sum(axis=1) * np.diff(t)).sum()),
         "min_clearance_m": float(clearance.min()),
+        "clearance_margin_m": float(clearance.min()) - mission.clearance_min,
         "speed_max_m_s": float(np.linalg.norm(x[:, 3:], axis=1).max()),
         "ground_contacts": kinds["ground-contact"],
         "replans": agent.requests,
         "plans_adopted": len(agent.plans),
+        "planner_share": planner_share(float(t[0]), float(t[-1]), agent.plans),
         "plans_rejected": sum(kinds[kind] for kind in REJECTIONS),
         "manoeuvres_rejected": kinds["manoeuvre-rejected"],
         "late_plans": kinds["late"],
         "fallback_steps": sum(kinds[kind] for kind in (*FAILURES, *REJECTIONS, "late")),
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
         "iteration_limits": kinds["iteration-limit"],
-        "tracking_breaches": episodes(broken),
+        "tracking_breaches": episodes(share > 1.0),
+        "tracking_bound_share": float(np.nanmax(share, initial=0.0)),
         "tracking_error_max_m": float(np.nanmax(np.linalg.norm(error[:, :3], axis=1), initial=0.0)),
         "tracking_bound_m": float(math.hypot(bound.horizontal, bound.vertical)),
         "rebased_plans": kinds["rebased"],
         "missed_passes": kinds["missed-pass"],
-        "guarantee_lost": kinds["guarantee-lost"] + kinds["deadline-lost"],
+        "guarantee_lost": kinds["guarantee-lost"],
+        "deadlines_lost": kinds["deadline-lost"],
         "radar_exposure_s": exposure(t, x, mission, radars),
         **solve_times(agent.solve_ms),
         "real_time_factor": float(t[-1]) / wall_seconds,

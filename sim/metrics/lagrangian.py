@@ -18,6 +18,7 @@ from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.convergence import decay_rate
+from mathnavi.sim.metrics.planning import planner_share
 
 LAST = 0.25
 """of a run, by which convergence is judged"""
@@ -129,6 +130,7 @@ def lagrangian_summary(
         "decay_rate_per_s": decay_rate(errors.t, errors.norm, FOUND),
         "speed_max": float(speeds.max()),
         "lost_s": statuses.count(Status.LOST) * step,
+        "planner_share": planner_share(0.0, float(recording.t[-1]), recording.agents[name].plans),
         "run_time_s": float(recording.t[-1]),
         "real_time_factor": float(recording.t[-1]) / wall_seconds,
         "seed": seed,

@@ -18,7 +18,7 @@ from mathnavi.models.missile.target import TargetMotion
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.interfaces.signals import Array, Plan
-from mathnavi.sim.metrics.planning import FAILURES, solve_times
+from mathnavi.sim.metrics.planning import FAILURES, planner_share, solve_times
 
 _ROUND_OFF = 1e-9  # relative excess of an input that does not count
 
@@ -138,6 +138,7 @@ def missile_summary(
         "inputs_clipped": kinds["input-clipped"],
         "replans": agent.requests,
         "plans_adopted": len(agent.plans),
+        "planner_share": planner_share(float(t[0]), float(t[-1]), agent.plans),
         "late_plans": kinds["late"],
         "solver_failures": sum(kinds[kind] for kind in FAILURES),
         **solve_times(agent.solve_ms),

@@ -1,13 +1,39 @@
-"""Outcomes of plan requests, and the time of their optimisation."""
+"""Outcomes of plan requests, the time of their optimisation, and how much of a run was flown on their plans."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from mathnavi.sim.interfaces.signals import OPTIMISED, Plan
+
 FAILURES = ("solver-failed", "infeasible", "raised", "not-finite", "malformed")
 REJECTIONS = ("low-clearance", "off-map", "bounds", "not-trackable", "deadline", "no-arrival", "wrong-start")
+
+
+def planner_share(begin: float, end: float, plans: Sequence[tuple[float, Plan]]) -> float:
+    """Share, 0 to 1, of the time from ``begin`` to ``end`` [s] in which what the planner chose was flown.
+
+    ``plans`` are (adopted at [s], plan), in order. Of a plan that has arcs marked ``OPTIMISED`` these count, of another
+    all arcs; what follows in it, a safety manoeuvre and the completion behind it for instance, is flown only where no
+    later plan was heard. Plans of a fallback planner do not count.
+    """
+    followed_at = [*(adopted for adopted, _ in plans), math.inf][1:]
+    flown = 0.0
+    for (adopted, plan), following in zip(plans, followed_at, strict=False):
+        if _by_fallback(plan):
+            continue
+        chosen = plan.phase == OPTIMISED if (plan.phase == OPTIMISED).any() else np.ones(len(plan.phase), dtype=bool)
+        first, last = max(begin, adopted), min(end, following)
+        flown += float(np.diff(np.clip(plan.t, first, max(first, last)))[chosen].sum())
+    return min(1.0, flown / (end - begin)) if end > begin else 0.0
+
+
+def _by_fallback(plan: Plan) -> bool:
+    """True for a plan that was flown because the planner had none, or none that was certified."""
+    return "fallback-plan" in plan.notes or {"guarantee-lost", "rebased"} <= set(plan.notes)
 
 
 def solve_times(solve_ms: Sequence[float]) -> dict[str, float]:

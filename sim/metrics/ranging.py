@@ -21,6 +21,7 @@ from mathnavi.models.unicycle.mission import RangingMission
 from mathnavi.sim.engine.log import AgentRecorder, Recording
 from mathnavi.sim.interfaces.signals import Array, Integers, Status
 from mathnavi.sim.metrics.consistency import normalised_error_squared
+from mathnavi.sim.metrics.planning import planner_share
 
 POSITION, HEADING = 0.3, 0.2
 """[m], [rad] within which an estimate has converged"""
@@ -117,6 +118,7 @@ def ranging_summary(
         "wall_clearance_min_m": min(mission.curve.distance(place) for place in path) - RADIUS,
         "path_length_m": float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
         "run_time_s": float(t[-1]),
+        "planner_share": planner_share(float(t[0]), float(t[-1]), agent.plans),
         "inputs_clipped": kinds["input-clipped"],
         "real_time_factor": float(t[-1]) / wall_seconds,
         "seed": seed,

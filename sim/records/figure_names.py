@@ -14,6 +14,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "mission": (
         "vehicles", "arrived", "arrived_vehicles", "spread_s", "first_arrival_s", "arrival_time_s", "deadline_s",
+        "deadline_left_s",
         "planned_time_s", "flight_time_s", "run_time_s", "speed_max",
     ),
     "path": (
@@ -21,19 +22,21 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "cost", "planned_cost", "control_effort", "radar_exposure_s",
     ),
     "safety": (
-        "min_clearance_m", "separation_min_m", "separation_allowed_m", "nearest_pair", "wall_clearance_min_m",
+        "min_clearance_m", "clearance_margin_m", "separation_min_m", "separation_allowed_m", "separation_margin_m",
+        "nearest_pair", "wall_clearance_min_m",
         "ground_contacts", "touched_wall", "speed_max_m_s",
-        "missed_passes", "guarantee_lost",
+        "missed_passes", "guarantee_lost", "deadlines_lost",
     ),
     "tracking": (
         "attitude_rms_rad", "settled_at_s",
-        "tracking_breaches", "tracking_error_max_m", "tracking_error_rms_m", "tracking_bound_m",
+        "tracking_breaches", "tracking_bound_share", "tracking_error_max_m", "tracking_error_rms_m", "tracking_bound_m",
         "tracking_bound_horizontal_m", "tracking_bound_vertical_m", "rebased_plans",
         "tilt_max_deg", "thrust_mean_share", "thrust_max_share", "saturated_share", "saturated_s", "inputs_clipped",
     ),
     "planning": (
-        "replans", "plans_adopted", "plans_rejected", "plans_not_admitted", "proposals_refused",
-        "outliers", "clocks_apart", "manoeuvres_rejected", "late_plans", "fallback_steps",
+        "planner_share", "replans", "plans_adopted", "plans_rejected", "plans_not_admitted", "proposals_refused",
+        "arrivals_deferred", "arrivals_unkept", "outliers", "clocks_apart", "manoeuvres_rejected", "late_plans",
+        "fallback_steps",
     ),
     "solver": ("solver_failures", "iteration_limits", "solve_ms_mean", "solve_ms_p50", "solve_ms_p99", "solve_ms_max"),
 }  # fmt: skip
@@ -50,6 +53,9 @@ LABELS = {
     "speed_max": ("highest |v|", "in the metric"),
     "attitude_rms_rad": ("angle to reference, rms", "rad"),
     "settled_at_s": ("on the reference after", "s"),
+    "planner_share": ("share flown as the planner chose", ""),
+    "tracking_bound_share": ("largest share of the tracking bound", ""),
+    "deadline_left_s": ("time left to the deadline", "s"),
 }
 SHORTFALL = "shortfall"  # the summary's key of what a run did not do; without it the mission did what it should
 

@@ -32,6 +32,7 @@ from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan, Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_controller, checked_estimator, checked_sensors, load
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
 from mathnavi.sim.scenarios.fault_fields import Fault, kinds
+from mathnavi.sim.scenarios.redraw import BlockGenerator, generator
 from mathnavi.sim.scenarios.task import Task
 
 _UNLISTED = 2**32 - 1  # in the spawn key of a stream that is not listed, where no child that is counted ever comes
@@ -59,7 +60,8 @@ class RandomStreams:
             parent = self.root.bit_generator.seed_seq
             assert isinstance(parent, np.random.SeedSequence)
             key = (*parent.spawn_key, _UNLISTED, zlib.crc32(name.encode()))
-            self._named[name] = np.random.default_rng(np.random.SeedSequence(parent.entropy, spawn_key=key))
+            redraws = self.root.redraws if isinstance(self.root, BlockGenerator) else ()
+            self._named[name] = generator(np.random.SeedSequence(parent.entropy, spawn_key=key), redraws)
         return self._named[name]
 
     def split(self, name: str, count: int) -> list[RandomStreams]:
@@ -75,10 +77,11 @@ class VehicleStack:
     estimator: Estimator
     planner: Planner
     tracker: Any
+    asked: tuple[str, ...]  # names of the sensors that the estimator asked for
 
     def agent(self, input_size: int = 3, messages: Sequence[Message] = ()) -> Agent:
         """The agent that flies with it; ``messages`` reach the planner at their own times."""
-        return Agent(self.estimator, self.planner, self.tracker, input_size, messages)
+        return Agent(self.estimator, self.planner, self.tracker, input_size, messages, sensors=self.asked)
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,9 @@ class Assembler:
             scenario, config, seed,
             controller or PluginSpec.of(load("controllers", scenario.controller)),
             estimator or PluginSpec.of(load("estimators", scenario.estimator)),
-            RandomStreams(np.random.default_rng(seed), getattr(scenario, "streams", ())),
+            RandomStreams(
+                generator(np.random.SeedSequence(seed), getattr(config, "redraw", ())), getattr(scenario, "streams", ())
+            ),
             tuple(group for group in groups if isinstance(group, Fault)),
         )  # fmt: skip
 
@@ -126,7 +131,7 @@ class Assembler:
         planner, sensors = self.with_planner_faults(raw), self.sensors(mission, *others)
         if certified_flight is not None and getattr(self.controller.plugin, "certified", True):
             planner = Certified.of(planner, certified_flight, tracker)
-        return VehicleStack(sensors, estimator, planner, tracker)
+        return VehicleStack(sensors, estimator, planner, tracker, self.asked(mission))
 
     def first_plan(self, mission: Any, flight: FlightMission) -> Plan:
         """The certified planner's answer at the start; a controller without a certificate is held to it here too."""
@@ -137,6 +142,10 @@ class Assembler:
     def observer(self, mission: Any) -> Estimator:
         """The estimator alone; PluginError if it does not fit the mission."""
         return checked_estimator(self.estimator, mission)
+
+    def asked(self, mission: Any) -> tuple[str, ...]:
+        """Names of the sensors that the estimator asks for."""
+        return tuple(sensor.name for sensor in checked_sensors(self.estimator, mission))
 
     def sensors(self, mission: Any, *others: Sensor, streams: RandomStreams | None = None) -> tuple[Sensor, ...]:
         """The sensors alone that the estimator asks for, and ``others``, with their faults."""

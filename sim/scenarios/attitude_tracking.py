@@ -5,19 +5,20 @@ The observer of Paper D finds the rates from attitudes alone, and intrinsic trac
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import field
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Le
 
 from mathnavi.controllers.intrinsic.attitude import AttitudeReference, AttitudeTrackingConfig
 from mathnavi.models.manifold.constant_curvature import sphere
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
 from mathnavi.models.manifold.systems import RigidBody
-from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
+from mathnavi.sim.interfaces.angles import Radians
+from mathnavi.sim.interfaces.bounds import configuration
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.metrics.lagrangian import tracking_figures
 from mathnavi.sim.plugin.registry import PluginSpec
@@ -51,11 +52,11 @@ class AttitudeTrackingFields(LagrangianFields):
     """from when on errors count [s]"""
     tolerance: float = 0.5
     """root mean square of the rate's error after that [rad/s]"""
-    speed: Annotated[NonNegative, Le(100.0)] = 0.0
+    speed: Annotated[float, Radians(0.0, 100.0, unit="rad/s")] = 0.0
     """at the start [rad/s]; attitude and axis are drawn"""
     inertia: Inertia = SphereObserverConfig.inertia
     """of the body [kg m^2]"""
-    attitude_tolerance: Annotated[Positive, Le(10.0)] = 0.1
+    attitude_tolerance: Annotated[float, Radians(0.0, math.pi, open_low=True)] = 0.1
     """root mean square of the angle to the reference after that [rad]"""
 
 

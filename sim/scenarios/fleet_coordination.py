@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus
-from mathnavi.controllers.arrival.coordinator import FleetCoordinator
+from mathnavi.controllers.arrival.coordinator import AssuredArrival, FleetCoordinator
 from mathnavi.controllers.arrival.local_clock import ClockedCoordinator, LocalClock
 from mathnavi.controllers.arrival.separation import Separation
 from mathnavi.controllers.arrival.zone import Zone
@@ -90,7 +90,8 @@ def _talker(
     node: Any = dataclasses.replace(
         graph.node(name, vehicle.planner.period, deadline + ahead), clock_error=zone.clock_error
     )
+    assured = AssuredArrival(vehicle.assured + ahead, vehicle.estimate.arrives, vehicle.braking)
     return FleetCoordinator(
         separation, checked_consensus(consensus, node), graph.neighbours(name), vehicle.estimate,
-        vehicle.planner.period, EXCHANGE_PERIOD,
+        vehicle.planner.period, EXCHANGE_PERIOD, assured,
     )  # fmt: skip

@@ -5,20 +5,30 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from annotated_types import Interval, Le
+from annotated_types import Ge, Interval, Le
 
+from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.fleet.graph import Graph
-from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned
+from mathnavi.sim.engine.network import (
+    DelayedLinks,
+    IdealNetwork,
+    LossyLinks,
+    Network,
+    Partition,
+    partitioned,
+    within_range,
+)
 from mathnavi.sim.interfaces.bounds import (
     THREE_FINITE_NUMBERS,
     Each,
     Fraction,
     NonNegative,
+    Within,
     configuration,
 )
 from mathnavi.sim.interfaces.checks import check, check_names
@@ -36,19 +46,27 @@ from mathnavi.sim.scenarios.flight_fields import (
     Rate,
 )
 from mathnavi.sim.scenarios.information import ChangeFields
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
+SlotAssignment = Literal["least_squares", "in_order"]
 
 EXCHANGE_PERIOD = 1.0 / 12.0  # [s] between two exchanges of messages, also of the consensus
 _MOST = 64
 _FARTHEST, _FASTEST = 20.0, 0.01  # [s] of a clock, and of its drift
+HullSeparation = Annotated[
+    PositiveMagnitude,
+    Within(Ge(2.0 * HULL_RADIUS), allowed=f">= {2.0 * HULL_RADIUS:g} m, the radii of two vehicles' hulls together"),
+]
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 
 
 @configuration(prefix="radio.")
 class Radio:
-    """Delays, losses and cuts of messages on their way."""
+    """Delays, losses and cuts of messages on their way, and how far they reach."""
 
+    range: PositiveMagnitude | None = None
+    """distance up to which two vehicles hear each other [m]; any if not given"""
     delay: tuple[float, float] = (0.0, 0.0)
     """least and most time that a message takes [s]"""
     loss: Fraction = 0.0
@@ -64,12 +82,17 @@ class Radio:
             check(low, f"radio.{name}", 0.0)
             check(high, f"radio.{name}", low)
 
-    def network(self, names: Sequence[str], rng: np.random.Generator) -> Network:
-        """The network between these vehicles, which draws delays and losses from ``rng``."""
+    def network(self, names: Sequence[str], rng: np.random.Generator, distance: Callable[[str, str], float]) -> Network:
+        """The network between these vehicles, which draws delays and losses from ``rng``.
+
+        ``distance(one, other)`` [m] is that between two of them now.
+        """
         delays, losses = rng.spawn(2)
         network: Network = LossyLinks(
             DelayedLinks(IdealNetwork(names), *self.delay, delays), self.loss, self.duplication, losses
         )
+        if self.range is not None:
+            network = within_range(network, distance, self.range)
         half = frozenset(names[: len(names) // 2])
         return partitioned(network, [Partition(*self.partition, half)])
 
@@ -116,8 +139,10 @@ class FleetEndFields:
     """x, y, z [m] of the middle of the slots; drawn from the seed if not given"""
     slot_spacing: PositiveMagnitude = 1500.0
     """between neighbouring slots on their ring [m]"""
-    separation: PositiveMagnitude = 200.0
-    """d_s, least distance between vehicles [m]"""
+    slot_assignment: SlotAssignment = "least_squares"
+    """which slot is whose: least sum of squared distances from the starts, or the k-th vehicle's is the k-th slot"""
+    separation: HullSeparation = 200.0
+    """d_s, least distance between the centres of two vehicles [m]"""
     drawn_heights: DrawnHeights = MissionFields.drawn_heights
     """heights above h_min between which starts and the target are drawn [m]"""
     drawn_distance: DrawnHeights = (0.4, 0.9)
@@ -210,7 +235,7 @@ class FleetFields(LimitFields, FleetEndFields):
 
 
 @configuration
-class SimultaneousArrivalConfig(ChangeFields, FleetFields):
+class SimultaneousArrivalConfig(ChangeFields, ChanceFields, FleetFields):
     """Fields of the scenario."""
 
     radio: Radio = field(default_factory=Radio)

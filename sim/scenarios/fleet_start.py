@@ -1,31 +1,41 @@
-"""Starts of a fleet: each vehicle with a slot, a level, and a stored plan that keeps apart from the others."""
+"""Starts of a fleet: each vehicle with a slot, a level, and a stored plan that keeps apart from the others.
+
+The stored plans arrive at one time, the assured one: T_A, later than the last would arrive by itself. Until then they
+wait above their slots. What a fleet agrees on beside it is to be there sooner.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
 
 from mathnavi.controllers.arrival.estimate import ArrivalEstimate
 from mathnavi.controllers.arrival.zone import Zone, checked_start
-from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.certificate import Certificate, TrackingBound
 from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.planner import ASSURED, braking_time
 from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.errors import MissionError, PluginError
-from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
+from mathnavi.sim.interfaces.signals import Estimate, Message, Plan, PlanRequest
 from mathnavi.sim.plugin.registry import checked_controller
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.assembler import Assembler, RandomStreams
 from mathnavi.sim.scenarios.fault_fields import PLANNER_STREAMS
-from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig
+from mathnavi.sim.scenarios.fleet_fields import SimultaneousArrivalConfig, SlotAssignment
 from mathnavi.sim.scenarios.flight_parts import check_above_ground, drawn_point
 
 _DRAWS = 200
+_TRIES = 5
+_SLACK = 1.05  # of the assured time: the way flown is longer than a straight line
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +48,12 @@ class StartedVehicle:
     tracker: Any
     estimate: ArrivalEstimate
     stored: Plan
+    braking: float  # [s] from within the arrival radius to rest at the slot
+
+    @property
+    def assured(self) -> float:
+        """[s] at which the stored plan arrives."""
+        return self.stored.t_end - self.braking
 
 
 def zone_of(config: SimultaneousArrivalConfig, bound: TrackingBound) -> Zone:
@@ -65,14 +81,18 @@ def started_fleet(
             target = config.target or drawn_point(common, config.drawn_heights, rng)
             slots = _slots(config, common, target)
             starts = config.start or _drawn_starts(config, common, target, rng)
+            ends = list(zip(config.names, starts, _assigned(config.slot_assignment, starts, slots), strict=True))
+            farthest = sorted(ends, key=lambda each: -math.dist(each[1], each[2]))
+            level = {name: _level(config, common, k) for k, (name, _, _) in enumerate(farthest)}
             missions = {
-                name: dataclasses.replace(common, start=start, target=slot, cruise_level=_level(config, common, k))
-                for k, (name, start, slot) in enumerate(zip(config.names, starts, slots, strict=True))
+                name: dataclasses.replace(common, start=start, target=slot, cruise_level=level[name])
+                for name, start, slot in ends
             }
-            fleet = {
+            alone = {
                 name: _vehicle(name, mission, target, parts, RandomStreams(own, PLANNER_STREAMS))
                 for (name, mission), own in zip(missions.items(), failing.spawn(len(missions)), strict=True)
             }
+            fleet = _together(alone)
             _check_apart(config, fleet)
         except _NoFleetError as error:
             if given:
@@ -89,6 +109,26 @@ def started_fleet(
 
 class _NoFleetError(Exception):
     """These vehicles cannot start so, but others might."""
+
+
+def _together(alone: Mapping[str, StartedVehicle]) -> dict[str, StartedVehicle]:
+    """The vehicles with stored plans that arrive at one time, T_A = _SLACK (max eta + max (t_a - eta)).
+
+    eta is the least time in which a vehicle can arrive, t_a when its first plan would. So who flies slowly enough to be
+    there with the last can still leave for its level, wait above its slot and arrive at T_A.
+    """
+    least = {name: vehicle.estimate(vehicle.stored, 0.0) for name, vehicle in alone.items()}
+    assured = _SLACK * (max(least.values()) + max(each.assured - least[name] for name, each in alone.items()))
+    for _ in range(_TRIES):
+        fleet = {
+            name: dataclasses.replace(vehicle, stored=_stored(name, vehicle.planner, vehicle.mission, assured))
+            for name, vehicle in alone.items()
+        }
+        latest = max(vehicle.assured for vehicle in fleet.values())
+        if latest <= assured + TIME_TOLERANCE:
+            return fleet
+        assured = latest
+    raise _NoFleetError(f"no first plans that arrive at one time, by {assured:.2f} s")
 
 
 def _check_apart(config: SimultaneousArrivalConfig, fleet: Mapping[str, StartedVehicle]) -> None:
@@ -126,6 +166,19 @@ def _slots(config: SimultaneousArrivalConfig, common: FlightMission, target: Poi
     return [(px, py, max(z, float(common.terrain.height(px, py)) + height)) for px, py in places]
 
 
+def _assigned(assignment: SlotAssignment, starts: Sequence[Point], slots: Sequence[Point]) -> list[Point]:
+    """The slot of each start.
+
+    With the least sum of squared distances (x_i - x_j) . (g_i - g_j) >= 0 for any two vehicles with starts x and slots
+    g. On straight lines that all begin and end at one time they then stay min(|x_i - x_j|, |g_i - g_j|) / sqrt(2) apart
+    (Turpin, Michael and Kumar, "CAPT: concurrent assignment and planning of trajectories", 2014).
+    """
+    if assignment == "in_order":
+        return list(slots)
+    squared = cdist(np.array(starts), np.array(slots), "sqeuclidean")
+    return [slots[k] for k in linear_sum_assignment(squared)[1]]
+
+
 def _drawn_starts(
     config: SimultaneousArrivalConfig, common: FlightMission, target: Point, rng: np.random.Generator
 ) -> list[Point]:
@@ -158,11 +211,19 @@ def _vehicle(
             "length_to_go(points), by which its vehicle knows when it can arrive"
         )
     planner = Certified.of(parts.with_planner_faults(raw, streams), mission, tracker)
-    stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None))
+    stored = _stored(name, planner, mission)
+    estimate = ArrivalEstimate(raw.length_to_go, np.array(mission.target), mission.speed_max - tracker.bound.speed)
+    braking = braking_time(Certificate.of(mission, tracker.bound))
+    return StartedVehicle(mission, centre, planner, tracker, estimate, stored, braking)
+
+
+def _stored(name: str, planner: Certified, mission: FlightMission, assured: float | None = None) -> Plan:
+    """First plan of a vehicle, to arrive at ``assured`` [s] if given; _NoFleetError where there is none."""
+    messages = () if assured is None else (Message(0.0, name, ASSURED, assured),)
+    stored = planner.plan(PlanRequest(0.0, 0.0, Estimate(0.0, mission.start_state), None, messages))
     if not stored.ok:
         raise _NoFleetError(
             f"start of {name} = {mission.start!r}, slot = {mission.target!r}: no initial certificate: "
             f"{stored.status.value} ({stored.message}); allowed: a start from which a first plan can be certified"
         )
-    estimate = ArrivalEstimate(raw.length_to_go, np.array(mission.target), mission.speed_max - tracker.bound.speed)
-    return StartedVehicle(mission, centre, planner, tracker, estimate, stored)
+    return stored

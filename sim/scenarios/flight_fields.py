@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated
 
-from annotated_types import Interval
+from annotated_types import Ge, Interval
 
-from mathnavi.models.aerial.dynamics import CONTROL_TICKS, TICK
-from mathnavi.sim.interfaces.bounds import FINITE, THREE_FINITE_NUMBERS, Condition, TickRate, configuration
+from mathnavi.models.aerial.dynamics import CONTROL_TICKS, HULL_RADIUS, TICK
+from mathnavi.sim.interfaces.bounds import FINITE, THREE_FINITE_NUMBERS, Condition, TickRate, Within, configuration
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import LARGEST, AerialFaults, Magnitude, PositiveMagnitude
 from mathnavi.sim.scenarios.information import ChangeFields, check_target_path
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 _DIAGONAL = 1.5  # beyond that of a square map, in shares of its side
 
@@ -59,12 +60,17 @@ class EndFields:
     """shares of the map's side between which the distance of a drawn start and target lies"""
 
 
+HullClearance = Annotated[
+    Magnitude, Within(Ge(HULL_RADIUS), allowed=f">= {HULL_RADIUS:g} m, the radius of the vehicle's hull")
+]
+
+
 @configuration
 class LimitFields:
     """Bounds within which the point masses fly, one or a fleet of them."""
 
-    clearance_min: Magnitude = 50.0
-    """h_min, least height above ground [m]"""
+    clearance_min: HullClearance = 50.0
+    """h_min, least height of a vehicle's centre above the ground below it [m]"""
     speed_max: PositiveMagnitude = 300.0
     """v_max [m/s]"""
     acceleration_max: PositiveMagnitude = 40.0
@@ -84,7 +90,7 @@ class MissionFields(LimitFields, EndFields):
 
 
 @configuration
-class SafeFlightConfig(ChangeFields, MissionFields):
+class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
     """Fields of the scenario."""
 
     target_path: tuple[tuple[float, float, float, float], ...] = ()

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.certificate import TrackingBound, raised_ground
 from mathnavi.controllers.flight.certified import Certified
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
@@ -149,18 +149,27 @@ def certified_ends(
 
 
 def check_above_ground(name: str, point: Point, mission: FlightMission) -> None:
-    """Raise MissionError for a point (x, y, z) [m] off the mission's map, or lower than h_min above its ground."""
+    """Raise MissionError for a point (x, y, z) [m] where the vehicle is not within the mission's map, or lower than
+    h_min above the ground below any part of it.
+    """
     terrain, (x, y, z) = mission.terrain, point
     if not terrain.contains(x, y):
         raise MissionError(
             f"{name} = {point!r} is off the map; allowed: 0 to {terrain.width:g} m east, 0 to {terrain.depth:g} m north"
         )
-    ground = float(terrain.height(x, y))
+    below = raised_ground(terrain, 0.0 if mission.reach_in_terrain else mission.reach, 0.0)
+    ground = float(below.height(x, y))
     if z < ground + mission.clearance_min:
-        where = "under ground" if z < ground else "below the least clearance"
+        where = "under ground" if z < float(terrain.height(x, y)) else "below the least clearance"
         raise MissionError(
-            f"{name} = {point!r} is {where}; the ground there is {ground:.1f} m high; "
+            f"{name} = {point!r} is {where}; the ground within {mission.reach:g} m is up to {ground:.1f} m high; "
             f"allowed: z >= {ground + mission.clearance_min:.1f} m"
+        )
+    room = min(x, y, terrain.width - x, terrain.depth - y)
+    if room < mission.reach:
+        raise MissionError(
+            f"{name} = {point!r} is {room:g} m from the edge of the map; allowed: >= {mission.reach:g} m, the reach of "
+            "the vehicle"
         )
 
 
@@ -168,8 +177,9 @@ def drawn_point(mission: FlightMission, heights: tuple[float, float], rng: np.ra
     """A point (x, y, z) [m] uniform over the map, but for its border, and over ``heights`` [m] above h_min."""
     terrain = mission.terrain
     margin = _BORDER * max(terrain.width, terrain.depth)
-    x = float(rng.uniform(margin, terrain.width - margin))
-    y = float(rng.uniform(margin, terrain.depth - margin))
+    east, north = min(margin, 0.25 * terrain.width), min(margin, 0.25 * terrain.depth)  # of a long map
+    x = float(rng.uniform(east, terrain.width - east))
+    y = float(rng.uniform(north, terrain.depth - north))
     return x, y, float(terrain.height(x, y)) + mission.clearance_min + float(rng.uniform(*heights))
 
 

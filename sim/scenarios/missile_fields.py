@@ -13,6 +13,7 @@ from annotated_types import Interval, Le
 from mathnavi.models.missile.coordinates import Coordinates
 from mathnavi.models.missile.dynamics import TICK
 from mathnavi.sim.engine.faults import ConstantWrench, Disturbance, Gusts
+from mathnavi.sim.interfaces.angles import Degrees
 from mathnavi.sim.interfaces.bounds import (
     ANEW,
     FINITE,
@@ -29,6 +30,7 @@ from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError, MissionError
 from mathnavi.sim.records.missions import Point
 from mathnavi.sim.scenarios.fault_fields import CommonFlightFaults, Factor, Fault, LostReadings
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 _LARGEST = 1e6  # of any field in SI units
 
@@ -112,7 +114,7 @@ class ReadingErrors:
     """[m]"""
     velocity: Magnitude = 0.0
     """[m/s], along the axes of the body"""
-    angle: Magnitude = 0.0
+    angle: Annotated[float, Degrees(0.0, 90.0)] = 0.0
     """[deg]"""
     rate: Magnitude = 0.0
     """of the angular velocity [deg/s]"""
@@ -132,7 +134,7 @@ class MissileFaults(CommonFlightFaults):
 
 
 @configuration
-class MissileGuidanceConfig:
+class MissileGuidanceConfig(ChanceFields):
     """Fields of the scenario."""
 
     case: Literal["SM", "SM2", "SM3", "FAST"] = "SM"
@@ -141,7 +143,7 @@ class MissileGuidanceConfig:
     """the pitch plane, as the thesis has it, or space"""
     start: Vector = (0.0, 0.0, 10.0)
     """x, y, z [m]"""
-    start_heading: Annotated[float, Interval(ge=-80.0, le=80.0), FINITE] = 0.0
+    start_heading: Annotated[float, Degrees(-80.0, 80.0)] = 0.0
     """of the level start, from x to the left [deg]"""
     target: Vector = (700.0, 0.0, 0.0)
     """x, y, z [m]"""
@@ -151,11 +153,11 @@ class MissileGuidanceConfig:
     """TIME VX VY VZ [s, m/s]: a velocity that the target takes up later; may be given several times"""
     target_told: Magnitude = 0.0
     """how long after the target has taken up a velocity the planner is informed of it [s]"""
-    aspect_angle: Annotated[float, Interval(ge=-90.0, le=90.0), FINITE] = -90.0
+    aspect_angle: Annotated[float, Degrees(-90.0, 90.0)] = -90.0
     """of the nose and the velocity at the target over the horizontal [deg]"""
     miss_allowed: PositiveMagnitude = 1.0
     """how near to the target counts as a hit [m]"""
-    aspect_allowed: PositiveMagnitude = 2.0
+    aspect_allowed: Annotated[float, Degrees(0.0, 180.0, open_low=True)] = 2.0
     """largest angle between the nose and the aspect angle then [deg]"""
     control_rate: Annotated[float, TickRate(TICK)] = 250.0
     """of estimator, autopilot and log [Hz]; the physics runs at 1 kHz"""

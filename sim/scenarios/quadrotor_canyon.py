@@ -8,7 +8,7 @@ How near the tracker keeps the one to the other enters the certificate.
 **Clearance.** A plan is the path of the vehicle's centre, and its rotors reach ``REACH`` = 0.335 m from there, however
 it tilts. So mission, certificate and summary have the ground of the map raised by what ``HeightField.inflated`` says of
 a body of that reach: h_min is kept by every part of the vehicle, and ``min_clearance_m`` is that of the nearest part,
-or a little less. MuJoCo's ground is that of the map.
+or a little less. No rotor leaves the map. MuJoCo's ground is that of the map.
 
 **What the bound allows for.** Gusts as declared, a tenth more mass, a quarter more or less drag, and plans that take
 over unforeseen, for which a_max is reduced to what the rotors have the moments for
@@ -166,7 +166,8 @@ def summarise(
 
 def _mission(config: QuadrotorCanyonConfig, terrain: HeightField, parts: Assembler) -> tuple[QuadrotorMission, Plan]:
     """The mission, over ground that is raised for the vehicle's centre, and its first plan."""
-    unrated = QuadrotorMission(bare_mission(config, _raised(terrain)))
+    over_raised = bare_mission(config, _raised(terrain))
+    unrated = QuadrotorMission(dataclasses.replace(over_raised, reach=REACH, reach_in_terrain=True))
     quality = checked_quality(parts.estimator, unrated, EstimateQuality)
     bare = dataclasses.replace(unrated, flight=dataclasses.replace(unrated.flight, quality=quality))
 
@@ -187,8 +188,9 @@ def _mission(config: QuadrotorCanyonConfig, terrain: HeightField, parts: Assembl
 def _drawn(config: QuadrotorCanyonConfig, terrain: HeightField, rng: np.random.Generator) -> Point:
     """A point (x, y, z) [m] above a node of the map's lowest ground."""
     border = math.ceil(_BORDER * max(terrain.z.shape))
-    within = terrain.z[border:-border, border:-border]
-    low = np.argwhere(within <= within.min() + config.drawn_lowest * np.ptp(within)) + border
+    south, west = (min(border, (count - 1) // 2) for count in terrain.z.shape)  # a map may be long and narrow
+    within = terrain.z[south : -south or None, west : -west or None]
+    low = np.argwhere(within <= within.min() + config.drawn_lowest * np.ptp(within)) + np.array([south, west])
     row, column = low[rng.integers(len(low))]
     x, y = float(column) * terrain.spacing, float(row) * terrain.spacing
     above = config.clearance_min + float(rng.uniform(*config.drawn_heights))

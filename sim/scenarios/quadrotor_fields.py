@@ -20,6 +20,7 @@ from mathnavi.sim.scenarios.flight_fields import (
     FlightNoise,
     Rate,
 )
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 
 @configuration(prefix="mismatch.")
@@ -53,7 +54,7 @@ class QuadrotorMismatch:
 
 
 @configuration
-class QuadrotorCanyonConfig:
+class QuadrotorCanyonConfig(ChanceFields):
     """Fields of the scenario; without any given there is no wind, and the vehicle is as declared."""
 
     terrain: str = "canyon"

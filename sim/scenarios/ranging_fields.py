@@ -14,6 +14,7 @@ from mathnavi.models.field.curve import BEAN, EGG, Curve, ellipse
 from mathnavi.models.unicycle.entity import RADIUS, DriveName
 from mathnavi.models.unicycle.mission import TICK
 from mathnavi.models.unicycle.quality import OdometryQuality, RangeQuality
+from mathnavi.sim.interfaces.angles import Degrees, Radians, check_angle
 from mathnavi.sim.interfaces.bounds import (
     FINITE,
     THREE_FINITE_NUMBERS,
@@ -28,6 +29,7 @@ from mathnavi.sim.interfaces.bounds import (
 from mathnavi.sim.interfaces.checks import check
 from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
+from mathnavi.sim.scenarios.redraw import ChanceFields
 
 _HALF_AXES = (3.763, math.sqrt(2.0))
 _START_ERROR = (0.3, 0.3, 17.0)
@@ -46,7 +48,7 @@ HalfAxes = Annotated[tuple[float, float], Each(Interval(ge=_SHORTEST, le=_LONGES
 SensorDirections = Annotated[
     NumberList,
     Condition(lambda angles: 1 <= len(angles) <= _MOST_SENSORS, f"1 to {_MOST_SENSORS} directions"),
-    Each(Interval(ge=-360.0, le=360.0), allowed="finite directions from -360 to 360 degrees"),
+    Each(Degrees()),
 ]
 
 
@@ -114,7 +116,7 @@ class RangingNoise:
 
 
 @configuration
-class RangeLocalisationConfig:
+class RangeLocalisationConfig(ChanceFields):
     """Fields of the scenario."""
 
     field: WallFields = dataclasses.field(default_factory=WallFields)
@@ -134,7 +136,7 @@ class RangeLocalisationConfig:
     """of the run [s]"""
     speed_max: Annotated[Positive, Le(3.0)] = 1.0
     """bound of the speed [m/s]"""
-    turn_rate_max: Annotated[Positive, Le(10.0)] = 2.0
+    turn_rate_max: Annotated[float, Radians(0.0, 10.0, open_low=True, unit="rad/s")] = 2.0
     """bound of the turn rate [rad/s]"""
     margin: Annotated[float, Interval(ge=RADIUS, le=_LONGEST), FINITE] = 0.3
     """distance of the robot's centre to the wall that plans and drawn starts keep; wheels that slip may not [m]"""
@@ -145,8 +147,11 @@ class RangeLocalisationConfig:
     def __post_init__(self) -> None:
         if len({angle % 360.0 for angle in self.sensors}) < len(self.sensors):
             raise FieldError(f"sensors = {self.sensors!r} holds one direction twice; allowed: different directions")
-        for value, largest in zip(self.start_error, (_LONGEST, _LONGEST, 180.0), strict=True):
-            check(value, "start_error", 0.0, largest)
+        for value in self.start_error[:2]:
+            check(value, "start_error", 0.0, _LONGEST)
+        check_angle(self.start_error[2], "start_error: its heading", Degrees(0.0, 180.0))
+        if self.start is not None:
+            check_angle(self.start[2], "start: its heading", Degrees())
         if self.start_error != _START_ERROR and not self.start_known:
             raise FieldError(
                 f"start_error = {self.start_error!r} with start_known = False; allowed: with start_known = True"

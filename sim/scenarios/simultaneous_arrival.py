@@ -81,7 +81,6 @@ class SimultaneousArrival:
 
         bound = next(iter(fleet.values())).tracker.bound
         talkers = coordinators(config, fleet, consensus, zone_of(config, bound), flight.deadline, parts.streams)
-        network = config.radio.network(config.names, parts.streams["network"])
         messages = config.messages(charted, duration)
         agents, setups = {}, {}
         for (name, vehicle), streams in zip(fleet.items(), parts.streams.split("dropouts", len(fleet)), strict=True):
@@ -91,10 +90,11 @@ class SimultaneousArrival:
             setups[name] = VehicleSetup(mission.start_state, sensors, config.acceleration_max)
             agents[name] = Agent(
                 parts.observer(mission), vehicle.planner, vehicle.tracker,
-                messages=messages, coordinator=talkers[name], stored=vehicle.stored,
+                messages=messages, coordinator=talkers[name], stored=vehicle.stored, sensors=parts.asked(mission),
             )  # fmt: skip
         model = _model(flight.terrain, config.names, config.acceleration_max)
         body = MujocoPlant(model, setups, parts.streams["sensing"])
+        network = config.radio.network(config.names, parts.streams["network"], partial(_distance, body))
 
         starts = tuple(vehicle.mission.start for vehicle in fleet.values())
         terrain = terrain_record(flight.terrain, config.terrain, hills=config.uncharted)
@@ -179,6 +179,11 @@ def _record(config: SimultaneousArrivalConfig, flight: FleetFlight, bound: dict[
         deadline=flight.deadline,
         tracking_bound=bound,
     )
+
+
+def _distance(body: MujocoPlant, one: str, other: str) -> float:
+    """Distance [m] between two vehicles now."""
+    return math.dist(body.state(one)[:3].tolist(), body.state(other)[:3].tolist())
 
 
 @lru_cache(maxsize=2)

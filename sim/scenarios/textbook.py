@@ -28,6 +28,7 @@ from mathnavi.sim.interfaces.errors import FieldError
 from mathnavi.sim.interfaces.number_lists import NumberList
 from mathnavi.sim.interfaces.signals import Array, Status
 from mathnavi.sim.metrics.convergence import decay_rate
+from mathnavi.sim.metrics.planning import planner_share
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import TextbookRecord
 from mathnavi.sim.scenarios.assembler import Assembler
@@ -172,6 +173,7 @@ def summarise(
         "escaped": bool(escapes),
         "escape_time_s": escapes[0] if escapes else None,
         "lost_s": float(lost.sum()) * config.mission.period,
+        "planner_share": planner_share(0.0, float(recording.t[-1]), agent.plans),
         "run_time_s": float(recording.t[-1]),
         "real_time_factor": float(recording.t[-1]) / wall_seconds,
         "seed": seed,

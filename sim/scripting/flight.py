@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from mathnavi.controllers.flight.certificate import Certificate, TrackingBound, pass_time
 from mathnavi.controllers.flight.certified import Certified
-from mathnavi.models.aerial.dynamics import flow, input_at, state_at
+from mathnavi.models.aerial.dynamics import HULL_RADIUS, flow, input_at, state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.models.terrain.library import load_terrain
@@ -150,25 +150,32 @@ def certify(
     acceleration_max: float = 40.0,
     arrival_radius: float = 50.0,
     tracking: tuple[float, float] = (0.0, 0.0),
+    reach: float = HULL_RADIUS,
 ) -> Verdict:
     """C(pi) of any plan over a terrain: for every instant of it, and exactly,
 
         clearance >= clearance_min [m],   |v| <= speed_max [m/s],   |a| <= acceleration_max [m/s^2],
 
     its arcs join, it stays on the map, and it comes to rest within ``arrival_radius`` [m] of ``target`` (3,) [m], its
-    own end if none is given. ``tracking`` is how far, across and up [m], a vehicle may be off its plan: the ground is
-    raised by so much. (Thesis, A.4; ``mathnavi.controllers.flight.certificate``.)
+    own end if none is given. A plan is the path of the centre of a ball of radius ``reach`` [m], and ``tracking`` is
+    how far, across and up [m], the centre may be off it; both enter the clearance and the distance to the edge of the
+    map. (Thesis, A.4; ``mathnavi.controllers.flight.certificate``.)
 
-    Raises TerrainError for a terrain that is not known, MissionError for a target that is not three finite numbers.
+    Raises TerrainError for a terrain that is not known, MissionError for a target that is not three finite numbers and
+    for a ``clearance_min`` below ``reach``.
     """
     pi = plan.plan if isinstance(plan, FlightPlan) else plan
     ground = _ground(terrain)
-    across, up = tracking
+    if not clearance_min >= reach:
+        raise MissionError(f"clearance_min = {clearance_min!r}; allowed: >= reach = {reach!r} m, the body's radius")
+    if not min(tracking) >= 0.0:
+        raise MissionError(f"tracking = {tracking!r}; allowed: two numbers >= 0 [m]")
+    across, up = float(tracking[0]) + reach, float(tracking[1])
     with raising(MissionError):
-        raised = ground.inflated(across, up) if across or up else ground
+        raised = ground.inflated(across, up)
     place = np.array(pi.x[-1, :3] if target is None and len(pi.x) else _point("target", target), dtype=np.float64)
     certificate = Certificate(
-        raised, clearance_min, speed_max, acceleration_max, place, arrival_radius, float(across), float(up)
+        raised, clearance_min, speed_max, acceleration_max, place, arrival_radius, across, across, up
     )
     refusal = certificate.check(pi)
     malformed = refusal is not None and refusal.status in (Status.MALFORMED, Status.NOT_FINITE)

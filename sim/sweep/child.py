@@ -56,22 +56,26 @@ class DiedError(RuntimeError):
 class Worker:
     """Runs one task after the other in a child process, which is replaced when it has died or had to be killed."""
 
-    def __init__(
-        self, path: Sequence[str], folder: str | None = None, compiling: Callable[[], None] = lambda: None
-    ) -> None:
-        """``path`` is the child's sys.path, ``folder`` where it works; ``compiling`` is called when numba compiles."""
-        self._path, self._folder, self._compiling = path, folder, compiling
+    def __init__(self, path: Sequence[str], folder: str | None = None) -> None:
+        """``path`` is the child's sys.path, ``folder`` where it works."""
+        self._path, self._folder = path, folder
         self._child: _Child | None = None
         self._closed = False
         self._lock = Lock()
 
     def run(
-        self, task: SweepTask, key: str, timeout: float | None = None, stopped: Callable[[], bool] = lambda: False
+        self,
+        task: SweepTask,
+        key: str,
+        timeout: float | None = None,
+        stopped: Callable[[], bool] = lambda: False,
+        compiling: Callable[[], None] = lambda: None,
     ) -> Ended:
         """The record of a task that may take ``timeout`` [s], not counting what numba compiles.
 
         A child that dies, or refuses, is believed if it had served nothing else before; otherwise the task is run once
         more, in a new one: neither what an earlier task has left behind nor sources that were loaded long ago count.
+        ``compiling`` is called when numba compiles.
 
         Raises RefusedError, and StoppedError when the worker is stopped meanwhile or ``stopped()``, which is asked now
         and then, says that nobody waits for the record.
@@ -81,7 +85,7 @@ class Worker:
             child = self._living()
             served = child.served
             try:
-                return child.ask(request, timeout, self._compiling, stopped)
+                return child.ask(request, timeout, compiling, stopped)
             except OverdueError as error:
                 self._replace()
                 return self._failed(task, key, "timed-out", error)

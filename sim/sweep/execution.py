@@ -46,12 +46,14 @@ def run_trials(
     timeout: float | None = None,
     retry: bool = False,
     progress: Callable[[Progress], None] | None = None,
+    pool: Pool | None = None,
 ) -> list[Record]:
     """Run the trials whose keys the store lacks, store each as it ends; the records in the order of ``trials``.
 
     A trial that raises, crashes or takes longer than ``timeout`` [s] is a record too. With ``retry``, trials that the
     store records as crashed or timed out are run again, and their records replaced. ``workers`` processes run on this
-    machine, or, with the address of a Dask scheduler for ``cluster``, one for every thread of the cluster's workers.
+    machine, or, with the address of a Dask scheduler for ``cluster``, one for every thread of the cluster's workers;
+    with a ``pool``, those of the pool, which stay for the next call.
     Whatever ends the sweep before its time, Ctrl-C too, leaves everything that has ended in the store; the same call
     goes on from there. A trial that is asked for twice runs once. What is returned names files as ``trials`` do, though
     the store may have their content under other names.
@@ -62,7 +64,7 @@ def run_trials(
     """
     asked = keys(trials)
     by_key: dict[str, SweepTask] = dict(zip(asked, trials, strict=True))
-    _run_missing(by_key, store.endings(), store, workers, cluster, timeout, retry, progress)
+    _run_missing(by_key, store.endings(), store, workers, cluster, timeout, retry, progress, pool)
     return [trial.renamed(record) for trial, record in zip(trials, store.records(asked), strict=True)]
 
 
@@ -95,6 +97,7 @@ def _run_missing(
     timeout: float | None,
     retry: bool,
     progress: Callable[[Progress], None] | None,
+    pool: Pool | None = None,
 ) -> None:
     """Run the tasks that ``stored`` lacks; with ``retry`` also those that crashed or timed out."""
     if workers < 1:
@@ -103,8 +106,49 @@ def _run_missing(
         raise ValueError(f"timeout = {timeout!r}; allowed: a finite number of seconds > 0")
     found = {key: stored[key] for key in tasks if key in stored and not (retry and stored[key].status in TRANSIENT)}
     if missing := {key: task for key, task in tasks.items() if key not in found}:
-        backend: Backend = LocalWorkers(workers) if cluster is None else DaskCluster(cluster)
+        backend = pool or _backend(workers, cluster)
         _Sweep(missing, found, store, retry, progress or (lambda _: None)).run(backend, timeout)
+
+
+def _backend(workers: int, cluster: str | None) -> Backend:
+    return LocalWorkers(workers) if cluster is None else DaskCluster(cluster)
+
+
+class Pool:
+    """Workers that stay while one list of trials after the other is run, so that no child process starts twice.
+
+    with Pool(workers=2) as pool:
+        run_trials(some, store, pool=pool)
+        run_trials(others, store, pool=pool)
+    """
+
+    def __init__(self, workers: int = 1, cluster: str | None = None) -> None:
+        """ValueError for fewer workers than one, and for the address of a cluster that does not answer."""
+        if workers < 1:
+            raise ValueError(f"workers = {workers!r}; allowed: a whole number >= 1")
+        self._backend = _backend(workers, cluster)
+        self._running: set[str] = set()  # keys
+
+    def start(self, tasks: Mapping[str, SweepTask], timeout: float | None, report: Callable[[Message], None]) -> None:
+        self._running = set(tasks)
+
+        def reported(message: Message) -> None:
+            if isinstance(message, Ended):
+                self._running.discard(message.key)
+            report(message)
+
+        self._backend.start(tasks, timeout, reported)
+
+    def stop(self) -> None:
+        """End at once what still runs; workers that have done everything stay."""
+        if self._running:
+            self._backend.stop()
+
+    def __enter__(self) -> Pool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._backend.stop()
 
 
 def available_cores() -> int:
@@ -180,7 +224,7 @@ def _rest(queue: SimpleQueue[Message]) -> list[Message]:
 
 
 class LocalWorkers:
-    """Threads of this process, each with a child process that runs the tasks."""
+    """Threads of this process, each with a child process that runs the tasks, and stays until ``stop``."""
 
     def __init__(self, count: int) -> None:
         self._count = count
@@ -196,19 +240,18 @@ class LocalWorkers:
             try:
                 while True:
                     key, task = waiting.get_nowait()
-                    report(worker.run(task, key, timeout))
+                    report(worker.run(task, key, timeout, compiling=lambda: report(None)))
             except (Empty, StoppedError):
                 pass
             except BaseException as error:
                 report(error)
-            finally:
-                worker.close()
 
-        for _ in range(min(self._count, len(tasks))):
-            worker = Worker(module_path(), compiling=lambda: report(None))
-            thread = threading.Thread(target=work, args=(worker,), daemon=True)
-            self._workers.append(worker)
-            self._threads.append(thread)
+        needed = min(self._count, len(tasks))
+        self._workers += [Worker(module_path()) for _ in range(needed - len(self._workers))]
+        for thread in self._threads:  # each has found nothing more to do in the list before
+            thread.join()
+        self._threads = [threading.Thread(target=work, args=(each,), daemon=True) for each in self._workers[:needed]]
+        for thread in self._threads:
             thread.start()
 
     def stop(self) -> None:
@@ -216,3 +259,5 @@ class LocalWorkers:
             worker.stop()
         for thread in self._threads:
             thread.join()
+        for worker in self._workers:
+            worker.close()

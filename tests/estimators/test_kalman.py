@@ -174,3 +174,41 @@ def test_a_fix_from_the_past_is_refused() -> None:
 def test_impossible_fields_are_refused(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=field):
         KalmanConfig(**{field: value})
+
+
+def fixes_of(gust_scale: float, outlier: float) -> tuple[Kalman, list[float], float]:
+    """The filter after a minute of hover, its position deviation at each step, and the error of its last estimate."""
+    gust, rng = DeclaredGusts(0.5, 3.0), np.random.default_rng(4)
+    mission = mission_of(gust, 1.0)
+    filter_, x = Kalman.build(KalmanConfig(), mission), np.array([*mission.start, 0.0, 0.0, 0.0])
+    g, u, deviations = np.zeros(3), np.zeros(3), []
+    for k in range(3600):
+        t = k / 60.0
+        off = np.array([outlier, 0.0, 0.0]) if k == 3000 else np.zeros(3)
+        fixes = [fix(t, x[:3] + off + rng.standard_normal(3))] if k % 6 == 0 else []
+        estimate = filter_.update(t, fixes, u)
+        assert estimate.covariance is not None
+        deviations.append(math.sqrt(estimate.covariance[0, 0]))
+        u = -0.64 * (estimate.x[:3] - mission.start) - 1.6 * estimate.x[3:]
+        g = g * math.exp(-1.0 / 180.0) + gust_scale * 0.5 * math.sqrt(1.0 - math.exp(-1.0 / 90.0)) * rng.normal(size=3)
+        x = flow(x, u + g, 1.0 / 60.0)
+    return filter_, deviations, float(np.linalg.norm(estimate.x[:3] - x[:3]))
+
+
+def declared_deviation() -> float:
+    return math.sqrt(Kalman.quality(KalmanConfig(), mission_of(DeclaredGusts(0.5), 1.0)).error[0, 0])
+
+
+def test_an_outlier_is_not_used_and_widens_the_covariance() -> None:
+    _, deviations, error = fixes_of(1.0, 500.0)
+    _, plain, _ = fixes_of(1.0, 0.0)
+    assert error < 5.0 * plain[-1]
+    assert max(deviations[3000:3010]) > max(plain)
+    assert (
+        max(plain) <= math.sqrt(Kalman.quality(KalmanConfig(), mission_of(DeclaredGusts(0.5), 1.0)).error[0, 0]) * 1.001
+    )
+
+
+def test_gusts_beyond_the_declared_ones_widen_the_covariance() -> None:
+    _, deviations, _ = fixes_of(20.0, 0.0)
+    assert max(deviations) > 1.3 * declared_deviation()

@@ -1,6 +1,6 @@
 """Pictures of runs, with and without parts of what they show: KIND OUT.npz RUN_DIR [RUN_DIR ...].
 
-``tests.renders.drawn`` runs it in a process of its own: OpenGL's backend must be chosen before mujoco is imported.
+``tests.renders.drawn`` runs it: OpenGL's backend must be chosen before mujoco is imported.
 Arrays are named CAMERA.with, CAMERA.pixels (m, 3) where what matters should be, CAMERA.labels, CAMERA.without.PART, and
 CAMERA.earlier, without all parts at an earlier time.
 """

@@ -1,27 +1,56 @@
-"""Pictures that another process draws (``draw_and_leave_out.py``), where two of them differ, and those of a video."""
+"""Pictures drawn in this process, which spares the start of another, or in one of their own; where two of them differ,
+and those of a video.
+
+Every scene is drawn here by the code that a process which draws runs (``mathnavi.renders.worker``); that such a process
+draws the same, and closes its renderer, is tested once, with a flight.
+"""
 
 from __future__ import annotations
 
+import io
+import json
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import astuple
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
 
-from mathnavi.renders import opengl, video
+from mathnavi.renders import opengl, video, worker
+from mathnavi.renders.film import Frame
+from mathnavi.renders.palette import Picture
 from mathnavi.renders.video import write_video
 from mathnavi.sim.interfaces.signals import Array
 
 SCRIPT = Path(__file__).with_name("draw_and_leave_out.py")
 needs_opengl = pytest.mark.skipif(opengl.available() is None, reason=opengl.HOW_TO_INSTALL)
+draw_apart = video.draw  # by processes of their own, as for a user
+
+
+def draw_here(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
+    """The pictures (height, width, 3) that ``mathnavi.renders.video.draw`` yields, drawn in this process."""
+    opengl.environment()  # raises where there is nothing to draw with
+    job = {"directory": str(directory.resolve()), "width": width, "height": height, "samples": samples}
+    output = io.BytesIO()
+    worker.draw(json.loads(json.dumps(job | {"frames": [astuple(frame) for frame in frames]})), output)
+    yield from np.frombuffer(output.getbuffer(), np.uint8).reshape(-1, height, width, 3)
 
 
 def drawn(kind: str, folder: Path, *runs: Path) -> Mapping[str, Array]:
     """Pictures of runs of a kind, with and without parts of what they show, drawn into ``folder``."""
+    from tests.renders import draw_and_leave_out  # imports mujoco, which reads the backend then
+
+    out = folder / "out.npz"
+    draw_and_leave_out.main(kind, str(out), *map(str, runs))
+    return dict(np.load(out))
+
+
+def drawn_apart(kind: str, folder: Path, *runs: Path) -> Mapping[str, Array]:
+    """The pictures of ``drawn``, by a process of their own, which has nothing to complain of when it ends."""
     out = folder / "out.npz"
     environment = opengl.environment() | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     command = [sys.executable, str(SCRIPT), kind, str(out), *map(str, runs)]
@@ -37,9 +66,8 @@ def differing(one: Array, other: Array, least: int = 12) -> tuple[Array, Array]:
     return rows, columns
 
 
-def video_pictures(run: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, fps: int = 2) -> list[Array]:
+def video_pictures(run: Path, folder: Path, fps: int = 2) -> list[Array]:
     """Pictures (90, 160, 3) of a small video written into an empty folder, which has the size and rate asked for."""
-    monkeypatch.setattr(video, "MOST_WORKERS", 1)  # a start costs more than these few pictures
     path = write_video(run, path=folder / "run.mp4", width=160, height=90, fps=fps, progress=False)
     assert [file.name for file in folder.iterdir()] == ["run.mp4"]
     with av.open(str(path)) as container:

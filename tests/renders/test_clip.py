@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,10 +11,8 @@ from PIL import Image
 
 from mathnavi.renders import clip
 from mathnavi.renders.clip import LAST_MOMENT, write_clip
-from mathnavi.renders.drawing import drawing_of
-from mathnavi.renders.film import Frame
 from mathnavi.renders.overlay import Label, Overlay, OverlayWriter
-from mathnavi.renders.palette import Picture, SceneElement
+from mathnavi.renders.palette import SceneElement
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.scenarios.textbook import TextbookConfig, TextbookObserver
 
@@ -31,17 +28,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def drawn(directory: Path, frames: Sequence[Frame], width: int, height: int, samples: int) -> Generator[Picture]:
-    """The same as ``video.draw``, in this process: it takes less time."""
-    drawing = drawing_of(directory)
-    with drawing.painter(drawing.load_run(directory), width, height, samples) as artist:
-        yield from map(artist.paint, frames)
-
-
-def test_a_clip_plays_over_and_over_and_holds_its_last_picture(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(clip, "draw", drawn)
+def test_a_clip_plays_over_and_over_and_holds_its_last_picture(folder: Path, tmp_path: Path) -> None:
     path = write_clip(folder, begin=0.5, end=2.0, path=tmp_path / "clip.webp", **SMALL)  # type: ignore[arg-type]
     assert [file.name for file in tmp_path.iterdir()] == ["clip.webp"]
     with Image.open(path) as moving:

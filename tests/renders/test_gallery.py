@@ -28,6 +28,10 @@ def test_what_is_committed_is_named_and_what_is_named_is_there() -> None:
     assert {path.name for path in HERE.iterdir() if path.suffix in (".png", ".webp", ".gif", ".jpg")} == set(ENTRIES)
 
 
+def test_commands_run_in_the_folder_of_the_repository() -> None:
+    assert (program.ROOT / "Makefile").is_file()
+
+
 def test_every_scenario_has_a_still_and_a_clip() -> None:
     for scenario in names("scenarios"):
         for name in (f"{scenario.replace('-', '_')}.{ending}" for ending in ("png", "webp")):

@@ -1,52 +1,39 @@
-"""Every module has one name, though the repository's root on sys.path makes ``import models`` possible."""
+"""Every module has one name, though the repository's root on sys.path makes ``import models`` possible.
+
+No source names a module by its bare name; and ``tests/conftest.py`` fails a run of tests in which one was loaded by it
+nevertheless, by a plug-in's place or a pickle, after all that the tests run: the command line, every scenario with its
+figure, the studies.
+"""
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
+import ast
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
+from tests.one_name import FOLDERS, bare
+
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = ("controllers", "estimators", "models", "renders", "sim")
-SCRIPT = """
-import json, sys
-
-sys.path.insert(0, sys.argv[1])
-import mathnavi as mn
-from mathnavi.sim.commands.cli import main
-
-short = {
-    "arm-velocity": {"duration": 1.1},
-    "attitude-tracking": {"duration": 5.1},
-    "missile-guidance": {},
-    "quadrotor-canyon": {"terrain": "canyon:3", "planner.flight.nodes": 5},
-    "range-localisation": {"duration": 1.0},
-    "safe-flight": {"terrain": "jacksboro", "drawn_separation": (0.2, 0.3)},
-    "simultaneous-arrival": {"terrain": "jacksboro", "vehicles": 2},
-    "sphere-observer": {"duration": 2.1},
-    "textbook-observer": {"duration": 1.0},
-}
-assert set(short) == set(mn.available("scenarios"))
-for scenario, fields in short.items():
-    run = mn.run(scenario, seed=1, **fields)
-    run.plot()
-run.report("report.html")
-run.save("run")
-assert main(["list"]) == 0
-assert main(["estimate", "textbook_ekf", "run"]) in (0, 1)
-assert main(["compare", "run", "run-textbook_ekf"]) == 0
-assert main(["study", "introduction-examples", "--quick", "--out", "study"]) in (0, 1)
-print(json.dumps(sorted(sys.modules)))
-"""
 
 
-def test_no_module_is_loaded_under_two_names(tmp_path: Path) -> None:
-    """After the command line, every scenario with its figure, and a study, none of the folders has its bare name."""
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT, str(ROOT)], cwd=tmp_path, capture_output=True, text=True, timeout=600
-    )
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
-    modules = json.loads(done.stdout.splitlines()[-1])
-    assert "mathnavi.sim.scenarios.safe_flight" in modules
-    assert not [name for name in modules if name.partition(".")[0] in FOLDERS]
+def imported(source: str) -> Iterator[str]:
+    """The modules that a source imports, at its top or within a function, by their whole names."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            yield str(node.module)
+
+
+@pytest.mark.parametrize("folder", [*FOLDERS, "benchmarks", "docs", "examples", "tests"])
+def test_no_source_imports_a_module_by_a_second_name(folder: str) -> None:
+    sources = list((ROOT / folder).rglob("*.py"))
+    assert sources
+    assert {str(path): found for path in sources if (found := bare(imported(path.read_text(encoding="utf-8"))))} == {}
+
+
+def test_a_second_name_is_recognised() -> None:
+    assert bare(imported("def late():\n    import models.unicycle, mathnavi.models\n")) == ["models.unicycle"]
+    assert bare(imported("from sim import sweep\nfrom mathnavi.sim import sweep\nfrom .sim import sweep")) == ["sim"]

@@ -101,7 +101,7 @@ def test_a_lag_is_carried_from_plan_to_plan() -> None:
 
 @pytest.mark.parametrize("nodes", [7, 13])
 def test_the_planners_own_plans_are_trackable(nodes: int) -> None:
-    planner, tracker = FlightController.build(FlightConfig(nodes=nodes), MISSION)
+    planner, _ = FlightController.build(FlightConfig(nodes=nodes), MISSION)
     certificate = Certificate.of(MISSION, BOUND, TRACKER.held)
     fallback = StopAndHover(certificate, planner.period)
     held = TRACKER.held

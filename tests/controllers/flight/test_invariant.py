@@ -26,6 +26,7 @@ from mathnavi.estimators.full_state import FullState, FullStateConfig
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase
+from mathnavi.models.terrain.height_field import HeightField
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.loop import simulate
 from mathnavi.sim.interfaces.protocols import Planner
@@ -36,7 +37,8 @@ from tests import flight
 DT = 1.0 / 30.0  # [s] tick of the vehicle without MuJoCo
 MISSION = flight.mission(control_period=DT)
 BOUND = tracking_bound(0.8, MISSION)
-CERTIFICATE = Certificate.of(MISSION, BOUND)
+HELD = CriticallyDamped(DT, 0.8, BOUND).held
+CERTIFICATE = Certificate.of(MISSION, BOUND, HELD)
 
 
 def detour(request: PlanRequest, way: Callable[[ArcList], None]) -> Plan:
@@ -63,6 +65,15 @@ def straight(arcs: ArcList) -> None:
 def dawdling(arcs: ArcList) -> None:
     """A minute of hover, and then the way by completion."""
     arcs.add(np.zeros(3), 60.0, FlightPhase.HOVER)
+    complete_by(arcs, CERTIFICATE)
+
+
+def pulsing(arcs: ArcList) -> None:
+    """Two seconds of pulses shorter than a control period, and then the way by completion."""
+    for _ in range(60):
+        for sign in (1.0, -1.0):
+            arcs.add(np.array([0.0, 0.0, sign * 30.0]), 0.5 * DT, FlightPhase.CRUISE)
+    arcs.rest()
     complete_by(arcs, CERTIFICATE)
 
 
@@ -118,6 +129,10 @@ def overdue(plan: Plan, request: PlanRequest) -> Plan:
     return detour(request, dawdling)
 
 
+def faster_than_commands(plan: Plan, request: PlanRequest) -> Plan:
+    return detour(request, pulsing)
+
+
 def detouring(plan: Plan, request: PlanRequest) -> Plan:
     """May be flown, but is a bad choice."""
     return detour(request, lambda arcs: complete_by(arcs, CERTIFICATE))
@@ -140,6 +155,7 @@ ANSWERS: tuple[Callable[[Plan, PlanRequest], Plan], ...] = (
     into_the_ridge,
     overdue,
     detouring,
+    faster_than_commands,
     nonsense,
 )
 
@@ -164,7 +180,7 @@ class Scripted:
 
     def plan(self, request: PlanRequest) -> Plan:
         answer = next(self._script)
-        if request.current is None and answer in (into_the_ridge, overdue, detouring):
+        if request.current is None and answer in (into_the_ridge, overdue, detouring, faster_than_commands):
             return Plan.failure(Status.INFEASIBLE, "there is nothing to leave yet")
         return answer(self._planner.plan(request), request)
 
@@ -172,9 +188,9 @@ class Scripted:
 class Watched:
     """Sees every request, and keeps a list of what is wrong with the plan that is being flown."""
 
-    def __init__(self, planner: Certified, factor: float) -> None:
+    def __init__(self, planner: Certified, factor: float, certificate: Certificate = CERTIFICATE) -> None:
         self.period = planner.period
-        self._planner, self._factor = planner, factor
+        self._planner, self._factor, self._certificate = planner, factor, certificate
         self._flown: Plan | None = None
         self.deadline = np.inf  # [s] gamma V_0
         self.ticks = 0
@@ -195,7 +211,7 @@ class Watched:
         self._flown = current
         self._expect(current.ready <= current.t_start + 1e-9, "was late")
         self._expect(not BOUND.broken_by(request.estimate.x - state_at(current, request.t)), "is not where it is")
-        refusal = CERTIFICATE.check(current)
+        refusal = self._certificate.check(current)
         self._expect(refusal is None, f"is not certified: {refusal}")
         self._expect(current.t_end <= self.deadline + 1e-9, f"ends at {current.t_end}")
 
@@ -217,6 +233,7 @@ class Watched:
 @example(script=[overdue], config=FlightConfig(), factor=1.3)
 @example(script=[valid, *10 * [detouring]], config=FlightConfig(), factor=1.3)
 @example(script=[*3 * [valid], *40 * [into_the_ridge]], config=FlightConfig(), factor=1.3)
+@example(script=[valid, *5 * [faster_than_commands]], config=FlightConfig(), factor=1.3)
 @example(script=[valid, failing, late], config=STRETCHED, factor=1.0)
 @example(script=[*3 * [valid], *40 * [into_the_ridge]], config=STRETCHED, factor=1.3)
 def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
@@ -245,3 +262,60 @@ def test_whatever_the_planner_answers_the_vehicle_is_safe_and_arrives_in_time(
     assert flown_clearance(recording.t, x, mission).min() >= mission.clearance_min
     assert np.linalg.norm(x[:, 3:], axis=1).max() <= mission.speed_max
     assert np.linalg.norm(recording.agents["vehicle"].commands, axis=1).max() <= mission.acceleration_max + 1e-6
+
+
+ANYWHERE = tuple(answer for answer in ANSWERS if answer not in (into_the_ridge, overdue, detouring))
+AROUND = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+
+
+@given(
+    script=st.lists(st.sampled_from(ANYWHERE), min_size=1, max_size=20),
+    rows=st.integers(15, 60),
+    columns=st.integers(15, 60),
+    reach=st.floats(0.0, 25.0),
+    over=st.floats(0.0, 20.0),
+    spacing=st.sampled_from([120.0, 200.0]),
+)
+@settings(max_examples=8)
+@example(script=[valid], rows=15, columns=60, reach=0.5, over=0.0, spacing=200.0)
+@example(script=[valid, failing], rows=60, columns=15, reach=25.0, over=0.0, spacing=120.0)
+def test_whatever_its_size_and_the_shape_of_its_map_no_part_of_the_vehicle_is_lower_than_allowed(
+    script: list[Callable[[Plan, PlanRequest], Plan]],
+    rows: int,
+    columns: int,
+    reach: float,
+    over: float,
+    spacing: float,
+) -> None:
+    terrain = HeightField(flight.mountains().z[:rows, :columns], spacing)
+    ends = [
+        flight.above(terrain, (share * terrain.width, share * terrain.depth), over + 3.0 * reach + 20.0)
+        for share in (0.15, 0.8)
+    ]
+    mission = FlightMission(terrain, ends[0], ends[1], reach + over, control_period=DT, reach=reach)
+    bound = tracking_bound(0.8, mission)
+    certificate = Certificate.of(mission, bound)
+    planner, _ = FlightController.build(FlightConfig(nodes=7, margin=0.0), mission)
+    wrapped = Certified(
+        Scripted(planner, script), partial(StopAndHover, period=planner.period), certificate, bound, 1.3
+    )
+    watched = Watched(wrapped, 1.3, certificate)
+    agent = Agent(FullState(FullStateConfig(), mission), watched, CriticallyDamped(DT, 0.8, bound))
+    target = np.array(mission.target)
+    recording = simulate(
+        flight.PointMass(flight.at_rest(mission.start), DT),
+        {"vehicle": agent},
+        300.0,
+        lambda t, truths: bool(np.linalg.norm(truths["vehicle"][:3] - target) <= mission.arrival_radius),
+    )
+    assert not watched.broken
+    x = recording.truths["vehicle"]
+    if not recording.agents["vehicle"].plans:
+        np.testing.assert_array_equal(x[-1], x[0])  # without a certified plan it stays where it is
+        return
+    assert np.linalg.norm(x[-1, :3] - target) <= mission.arrival_radius
+    assert recording.t[-1] <= watched.deadline
+    for share in (0.5, 1.0):
+        east, north = (x[:, axis, None] + share * reach * f(AROUND) for axis, f in enumerate((np.cos, np.sin)))
+        assert terrain.contains(east, north).all()
+        assert (x[:, 2, None] - terrain.height(east, north)).min() >= mission.clearance_min

@@ -75,10 +75,8 @@ def test_every_vehicle_is_in_sight_where_it_should_be_in_its_colour(
 
 
 @needs_opengl
-def test_a_video_has_the_size_rate_and_length_asked_for(
-    fleet_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pictures = video_pictures(fleet_dir, tmp_path, monkeypatch, fps=1)
+def test_a_video_has_the_size_rate_and_length_asked_for(fleet_dir: Path, tmp_path: Path) -> None:
+    pictures = video_pictures(fleet_dir, tmp_path, fps=1)
     assert 12 <= len(pictures) <= 25
 
 

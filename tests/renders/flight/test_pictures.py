@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mathnavi.renders import video
 from mathnavi.renders.flight.run_data import FlightRun
 from mathnavi.renders.relief import relief, resampled
-from mathnavi.renders.video import draw, write_still, write_video
-from tests.renders.drawn import differing, drawn, needs_opengl
+from mathnavi.renders.video import write_still, write_video
+from tests.renders.drawn import differing, draw_apart, draw_here, drawn_apart, needs_opengl
 from tests.renders.synthetic import ridges
 
 
@@ -35,7 +36,7 @@ def test_resampling_on_the_grids_own_nodes_changes_nothing() -> None:
 
 @needs_opengl
 def test_vehicle_is_where_it_should_be_and_nothing_else_moves_with_it(run_dir: Path, tmp_path: Path) -> None:
-    pictures = drawn("flight", tmp_path, run_dir)
+    pictures = drawn_apart("flight", tmp_path, run_dir)
     for camera in ("chase", "overview", "top"):
         shown = pictures[f"{camera}.with"].astype(int)
         assert shown.std() > 15.0
@@ -53,6 +54,7 @@ def test_vehicle_is_where_it_should_be_and_nothing_else_moves_with_it(run_dir: P
 
 
 @needs_opengl
+@pytest.mark.usefixtures("drawing_apart")
 def test_video_has_the_size_rate_and_length_asked_for(run_dir: Path, tmp_path: Path) -> None:
     path = write_video(run_dir, path=tmp_path / "short.mp4", width=160, height=90, fps=2, progress=False)
     assert [file.name for file in tmp_path.iterdir()] == ["short.mp4"]
@@ -67,11 +69,15 @@ def test_video_has_the_size_rate_and_length_asked_for(run_dir: Path, tmp_path: P
 
 
 @needs_opengl
-def test_still_is_the_same_picture_every_time(run_dir: Path, tmp_path: Path) -> None:
-    first, second = (write_still(run_dir, "top", tmp_path / f"{k}.png", width=320, height=180) for k in range(2))
-    picture = np.asarray(Image.open(first))
-    assert picture.shape == (180, 320, 3)
-    np.testing.assert_array_equal(picture, np.asarray(Image.open(second)))
+def test_still_is_the_same_picture_whichever_process_draws_it(
+    run_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stills = []
+    for how in (draw_apart, draw_here):
+        monkeypatch.setattr(video, "draw", how)
+        stills.append(np.asarray(Image.open(write_still(run_dir, "top", tmp_path / "top.png", width=320, height=180))))
+    assert stills[0].shape == (180, 320, 3)
+    np.testing.assert_array_equal(*stills)
 
 
 def test_odd_sizes_and_missing_runs_are_refused_before_anything_is_written(run_dir: Path, tmp_path: Path) -> None:
@@ -87,4 +93,4 @@ def test_failure_of_the_process_that_draws_is_reported_in_its_own_words(run: Fli
     from mathnavi.renders.film import Frame
 
     with pytest.raises(RuntimeError, match="does not exist"):
-        next(iter(draw(tmp_path / "gone", [Frame(0.0, "top", 0.0, 0.0)], 64, 36, 0)))
+        next(iter(draw_apart(tmp_path / "gone", [Frame(0.0, "top", 0.0, 0.0)], 64, 36, 0)))

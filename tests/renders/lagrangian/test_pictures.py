@@ -98,10 +98,8 @@ def test_a_still_is_not_blank(folders: dict[str, Path], tmp_path: Path) -> None:
 
 
 @needs_opengl
-def test_a_video_has_the_size_and_length_asked_for(
-    folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pictures = video_pictures(folders["hyperbolic-plane"], tmp_path, monkeypatch)
+def test_a_video_has_the_size_and_length_asked_for(folders: dict[str, Path], tmp_path: Path) -> None:
+    pictures = video_pictures(folders["hyperbolic-plane"], tmp_path)
     assert 8 * 2 <= len(pictures) <= 20 * 2
 
 

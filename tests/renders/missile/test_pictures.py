@@ -48,10 +48,8 @@ def test_a_still_is_not_blank(missile_dir: Path, tmp_path: Path) -> None:
 
 
 @needs_opengl
-def test_a_video_has_the_size_rate_and_length_asked_for(
-    missile_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    pictures = video_pictures(missile_dir, tmp_path, monkeypatch)
+def test_a_video_has_the_size_rate_and_length_asked_for(missile_dir: Path, tmp_path: Path) -> None:
+    pictures = video_pictures(missile_dir, tmp_path)
     assert 12 * 2 <= len(pictures) <= 20 * 2
     assert all((a != b).any() for a, b in pairwise(pictures[:20]))
 

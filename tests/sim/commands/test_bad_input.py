@@ -18,6 +18,7 @@ from PIL import Image
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.estimators.full_state import FullStateConfig
+from mathnavi.models.aerial.dynamics import HULL_RADIUS
 from mathnavi.models.aerial.mission import EstimateQuality
 from mathnavi.models.terrain.dem import HGT_NODES
 from mathnavi.models.terrain.library import load_terrain
@@ -178,7 +179,7 @@ def test_points_must_be_finite(refused: Refusal, hills: Path, flags: str) -> Non
 
 def test_a_start_without_a_certificate_is_refused(refused: Refusal, hills: Path) -> None:
     """Just above h_min, but nearer than the tracker's bound."""
-    z = float(load_terrain(hills).height(3000.0, 3000.0)) + 50.0 + 1e-4
+    z = float(load_terrain(hills).inflated(HULL_RADIUS, 0.0).height(3000.0, 3000.0)) + 50.0 + 1e-4
     words = f"run safe-flight --terrain {hills} --start 3000 3000 {z} --target 7000 3000 800"
     line = refused(*words.split())
     for word in ("--start", str(z), "no initial certificate", "allowed"):

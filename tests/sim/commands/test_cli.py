@@ -194,6 +194,7 @@ def test_without_opengl_a_run_succeeds_and_says_how_to_install_it(
 
 
 @pytest.mark.skipif(os.environ.get("MUJOCO_GL") == "disable", reason="there is nothing to draw with")
+@pytest.mark.usefixtures("drawing_apart")
 def test_render_draws_a_still(flown: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", str(flown), "--camera", "top", "--still"]) == 0
     path = Path(capsys.readouterr().out.strip())

@@ -15,9 +15,10 @@ from mathnavi.sim.commands.arguments import flags
 from mathnavi.sim.commands.cli import main
 from mathnavi.sim.commands.completion import FLOWN, OWN, SCRIPTS, candidates, flags_of, plugin
 from mathnavi.sim.commands.known import COMMANDS
-from mathnavi.sim.plugin.index import COMMAND, describe
+from mathnavi.sim.plugin.index import COMMAND, Description, describe
 from mathnavi.sim.plugin.registry import load, names
 
+PLACES = sorted({place for places in OWN.values() for place in places})
 CONFIGURED = [(kind, name) for kind in ("scenarios", "controllers", "estimators", "studies") for name in names(kind)]
 MINE = """
 from dataclasses import dataclass
@@ -49,12 +50,17 @@ def test_every_flag_of_a_plugin_is_completed_and_no_other(kind: str, name: str) 
     assert set(found) == {flag for flag, _ in flags(load(kind, name).Config, "planner")}
 
 
-@pytest.mark.parametrize("place", sorted({place for places in OWN.values() for place in places}))
-def test_every_flag_of_a_command_is_completed_and_no_other(place: str) -> None:
+@pytest.fixture(scope="module")
+def described() -> dict[str, Description]:
+    """What the index says of every command's options, found by one process."""
+    return dict(zip(PLACES, describe([(COMMAND, EntryPoint(place, place, "")) for place in PLACES]), strict=True))
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_every_flag_of_a_command_is_completed_and_no_other(place: str, described: dict[str, Description]) -> None:
     module, _, name = place.partition(":")
     options = getattr(__import__(module, fromlist=[name]), name)
-    (found,) = describe([(COMMAND, EntryPoint(place, place, ""))])
-    assert set(flags_of(found)) == {flag for flag, _ in flags(options)}
+    assert set(flags_of(described[place])) == {flag for flag, _ in flags(options)}
 
 
 def test_commands_plugins_flags_and_values_are_completed() -> None:

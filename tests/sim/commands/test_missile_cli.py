@@ -82,6 +82,7 @@ def test_the_cameras_are_those_of_a_missile(flown: Path, capsys: pytest.CaptureF
     assert line.startswith("mathnavi: --time = 60 s; allowed: 0 to")
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_sweep_shows_misses_first_and_needs_no_terrain(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

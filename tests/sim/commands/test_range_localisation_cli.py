@@ -93,6 +93,7 @@ def test_bad_input_is_one_line_that_names_the_flag(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_sensor_sets_can_be_swept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store = tmp_path / "sets.db"
     words = ("--vary", "sensors=-90 -45,-60 60 0", "--trials", "2", "--workers", "1", "--store", str(store))

@@ -82,6 +82,7 @@ def test_a_trial_is_the_flight_of_a_run(mission: Words, path: Path, tmp_path: Pa
     assert "lowest, seed 4" in page
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_every_combination_flies_the_same_seeds_and_the_same_draws(path: Path) -> None:
     varied = ("--vary", "planner.gain=1,2", "--vary", "part.count=4,5,6", "--vary", "part.share=0.25..0.75")
     assert sweep(COIN, *varied, "--vary", "bias=0..1", "--trials", "3", "--seed", "10", "--store", str(path)) == 0
@@ -113,6 +114,7 @@ def test_a_draw_depends_on_the_seed_and_the_field_and_on_nothing_else(tmp_path: 
     assert two == {seed: one[seed] for seed in (2, 3)}
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_whole_numbers_are_drawn_with_both_ends(path: Path) -> None:
     assert sweep(COIN, "--vary", "part.count=2..4", "--trials", "40", "--store", str(path)) == 0
     counts = [record.fields["part.count"] for record in records(path)]
@@ -133,6 +135,7 @@ def test_plugins_lists_truths_and_words_may_be_listed(path: Path) -> None:
     assert sweep(COIN, *more[4:], "--trials", "1", "--store", str(path)) == 2
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ("--trials", "12", "--vary", "bias=0,1", "--raise-at", "3", "--store", str(path))
     assert sweep(COIN, *words) == 0
@@ -159,6 +162,7 @@ def test_the_tables_tell_rates_medians_and_what_went_wrong(path: Path, capsys: p
 
 
 @pytest.mark.parametrize("width", [60, 80, 200])
+@pytest.mark.usefixtures("trials_here")
 def test_no_word_of_a_table_is_broken_and_what_has_no_room_is_named(
     width: int, path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,6 +178,7 @@ def test_no_word_of_a_table_is_broken_and_what_has_no_room_is_named(
     assert ("no room for: " in out) == (width < 200)
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_store_shows_a_drawn_field_in_bins(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert sweep(COIN, "--trials", "30", "--vary", "part.share=0..1", "--store", str(path)) == 0
     assert sweep(COIN, "--trials", "5", "--store", str(path)) == 0  # of the same seeds, without a draw
@@ -186,6 +191,7 @@ def test_a_store_shows_a_drawn_field_in_bins(path: Path, capsys: pytest.CaptureF
     assert "part.share" in rates[1]
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_sweep_says_what_it_finds_in_the_store(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = (COIN, "--store", str(path), "--trials")
     expected = []
@@ -195,6 +201,7 @@ def test_a_sweep_says_what_it_finds_in_the_store(path: Path, capsys: pytest.Capt
     assert expected == ["0 of 4 trials", "4 of 6 trials", "6 of 6 trials"]
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_store_is_exported(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert sweep(COIN, "--trials", "3", "--store", str(path)) == 0
     capsys.readouterr()
@@ -218,6 +225,7 @@ def test_what_timed_out_is_named_and_run_again(path: Path, tmp_path: Path, capsy
     assert [record.status for record in records(path)] == ["ok", "ok"]
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_map_under_another_name_is_the_same_map(
     mission: Words, hills: Path, path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -235,6 +243,7 @@ def test_a_map_under_another_name_is_the_same_map(
     assert sweep(*mission, "--trials", "1", "--store", str(path), "--report") == 0
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_one_store_holds_several_sweeps(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert sweep(COIN, "--trials", "4", "--store", str(path)) == 0
     assert sweep(COIN, "--trials", "6", "--store", str(path), "--bias", "0.25") == 0

@@ -70,6 +70,7 @@ def test_it_arrives_and_clears_the_ground(plain: RunResult) -> None:
     assert_safe(plain)
     summary = plain.summary
     assert summary["fallback_steps"] == summary["tracking_breaches"] == summary["missed_passes"] == 0
+    assert summary["planner_share"] > 0.99
     assert summary["path_length_m"] <= 1.15 * summary["straight_line_m"]
     assert summary["speed_max_m_s"] <= 300.0
     assert summary["tracking_error_max_m"] <= summary["tracking_bound_m"]
@@ -110,6 +111,19 @@ def test_failing_solvers_do_not_matter(terrain: str, rate: float) -> None:
     outcome = flown(terrain, faults=AerialFaults(solver_failure_rate=rate))
     assert_safe(outcome)
     assert outcome.summary["solver_failures"] > 0.5 * rate * outcome.summary["replans"]
+
+
+@pytest.mark.parametrize(
+    ("faults", "share"),
+    [
+        (AerialFaults(late_plan_rate=1.0), 0.3),  # the optimised part of the first plan, which is spared
+        (AerialFaults(solver_failure_rate=1.0), 0.3),
+    ],
+)
+def test_a_planner_that_is_never_heard_is_noticed(terrain: str, faults: AerialFaults, share: float) -> None:
+    outcome = flown(terrain, faults=faults)
+    assert_safe(outcome)
+    assert outcome.summary["planner_share"] <= share
 
 
 def test_late_and_corrupted_plans_do_not_matter(terrain: str) -> None:

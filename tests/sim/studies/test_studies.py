@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import html
 import json
-import pickle
 from dataclasses import replace
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -21,9 +20,6 @@ from mathnavi.sim.records.store import Store
 from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, as_csv, on_terrain, write_result
 from mathnavi.sim.studies.nodes.missile_closed_loop.flights import CASES, KINDS, OTHERS, PAIRS, selected_kinds
-from mathnavi.sim.sweep import execution, serve
-from mathnavi.sim.sweep.child import StoppedError
-from mathnavi.sim.sweep.task import Ended, SweepTask
 from mathnavi.sim.sweep.trial import Trial
 
 SMALLEST: dict[str, dict[str, int]] = {
@@ -51,7 +47,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     },
     "sphere": {"points": 1, "seconds": 1, "noisy": 1, "fast": 1, "values": 1, "bodies": 1},
     "curvature-sign": {"seeds": 1, "others": 1, "strengths": 1},
-    "arrival": {"seeds": 1, "sizes": 1, "steps": 1},
+    "arrival": {"seeds": 1, "sizes": 1, "steps": 1, "narrow": 1},
     "quadrotor": {"canyons": 1, "missions": 1, "drawn": 1},
     "separation": {"seeds": 1, "sizes": 1, "grown": 1, "repetitions": 1},
     "contraction": {"distances": 6, "directions": 3, "points": 1},
@@ -60,6 +56,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "mechanisms": {"own": 1, "suite": 1, "values": 1, "seconds": 1},
     "range-convergence": {"seeds": 1, "peers": 1, "drives": 1, "repetitions": 1, "seconds": 1},
     "range-observer": {"starts": 1, "drives": 1, "states": 2, "seconds": 1},
+    "hunt": {"missions": 4, "tries": 4, "draws": 4, "repeats": 1},
 }
 CLAIMS = {
     "horizon": {"A.path-falls", "A.effort-falls", "A.20-to-15"},
@@ -99,9 +96,10 @@ CLAIMS = {
     "contraction": {"riemannian.contraction", "D.infinitely-thin", "D.contraction-sign", "D.brackets"},
     "consensus": {"fleet.laplacian", "A.laplacian-rate", "A.outlier-keeps-value"},
     "attitude": {"riemannian.attitude"},
-    "arrival": {"fleet.spread", "A.consensus-by-A12", "A.constraint", "A.penalty", "A.one-step"},
+    "arrival": {"fleet.spread", "fleet.narrow", "A.consensus-by-A12", "A.constraint", "A.penalty", "A.one-step"},
     "quadrotor": {"fleet.quadrotor"},
     "separation": {"fleet.separation", "fleet.cost"},
+    "hunt": {"search.safe", "search.power"},
     "mechanisms": {
         *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),
         "D.prohibitive",
@@ -145,24 +143,6 @@ def hills(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(path)
 
 
-class Here:
-    """A worker that runs tasks in this process, and is spared the start of another."""
-
-    def __init__(self) -> None:
-        self._stopped = False
-
-    def run(self, task: SweepTask, key: str, timeout: float | None) -> Ended:
-        if self._stopped:
-            raise StoppedError
-        assert timeout is None
-        return serve._run(pickle.loads(pickle.dumps(task)), key)  # as it reaches a process of its own
-
-    def stop(self) -> None:
-        self._stopped = True
-
-    close = stop
-
-
 @pytest.fixture(scope="module")
 def outcomes() -> dict[str, RunResult]:
     """Results flown so far, by the key of a trial without a measure."""
@@ -170,7 +150,7 @@ def outcomes() -> dict[str, RunResult]:
 
 
 @pytest.fixture
-def flown_once(outcomes: dict[str, RunResult], monkeypatch: pytest.MonkeyPatch) -> None:
+def flown_once(outcomes: dict[str, RunResult], trials_here: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """Missions are flown here, and each once: a study flies its missions for their records, and some for their paths
     again; and several studies compare with the same mission.
     """
@@ -182,7 +162,6 @@ def flown_once(outcomes: dict[str, RunResult], monkeypatch: pytest.MonkeyPatch) 
         return outcomes[key]
 
     monkeypatch.setattr(Trial, "flown", flown)
-    monkeypatch.setattr(execution, "Worker", lambda path, compiling: Here())
 
 
 def test_every_study_is_in_this_suite() -> None:

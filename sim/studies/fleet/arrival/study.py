@@ -24,6 +24,7 @@ from mathnavi.sim.records.statistics import rate
 from mathnavi.sim.records.store import Record
 from mathnavi.sim.records.sweep_data import figures
 from mathnavi.sim.scenarios.closed_loop import RunResult
+from mathnavi.sim.studies.fleet.arrival import narrow
 from mathnavi.sim.studies.fleet.arrival.steps import DEVIATIONS, ArrivalChange, ArrivalStep, one_step
 from mathnavi.sim.studies.framework.study import Setup, StudyResult, median
 from mathnavi.sim.sweep.trial import Trial, trial
@@ -49,13 +50,15 @@ class ArrivalConfig:
     """sizes of fleets, at most"""
     steps: Count = 40
     """times that a single vehicle is asked to deviate, at each share"""
+    narrow: Count = 31
+    """fleets where it is narrow, at most: thirty, and one that swaps places"""
 
 
 class Arrival:
     """Fleets that agree on one time and arrive at it (Figure A.11)."""
 
     Config = ArrivalConfig
-    quick = ArrivalConfig(seeds=1, sizes=2, steps=4)
+    quick = ArrivalConfig(seeds=1, sizes=2, steps=4, narrow=4)
     title = "Simultaneous arrival"
 
     @staticmethod
@@ -67,7 +70,9 @@ class Arrival:
             for size in (sizes if kind in (NOMINAL, FAULTED) else (PRINTED_SIZE,))
             for seed in range(config.seeds)
         }
-        records = setup.fly_each(trials)
+        tight = narrow.fleets(config.narrow)
+        flown = setup.fly([*trials.values(), *tight.values()])
+        records, narrowly = dict(zip(trials, flown, strict=False)), dict(zip(tight, flown[len(trials) :], strict=True))
         by_condition = {
             (kind, size): [records[kind, size, seed] for seed in range(config.seeds)]
             for kind, size in dict.fromkeys((kind, size) for kind, size, _ in trials)
@@ -81,17 +86,18 @@ class Arrival:
                 f"{config.seeds} fleets of each size over {setup.ground.name}, without faults and with "
                 f"{FAILING:.0%} of the solver's answers lost: they agree on the maximum of the least times of arrival, "
                 f"and fly by a schedule. Fleets of {PRINTED_SIZE} that agree on the average of (A.12), as printed, and "
-                "such that agree on the maximum and comply by (A.13), as a constraint or by its penalty. A single "
+                "such that agree on the maximum and comply by (A.13), as a constraint or by its penalty. "
+                f"{len(tight)} fleets where it is narrow, on maps of their own. A single "
                 "vehicle that is asked for a time off its own, on the way, and whether its next plan has "
                 "that time to .1 s.",
             ),
-            rows=rows,
-            tables=(_table(rows), _steps_table(steps)),
+            rows=[*rows, *narrow.rows(narrowly)],
+            tables=(_table(rows), narrow.table(narrowly), _steps_table(steps)),
             figure=_figure(shown, by_condition, steps),
             caption="(a) Distance of each vehicle of a fleet to its own slot; dashed, the arrival of the last. "
             "(b) Spread of the arrivals of every fleet. (c) Share of the changes that one step complies with, with "
             "95 % limits.",
-            claims=_claims(by_condition, steps),
+            claims=[*_claims(by_condition, steps), narrow.claim(narrowly, H)],
         )
 
 

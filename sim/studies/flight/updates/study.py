@@ -146,7 +146,8 @@ def _safe(records: Sequence[Record]) -> Booleans:
 def _unannounced(records: Sequence[Record]) -> Booleans:
     """(n,) True where a mission came below h_min, or did not arrive, without an announcement."""
     failed = ~_safe(records) | (figures(records, "arrived") == 0)
-    silent: Booleans = failed & (figures(records, "guarantee_lost") == 0) & (figures(records, "arrival_lost") == 0)
+    announced = sum(figures(records, name) for name in ("guarantee_lost", "deadlines_lost", "arrival_lost"))
+    silent: Booleans = failed & (announced == 0)
     return silent
 
 

@@ -1,0 +1,222 @@
+"""``mathnavi search``: a directed search for the worst missions of a scenario, or the probability of a rare event."""
+
+from __future__ import annotations
+
+import math
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from mathnavi.sim.commands.errors import INTERRUPTED, BadInputError
+from mathnavi.sim.commands.progress import compilation_announced, sweep_progress
+from mathnavi.sim.commands.run_request import RunRequest, prepare, read_request, usage
+from mathnavi.sim.commands.search_fields import SearchFields, read_space
+from mathnavi.sim.commands.search_results import SearchResults, print_results, write_pages, write_worst
+from mathnavi.sim.records.store import Store, StoreWriteError
+from mathnavi.sim.search.directed import Sampler, check_space, directed, importances
+from mathnavi.sim.search.evaluation import Evaluation, Evaluator, NoSuchFigureError, Objective
+from mathnavi.sim.search.rare import REDRAW, RareEvent, rare_event
+from mathnavi.sim.search.space import Choice
+from mathnavi.sim.sweep.child import RefusedError
+from mathnavi.sim.sweep.cluster import LostError, check
+from mathnavi.sim.sweep.execution import Pool, Progress, available_cores
+from mathnavi.sim.sweep.trial import keys
+
+PAGES = (".html", ".png")
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """Flags of a search."""
+
+    store: Path
+    """file of the results (SQLite); a search goes on where it stopped, and adds to what is there"""
+    minimise: str | None = None
+    """figure of the summary that is to become as small as can be: clearance_margin_m, separation_margin_m, ..."""
+    maximise: str | None = None
+    """figure that is to become as large as can be, in the place of --minimise: tracking_bound_share, ..."""
+    over: tuple[str, ...] = ()
+    """FIELD=LOW..HIGH, with ,log on a logarithmic scale, or FIELD=V1,V2,...; FIELD[K] is a place of a field that is
+    given, seed the seed; may be given several times"""
+    missions: int = 200
+    """how many at most"""
+    until: float | None = None
+    """value of the figure at which the search has found what it looks for; with --rare the event"""
+    sampler: Sampler = "tpe"
+    """proposes where to fly next: tree-structured Parzen estimator, CMA-ES, or random draws for comparison"""
+    batch: int = 8
+    """missions proposed at a time; the same seed and batch make the same search, with however many workers"""
+    rare: bool = False
+    """estimate how probable it is that a mission reaches --until, by multilevel splitting over its random draws"""
+    particles: int = 40
+    """missions that --rare moves along together"""
+    repetitions: int = 5
+    """independent repetitions of --rare, from whose spread its interval follows"""
+    workers: int | None = None
+    """processes; one for each core if not given"""
+    cluster: str | None = None
+    """address of a Dask scheduler whose workers run the missions, tcp://HOST:PORT"""
+    timeout: float | None = None
+    """time after which a mission is cut off and recorded as timed out [s]; none if not given"""
+    retry: bool = False
+    """run those missions again that are stored as timed out or crashed"""
+    worst: int = 3
+    """how many of the worst missions are flown again into --out"""
+    out: Path | None = None
+    """folder for the runs of the worst missions, worst-1 and so on, to be drawn and flown again by --from"""
+    report: bool = False
+    """write a page and a picture beside the store, with .html and .png in place of its ending"""
+
+    def __post_init__(self) -> None:
+        for name, least in (("missions", 1), ("batch", 1), ("particles", 2), ("repetitions", 2), ("worst", 1)):
+            if getattr(self, name) < least:
+                raise ValueError(f"{name} = {getattr(self, name)}; allowed: a whole number >= {least}")
+        if self.workers is not None and self.workers < 1:
+            raise ValueError(f"workers = {self.workers}; allowed: a whole number >= 1")
+        if self.timeout is not None and not (math.isfinite(self.timeout) and self.timeout > 0.0):
+            raise ValueError(f"timeout = {self.timeout}; allowed: a finite number of seconds > 0")
+        if self.workers is not None and self.cluster is not None:
+            raise ValueError(f"cluster = {self.cluster!r} beside --workers {self.workers}; allowed: one of both")
+        if (self.minimise is None) == (self.maximise is None):
+            given = f"{self.minimise!r} beside --maximise {self.maximise}" if self.minimise else "not given"
+            raise ValueError(f"minimise = {given}; allowed: one of --minimise and --maximise")
+        if self.rare and self.until is None:
+            raise ValueError("until = not given; allowed with --rare: the value of the figure that makes the event")
+        if self.store.suffix in PAGES:
+            raise ValueError(
+                f"store = {self.store}; allowed: another ending than those of the report, {', '.join(PAGES)}"
+            )
+
+    @property
+    def objective(self) -> Objective:
+        """The figure, and where it is to go."""
+        return Objective(str(self.minimise or self.maximise), self.maximise is not None)
+
+
+def main(argv: Sequence[str]) -> int:
+    if usage("search", argv):
+        return 0
+    prepare()
+    try:
+        request = read_request("search", argv, SearchOptions)
+    except SystemExit:  # the help is printed
+        return 0
+    fields = read_space(argv, request)
+    options: SearchOptions = request.options
+    errors, console = Console(stderr=True), Console()
+    again = shlex.join(["mathnavi", "search", *argv])
+    _check(fields, request)
+    evaluations: Sequence[Evaluation] = ()
+    try:
+        with request.bad_input():
+            if options.cluster is not None:
+                check(options.cluster)
+            with compilation_announced(errors):
+                _check_missions(fields)
+            store = Store.open(options.store)
+            pool = Pool(options.workers or available_cores(), options.cluster)
+        with store, pool, sweep_progress(errors, request.name.rpartition(":")[2]) as draw:
+            stored = store.keys()
+
+            def progress(now: Sequence[Evaluation]) -> None:
+                nonlocal evaluations
+                evaluations = tuple(now)
+                draw(_counts(now, options.missions, stored))
+
+            draw(Progress(options.missions, 0, 0, 0, 0, False))
+            evaluator = Evaluator(fields.make, options.objective, store, pool, options.timeout, options.retry)
+            rare = _search(evaluator, fields, options, request.common.seed, progress)
+    except NoSuchFigureError as error:
+        flag = "--maximise" if options.objective.largest else "--minimise"
+        raise BadInputError(f"{flag} = {error}") from error
+    except KeyboardInterrupt:
+        print(f"mathnavi: interrupted, {_stored(evaluations, options)}; to go on: {again}", file=sys.stderr)
+        return INTERRUPTED
+    except (StoreWriteError, RefusedError, LostError) as error:
+        words = " ".join(str(error).split())
+        print(f"mathnavi: {words}, {_stored(evaluations, options)}; to go on: {again}", file=sys.stderr)
+        return 1
+    results = SearchResults(
+        request.name, options.objective, fields.space, evaluator.evaluations, options.until, rare,
+        {} if rare else importances(evaluator.evaluations, fields.space, options.objective.largest), again,
+    )  # fmt: skip
+    print_results(console, results)
+    console.print(f"\nstore   {options.store}", soft_wrap=True, highlight=False)
+    try:
+        if options.out is not None:
+            for folder in write_worst(results, options.out, options.worst):
+                console.print(f"run     {folder}", soft_wrap=True, highlight=False)
+        if options.report:
+            for page in write_pages(results, options.store):
+                console.print(f"report  {page}", soft_wrap=True, highlight=False)
+    except OSError as error:
+        print(f"mathnavi: {error.filename}: {error.strerror}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _search(
+    evaluator: Evaluator,
+    fields: SearchFields,
+    options: SearchOptions,
+    seed: int,
+    progress: Callable[[Sequence[Evaluation]], None],
+) -> RareEvent | None:
+    if options.rare:
+        assert options.until is not None  # SearchOptions refuses that
+        return rare_event(
+            evaluator, fields.space, options.until, options.missions, seed=seed,
+            particles=options.particles, repetitions=options.repetitions, progress=progress,
+        )  # fmt: skip
+    directed(
+        evaluator, fields.space, options.missions, sampler=options.sampler, seed=seed, batch=options.batch,
+        until=options.until, progress=progress,
+    )  # fmt: skip
+    return None
+
+
+def _check(fields: SearchFields, request: RunRequest) -> None:
+    """BadInputError for a space that cannot be searched as the options say."""
+    options: SearchOptions = request.options
+    if options.rare and not hasattr(request.config, REDRAW):
+        raise BadInputError(
+            f"--rare: {request.name} cannot draw part of its chance again; allowed: scenarios with --{REDRAW}"
+        )
+    if options.rare and options.missions < options.particles * options.repetitions:
+        raise BadInputError(
+            f"--missions = {options.missions}; allowed with --rare: >= {options.particles * options.repetitions}, the "
+            "particles of all repetitions"
+        )
+    if not options.rare:
+        with request.bad_input():
+            check_space(fields.space, options.sampler)
+
+
+def _check_missions(fields: SearchFields) -> None:
+    """Raise, before any mission is flown, what is wrong with all: a file that is not there, ends that cannot be.
+
+    ValueError or OSError. Without a field to search over, the mission is built, and so has to be one that can be flown.
+    """
+    listed = [{each.name: value} for each in fields.space if isinstance(each, Choice) for value in each.values]
+    keys([fields.make(values) for values in [{}, *listed]])
+    if not fields.space:
+        fields.make({}).build()
+
+
+def _counts(evaluations: Sequence[Evaluation], missions: int, stored: set[str]) -> Progress:
+    return Progress(
+        missions,
+        sum(each.record is not None and each.record.key in stored for each in evaluations),
+        len(evaluations),
+        sum(each.ending == "failed" for each in evaluations),
+        sum(each.violated for each in evaluations),
+        False,
+    )
+
+
+def _stored(evaluations: Sequence[Evaluation], options: SearchOptions) -> str:
+    return f"{len(evaluations)} of {options.missions} missions are evaluated"

@@ -1,0 +1,142 @@
+"""Directed search: a sampler proposes values, missions are flown there, and their figures are reported to it.
+
+    ask for a batch of values -> trials, flown where the store lacks them -> tell the sampler the figures, in order
+
+The sampler is Optuna's: TPE, the tree-structured Parzen estimator, CMA-ES, or independent draws. What it proposes
+follows from its seed and from what it was told, and it is told batch by batch: the same seed and batch make the same
+search, with whatever number of workers. So a search that was killed goes on by being repeated: what it had flown is
+found in the store.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+from mathnavi.sim.search.evaluation import Evaluation, Evaluator
+from mathnavi.sim.search.space import Choice, Dimension, Range, Values
+
+if TYPE_CHECKING:
+    import optuna
+
+Sampler = Literal["tpe", "cmaes", "random"]
+_LARGEST = 1e15  # a figure that is infinite counts as this
+_FEWEST = 20  # evaluations from which importances say anything
+
+
+def directed(
+    evaluator: Evaluator,
+    space: Sequence[Dimension],
+    missions: int,
+    *,
+    sampler: Sampler = "tpe",
+    seed: int = 0,
+    batch: int = 8,
+    until: float | None = None,
+    progress: Callable[[Sequence[Evaluation]], None] = lambda _: None,
+) -> list[Evaluation]:
+    """Evaluate ``missions`` values of the fields of ``space``, fewer if a figure reaches ``until`` before.
+
+    ``batch`` values are proposed at a time. ``progress`` is called with all evaluations so far. A refused mission is
+    reported to the sampler as pruned, so that it learns to stay away, a failed one as failed.
+    Raises ValueError for a sampler that cannot search the space, and what ``Evaluator.evaluate`` raises.
+    """
+    proposals = _Proposals(space, sampler, seed)
+    found: list[Evaluation] = []
+    while len(found) < missions and not any(evaluator.objective.reached(each.figure, until) for each in found):
+        asked = [proposals.ask() for _ in range(min(batch, missions - len(found)))]
+        evaluations = evaluator.evaluate([values for _, values in asked])
+        for (proposal, _), each in zip(asked, evaluations, strict=True):
+            cost = None if each.figure is None else evaluator.objective.cost(each.figure)
+            proposals.tell(proposal, each, cost)
+        found += evaluations
+        progress(found)
+    return found
+
+
+def check_space(space: Sequence[Dimension], sampler: Sampler) -> None:
+    """Raise ValueError for a space that a sampler cannot search."""
+    if not space:
+        raise ValueError("over = nothing; allowed: at least one field to search over")
+    ranges = sum(isinstance(dimension, Range) for dimension in space)
+    if sampler == "cmaes" and ranges < 2:
+        raise ValueError(f"sampler = 'cmaes' over {ranges} numeric fields; allowed: two or more, or tpe")
+
+
+class _Proposals:
+    """Optuna's study of a space."""
+
+    def __init__(self, space: Sequence[Dimension], sampler: Sampler, seed: int) -> None:
+        import optuna  # takes a while
+
+        check_space(space, sampler)
+        optuna.logging.set_verbosity(optuna.logging.ERROR)
+        samplers: dict[str, Callable[[], Any]] = {
+            "tpe": lambda: optuna.samplers.TPESampler(seed=seed, multivariate=True),
+            "cmaes": lambda: optuna.samplers.CmaEsSampler(seed=seed, warn_independent_sampling=False),
+            "random": lambda: optuna.samplers.RandomSampler(seed=seed),
+        }
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+            self._study = optuna.create_study(sampler=samplers[sampler]())
+        self._space = space
+        self._distributions = {dimension.name: _distribution(dimension) for dimension in space}
+        self._pruned, self._failed = optuna.trial.TrialState.PRUNED, optuna.trial.TrialState.FAIL
+
+    def ask(self) -> tuple[optuna.Trial, Values]:
+        """A proposal, and the values that it proposes."""
+        proposal = self._study.ask(self._distributions)
+        values = {
+            each.name: each.values[proposal.params[each.name]]
+            if isinstance(each, Choice)
+            else proposal.params[each.name]
+            for each in self._space
+        }
+        return proposal, values
+
+    def tell(self, proposal: optuna.Trial, evaluation: Evaluation, cost: float | None) -> None:
+        """Report a proposal's cost, or that it has none."""
+        if cost is not None:
+            self._study.tell(proposal, min(max(cost, -_LARGEST), _LARGEST))
+        else:
+            self._study.tell(proposal, state=self._pruned if evaluation.ending == "refused" else self._failed)
+
+
+def _distribution(dimension: Dimension) -> optuna.distributions.BaseDistribution:
+    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+
+    if isinstance(dimension, Choice):
+        return CategoricalDistribution(range(len(dimension.values)))
+    if dimension.whole:
+        return IntDistribution(int(dimension.low), int(dimension.high), log=dimension.log)
+    return FloatDistribution(dimension.low, dimension.high, log=dimension.log)
+
+
+def importances(
+    evaluations: Sequence[Evaluation], space: Sequence[Dimension], largest: bool = False
+) -> dict[str, float]:
+    """Shares of the fields in what makes figures extreme, the largest first; {} where too few were flown to say.
+
+    By PED-ANOVA: the distribution of each field among the best tenth against that among all.
+    """
+    import optuna
+
+    study = optuna.create_study()
+    distributions = {dimension.name: _distribution(dimension) for dimension in space}
+    for each in evaluations:
+        if each.figure is None:
+            continue
+        values = {
+            dimension.name: dimension.values.index(each.values[dimension.name])
+            if isinstance(dimension, Choice)
+            else each.values[dimension.name]
+            for dimension in space
+        }
+        cost = min(max(-each.figure if largest else each.figure, -_LARGEST), _LARGEST)
+        study.add_trial(optuna.trial.create_trial(params=values, distributions=distributions, value=cost))
+    if len(study.trials) < _FEWEST or len({trial.value for trial in study.trials}) < 2:
+        return {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that it is new
+        return optuna.importance.get_param_importances(study, evaluator=optuna.importance.PedAnovaImportanceEvaluator())

@@ -1,0 +1,136 @@
+"""Evaluations: missions flown at values of some fields, each an ordinary trial in an ordinary store.
+
+An evaluation is *flown* where the mission ran to its end and its summary has the figure; *refused* where the mission
+cannot be flown, by its configuration or by the scenario (a ``FieldError``, ``MissionError``, ``PluginError`` or
+``TerrainError``); *failed* where it did not run to its end for another reason, or has no such figure. None is left
+out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from mathnavi.sim.interfaces.errors import FieldError, MissionError, PluginError, TerrainError
+from mathnavi.sim.records.figure_names import is_wall_clock
+from mathnavi.sim.records.store import Record, Store
+from mathnavi.sim.records.sweep_data import is_number
+from mathnavi.sim.search.space import Values
+from mathnavi.sim.sweep.execution import Pool, Progress, run_trials
+from mathnavi.sim.sweep.trial import Trial
+
+Ending = Literal["flown", "refused", "failed"]
+REFUSALS = (FieldError, MissionError, PluginError, TerrainError)
+_NAMES = tuple(f"{error.__module__}.{error.__qualname__}: " for error in REFUSALS)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A mission at values of the fields, and its figure."""
+
+    number: int  # in the order of the search, from 0
+    values: Values
+    ending: Ending
+    figure: float | None  # None unless flown
+    trial: Trial | None = None  # None where the configuration refuses the values
+    record: Record | None = None
+    reason: str = ""  # it was refused, or failed
+
+    @property
+    def violated(self) -> bool:
+        """True for a mission that was flown and did not do what it should."""
+        return self.record is not None and self.record.success is False
+
+
+@dataclass(frozen=True)
+class Objective:
+    """A figure of the summary, which is to become as small as can be, or as large."""
+
+    key: str
+    largest: bool = False
+
+    def cost(self, figure: float) -> float:
+        """What is minimised."""
+        return -figure if self.largest else figure
+
+    def reached(self, figure: float | None, limit: float | None) -> bool:
+        """True where a figure is at a limit or beyond it."""
+        return figure is not None and limit is not None and self.cost(figure) <= self.cost(limit)
+
+    def best(self, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+        """The evaluations that were flown, the extreme ones first, equal ones in their order."""
+        known = [(self.cost(each.figure), each) for each in evaluations if each.figure is not None]
+        return [each for _, each in sorted(known, key=lambda pair: pair[0])]
+
+
+class NoSuchFigureError(ValueError):
+    """The summary of a mission has no figure of the name that is searched for."""
+
+
+@dataclass
+class Evaluator:
+    """Flies missions and keeps count of them."""
+
+    make: Callable[[Values], Trial]
+    objective: Objective
+    store: Store
+    pool: Pool
+    timeout: float | None = None  # [s] of a mission
+    retry: bool = False  # those that are stored as timed out or crashed
+    progress: Callable[[Progress], None] | None = None  # of the missions of one call
+
+    def __post_init__(self) -> None:
+        if is_wall_clock(self.objective.key):
+            raise NoSuchFigureError(
+                f"{self.objective.key} is a wall-clock time, another every time; allowed: a figure that a seed repeats"
+            )
+        self.evaluations: list[Evaluation] = []
+
+    def evaluate(self, points: Sequence[Values]) -> list[Evaluation]:
+        """Fly the missions at these values that the store lacks; the evaluations in the same order.
+
+        Raises NoSuchFigureError if a summary has no figure of the objective's name at all, and what ``run_trials``
+        raises.
+        """
+        made = [self._made(values) for values in points]
+        trials = [each for each in made if isinstance(each, Trial)]
+        flown = run_trials(
+            trials, self.store, timeout=self.timeout, retry=self.retry, progress=self.progress, pool=self.pool
+        )
+        records = iter(flown)
+        first = len(self.evaluations)
+        found = [
+            self._judged(number, values, each, next(records))
+            if isinstance(each, Trial)
+            else Evaluation(number, values, "refused", None, reason=each)
+            for number, (values, each) in enumerate(zip(points, made, strict=True), first)
+        ]
+        self.evaluations += found
+        return found
+
+    def count(self, ending: Ending) -> int:
+        """Evaluations so far that ended so."""
+        return sum(each.ending == ending for each in self.evaluations)
+
+    def _made(self, values: Values) -> Trial | str:
+        """The trial, or why there is none."""
+        try:
+            return self.make(values)
+        except REFUSALS as error:
+            return str(error)
+
+    def _judged(self, number: int, values: Values, trial: Trial, record: Record) -> Evaluation:
+        if record.status != "ok":
+            last = (record.error or record.status).strip().splitlines()[-1]
+            refused = record.status == "raised" and last.startswith(_NAMES)
+            reason = last.partition(": ")[2] if refused else f"{record.status}: {last}"
+            return Evaluation(number, values, "refused" if refused else "failed", None, trial, record, reason)
+        if self.objective.key not in record.summary:
+            known = ", ".join(name for name, value in record.summary.items() if is_number(value))
+            raise NoSuchFigureError(f"{self.objective.key} is no figure of {record.scenario}; allowed: {known}")
+        figure = record.summary[self.objective.key]
+        if not is_number(figure):
+            reason = f"its {self.objective.key} is {figure!r}"
+            return Evaluation(number, values, "failed", None, trial, record, reason)
+        return Evaluation(number, values, "flown", float(figure), trial, record)

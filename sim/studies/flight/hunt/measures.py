@@ -1,0 +1,110 @@
+"""What a mission violated first, when, and whether an event had announced it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from mathnavi.models.quadrotor.entity import REACH
+from mathnavi.models.terrain.height_field import HeightField
+from mathnavi.models.terrain.hill import hills_of, with_hills
+from mathnavi.models.terrain.library import load_terrain
+from mathnavi.sim.interfaces.signals import Array, Event
+from mathnavi.sim.scenarios.closed_loop import RunResult
+
+# Events that announce a loss, until the one that ends it.
+LOSSES = {"guarantee-lost": "guarantee-regained", "separation-unguaranteed": "", "tracking-breach": "rebased"}
+DELAYS = ("deadline-lost", "deadline-moved", "missed-pass", "arrival-lost", "guarantee-lost")
+CONTACTS = ("ground-contact", "vehicle-contact")
+ANSWER = 2.0  # [s] a planning period: as long a breach of the tracking bound counts that was answered by a new plan
+ANNOUNCED = 1.0  # the margin of a mission whose violation was announced: of no interest
+
+
+def violations(outcome: RunResult) -> dict[str, Any]:
+    """A measure: the least relative margin of a mission, and its first violation.
+
+    ``relative_margin`` is the least of (clearance - h_min) / h_min, (separation - d_s) / d_s and (deadline - arrival) /
+    deadline, and ``ANNOUNCED`` where it is negative and was announced: what a search for a silent violation minimises.
+    """
+    found = [*_clearance(outcome), *_separation(outcome), *_deadline(outcome)]
+    margin = min(share for _, share, _ in found)
+    broken = sorted((t, kind) for kind, share, t in found if share < 0.0)
+    silent = [(t, kind) for t, kind in broken if not _announced(kind, t, outcome.events)]
+    return {
+        "violated": bool(broken),
+        "silently_violated": bool(silent),
+        "violation": (silent or broken)[0][1] if broken else "",
+        "violation_s": (silent or broken)[0][0] if broken else None,
+        "relative_margin": ANNOUNCED if broken and not silent else margin,
+    }
+
+
+def _clearance(outcome: RunResult) -> list[tuple[str, float, float]]:
+    """(kind, relative margin, time [s])."""
+    h_min = outcome.config["fields"]["clearance_min"]
+    margin = outcome.summary["clearance_margin_m"] / max(h_min, 1.0)
+    contacts = [event.t for event in outcome.events if event.kind in CONTACTS]
+    if contacts:
+        margin = min(margin, -1.0)
+    return [("clearance", margin, min([_lowest(outcome, h_min), *contacts]))]
+
+
+def _lowest(outcome: RunResult, h_min: float) -> float:
+    """Time [s] of the first sample below ``h_min`` [m], or of the lowest one."""
+    config = outcome.config
+    reach = REACH if config["scenario"] == "quadrotor-canyon" else 0.0
+    ground = _ground(config["terrain"]["path"], tuple(map(tuple, config["fields"].get("uncharted", ()))), reach)
+    t, first, lowest = outcome.recording.t, math.inf, (math.inf, 0.0)
+    for x in outcome.recording.truths.values():
+        above = np.nan_to_num(x[:, 2] - ground.height(x[:, 0], x[:, 1]), nan=-np.inf)  # off the map
+        k = int(above.argmin())
+        lowest = min(lowest, (float(above[k]), float(t[k])))
+        if above[k] < h_min:
+            first = min(first, float(t[np.argmax(above < h_min)]))
+    return first if first < math.inf else lowest[1]
+
+
+@lru_cache(maxsize=8)
+def _ground(path: str, hills: tuple[tuple[float, ...], ...], reach: float) -> HeightField:
+    ground = with_hills(load_terrain(path), hills_of(hills))
+    return ground.inflated(reach, reach) if reach > 0.0 else ground
+
+
+def _separation(outcome: RunResult) -> list[tuple[str, float, float]]:
+    margin = outcome.summary.get("separation_margin_m")
+    if margin is None:
+        return []
+    least = outcome.summary["separation_allowed_m"]
+    return [("separation", margin / least, _nearest(outcome.recording.t, outcome.recording.truths, least))]
+
+
+def _nearest(t: Array, truths: Mapping[str, Array], least: float) -> float:
+    """Time [s] of the first sample at which two vehicles are nearer than ``least`` [m], or nearest."""
+    distance = np.min(
+        [np.linalg.norm(a[:, :3] - b[:, :3], axis=1) for a, b in combinations(truths.values(), 2)], axis=0
+    )
+    return float(t[np.argmax(distance < least)] if (distance < least).any() else t[distance.argmin()])
+
+
+def _deadline(outcome: RunResult) -> list[tuple[str, float, float]]:
+    left, deadline = outcome.summary["deadline_left_s"], outcome.summary["deadline_s"]
+    return [] if left is None else [("deadline", left / deadline, deadline)]
+
+
+def _announced(kind: str, t: float, events: list[Event]) -> bool:
+    """True if an event before ``t`` [s] said that this was no longer guaranteed, and none since that it is."""
+    if kind == "deadline":
+        return any(event.kind in DELAYS and event.t < t for event in events)
+    for loss, end in LOSSES.items():
+        begun = max((event.t for event in events if event.kind == loss and event.t < t), default=None)
+        if begun is None:
+            continue
+        over = min((event.t for event in events if event.kind == end and event.t >= begun), default=math.inf)
+        if t <= over + (ANSWER if loss == "tracking-breach" else 0.0):
+            return True
+    return False

@@ -1,0 +1,47 @@
+"""How much of a run was flown as the planner chose."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from mathnavi.models.aerial.plan_status import FlightPhase
+from mathnavi.sim.interfaces.signals import Plan
+from mathnavi.sim.metrics.planning import planner_share
+
+CHOSEN, AFTER = FlightPhase.OPTIMISED, FlightPhase.CRUISE
+
+
+def plan(t_start: float, *arcs: tuple[float, int], notes: tuple[str, ...] = ()) -> Plan:
+    """Arcs of (duration [s], phase) from a start [s]."""
+    t = t_start + np.concatenate([[0.0], np.cumsum([duration for duration, _ in arcs])])
+    zeros = np.zeros((len(t), 6))
+    return Plan(t, zeros, zeros[1:, :3], np.array([phase for _, phase in arcs], np.int64), notes=notes)
+
+
+FIRST = plan(0.0, (4.0, CHOSEN), (16.0, AFTER))
+
+
+@pytest.mark.parametrize(
+    ("plans", "share"),
+    [
+        ([], 0.0),
+        ([(0.0, FIRST)], 0.2),  # asked once: what follows the optimised part is nobody's choice
+        ([(0.0, FIRST), (2.0, plan(2.0, (4.0, CHOSEN), (20.0, AFTER)))], 0.3),
+        ([(0.0, plan(0.0, (50.0, CHOSEN)))], 1.0),
+        ([(0.0, plan(0.0, (5.0, CHOSEN)))], 0.25),  # and then there is no plan
+        ([(0.0, plan(0.0, (8.0, FlightPhase.CLIMB), (12.0, AFTER)))], 1.0),  # its planner marks nothing
+        ([(0.0, plan(0.0, (20.0, AFTER), notes=("fallback-plan",)))], 0.0),
+        ([(0.0, FIRST), (10.0, plan(10.0, (20.0, AFTER), notes=("guarantee-lost", "rebased")))], 0.2),
+        ([(0.0, FIRST), (10.0, plan(10.0, (20.0, CHOSEN), notes=("rebased",)))], 0.7),
+        ([(5.0, plan(5.0, (30.0, CHOSEN)))], 0.75),  # late in the beginning
+    ],
+)
+def test_the_share_is_that_of_what_the_planner_chose(plans: list[tuple[float, Plan]], share: float) -> None:
+    assert planner_share(0.0, 20.0, plans) == pytest.approx(share)
+
+
+def test_a_run_without_duration_has_no_share() -> None:
+    assert planner_share(3.0, 3.0, [(3.0, dataclasses.replace(FIRST, t=FIRST.t + 3.0))]) == 0.0

@@ -45,7 +45,7 @@ _UP, _ASIDE = (0.0, 0.35, 0.7), (0.0, -0.5, 0.5)  # places of rest beside that o
 class FasterConfig(FlightConfig):
     """Fields of ``--planner``."""
 
-    braking: Positive = 1.5
+    braking: Positive = 2.0
     """way that is left before H over the least that the vehicle can stop in, a factor"""
 
 

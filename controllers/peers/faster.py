@@ -31,7 +31,7 @@ from mathnavi.controllers.peers.commitment import first_part, hovering, least_ef
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase, FlightStatus
-from mathnavi.sim.interfaces.bounds import Positive, configuration
+from mathnavi.sim.interfaces.bounds import NonNegative, Positive, configuration
 from mathnavi.sim.interfaces.protocols import Planner, Tracker
 from mathnavi.sim.interfaces.signals import Array, Plan, PlanRequest
 
@@ -45,6 +45,8 @@ _UP, _ASIDE = (0.0, 0.35, 0.7), (0.0, -0.5, 0.5)  # places of rest beside that o
 class FasterConfig(FlightConfig):
     """Fields of ``--planner``."""
 
+    margin: NonNegative = 50.0
+    """what the whole trajectory keeps above h_min, softly [m]"""
     braking: Positive = 2.0
     """way that is left before H over the least that the vehicle can stop in, a factor"""
 

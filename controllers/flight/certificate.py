@@ -15,6 +15,7 @@ from enum import Enum
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 
 from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.models.aerial.dynamics import state_at
@@ -197,11 +198,16 @@ def _raised(terrain: HeightField, horizontal: float, vertical: float) -> HeightF
     return terrain.inflated(horizontal, vertical)
 
 
+@njit(cache=True, nogil=True)
 def _extent(p: Array, v: Array, a: Array, duration: Array) -> tuple[float, float]:
     """Least and greatest of p + v t + a t^2 / 2 over 0 <= t <= duration, of all arcs (K,)."""
-    vertex = np.clip(np.divide(-v, a, out=duration.copy(), where=a != 0.0), 0.0, duration)
-    met = np.concatenate([p + t * v + 0.5 * t * t * a for t in (np.zeros(len(p)), vertex, duration)])
-    return float(met.min()), float(met.max())
+    least, greatest = np.inf, -np.inf
+    for k in range(len(p)):
+        vertex = min(max(-v[k] / a[k], 0.0), duration[k]) if a[k] != 0.0 else duration[k]
+        for t in (0.0, vertex, duration[k]):
+            met = p[k] + t * v[k] + 0.5 * t * t * a[k]
+            least, greatest = min(least, met), max(greatest, met)
+    return least, greatest
 
 
 def _malformed(plan: Plan) -> Refusal | None:
@@ -213,7 +219,7 @@ def _malformed(plan: Plan) -> Refusal | None:
         return Refusal(Status.NOT_FINITE, "t, x or u is not finite")
     if (np.diff(plan.t) <= 0.0).any():
         return Refusal(Status.MALFORMED, "times do not increase")
-    if not np.isin(plan.phase, list(FlightPhase)).all():
+    if ((plan.phase < 0) | (plan.phase >= len(FlightPhase))).any():
         return Refusal(
             Status.MALFORMED, f"phases {np.unique(plan.phase).tolist()}; allowed {[int(p) for p in FlightPhase]}"
         )

@@ -25,7 +25,8 @@ from mathnavi.controllers.flight.certificate import Certificate, remainder
 from mathnavi.controllers.flight.certified import doubt
 from mathnavi.controllers.flight.completion import ArcList
 from mathnavi.controllers.flight.kernels.stopping import Limits, completed, margin_of, nearest
-from mathnavi.controllers.flight.tracker import CriticallyDamped
+from mathnavi.controllers.flight.plugin import FlightConfig
+from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.kernels import arc_at
 from mathnavi.models.aerial.mission import FlightMission
@@ -97,6 +98,12 @@ class CommandFilter:
         self._margins = np.empty(0)  # (K,) [m] of the stored plan's arcs
         self._certified = False  # True if the stored plan is
         self._t = -np.inf  # [s] of the last step
+
+    @staticmethod
+    def of(mission: FlightMission, bandwidth: float = FlightConfig.bandwidth) -> CommandFilter:
+        """The filter of a mission with the tracker of the controller ``flight``; errors as of its making."""
+        bound = tracking_bound(bandwidth, mission)
+        return CommandFilter(mission, CriticallyDamped(mission.control_period, bandwidth, bound))
 
     def updated_with(self, messages: Sequence[Message]) -> None:
         """Take in what is learnt of target and map (``models.aerial.knowledge``)."""

@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.controllers.flight.command_filter import CommandFilter
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.loop import Loop, whole_ticks
 from mathnavi.sim.interfaces.fields import with_fields
@@ -110,6 +111,24 @@ class EpisodeRunner:
         return self._task.inputs[self.names[0]]
 
     @property
+    def t(self) -> float:
+        """Time [s] of the last sample."""
+        return self._loop.t
+
+    @property
+    def estimates(self) -> Mapping[str, Estimate]:
+        """The newest estimate of each vehicle."""
+        return self._sample.estimates
+
+    def filters(self) -> Mapping[str, CommandFilter]:
+        """Fresh safety filters, one for each vehicle; ValueError for a scenario that states none."""
+        if self._task.filters is None:
+            raise ValueError(
+                f"scenario = {self._scenario!r} states no safety filter; allowed: safe-flight, simultaneous-arrival"
+            )
+        return self._task.filters()
+
+    @property
     def recording(self) -> Recording:
         """The log of the episode so far, the truth included; ValueError before the first one."""
         self._begun()
@@ -136,7 +155,7 @@ class EpisodeRunner:
         the bounds of the inputs is brought back by the plant, as in any run. A control step without
         a finite cost, because the physics has lost the state, costs nothing.
         """
-        closed_loop, loop, commands = self._begun(), self._loop, self._checked(command)
+        closed_loop, loop, commands = self._begun(), self._loop, self.checked(command)
         if loop.over or self._finished:
             raise ValueError(f"step() at {loop.t:.6g} s: the episode is over; allowed: after reset()")
         cost = 0.0
@@ -172,8 +191,8 @@ class EpisodeRunner:
             raise ValueError("no episode has begun; allowed: after reset()")
         return self._closed_loop
 
-    def _checked(self, command: Any) -> dict[str, Array]:
-        """The command of each vehicle."""
+    def checked(self, command: Any) -> dict[str, Array]:
+        """The command (nu,) of each vehicle; ValueError for one of another shape or not finite."""
         u = np.array(command, dtype=np.float64)
         size = len(self.inputs.names)
         shape = (len(self.names), size) if len(self.names) > 1 else (size,)

@@ -103,7 +103,7 @@ class SafeFlight:
             mission=_record(config, flight, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=terrain["path"], start=mission.start, target=mission.target),
             terrain=terrain,
-            task=flight_task((VEHICLE,), mission.acceleration_max, parts.controller, ends),
+            task=flight_task({VEHICLE: mission}, mission.acceleration_max, parts.controller, ends),
         )
 
 

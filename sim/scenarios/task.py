@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from mathnavi.controllers.flight.command_filter import CommandFilter
 from mathnavi.sim.interfaces.signals import Array, Estimate
 
 
@@ -51,6 +52,7 @@ class Task:
     cost: StageCost
     observed: tuple[str, ...] = ()  # of an estimate's ``extra``, what the vehicle cannot be commanded without
     mission: Mapping[str, Any] = field(default_factory=dict)  # fields that keep what was drawn of the mission
+    filters: Callable[[], Mapping[str, CommandFilter]] | None = None  # makes a safety filter for each vehicle
 
 
 def squared_error(vehicle: str, error: Callable[[Array, Array], Array]) -> StageCost:

@@ -102,7 +102,7 @@ class SafetyFilter:
             flown          "proposed", "nearest" or "stored plan"
             reason         why the proposed command is not certified
             distance       [m/s^2] between the two
-            margin         [m] of clearance beyond clearance_min and the tracking bound, until the plan flown has stopped
+            margin         [m] of clearance beyond clearance_min and tracking bound, until the plan flown has stopped
             guaranteed     False while the guarantee is lost, and ``announced`` why
             breach         True if the vehicle was outside the tracking bound of the plan stored before
 

@@ -85,6 +85,11 @@ class EpisodeRunner:
         self._controller = PluginSpec.of(load("controllers", plugin.controller))  # of which the mission is made
         self._estimator = PluginSpec.of(load("estimators", wanted)) if isinstance(wanted, str) else wanted
         self._config = with_fields(plugin.Config(), fields or {})
+        if getattr(self._config, "filter", False):
+            raise ValueError(
+                "filter = True is for a run; allowed for an environment: SafetyFilterWrapper or FilteredEnvironment "
+                "around it"
+            )
         first = self._built(seed)
         self._task = _task(scenario, first)
         self._config = dataclasses.replace(self._config, **self._task.mission)

@@ -1,8 +1,8 @@
 """The safety filter around the commands of an episode, for the wrappers of Gymnasium and dm_env.
 
 Each vehicle has a filter of its own (``mathnavi.controllers.flight.command_filter``), which sees its estimate and never
-the truth. It guards a vehicle against the ground and the edge of the map; what it knows of the map is what is charted at
-the start. It does not keep the vehicles of a fleet apart.
+the truth. It guards a vehicle against the ground and the edge of the map; what it knows of the map is what is charted
+at the start. It does not keep the vehicles of a fleet apart.
 """
 
 from __future__ import annotations

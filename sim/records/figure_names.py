@@ -23,7 +23,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
     "safety": (
         "min_clearance_m", "separation_min_m", "separation_allowed_m", "nearest_pair", "wall_clearance_min_m",
         "ground_contacts", "touched_wall", "speed_max_m_s",
-        "missed_passes", "guarantee_lost",
+        "missed_passes", "guarantee_lost", "filtered_share", "filter_margin_min_m",
     ),
     "tracking": (
         "attitude_rms_rad", "settled_at_s",

@@ -192,12 +192,16 @@ class CommandFilter:
         """Store a plan that stops at once, uncertified, if it has more clearance than the rest of the stored one."""
         if not np.isfinite(x).all():
             raise ValueError(f"the first state = {x.tolist()}; allowed: finite numbers")
-        arcs = ArcList.begin(t, x)
         speed, a_max = float(np.linalg.norm(x[3:])), self._certificate.acceleration_max
         duration = max(speed / a_max, self.period)
-        arcs.add(-x[3:] / duration, duration, FlightPhase.MANOEUVRE)
-        arcs.rest()
-        plan = arcs.plan(np.nan, np.nan)
+        braking = -x[3:] / duration
+        climb = margin_of(self._limits, x, braking)[1]
+        plan = Plan(*completed(self._limits, self._certificate.target, t, x, braking, climb))
+        if not len(plan.u):  # off the map
+            arcs = ArcList.begin(t, x)
+            arcs.add(braking, duration, FlightPhase.MANOEUVRE)
+            arcs.rest()
+            plan = arcs.plan(np.nan, np.nan)
         if self.stored is not None:
             present = self._certificate.clearances(remainder(self.stored, t))
             if not self._certificate.clearances(plan).min() > present.min():

@@ -96,6 +96,7 @@ class CommandFilter:
                 "clearance and the tracking bound leave"
             )
         self._margins = np.empty(0)  # (K,) [m] of the stored plan's arcs
+        self._stopped = 0  # how many of them end when the vehicle has stopped
         self._certified = False  # True if the stored plan is
         self._t = -np.inf  # [s] of the last step
 
@@ -211,14 +212,14 @@ class CommandFilter:
     def _store(self, plan: Plan, *, certified: bool) -> None:
         self.stored, self._certified = plan, certified
         self._margins = self._certificate.clearances(plan) - self._certificate.clearance_min
+        self._stopped = int((plan.phase <= FlightPhase.MANOEUVRE).sum())
 
     def _margin(self, t: float) -> float:
         """Least margin [m] of the stored plan from t [s] until it has stopped, of the present arc once it has."""
         assert self.stored is not None
         last = len(self._margins) - 1
         arc = min(max(arc_at(self.stored.t, t), 0), last)
-        stopped = int(np.searchsorted(self.stored.phase > FlightPhase.MANOEUVRE, True))
-        return float(self._margins[arc : max(arc + 1, stopped)].min())
+        return float(self._margins[arc : max(arc + 1, self._stopped)].min())
 
 
 def _limits(certificate: Certificate, period: float) -> Limits:

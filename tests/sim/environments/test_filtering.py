@@ -51,7 +51,8 @@ def test_a_diving_policy_touches_nothing_and_info_says_what_was_flown(built_once
     infos = []
     for _ in range(900):
         _, _, terminated, truncated, info = env.step(np.array([4.0, 2.0, -20.0]))
-        assert not (terminated or truncated)
+        assert not terminated
+        assert not truncated
         infos.append(info["filter"])
     path = env.unwrapped.episode.recording.truths["vehicle"]
     clearance = path[:, 2] - terrain.height(path[:, 0], path[:, 1])

@@ -15,6 +15,7 @@ certified command on it is regained.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -31,9 +32,11 @@ from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.models.aerial.kernels import arc_at
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.plan_status import FlightPhase
+from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan
 
 _ROUNDING = 1e-6  # of a period
+_SLOW = 0.05  # bandwidth times period of a tracker on the plan itself, which has nothing to feed back
 Flown = Literal["proposed", "nearest", "stored plan"]
 
 CANDIDATES = 32
@@ -44,8 +47,9 @@ CANDIDATES = 32
 class FilteredCommand:
     """A command, and why it is that one."""
 
-    u: Array  # (3,) [m/s^2]
+    u: Array  # (nu,) of the actuators; of a point mass the acceleration (3,) [m/s^2]
     flown: Flown
+    distance: float  # [m/s^2] of the acceleration that is flown from the proposed one
     reason: str  # why the proposed command is not certified; "" where it is flown
     margin: float  # [m] least clearance beyond h_min and the tracking bound until the plan that is flown has stopped
     lost: str  # why the guarantee is lost; "" while it holds
@@ -56,14 +60,13 @@ class FilteredCommand:
         """True if another command than the proposed one is flown."""
         return self.flown != "proposed"
 
-    def info(self, proposed: Array) -> dict[str, Any]:
-        """The same as plain values by name, with the distance [m/s^2] from the ``proposed`` command (3,)."""
-        distance = float(np.linalg.norm(self.u - proposed)) if self.intervened else 0.0
+    def info(self) -> dict[str, Any]:
+        """The decision as plain values by name."""
         return {
             "intervened": self.intervened,
             "flown": self.flown,
             "reason": self.reason,
-            "distance": distance,
+            "distance": self.distance,
             "margin": self.margin,
             "guaranteed": not self.lost,
             "announced": self.lost,
@@ -81,7 +84,9 @@ class CommandFilter:
         """
         if candidates < 0:
             raise ValueError(f"candidates = {candidates!r}; allowed: a whole number >= 0")
-        self.period, self.bound = tracker.period, tracker.bound
+        self.period = self.hold = tracker.period
+        """[s] between two steps, for which a command is held"""
+        self.bound = tracker.bound
         self.stored: Plan | None = None
         """the plan that is flown unless a command is certified; None before the first step"""
         self._tracker, self._candidates = tracker, candidates
@@ -136,17 +141,18 @@ class CommandFilter:
         if unsure:
             if self.stored is None:
                 self._recover(t, x)
-            return self._tracked(t, estimate, unsure, unsure, breach)
+            return self._tracked(t, estimate, u, unsure, unsure, breach)
         reason = self._adopt(x, u) if np.isfinite(u).all() else "it is not finite"
         if not reason:
-            return FilteredCommand(u, "proposed", "", self._margin(t), "", breach)
+            return FilteredCommand(u, "proposed", 0.0, "", self._margin(t), "", breach)
         nearest_command = self._nearest(t, estimate, u) if np.isfinite(u).all() else None
         if nearest_command is not None:
-            return FilteredCommand(nearest_command, "nearest", reason, self._margin(t), "", breach)
+            distance = float(np.linalg.norm(nearest_command - u))
+            return FilteredCommand(nearest_command, "nearest", distance, reason, self._margin(t), "", breach)
         lost = "" if self._certified and not breach else f"no command is certified: {reason}"
         if self.stored is None or breach:
             self._recover(t, x)
-        return self._tracked(t, estimate, reason, lost, breach)
+        return self._tracked(t, estimate, u, reason, lost, breach)
 
     def _adopt(self, x: Array, u: Array, climb: float | None = None) -> str:
         """Store the plan behind a command (3,) if it is certified; else the reason why not.
@@ -177,11 +183,14 @@ class CommandFilter:
                 return command
         return None
 
-    def _tracked(self, t: float, estimate: Estimate, reason: str, lost: str, breach: bool) -> FilteredCommand:
+    def _tracked(
+        self, t: float, estimate: Estimate, proposed: Array, reason: str, lost: str, breach: bool
+    ) -> FilteredCommand:
         """Track the stored plan."""
         assert self.stored is not None
         u = self._command(t, estimate, self.stored)
-        return FilteredCommand(u, "stored plan", reason, self._margin(t), lost, breach)
+        distance = float(np.linalg.norm(u - proposed))
+        return FilteredCommand(u, "stored plan", distance, reason, self._margin(t), lost, breach)
 
     def _command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
         """The tracker's command (3,), without feedback where the estimate is not finite."""
@@ -220,6 +229,42 @@ class CommandFilter:
         last = len(self._margins) - 1
         arc = min(max(arc_at(self.stored.t, t), 0), last)
         return float(self._margins[arc : max(arc + 1, self._stopped)].min())
+
+
+class TrackedCommandFilter:
+    """Filter of the accelerations that a tracker flies with other actuators, the rotors of a quadrotor for one.
+
+    An acceleration is proposed for ``hold`` [s], so long as the tracker's bound takes a plan to be, and starts on the
+    plan being flown: the vehicle cannot jump onto its estimate. In between the tracker follows the plan.
+    """
+
+    def __init__(self, mission: FlightMission, tracker: Any, hold: float) -> None:
+        """``mission`` is that of the point mass that ``tracker``, which states its ``bound``, keeps the vehicle near.
+
+        Raises ValueError if the bound leaves nothing to fly with.
+        """
+        self.period, self.hold, self.bound = tracker.period, hold, tracker.bound
+        self._tracker = tracker
+        self._filter = CommandFilter(mission, CriticallyDamped(hold, _SLOW / hold, tracker.bound))
+        self._decided: FilteredCommand | None = None
+        self._next = -np.inf  # [s] at which a proposal is taken up
+
+    def step(self, t: float, estimate: Estimate, proposed: Array) -> FilteredCommand:
+        """The input (nu,) of the actuators from t [s] on; ``proposed`` (3,) [m/s^2] is taken up once a ``hold``.
+
+        Raises ValueError as ``CommandFilter.step`` and the tracker do.
+        """
+        stored = self._filter.stored
+        breach = stored is not None and self.bound.broken_by(estimate.x - state_at(stored, t))
+        if self._decided is None or t >= self._next - TIME_TOLERANCE:
+            x = estimate.x if stored is None or breach else state_at(stored, t)
+            self._decided = self._filter.step(t, dataclasses.replace(estimate, x=x), proposed)
+            self._next, stored = t + self.hold, self._filter.stored
+            breach = self._decided.breach
+        assert stored is not None
+        lost = self._decided.lost or ("the vehicle is outside its tracking bound" if breach else "")
+        u = self._tracker.command(t, estimate, stored)
+        return dataclasses.replace(self._decided, u=u, lost=lost, breach=breach)
 
 
 def _limits(certificate: Certificate, period: float) -> Limits:

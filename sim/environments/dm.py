@@ -34,6 +34,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, drawn_seed
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.scenarios.task import Inputs
 
 
 def load(scenario: str, *, seed: int = 0, estimator: PluginSpec | str | None = None, **fields: Any) -> Environment:
@@ -89,7 +90,10 @@ class Environment(dm_env.Environment):
 
     def action_spec(self) -> specs.Array:
         """(nu,), of a fleet (n, nu); its name says what is commanded, with units."""
-        inputs = self.episode.inputs
+        return self.spec_of(self.episode.inputs)
+
+    def spec_of(self, inputs: Inputs) -> specs.Array:
+        """Specs of the commands to such inputs of every vehicle."""
         low, high = (self.episode.rows([bound] * len(self.episode.names)) for bound in (inputs.low, inputs.high))
         name = ", ".join(inputs.names)
         if np.isinf(low).any() or np.isinf(high).any():
@@ -125,12 +129,18 @@ class FilteredEnvironment(dm_env.Environment):
         """Hold the filtered action for a period; before the first episode and after the end of one, begin the next."""
         if self.environment.fresh:
             return self.reset()
-        command, self.info = self._filter.filtered(action)
-        return self.environment.step(command)
+        reward = 0.0
+        for _ in range(self._filter.repeats):
+            made = self.environment.step(self._filter.filtered(action))
+            reward += made.reward
+            if made.last():
+                break
+        self.info = self._filter.decided()
+        return made._replace(reward=reward)
 
     def action_spec(self) -> specs.Array:
         """Specs of what may be proposed."""
-        return self.environment.action_spec()
+        return self.environment.spec_of(self._filter.inputs)
 
     def observation_spec(self) -> dict[str, specs.Array]:
         """Specs of what is observed."""

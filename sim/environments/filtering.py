@@ -3,16 +3,21 @@
 Each vehicle has a filter of its own (``mathnavi.controllers.flight.command_filter``), which sees its estimate and never
 the truth. It guards a vehicle against the ground and the edge of the map; what it knows of the map is what is charted
 at the start. It does not keep the vehicles of a fleet apart.
+
+To point masses an acceleration is proposed for each period of the tracker. To a quadrotor accelerations are proposed
+too, for each period of its planner, and not thrusts: its tracker flies them, for from an attitude that anything may
+have led to no way to rest is certified.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
 from typing import Any
 
-from mathnavi.controllers.flight.command_filter import CommandFilter
+from mathnavi.controllers.flight.command_filter import FilteredCommand
+from mathnavi.sim.engine.loop import whole_ticks
 from mathnavi.sim.environments.episode_runner import EpisodeRunner
-from mathnavi.sim.interfaces.signals import Array
+from mathnavi.sim.scenarios.task import Inputs
 
 
 class EpisodeFilter:
@@ -21,24 +26,45 @@ class EpisodeFilter:
     def __init__(self, episode: EpisodeRunner) -> None:
         """ValueError for a scenario that states no safety filter."""
         self._episode = episode
-        self._filters: Mapping[str, CommandFilter] = episode.filters()
-        self._interventions = dict.fromkeys(episode.names, 0)
+        self.begin()
+        hold = next(iter(self._filters.values())).hold
+        self.repeats = whole_ticks(hold, episode.period, "the time for which a command is held")
+        """periods of the tracker for which a proposal is held"""
+
+    @property
+    def inputs(self) -> Inputs:
+        """Commands that may be proposed to each vehicle."""
+        return self._episode.proposals
 
     def begin(self) -> None:
         """Fresh filters, for a new episode."""
         self._filters = self._episode.filters()
         self._interventions = dict.fromkeys(self._episode.names, 0)
+        self._answers: dict[str, list[FilteredCommand]] = {name: [] for name in self._episode.names}
 
-    def filtered(self, proposed: Any) -> tuple[Array, dict[str, Any]]:
-        """The command (nu,), of a fleet (n, nu), in place of a proposed one, and what was decided.
+    def filtered(self, proposed: Any) -> Any:
+        """The command (nu,) for the tracker's period, of a fleet (n, nu), in place of a proposed one.
 
-        That is ``FilteredCommand.info``, with the number of "interventions" so far and what is "guarded"; of a fleet
-        one for each vehicle, by its name. ValueError for a command of another shape or not finite.
+        ValueError for a proposal of another shape or not finite.
         """
-        commands, infos = [], {}
-        for name, u in self._episode.checked(proposed).items():
+        commands = []
+        for name, u in self._episode.checked(proposed, self.inputs).items():
             answer = self._filters[name].step(self._episode.t, self._episode.estimates[name], u)
-            self._interventions[name] += answer.intervened
+            self._answers[name].append(answer)
             commands.append(answer.u)
-            infos[name] = {**answer.info(u), "interventions": self._interventions[name], "guarded": ("ground", "map")}
-        return self._episode.rows(commands), infos if len(infos) > 1 else next(iter(infos.values()))
+        return self._episode.rows(commands)
+
+    def decided(self) -> dict[str, Any]:
+        """What was decided since this was asked last, for one proposal; of a fleet by vehicle.
+
+        That is ``FilteredCommand.info``, whatever was announced meanwhile included, with the number of "interventions"
+        so far and what is "guarded".
+        """
+        infos = {}
+        for name, answers in self._answers.items():
+            self._interventions[name] += answers[0].intervened
+            lost = next((answer for answer in answers if answer.lost), answers[-1])
+            whole = dataclasses.replace(lost, breach=any(answer.breach for answer in answers))
+            infos[name] = {**whole.info(), "interventions": self._interventions[name], "guarded": ("ground", "map")}
+            answers.clear()
+        return infos if len(infos) > 1 else next(iter(infos.values()))

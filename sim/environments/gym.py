@@ -24,6 +24,7 @@ from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, Ob
 from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.interfaces.signals import Array
 from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.scenarios.task import Inputs
 
 
 class ScenarioEnv(gymnasium.Env[Observation, Array]):
@@ -38,12 +39,16 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
         """
         self.episode = EpisodeRunner(scenario, seed, estimator, fields)
         """the mission, one episode after the other"""
-        inputs, n = self.episode.inputs, len(self.episode.names)
-        low, high = (self.episode.rows([bound] * n) for bound in (inputs.low, inputs.high))
-        self.action_space = spaces.Box(low, high, dtype=np.float64)
+        self.action_space = self.space_of(self.episode.inputs)
         self.observation_space = spaces.Dict(
             {name: _space(name, value) for name, value in self.episode.example.items()}
         )
+
+    def space_of(self, inputs: Inputs) -> spaces.Box:
+        """Space of the commands to such inputs of every vehicle."""
+        n = len(self.episode.names)
+        low, high = (self.episode.rows([bound] * n) for bound in (inputs.low, inputs.high))
+        return spaces.Box(low, high, dtype=np.float64)
 
     @property
     def mission(self) -> dict[str, Any]:
@@ -82,6 +87,7 @@ class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Arr
         if not isinstance(env.unwrapped, ScenarioEnv):
             raise ValueError(f"env = a {type(env.unwrapped).__name__}; allowed: a ScenarioEnv")
         self._filter = EpisodeFilter(env.unwrapped.episode)
+        self.action_space = env.unwrapped.space_of(self._filter.inputs)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -92,10 +98,14 @@ class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Arr
         return begun
 
     def step(self, action: Array) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
-        """Hold the filtered action for a period."""
-        command, decided = self._filter.filtered(action)
-        observation, reward, terminated, truncated, info = self.env.step(command)
-        return observation, reward, terminated, truncated, {**info, "filter": decided}
+        """Hold the filtered action for a period; the reward is that of all of it."""
+        total = 0.0
+        for _ in range(self._filter.repeats):
+            observation, reward, terminated, truncated, info = self.env.step(self._filter.filtered(action))
+            total += float(reward)
+            if terminated or truncated:
+                break
+        return observation, total, terminated, truncated, {**info, "filter": self._filter.decided()}
 
 
 def _space(name: str, value: Any) -> spaces.Space[Any]:

@@ -243,7 +243,8 @@ def flight_task(
     def filters() -> dict[str, CommandFilter]:
         return {name: CommandFilter.of(flight) for name, flight in flights.items()}
 
-    return Task(dict.fromkeys(names, inputs), cost, mission=mission, filters=filters)
+    commanded = dict.fromkeys(names, inputs)
+    return Task(commanded, cost, mission=mission, filters=filters, proposals=commanded)
 
 
 def terrain_record(terrain: HeightField, name_or_path: str, **others: Any) -> dict[str, Any]:

@@ -116,4 +116,4 @@ class SafetyFilter:
         with raising(MissionError):
             answer = self._filter.step(float(t), estimate, u)
         self.interventions += answer.intervened
-        return answer.u, {**answer.info(u), "interventions": self.interventions}
+        return answer.u, {**answer.info(), "interventions": self.interventions}

@@ -190,9 +190,9 @@ def _flown(runner: EpisodeRunner, asked: Episodes, rngs: Sequence[np.random.Gene
         for _ in range(round(asked.seconds / runner.period)):
             proposed = policy.command(float(observation["t"]), observation["x"])
             began = time.thread_time()
-            u, info = safe.filtered(proposed)
+            u = safe.filtered(proposed)
             times.append(1e3 * (time.thread_time() - began))
-            infos.append(info)
+            infos.append(safe.decided())
             made = runner.step(u)
             observation = made.observation
             if made.last:

@@ -15,7 +15,7 @@ from mathnavi.sim.environments.dm import FilteredEnvironment
 from mathnavi.sim.environments.gym import SafetyFilterWrapper, ScenarioEnv
 from tests.sim.environments import missions
 
-FILTERED = ("safe-flight", "simultaneous-arrival")
+FILTERED = ("safe-flight", "simultaneous-arrival", "quadrotor-canyon")
 
 
 @pytest.fixture
@@ -70,6 +70,20 @@ def test_each_vehicle_of_a_fleet_has_its_own_and_info_says_what_is_guarded() -> 
     assert not first["intervened"]
     assert second["intervened"]
     assert first["guarded"] == ("ground", "map")
+
+
+def test_a_quadrotor_is_proposed_accelerations_and_stays_near_the_plan_behind_them() -> None:
+    environment = FilteredEnvironment(missions.environment("quadrotor-canyon"))
+    environment.reset()
+    assert environment.action_spec().shape == (3,)
+    rng, infos = np.random.default_rng(0), []
+    for push in np.repeat(rng.normal(size=(10, 3)), 4, axis=0):
+        step = environment.step(2.0 * push - [0.0, 0.0, 1.0])
+        assert not step.last()
+        infos.append(environment.info)
+    assert any(info["intervened"] for info in infos)
+    assert not any(info["breach"] or info["announced"] for info in infos)
+    assert not any(event.kind == "contact" for event in environment.environment.recording.events)
 
 
 def test_a_scenario_without_a_filter_and_a_strange_environment_are_refused(built_once: None) -> None:

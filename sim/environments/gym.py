@@ -44,7 +44,7 @@ class ScenarioEnv(gymnasium.Env[Observation, Array]):
             {name: _space(name, value) for name, value in self.episode.example.items()}
         )
 
-    def space_of(self, inputs: Inputs) -> spaces.Box:
+    def space_of(self, inputs: Inputs) -> spaces.Space[Any]:
         """Space of the commands to such inputs of every vehicle."""
         n = len(self.episode.names)
         low, high = (self.episode.rows([bound] * n) for bound in (inputs.low, inputs.high))

@@ -25,7 +25,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "min_clearance_m", "clearance_margin_m", "separation_min_m", "separation_allowed_m", "separation_margin_m",
         "nearest_pair", "wall_clearance_min_m",
         "ground_contacts", "touched_wall", "speed_max_m_s",
-        "missed_passes", "guarantee_lost", "deadlines_lost",
+        "missed_passes", "guarantee_lost", "deadlines_lost", "filtered_share", "filter_margin_min_m",
     ),
     "tracking": (
         "attitude_rms_rad", "settled_at_s",

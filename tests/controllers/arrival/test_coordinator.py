@@ -9,7 +9,8 @@ import pytest
 
 from mathnavi.controllers.arrival.coordinator import AGREEMENT, FleetCoordinator
 from mathnavi.controllers.arrival.maximum import Maximum
-from mathnavi.controllers.arrival.separation import TOPIC, Separation
+from mathnavi.controllers.arrival.separation import Separation
+from mathnavi.controllers.arrival.separation_rule import TOPIC
 from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.controllers.flight.planner import ARRIVAL
 from mathnavi.models.aerial.dynamics import flow

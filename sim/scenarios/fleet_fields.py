@@ -169,7 +169,7 @@ class FleetFields(LimitFields, FleetEndFields):
     consensus_with: tuple[str, ...] = ()
     """FIELD=VALUE of that plug-in; may be given several times"""
     separation_rule: SeparationRuleName = "agreement"
-    """by which plans are kept apart: flown once all others agree, or (RMADER) if none received meanwhile is in the way"""
+    """keeps plans apart: flown once all others agree, or (RMADER) if none received meanwhile is in the way"""
     delay_check: NonNegative = 0.5
     """delta_DC, how long the latter checks what it receives; it keeps vehicles apart if no message takes longer [s]"""
     control_rate: Rate = MissionFields.control_rate

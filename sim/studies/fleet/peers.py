@@ -164,7 +164,7 @@ def claim(groups: Mapping[tuple[int, str, str], Sequence[Record]]) -> Claim:
     }
     contacts = int(figures(ours, "ground_contacts").sum())
     return Claim(
-        "fleet.peers", "target", "Fleets that swap places come too close under no delay and no loss of messages.",
+        "fleet.peers", "target", "Fleets that swap places keep apart, whatever the delay or the loss of messages.",
         "A.8", "by agreement: no contact and no pair closer than the zone, whatever becomes of the messages; by the "
         "delay check of RMADER on the same missions: as measured",
         f"by agreement {_close(ours)} of {len(ours)} fleets too close, {contacts} contacts; by the delay check "
@@ -245,15 +245,17 @@ def _draw(
 ) -> None:
     places = list(dict.fromkeys((condition, size) for size, condition, _ in groups))
     drawn: set[str] = set()
+    top = 0.0
     for (size, condition, rule), records in groups.items():
         values = np.asarray(figures(records, key), dtype=np.float64)
         values = values / figures(records, over) if over else values
         x = places.index((condition, size)) + (-0.12 if rule == OURS else 0.12)
         label = None if rule in drawn else LABELS[rule]
         drawn.add(rule)
+        top = float(np.nanmax(np.append(values, top)))
         axes.plot(np.full(len(values), x), values, "o", ms=5, alpha=0.75, color=COLOURS[rule], label=label)
     axes.set_xticks(
         range(len(places)), [f"{condition}, {size}" for condition, size in places], rotation=30, ha="right", fontsize=8
     )
-    axes.set_ylim(0.0, None)
+    axes.set_ylim(0.0, 1.1 * top)
     axes.set_title(title)

@@ -45,7 +45,7 @@ def flown(count: int, seed: int, delay: float, seconds: float) -> tuple[float, i
     proposed: dict[str, tuple[int, Plan]] = {}
     least, adopted = np.inf, 0
     for k in range(round(seconds / STEP)):
-        t = k * STEP
+        t, before = k * STEP, adopted
         for name in rng.permutation(list(vehicles)):
             vehicle = vehicles[name]
             for receiver, message in vehicle.exchange(t, network.receive(name, t)):
@@ -62,13 +62,14 @@ def flown(count: int, seed: int, delay: float, seconds: float) -> tuple[float, i
                 start = t + STEP * rng.integers(8, 20)
                 plan = to_rest(state_at(plans[name], start), rng.uniform(0.0, ROOM, 3), rng.uniform(0.5, 3.0), start)
                 proposed[name] = vehicle.propose(plan), plan
-        for a, b in combinations(plans.values(), 2):
-            least = min(least, float(sampled_distances(a, b, t, 60)[1].min()))
+        if adopted > before:  # only then are there new plans
+            for a, b in combinations(plans.values(), 2):
+                least = min(least, float(sampled_distances(a, b, t, 60)[1].min()))
     assert all(vehicle.guaranteed for vehicle in vehicles.values())
     return least, adopted
 
 
-@settings(max_examples=25)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 5), st.sampled_from([0.0, 0.25, CHECK]))
 def test_current_plans_are_apart_for_ever_while_no_message_takes_longer_than_the_check(
     seed: int, count: int, delay: float

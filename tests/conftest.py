@@ -31,7 +31,7 @@ def every_module_has_one_name() -> Iterator[None]:
     yield
     from tests.one_name import bare
 
-    assert bare(sys.modules) == []
+    assert [name for name in bare(sys.modules) if "." in name] == []  # a folder itself, tried in vain, holds nothing
 
 
 @pytest.fixture(scope="session", autouse=True)

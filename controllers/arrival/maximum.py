@@ -33,6 +33,7 @@ class Maximum:
 
     Config = MaximumConfig
     within_starts = True
+    only_rises = True  # a later time that one vehicle communicates becomes the agreed one
 
     @staticmethod
     def build(config: MaximumConfig, mission: Node) -> Consensus:

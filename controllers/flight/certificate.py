@@ -23,6 +23,7 @@ from enum import Enum
 from functools import lru_cache
 
 import numpy as np
+from numba import njit
 
 from mathnavi.controllers.flight.held_input import NO_LAG, HeldInput
 from mathnavi.models.aerial.dynamics import state_at
@@ -236,12 +237,16 @@ def raised_ground(terrain: HeightField, across: float, rise: float) -> HeightFie
     return terrain.inflated(across, rise)
 
 
+@njit(cache=True, nogil=True)
 def _extent(p: Array, v: Array, a: Array, duration: Array) -> tuple[float, float]:
     """Least and greatest of p + v t + a t^2 / 2 over 0 <= t <= duration, of all arcs (K,)."""
-    with np.errstate(over="ignore"):  # of hardly any acceleration the vertex lies beyond every arc
-        vertex = np.clip(np.divide(-v, a, out=duration.copy(), where=a != 0.0), 0.0, duration)
-    met = np.concatenate([p + t * v + 0.5 * t * t * a for t in (np.zeros(len(p)), vertex, duration)])
-    return float(met.min()), float(met.max())
+    least, greatest = np.inf, -np.inf
+    for k in range(len(p)):
+        vertex = min(max(-v[k] / a[k], 0.0), duration[k]) if a[k] != 0.0 else duration[k]
+        for t in (0.0, vertex, duration[k]):
+            met = p[k] + t * v[k] + 0.5 * t * t * a[k]
+            least, greatest = min(least, met), max(greatest, met)
+    return least, greatest
 
 
 def _malformed(plan: Plan) -> Refusal | None:
@@ -253,7 +258,7 @@ def _malformed(plan: Plan) -> Refusal | None:
         return Refusal(Status.NOT_FINITE, "t, x or u is not finite")
     if (np.diff(plan.t) <= 0.0).any():
         return Refusal(Status.MALFORMED, "times do not increase")
-    if not np.isin(plan.phase, list(FlightPhase)).all():
+    if ((plan.phase < 0) | (plan.phase >= len(FlightPhase))).any():
         return Refusal(
             Status.MALFORMED, f"phases {np.unique(plan.phase).tolist()}; allowed {[int(p) for p in FlightPhase]}"
         )

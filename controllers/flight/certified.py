@@ -54,6 +54,26 @@ def _owned(plan: Plan) -> Plan:
     return dataclasses.replace(plan, t=t, x=x, u=u, phase=phase)
 
 
+def doubt(estimate: Estimate, worst: tuple[float, ...]) -> str:
+    """Why a tracking bound cannot be relied on with an estimate; "" if it can.
+
+    ``worst`` are the declared standard deviations of its position [m] and velocity [m/s], at their worst.
+    """
+    if estimate.status is not Status.OK:
+        return str(estimate.status.value)
+    if estimate.covariance is None:
+        return ""
+    variance = np.diag(estimate.covariance)
+    for what, unit, values, declared in (
+        ("position", "m", variance[:3], worst[0]),
+        ("velocity", "m/s", variance[3:], worst[1]),
+    ):
+        deviation = math.sqrt(max(0.0, float(values.max())))
+        if not deviation <= (1.0 + _ROUNDING) * declared + _ROUNDING:
+            return f"the estimate's {what} is off by {deviation:.3g} {unit}, one sigma; declared: {declared:.3g}"
+    return ""
+
+
 class Certified:
     """A planner whose every answer is certified, and which answers something safe where that can be had.
 
@@ -84,9 +104,11 @@ class Certified:
         bound: TrackingBound,
         deadline_factor: float,
         worst: tuple[float, float] = (np.inf, np.inf),
+        start: Array | None = None,
     ) -> None:
         """``worst`` are the declared standard deviations of an estimate's position [m] and velocity [m/s], per axis, at
-        their worst; ``bound`` was made with them.
+        their worst; ``bound`` was made with them. ``start`` (6,) is the state in which the mission begins, if known:
+        the first plan begins there unless the estimate is outside the bound about it.
         """
         if not deadline_factor >= 1.0:
             raise ValueError(f"deadline_factor = {deadline_factor!r}; allowed: >= 1")
@@ -102,7 +124,8 @@ class Certified:
         self._lost = False  # True from when the loss of the guarantee was announced until it is regained
         self._doubted = False  # True while the estimate is lost or worse than declared
         self._breached = False  # True once a breach was answered since the last planning instant
-        self._worst = tuple((1.0 + _ROUNDING) * each + _ROUNDING for each in worst)
+        self._worst = worst
+        self._start = start
         self._flown: Plan | None = None  # the plan being flown, at the last request
         self._lag, self._lag_t = NO_LAG, 0.0  # (6,) [m, m/s] of the vehicle behind it, at [s]
         self._astray = 0  # planning instants at which it has led elsewhere
@@ -127,7 +150,9 @@ class Certified:
         certificate = Certificate.of(mission, tracker.bound, held)
         fallback = partial(StopAndHover, period=planner.period)
         worst = mission.quality.worst(mission.gust)
-        return Certified(planner, fallback, certificate, tracker.bound, mission.deadline_factor, worst)
+        return Certified(
+            planner, fallback, certificate, tracker.bound, mission.deadline_factor, worst, mission.start_state
+        )
 
     def plan(self, request: PlanRequest) -> Plan:
         """The planner's answer if it may be flown; a failure that says why not otherwise."""
@@ -139,10 +164,12 @@ class Certified:
             return Plan.failure(Status.MALFORMED, f"the estimate's state has shape {x.shape}; allowed: (6,)")
         notes = self._listen(request.messages)
         if current is None:
-            plan = self._fresh(request)
+            plan = self._fresh(self._from_start(request))
             if plan.ok:
                 self.deadline = self.promised = request.t + self._factor * (plan.t_end - request.t)
                 self._next_pass = pass_time(plan, self._certificate.target, request.t)
+            else:
+                self._lost, notes = True, (*notes, "guarantee-lost")  # nothing is flown, wherever the vehicle goes
             return dataclasses.replace(plan, notes=notes + plan.notes)
         notes += self._followed(current)
         # That the mission goes on says that the pass was missed. One at this very tick may still be judged.
@@ -154,7 +181,7 @@ class Certified:
             self.deadline = max(self.deadline, request.t + self._factor * left)
         self._follow(current, request.t)
         self._breached = False
-        self._doubted = bool(self._doubt(request.estimate))
+        self._doubted = bool(doubt(request.estimate, self._worst))
         if self._doubted:
             # Nobody knows where the vehicle is: its plan is the best guess, and no estimate to plan from anew.
             self._lost = True
@@ -170,6 +197,12 @@ class Certified:
         plan = self._judged(self._planner, request)
         return dataclasses.replace(plan, notes=notes + self._following(current, plan) + plan.notes)
 
+    def _from_start(self, request: PlanRequest) -> PlanRequest:
+        """The first request, from the start that the mission states where the estimate says nothing else."""
+        if self._start is None or self._bound.broken_by(request.estimate.x - self._start):
+            return request
+        return dataclasses.replace(request, estimate=dataclasses.replace(request.estimate, x=self._start.copy()))
+
     def monitor(self, request: PlanRequest) -> Plan | None:
         """Check at a control step what cannot wait for the next planning instant.
 
@@ -183,32 +216,16 @@ class Certified:
         self._follow(current, request.t)
         if request.messages and (danger := self._danger(current, request.t)) is not None:
             return self._endangered(request, current, danger, ())
-        doubt, doubted = self._doubt(request.estimate), self._doubted
-        self._doubted = bool(doubt)
-        if doubt:
+        reason, doubted = doubt(request.estimate, self._worst), self._doubted
+        self._doubted = bool(reason)
+        if reason:
             self._lost = True
-            return None if doubted else Plan.failure(Status.LOST, doubt, notes=("guarantee-lost",))
+            return None if doubted else Plan.failure(Status.LOST, reason, notes=("guarantee-lost",))
         far = None if self._breached else self._breach(request)
         if far is None:
             return None
         self._breached = True
         return self._rebased(request, request.estimate, ("tracking-breach",), far)
-
-    def _doubt(self, estimate: Estimate) -> str:
-        """Why the tracking bound cannot be relied on with an estimate; "" if it can."""
-        if estimate.status is not Status.OK:
-            return str(estimate.status.value)
-        if estimate.covariance is None:
-            return ""
-        variance = np.diag(estimate.covariance)
-        for what, unit, values, worst in (
-            ("position", "m", variance[:3], self._worst[0]),
-            ("velocity", "m/s", variance[3:], self._worst[1]),
-        ):
-            deviation = math.sqrt(max(0.0, float(values.max())))
-            if not deviation <= worst:
-                return f"the estimate's {what} is off by {deviation:.3g} {unit}, one sigma; declared: {worst:.3g}"
-        return ""
 
     def _breach(self, request: PlanRequest) -> str | None:
         """How far a vehicle outside its tracking bound is from the plan; None for one within."""

@@ -35,6 +35,8 @@ from mathnavi.sim.interfaces.signals import Array, Message, Plan, PlanRequest, S
 _COMMIT_SPEED = 100.0  # [m/s] least mean speed assumed over the last arcs
 _COMMIT_TRIES = 3
 _ON_TIME = 0.1  # [s] by which a plan may miss (A.13)
+_SAMPLES = 17  # of an arc, at which a plan may pass the target
+_NEAR = 1.25  # arrival radii within which it does
 ARRIVAL = "arrival time"  # the topic of messages that ask for one
 ASSURED = "assured arrival time"  # the topic of messages that say when every stored plan arrives
 
@@ -118,12 +120,21 @@ class RecedingHorizon:
         if self._incorporation == "constraint" and abs(error := self._arrival_error(problem, solution)) > _ON_TIME:
             return Plan.failure(Status.INFEASIBLE, f"(A.13) is off by {error:.2f} s", solve_ms=solve_ms)
         plan = self._assembled(problem, solution, request.t_start, solve_ms)
-        if current is not None and self._assured is not None and plan.ok and plan.t_end > self._stored_end():
-            if arrival < self._assured - self._parameters.h and arrival < (self._arrival or 0.0) - self._parameters.h:
-                return stopping(self._certificate, request.t_start, start, self._stored_arrival())
-            late = f"arrives {plan.t_end - self._stored_end():.2f} s after the assured time of {self._assured:.2f} s"
-            return Plan.failure(Status.INFEASIBLE, late, solve_ms=solve_ms)
-        return plan
+        if not plan.ok or not (broken := self._breaks_assurance(plan, current is None)):
+            return plan
+        if current is not None and arrival < min(self._assured or 0.0, self._arrival or 0.0) - self._parameters.h:
+            return stopping(self._certificate, request.t_start, start, self._stored_arrival())
+        return Plan.failure(Status.INFEASIBLE, broken, solve_ms=solve_ms)
+
+    def _breaks_assurance(self, plan: Plan, first: bool) -> str:
+        """Why a plan that is to store its way does not arrive at T_A: later (but for a ``first`` one), or before."""
+        if self._assured is None:
+            return ""
+        if not first and (late := plan.t_end - self._stored_end()) > 0.0:
+            return f"arrives {late:.2f} s after the assured time of {self._assured:.2f} s"
+        if _nearest(plan, self._certificate.target) <= _NEAR * self._certificate.arrival_radius:
+            return f"passes the target before the assured time of {self._assured:.2f} s"
+        return ""
 
     @property
     def parameters(self) -> Parameters:
@@ -226,6 +237,12 @@ class RecedingHorizon:
                 continue
             plan = self._assembled(problem, solution, request.t_start, spent)
             refusal = self._certificate.check(plan) if plan.ok else plan
+            if refusal is None and self._assured is not None and request.t_start + duration > self._assured - _ON_TIME:
+                # The stored plan arrives then, and comes down fast; a slow approach is there too soon.
+                before = self._parameters.h / 2.0
+                if _nearest(plan, target, request.t_start + duration - before) <= self._certificate.arrival_radius:
+                    reason = f"arrival in {duration:.1f} s: within the arrival radius more than {before:.2f} s before"
+                    continue
             if refusal is None:
                 return plan, spent, ""
             reason = f"arrival in {duration:.1f} s: {refusal.message}"
@@ -291,6 +308,16 @@ class RecedingHorizon:
         if solution.converged:
             return plan
         return dataclasses.replace(plan, notes=("iteration-limit",), message=solution.message)
+
+
+def _nearest(plan: Plan, target: Array, until: float = math.inf) -> float:
+    """Least distance [m] of a plan's optimised arcs and manoeuvre from a target (3,) by ``until`` [s], at samples."""
+    passes = np.isin(plan.phase, (FlightPhase.OPTIMISED, FlightPhase.MANOEUVRE))
+    h, t, x, u = np.diff(plan.t)[passes], plan.t[:-1][passes], plan.x[:-1][passes], plan.u[passes]
+    s = np.linspace(0.0, 1.0, _SAMPLES)[:, None] * h  # (samples, K) [s]
+    p = x[:, :3] + s[..., None] * x[:, 3:] + 0.5 * s[..., None] ** 2 * u
+    distance = np.linalg.norm(p - target, axis=-1)
+    return float(distance[t + s <= until].min(initial=np.inf))
 
 
 def _exact(problem: Problem, solution: PlanSolution) -> Array:

@@ -239,6 +239,9 @@ class AgentRunner:
             complaint = "" if usable else f"{command!r}"
         except (Exception, SystemExit) as error:
             usable, complaint = False, f"{type(error).__name__}: {error}"
+        events = getattr(self.agent.tracker, "events", None)
+        for kind, message in () if events is None else events():
+            self.record.event(t, kind, message)
         if usable:
             self.command = command
         elif self.usable:

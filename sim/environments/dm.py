@@ -32,7 +32,9 @@ from dm_env import specs
 
 from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.environments.episode_runner import STATUSES, EpisodeRunner, drawn_seed
+from mathnavi.sim.environments.filtering import EpisodeFilter
 from mathnavi.sim.plugin.registry import PluginSpec
+from mathnavi.sim.scenarios.task import Inputs
 
 
 def load(scenario: str, *, seed: int = 0, estimator: PluginSpec | str | None = None, **fields: Any) -> Environment:
@@ -48,8 +50,9 @@ class Environment(dm_env.Environment):
     """A mission as a sequence of episodes, each with a seed drawn from ``seeds``."""
 
     def __init__(self, episode: EpisodeRunner, seeds: np.random.Generator) -> None:
-        self._episode, self._seeds = episode, seeds
-        self._fresh = True
+        self.episode, self._seeds = episode, seeds
+        self.fresh = True
+        """True while the next step begins an episode"""
         self.episode_seed: int | None = None
         """of the present episode: a run of the scenario with it has the same noise and the same gusts"""
         self._observation_spec = {name: _spec(name, value) for name, value in episode.example.items()}
@@ -57,28 +60,28 @@ class Environment(dm_env.Environment):
     @property
     def mission(self) -> dict[str, Any]:
         """Start, target and bounds, as a run's config.json has them."""
-        return self._episode.mission
+        return self.episode.mission
 
     @property
     def recording(self) -> Recording:
         """The log of the present episode, the truth included."""
-        return self._episode.recording
+        return self.episode.recording
 
     def reset(self) -> dm_env.TimeStep:
         """Begin the next episode."""
-        self._fresh = False
+        self.fresh = False
         self.episode_seed = drawn_seed(self._seeds)
-        return dm_env.restart(self._episode.begin(self.episode_seed))
+        return dm_env.restart(self.episode.begin(self.episode_seed))
 
     def step(self, action: Any) -> dm_env.TimeStep:
         """Hold an action for a period; before the first episode and after the end of one, begin the next instead.
 
         ValueError for an action of another shape or not finite.
         """
-        if self._fresh:
+        if self.fresh:
             return self.reset()
-        made = self._episode.step(action)
-        self._fresh = made.last
+        made = self.episode.step(action)
+        self.fresh = made.last
         if made.terminated:
             return dm_env.termination(made.reward, made.observation)
         if made.truncated:
@@ -87,8 +90,11 @@ class Environment(dm_env.Environment):
 
     def action_spec(self) -> specs.Array:
         """(nu,), of a fleet (n, nu); its name says what is commanded, with units."""
-        inputs = self._episode.inputs
-        low, high = (self._episode.rows([bound] * len(self._episode.names)) for bound in (inputs.low, inputs.high))
+        return self.spec_of(self.episode.inputs)
+
+    def spec_of(self, inputs: Inputs) -> specs.Array:
+        """Specs of the commands to such inputs of every vehicle."""
+        low, high = (self.episode.rows([bound] * len(self.episode.names)) for bound in (inputs.low, inputs.high))
         name = ", ".join(inputs.names)
         if np.isinf(low).any() or np.isinf(high).any():
             return specs.Array(low.shape, np.float64, name)
@@ -97,6 +103,48 @@ class Environment(dm_env.Environment):
     def observation_spec(self) -> dict[str, specs.Array]:
         """Specs of ``t``, ``x``, ``status`` and what else is observed, by name."""
         return self._observation_spec
+
+
+class FilteredEnvironment(dm_env.Environment):
+    """Commands that are filtered before they are held: nothing that is proposed leads into the ground.
+
+    environment = FilteredEnvironment(load("safe-flight"))
+    """
+
+    def __init__(self, environment: Environment) -> None:
+        """ValueError for an environment whose scenario states no safety filter."""
+        self.environment = environment
+        self.info: dict[str, Any] = {}
+        """of the last step, what was decided (``mathnavi.sim.environments.filtering``)"""
+        self._filter = EpisodeFilter(environment.episode)
+
+    def reset(self) -> dm_env.TimeStep:
+        """Begin the next episode, with fresh filters."""
+        begun = self.environment.reset()
+        self._filter.begin()
+        self.info = {}
+        return begun
+
+    def step(self, action: Any) -> dm_env.TimeStep:
+        """Hold the filtered action for a period; before the first episode and after the end of one, begin the next."""
+        if self.environment.fresh:
+            return self.reset()
+        reward = 0.0
+        for _ in range(self._filter.repeats):
+            made = self.environment.step(self._filter.filtered(action))
+            reward += made.reward
+            if made.last():
+                break
+        self.info = self._filter.decided()
+        return made._replace(reward=reward)
+
+    def action_spec(self) -> specs.Array:
+        """Specs of what may be proposed."""
+        return self.environment.spec_of(self._filter.inputs)
+
+    def observation_spec(self) -> dict[str, specs.Array]:
+        """Specs of what is observed."""
+        return self.environment.observation_spec()
 
 
 def _spec(name: str, value: Any) -> specs.Array:

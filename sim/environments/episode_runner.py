@@ -32,7 +32,7 @@ from mathnavi.sim.interfaces.fields import with_fields
 from mathnavi.sim.interfaces.signals import Array, Estimate, Status
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.scenarios.closed_loop import ClosedLoop
-from mathnavi.sim.scenarios.task import Inputs, Sample, Task
+from mathnavi.sim.scenarios.task import Inputs, SafetyFilter, Sample, Task
 
 STATUSES = (Status.OK, Status.INITIALISING, Status.LOST)
 """of an estimate, by the number that is observed"""
@@ -84,6 +84,11 @@ class EpisodeRunner:
         self._controller = PluginSpec.of(load("controllers", plugin.controller))  # of which the mission is made
         self._estimator = PluginSpec.of(load("estimators", wanted)) if isinstance(wanted, str) else wanted
         self._config = with_fields(plugin.Config(), fields or {})
+        if getattr(self._config, "filter", False):
+            raise ValueError(
+                "filter = True is for a run; allowed for an environment: SafetyFilterWrapper or FilteredEnvironment "
+                "around it"
+            )
         first = self._built(seed)
         self._task = _task(scenario, first)
         self._config = dataclasses.replace(self._config, **self._task.mission)
@@ -108,6 +113,30 @@ class EpisodeRunner:
     def inputs(self) -> Inputs:
         """Inputs of each vehicle, with their bounds."""
         return self._task.inputs[self.names[0]]
+
+    @property
+    def t(self) -> float:
+        """Time [s] of the last sample."""
+        return self._loop.t
+
+    @property
+    def estimates(self) -> Mapping[str, Estimate]:
+        """The newest estimate of each vehicle."""
+        return self._sample.estimates
+
+    def filters(self) -> Mapping[str, SafetyFilter]:
+        """Fresh safety filters, one for each vehicle; ValueError for a scenario that states none."""
+        if self._task.filters is None:
+            raise ValueError(
+                f"scenario = {self._scenario!r} states no safety filter; allowed: safe-flight, simultaneous-arrival, "
+                "quadrotor-canyon"
+            )
+        return self._task.filters()
+
+    @property
+    def proposals(self) -> Inputs:
+        """Commands that are proposed to the safety filter of each vehicle, with their bounds."""
+        return self._task.proposals[self.names[0]]
 
     @property
     def recording(self) -> Recording:
@@ -136,7 +165,7 @@ class EpisodeRunner:
         the bounds of the inputs is brought back by the plant, as in any run. A control step without
         a finite cost, because the physics has lost the state, costs nothing.
         """
-        closed_loop, loop, commands = self._begun(), self._loop, self._checked(command)
+        closed_loop, loop, commands = self._begun(), self._loop, self.checked(command, self.inputs)
         if loop.over or self._finished:
             raise ValueError(f"step() at {loop.t:.6g} s: the episode is over; allowed: after reset()")
         cost = 0.0
@@ -172,13 +201,13 @@ class EpisodeRunner:
             raise ValueError("no episode has begun; allowed: after reset()")
         return self._closed_loop
 
-    def _checked(self, command: Any) -> dict[str, Array]:
-        """The command of each vehicle."""
+    def checked(self, command: Any, inputs: Inputs) -> dict[str, Array]:
+        """The command (nu,) of each vehicle, to these inputs; ValueError for one of another shape or not finite."""
         u = np.array(command, dtype=np.float64)
-        size = len(self.inputs.names)
+        size = len(inputs.names)
         shape = (len(self.names), size) if len(self.names) > 1 else (size,)
         if u.shape != shape:
-            raise ValueError(f"action has shape {u.shape}; allowed: {shape}, of {', '.join(self.inputs.names)}")
+            raise ValueError(f"action has shape {u.shape}; allowed: {shape}, of {', '.join(inputs.names)}")
         with np.errstate(over="ignore"):
             finite = np.isfinite(np.square(u).sum())
         if not finite:

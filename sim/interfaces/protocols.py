@@ -158,7 +158,11 @@ class Planner(Protocol):
 
 @runtime_checkable
 class Tracker(Protocol):
-    """Plan to command, fast."""
+    """Plan to command, fast.
+
+    One that also has ``events() -> Sequence[tuple[str, str]]`` is asked after each command for the kind and the message
+    of what is to be recorded.
+    """
 
     period: float  # [s]
 

@@ -25,7 +25,7 @@ SUMMARY_GROUPS: dict[str, tuple[str, ...]] = {
         "min_clearance_m", "clearance_margin_m", "separation_min_m", "separation_allowed_m", "separation_margin_m",
         "nearest_pair", "wall_clearance_min_m",
         "ground_contacts", "touched_wall", "speed_max_m_s",
-        "missed_passes", "guarantee_lost", "deadlines_lost",
+        "missed_passes", "guarantee_lost", "deadlines_lost", "filtered_share", "filter_margin_min_m",
     ),
     "tracking": (
         "attitude_rms_rad", "settled_at_s",
@@ -53,9 +53,9 @@ LABELS = {
     "speed_max": ("highest |v|", "in the metric"),
     "attitude_rms_rad": ("angle to reference, rms", "rad"),
     "settled_at_s": ("on the reference after", "s"),
-    "planner_share": ("share flown as the planner chose", ""),
-    "tracking_bound_share": ("largest share of the tracking bound", ""),
-    "deadline_left_s": ("time left to the deadline", "s"),
+    "planner_share": ("planner share", ""),
+    "tracking_bound_share": ("share of bound used", ""),
+    "deadline_left_s": ("deadline left", "s"),
 }
 SHORTFALL = "shortfall"  # the summary's key of what a run did not do; without it the mission did what it should
 

@@ -21,6 +21,8 @@ import numpy as np
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.command_filter import CommandFilter
+from mathnavi.controllers.flight.filtered_controller import filtered
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.sim.engine.agent_runner import Agent
 from mathnavi.sim.engine.faults import Disturbed
@@ -122,14 +124,17 @@ class Assembler:
         """The autonomy stack of a vehicle, with its faults; ``others`` are sensors beside those of the estimator.
 
         With ``certified_flight``, the mission of a point mass, every plan is certified before it is flown, unless the
-        controller declares otherwise. PluginError for a plug-in that does not fit the mission, and for a tracker that
-        states no ``TrackingBound`` where plans are certified.
+        controller declares otherwise; with the field ``filter`` every command is filtered instead. PluginError for a
+        plug-in that does not fit the mission, and for a tracker that states no ``TrackingBound`` where plans are
+        certified.
         """
         bound = None if certified_flight is None else TrackingBound
         raw, tracker = checked_controller(self.controller, mission, bound)
         estimator = self.observer(mission)
         planner, sensors = self.with_planner_faults(raw), self.sensors(mission, *others)
-        if certified_flight is not None and getattr(self.controller.plugin, "certified", True):
+        if certified_flight is not None and getattr(self.config, "filter", False):
+            planner, tracker = filtered(planner, tracker, CommandFilter.of(certified_flight))
+        elif certified_flight is not None and getattr(self.controller.plugin, "certified", True):
             planner = Certified.of(planner, certified_flight, tracker)
         return VehicleStack(sensors, estimator, planner, tracker, self.asked(mission))
 

@@ -112,7 +112,9 @@ def _talker(
     node: Any = dataclasses.replace(
         graph.node(name, vehicle.planner.period, deadline + ahead), clock_error=zone.clock_error
     )
-    assured = AssuredArrival(vehicle.assured + ahead, vehicle.estimate.arrives, vehicle.braking)
+    # To defer is to ask all for a later time; an average does not follow.
+    follows = getattr(consensus.plugin, "only_rises", False)
+    assured = AssuredArrival(vehicle.assured + ahead, vehicle.estimate.arrives, vehicle.braking) if follows else None
     return FleetCoordinator(
         rule(stored), checked_consensus(consensus, node), graph.neighbours(name), vehicle.estimate,
         vehicle.planner.period, EXCHANGE_PERIOD, assured,

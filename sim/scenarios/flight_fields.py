@@ -96,6 +96,8 @@ class SafeFlightConfig(ChangeFields, ChanceFields, MissionFields):
     target_path: tuple[tuple[float, float, float, float], ...] = ()
     """T X Y Z [s, m, m, m] where the target is at a time, and on its way to evenly, as high above ground as at first or
     higher; may be given several times"""
+    filter: bool = False
+    """filter the controller's commands, in place of certifying its plans"""
     noise: FlightNoise = field(default_factory=FlightNoise)
     faults: AerialFaults = field(default_factory=AerialFaults)
 

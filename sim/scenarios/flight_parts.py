@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
 
 from mathnavi.controllers.flight.certificate import TrackingBound, raised_ground
 from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.command_filter import CommandFilter
 from mathnavi.models.aerial.dynamics import TICK
 from mathnavi.models.aerial.mission import EstimateQuality, FlightMission
 from mathnavi.models.terrain.height_field import HeightField
@@ -231,12 +232,14 @@ def terrain_inputs(config: OverTerrain) -> dict[str, str]:
 
 
 def flight_task(
-    names: Sequence[str], acceleration_max: float, controller: PluginSpec, mission: Mapping[str, Any]
+    flights: Mapping[str, FlightMission], acceleration_max: float, controller: PluginSpec, mission: Mapping[str, Any]
 ) -> Task | None:
     """Point masses that are commanded: L = sum |a|^2 + beta [m^2/s^4] of all vehicles, the running cost of (A.2).
 
-    beta is the controller's; None for one without. ``mission`` are the fields that keep what was drawn.
+    beta is the controller's; None for one without. ``flights`` are the vehicles' missions, ``mission`` the fields that
+    keep what was drawn.
     """
+    names = tuple(flights)
     beta = getattr(controller.config, "beta", None)
     if beta is None:
         return None
@@ -247,7 +250,11 @@ def flight_task(
         acting = np.array([bounded(commands[name])[0] for name in names])
         return (float(np.square(acting).sum()) + len(names) * float(beta)) * (end.t - begin.t)
 
-    return Task(dict.fromkeys(names, inputs), cost, mission=mission)
+    def filters() -> dict[str, CommandFilter]:
+        return {name: CommandFilter.of(flight) for name, flight in flights.items()}
+
+    commanded = dict.fromkeys(names, inputs)
+    return Task(commanded, cost, mission=mission, filters=filters, proposals=commanded)
 
 
 def terrain_record(terrain: HeightField, name_or_path: str, **others: Any) -> dict[str, Any]:

@@ -33,7 +33,10 @@ import mujoco
 import numpy as np
 
 from mathnavi.controllers.flight.certificate import TrackingBound
+from mathnavi.controllers.flight.command_filter import TrackedCommandFilter
+from mathnavi.controllers.quadrotor.bound import tracking_bound
 from mathnavi.controllers.quadrotor.similarity import Similarity
+from mathnavi.controllers.quadrotor.tracker import GeometricTracker
 from mathnavi.models.aerial.mission import EstimateQuality
 from mathnavi.models.quadrotor.dynamics import POSITION, ROTOR_COUNT, ROTORS, VELOCITY
 from mathnavi.models.quadrotor.entity import REACH, RotorDrive, build_model
@@ -123,7 +126,7 @@ class QuadrotorCanyon:
             mission=_record(mission, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=place["path"], start=start, target=target),
             terrain=place,
-            task=_task(mission, parts.controller),
+            task=_task(mission, parts.controller, stack.planner.period),
         )
 
     @staticmethod
@@ -209,10 +212,11 @@ def _check_estimates(parts: Assembler, stack: VehicleStack, plant: MujocoPlant, 
         raise PluginError(f"estimator = {name!r}: {error}, as those of quadrotor_state are") from None
 
 
-def _task(mission: QuadrotorMission, controller: PluginSpec) -> Task | None:
+def _task(mission: QuadrotorMission, controller: PluginSpec, period: float) -> Task | None:
     """Rotors that are commanded: L = |a|^2 + beta, the running cost of (A.2) for the point mass, at its own scale.
 
-    a is the mean acceleration of the vehicle over a step, gusts included. None for a controller without a beta.
+    a is the mean acceleration of the vehicle over a step, gusts included. None for a controller without a beta. What a
+    safety filter is proposed are accelerations, held for the planner's ``period`` [s].
     """
     beta = getattr(getattr(controller.config, "flight", None), "beta", None)
     if beta is None:
@@ -227,7 +231,15 @@ def _task(mission: QuadrotorMission, controller: PluginSpec) -> Task | None:
         return (float(a @ a) + own) * h
 
     ends = {"start": mission.flight.start, "target": mission.flight.target}
-    return Task({VEHICLE: inputs}, cost, ("attitude", "rate"), ends)
+    bound = tracking_bound(controller.config.tracker, mission.vehicle, mission.flight)
+
+    def filters() -> dict[str, TrackedCommandFilter]:
+        tracker = GeometricTracker(mission.control_period, controller.config.tracker, mission.vehicle, bound)
+        return {VEHICLE: TrackedCommandFilter(mission.flight, tracker, period)}
+
+    accelerations = tuple(f"acceleration_{axis} [m/s^2]" for axis in "xyz")
+    proposals = Inputs.within(accelerations, mission.flight.acceleration_max)
+    return Task({VEHICLE: inputs}, cost, ("attitude", "rate"), ends, filters, {VEHICLE: proposals})
 
 
 def _record(mission: QuadrotorMission, bound: TrackingBound) -> QuadrotorRecord:

@@ -3,7 +3,8 @@
     sensors -> estimator -> Certified(faults(planner)) -> tracker -> MuJoCo
 
 Every plan is certified before it is flown, whoever made it, unless its plug-in declares ``certified = False`` (the
-planner of the thesis as printed does, for comparison).
+planner of the thesis as printed does, for comparison). With ``filter`` every command is filtered instead, whatever plan
+it comes from.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import mujoco
 
 from mathnavi.controllers.flight.certificate import TrackingBound
 from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.filtered_controller import FilteredTracker
 from mathnavi.models.aerial.entity import build_model
 from mathnavi.models.aerial.mission import FlightMission
 from mathnavi.models.aerial.sensors import AccelerationSensor
@@ -29,7 +31,7 @@ from mathnavi.sim.engine.log import Recording
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.interfaces.protocols import Planner
 from mathnavi.sim.interfaces.signals import Array, Plan
-from mathnavi.sim.metrics.flight import Bound, flight_summary
+from mathnavi.sim.metrics.flight import flight_summary
 from mathnavi.sim.plugin.registry import PluginSpec
 from mathnavi.sim.records.missions import ChangingFlightRecord
 from mathnavi.sim.scenarios.assembler import Assembler
@@ -99,11 +101,11 @@ class SafeFlight:
             {VEHICLE: stack.agent(messages=messages)},
             duration,
             partial(finished, flight, body),
-            partial(summarise, flight, stack.planner, stack.tracker.bound, seed),
+            partial(summarise, flight, stack.planner, stack.tracker, seed),
             mission=_record(config, flight, stack.tracker.bound),
             resolved=dataclasses.replace(config, terrain=terrain["path"], start=mission.start, target=mission.target),
             terrain=terrain,
-            task=flight_task((VEHICLE,), mission.acceleration_max, parts.controller, ends),
+            task=flight_task({VEHICLE: mission}, mission.acceleration_max, parts.controller, ends),
         )
 
 
@@ -125,7 +127,7 @@ def finished(flight: TrueFlight, body: MujocoPlant, t: float, truths: Mapping[st
 
 
 def summarise(
-    flight: TrueFlight, planner: Planner, bound: Bound, seed: int, recording: Recording, wall_seconds: float
+    flight: TrueFlight, planner: Planner, tracker: Any, seed: int, recording: Recording, wall_seconds: float
 ) -> tuple[dict[str, Any], bool]:
     """The summary, and whether the vehicle arrived by its deadline and touched nothing."""
     if flight.target_moves and isinstance(planner, Certified):
@@ -133,7 +135,9 @@ def summarise(
     else:
         deadline = due(recording, VEHICLE, planner, flight.mission.deadline_factor, flight.deadline)
     flown_to = dataclasses.replace(flight.mission, target=flight.track.at(float(recording.t[-1])))
-    summary = flight_summary(recording, VEHICLE, flown_to, flight.radars, bound, deadline, seed, wall_seconds)
+    summary = flight_summary(recording, VEHICLE, flown_to, flight.radars, tracker.bound, deadline, seed, wall_seconds)
+    if isinstance(tracker, FilteredTracker):
+        summary |= tracker.figures()
     return verdict(summary, deadline, flight.mission.clearance_min, flight.mission.speed_max)
 
 

@@ -110,7 +110,12 @@ class SimultaneousArrival:
             resolved=dataclasses.replace(config, terrain=terrain["path"], start=starts),
             terrain=terrain,
             network=network,
-            task=flight_task(config.names, config.acceleration_max, parts.controller, ends),
+            task=flight_task(
+                {name: vehicle.mission for name, vehicle in fleet.items()},
+                config.acceleration_max,
+                parts.controller,
+                ends,
+            ),
         )
 
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
+from mathnavi.controllers.flight.command_filter import FilteredCommand
 from mathnavi.sim.interfaces.signals import Array, Estimate
 
 
@@ -39,6 +40,16 @@ class Sample:
     estimates: Mapping[str, Estimate]
 
 
+class SafetyFilter(Protocol):
+    """Filter of the commands to one vehicle."""
+
+    hold: float  # [s] for which a proposed command is held, a whole number of the tracker's periods
+
+    def step(self, t: float, estimate: Estimate, proposed: Array) -> FilteredCommand:
+        """The input (nu,) to hold for the tracker's period from t [s] on, in place of a proposed command."""
+        ...
+
+
 StageCost = Callable[[Sample, Sample, Mapping[str, Array]], float]
 """(a sample, the next, the commands (nu,) in between by vehicle) -> the integral of the stage cost"""
 
@@ -51,6 +62,8 @@ class Task:
     cost: StageCost
     observed: tuple[str, ...] = ()  # of an estimate's ``extra``, what the vehicle cannot be commanded without
     mission: Mapping[str, Any] = field(default_factory=dict)  # fields that keep what was drawn of the mission
+    filters: Callable[[], Mapping[str, SafetyFilter]] | None = None  # makes one for each vehicle
+    proposals: Mapping[str, Inputs] = field(default_factory=dict)  # to these, by vehicle
 
 
 def squared_error(vehicle: str, error: Callable[[Array, Array], Array]) -> StageCost:

@@ -98,7 +98,7 @@ class FlightPlan:
 
     def clearances(self, terrain: Terrain) -> Array:
         """(K,) [m] of each arc."""
-        ground = _ground(terrain)
+        ground = ground_of(terrain)
         return ground.path_clearance(self.x[:-1, :3], self.x[:-1, 3:], self.u, np.diff(self.t))
 
     def _table(self) -> tuple[str, list[Row]]:
@@ -165,7 +165,7 @@ def certify(
     for a ``clearance_min`` below ``reach``.
     """
     pi = plan.plan if isinstance(plan, FlightPlan) else plan
-    ground = _ground(terrain)
+    ground = ground_of(terrain)
     if not clearance_min >= reach:
         raise MissionError(f"clearance_min = {clearance_min!r}; allowed: >= reach = {reach!r} m, the body's radius")
     if not min(tracking) >= 0.0:
@@ -173,7 +173,7 @@ def certify(
     across, up = float(tracking[0]) + reach, float(tracking[1])
     with raising(MissionError):
         raised = ground.inflated(across, up)
-    place = np.array(pi.x[-1, :3] if target is None and len(pi.x) else _point("target", target), dtype=np.float64)
+    place = np.array(pi.x[-1, :3] if target is None and len(pi.x) else point_of("target", target), dtype=np.float64)
     certificate = Certificate(
         raised, clearance_min, speed_max, acceleration_max, place, arrival_radius, across, across, up
     )
@@ -213,14 +213,14 @@ def plan_flight(
     Raises TerrainError for a terrain that is not known, MissionError for a start or a target that is too low or off the
     map, and where no certified plan is found.
     """
-    ground = _ground(terrain)
+    ground = ground_of(terrain)
     begin = np.array(start, dtype=np.float64)
     if begin.shape not in ((3,), (6,)) or not np.isfinite(begin).all():
         raise MissionError(f"start = {start!r}; allowed: three finite numbers [m], or six [m, m/s]")
     x = begin if len(begin) == 6 else np.concatenate([begin, np.zeros(3)])
     with raising(MissionError):
         mission = FlightMission(
-            ground, tuple(x[:3].tolist()), _point("target", target), clearance_min, speed_max, acceleration_max,
+            ground, tuple(x[:3].tolist()), point_of("target", target), clearance_min, speed_max, acceleration_max,
             arrival_radius=arrival_radius, radars=tuple(radars),
         )  # fmt: skip
         check_above_ground("start", mission.start, mission)
@@ -273,7 +273,8 @@ def _joined(parts: Sequence[Plan]) -> Plan:
     )
 
 
-def _ground(terrain: Terrain) -> HeightField:
+def ground_of(terrain: Terrain) -> HeightField:
+    """The heights of a terrain; TerrainError for one that is not known."""
     if isinstance(terrain, HeightField):
         return terrain
     if not isinstance(terrain, str | Path):
@@ -285,7 +286,8 @@ def _ground(terrain: Terrain) -> HeightField:
         raise TerrainError(str(error)) from error
 
 
-def _point(name: str, point: Sequence[float] | None) -> tuple[float, float, float]:
+def point_of(name: str, point: Sequence[float] | None) -> tuple[float, float, float]:
+    """The coordinates (x, y, z) [m] of a point; MissionError for other than three finite numbers."""
     values = np.array(point if point is not None else (), dtype=np.float64)
     if values.shape != (3,) or not np.isfinite(values).all():
         raise MissionError(f"{name} = {point!r}; allowed: three finite numbers [m]")

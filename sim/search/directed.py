@@ -39,7 +39,7 @@ def directed(
     """Evaluate ``missions`` values of the fields of ``space``, fewer if a figure reaches ``until`` before.
 
     ``batch`` values are proposed at a time. ``progress`` is called with all evaluations so far. A refused mission is
-    reported to the sampler as pruned, so that it learns to stay away, a failed one as failed.
+    reported to the sampler as pruned, which it takes for worse than any that was flown, a failed one as failed.
     Raises ValueError for a sampler that cannot search the space, and what ``Evaluator.evaluate`` raises.
     """
     proposals = _Proposals(space, sampler, seed)

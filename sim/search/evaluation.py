@@ -1,13 +1,14 @@
 """Evaluations: missions flown at values of some fields, each an ordinary trial in an ordinary store.
 
 An evaluation is *flown* where the mission ran to its end and its summary has the figure; *refused* where the mission
-cannot be flown, by its configuration or by the scenario (a ``FieldError``, ``MissionError``, ``PluginError`` or
-``TerrainError``); *failed* where it did not run to its end for another reason, or has no such figure. None is left
-out.
+cannot be flown, which ``mathnavi run`` would call bad input: a ``FieldError``, ``MissionError``, ``PluginError`` or
+``TerrainError``, or another ``ValueError`` while it is built; *failed* where it did not run to its end for another
+reason, or has no such figure. None is left out.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -23,6 +24,7 @@ from mathnavi.sim.sweep.trial import Trial
 Ending = Literal["flown", "refused", "failed"]
 REFUSALS = (FieldError, MissionError, PluginError, TerrainError)
 _NAMES = tuple(f"{error.__module__}.{error.__qualname__}: " for error in REFUSALS)
+_BUILDING = re.compile(r'sweep/trial\.py", line \d+, in build$', re.MULTILINE)  # a line of a traceback
 
 
 @dataclass(frozen=True)
@@ -122,8 +124,10 @@ class Evaluator:
 
     def _judged(self, number: int, values: Values, trial: Trial, record: Record) -> Evaluation:
         if record.status != "ok":
-            last = (record.error or record.status).strip().splitlines()[-1]
-            refused = record.status == "raised" and last.startswith(_NAMES)
+            error = record.error or record.status
+            last = error.strip().splitlines()[-1]
+            building = last.startswith("ValueError: ") and _BUILDING.search(error) is not None
+            refused = record.status == "raised" and (building or last.startswith(_NAMES))
             reason = last.partition(": ")[2] if refused else f"{record.status}: {last}"
             return Evaluation(number, values, "refused" if refused else "failed", None, trial, record, reason)
         if self.objective.key not in record.summary:

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from mathnavi.sim.scripting.observers import IntrinsicObserver, VelocityObserver
     from mathnavi.sim.scripting.requests import plugin
     from mathnavi.sim.scripting.runs import available, make, run, study, sweep
+    from mathnavi.sim.scripting.safety_filter import SafetyFilter
 
     __version__: str
 
@@ -67,6 +68,7 @@ _PLACES = {
     "certify": "sim.scripting.flight",
     "FlightPlan": "sim.scripting.flight",
     "Verdict": "sim.scripting.flight",
+    "SafetyFilter": "sim.scripting.safety_filter",
     # observers
     "IntrinsicObserver": "sim.scripting.observers",
     "VelocityObserver": "sim.scripting.observers",
@@ -120,6 +122,7 @@ __all__ = [  # noqa: RUF022 (in the order of the table above)
     "certify",
     "FlightPlan",
     "Verdict",
+    "SafetyFilter",
     "IntrinsicObserver",
     "VelocityObserver",
     "Sphere",

@@ -32,7 +32,7 @@ def mission(hills: Path) -> tuple[str, ...]:
 @pytest.fixture
 def trials_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Trials and jobs run in this process, for tests of what becomes of their records."""
-    monkeypatch.setattr(execution, "Worker", lambda path, compiling: Here())
+    monkeypatch.setattr(execution, "Worker", lambda path: Here())
 
 
 @pytest.fixture(autouse=True)

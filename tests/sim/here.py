@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 
 from mathnavi.sim.sweep import serve
 from mathnavi.sim.sweep.child import StoppedError
@@ -15,7 +16,7 @@ class Here:
     def __init__(self) -> None:
         self._stopped = False
 
-    def run(self, task: SweepTask, key: str, timeout: float | None) -> Ended:
+    def run(self, task: SweepTask, key: str, timeout: float | None, compiling: Callable[[], None]) -> Ended:
         if self._stopped:
             raise StoppedError
         assert timeout is None

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mathnavi.controllers.arrival.coordinator import AGREEMENT, FleetCoordinator
+from mathnavi.controllers.arrival.coordinator import AGREEMENT, PATIENCE, AssuredArrival, FleetCoordinator
 from mathnavi.controllers.arrival.maximum import Maximum
 from mathnavi.controllers.arrival.separation import Separation
 from mathnavi.controllers.arrival.separation_rule import TOPIC
@@ -36,7 +36,9 @@ def along(y: float, t: float = 0.0, push: float = 10.0, notes: tuple[str, ...] =
 class Fleet:
     """Three coordinators on a line a - b - c, 1 km apart; each can arrive at its own time."""
 
-    def __init__(self, times: dict[str, float], deadline: float = 1000.0) -> None:
+    def __init__(
+        self, times: dict[str, float], deadline: float = 1000.0, assured: AssuredArrival | None = None
+    ) -> None:
         graph, rng = Graph.line(NAMES), np.random.default_rng(0)
         self.network, self.announced = IdealNetwork(NAMES), {name: [] for name in NAMES}  # type: ignore[var-annotated]
         self.events: list[tuple[str, str]] = []
@@ -53,6 +55,7 @@ class Fleet:
                 lambda plan, t, own=name: times[own],
                 H,
                 ROUND,  # type: ignore[misc]
+                assured,
             )
             self.coordinators[name].adopted(0.0, self.stored[name])
 
@@ -78,6 +81,44 @@ def test_all_agree_on_the_largest_of_the_least_times_on_the_grid() -> None:
     fleet.exchange(1.0, 4.0)
     assert [each[-1] for each in fleet.announced.values()] == [ROUND * math.ceil(130.0 / ROUND)] * 3
     assert all(len(each) == len(set(each)) for each in fleet.announced.values())  # announced once
+
+
+ASSURED = AssuredArrival(100.0, lambda plan, t: 50.0 if "commits" in plan.notes else 101.0, 1.0)
+"""Plans are within reach of the slot at 100 s, but for those that commit to 50 s."""
+
+
+def test_who_queues_defers_and_all_agree_on_the_time_that_stored_plans_keep() -> None:
+    fleet = Fleet(dict.fromkeys(NAMES, 50.0), assured=ASSURED)
+    a, begin = fleet.coordinators["a"], 0.0
+    for k in range(PATIENCE):
+        assert all(told[-1] < 60.0 for told in fleet.told.values() if told)
+        plan = along(900.0, t=begin + H)  # in the way of b
+        a.propose(begin, plan)
+        fleet.exchange(begin, begin + H)
+        assert not a.admits(begin + H, plan), k
+        begin += H
+    fleet.exchange(begin, begin + H)
+    assert [told[-1] for told in fleet.told.values()] == [100.0] * 3
+    assert [kind for kind, _ in fleet.events].count("arrival-deferred") == 3
+
+
+def test_a_refused_commitment_stops_all_others_before_they_adopt_theirs() -> None:
+    fleet = Fleet(dict.fromkeys(NAMES, 50.0), assured=ASSURED)
+    a, c = fleet.coordinators["a"], fleet.coordinators["c"]
+    fleet.exchange(0.0, 1.0)
+    refused, clear = (along(y, t=1.0 + H, notes=("commits",)) for y in (900.0, 2500.0))
+    a.propose(1.0, refused)
+    c.propose(1.0, clear)
+    fleet.exchange(1.0, 1.0 + H)
+    assert not c.admits(1.0 + H, clear)  # though nothing is in its way
+    assert fleet.told["c"][-1] == 100.0
+
+
+def test_a_plan_that_does_not_keep_what_is_agreed_is_announced() -> None:
+    fleet = Fleet(dict.fromkeys(NAMES, 80.0), assured=ASSURED)
+    fleet.coordinators["a"].adopted(0.0, along(0.0, t=1.0, notes=("commits",)))
+    fleet.exchange(0.0, 6.0)
+    assert [kind for kind, _ in fleet.events if kind.startswith("arrival")] == ["arrival-unkept"]
 
 
 def test_a_plan_that_keeps_clear_is_admitted_and_flown() -> None:

@@ -36,6 +36,7 @@ def printed(capsys: pytest.CaptureFixture[str]) -> str:
     return " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_the_worst_missions_are_named_drawn_and_flown_again(
     mission: tuple[str, ...], path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -63,6 +64,7 @@ def test_the_worst_missions_are_named_drawn_and_flown_again(
         assert np.asarray(picture.convert("L")).std() > 10.0
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_the_command_beside_a_mission_flies_it(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fields = ("--terrain", "canyon:3", "--drawn-separation", "0.25", "0.4", "--planner.grid-nodes", "17")
     over = ("--over", "planner.margin=0..10", "--over", "seed=3..5", "--over", "radar_known=true,false")
@@ -110,6 +112,7 @@ def test_what_is_refused_and_what_fails_is_reported(path: Path, capsys: pytest.C
     assert "Refused and failed" in page
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_search_ends_at_what_it_looks_for(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert search(path, "--maximise", "height_m", *OVER, "--missions", "60", "--until", "30", "--batch", "4") == 0
     assert "largest height" in (shown := printed(capsys))
@@ -118,6 +121,7 @@ def test_a_search_ends_at_what_it_looks_for(path: Path, capsys: pytest.CaptureFi
         assert len(store.keys()) < 60
 
 
+@pytest.mark.usefixtures("trials_here")
 def test_a_rare_event_has_a_probability_with_its_interval(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rare = ("--rare", "--maximise", "noise", "--until", "1", "--particles", "8", "--repetitions", "2")
     assert search(path, *rare, "--missions", "200", "--report") == 0
@@ -127,6 +131,7 @@ def test_a_rare_event_has_a_probability_with_its_interval(path: Path, capsys: py
     assert "not reached: the nearest level that every repetition came to is P(noise >= " in printed(capsys)
 
 
+@pytest.mark.usefixtures("trials_here")
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -9,7 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, Linked, LossyLinks, Network, Partition, partitioned
+from mathnavi.sim.engine.network import (
+    DelayedLinks,
+    IdealNetwork,
+    Linked,
+    LossyLinks,
+    Network,
+    Partition,
+    partitioned,
+    within_range,
+)
 from mathnavi.sim.interfaces.signals import Message
 
 NAMES = ("a", "b", "c")
@@ -94,3 +103,14 @@ def test_what_no_network_can_be_is_refused() -> None:
         LossyLinks(IdealNetwork(NAMES), 1.5, 0.0, rng)
     with pytest.raises(ValueError, match=r"end = 1\.0"):
         Partition(2.0, 1.0, frozenset())
+
+
+def test_who_is_out_of_range_is_not_heard() -> None:
+    apart = {frozenset("ab"): 900.0, frozenset("ac"): 1100.0, frozenset("bc"): 1000.0}
+    network = within_range(IdealNetwork("abc"), lambda one, other: apart[frozenset((one, other))], 1000.0)
+    for sender, receiver in (("a", "b"), ("a", "c"), ("b", "c")):
+        network.send(Message(0.0, sender, "position", None), receiver, 0.0)
+    assert [message.sender for message in network.receive("b", 0.0)] == ["a"]
+    assert [message.sender for message in network.receive("c", 0.0)] == ["b"]
+    with pytest.raises(ValueError, match=r"reach = 0\.0; allowed: a finite value > 0"):
+        within_range(network, lambda one, other: 0.0, 0.0)

@@ -404,3 +404,50 @@ def test_changes_in_flight_are_communicated_and_taken_into_account(terrain: str)
 def test_changes_that_cannot_be_are_refused_by_name(terrain: str, fields: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         SafeFlight.build(config(terrain, **fields), 0)
+
+
+# ---- filtered commands
+
+
+class Diving:
+    """A controller that is no controller: its tracker dives, with breaks at which it raises."""
+
+    @dataclass(frozen=True)
+    class Config:
+        """Nothing to configure."""
+
+    certified = False
+
+    @staticmethod
+    def build(config: Config, mission: FlightMission) -> tuple[Planner, Tracker]:
+        planner, tracker = FlightController.build(FlightConfig(), mission)
+        proper = tracker.command
+
+        def command(t: float, estimate: Any, plan: Plan) -> Array:
+            if t > 20.0:
+                return proper(t, estimate, plan)
+            if int(t) % 4 == 3:
+                raise RuntimeError("no command")
+            return np.array([10.0, 5.0, -30.0])
+
+        tracker.command = command  # type: ignore[method-assign]
+        return planner, tracker
+
+
+def test_behind_the_filter_any_controller_keeps_the_bounds_and_one_that_recovers_arrives(terrain: str) -> None:
+    fields = {"target": NEAR, "deadline_factor": 3.0}
+    bare = SafeFlight.build(config(terrain, **fields), 1, PluginSpec.of(Diving)).run()
+    assert bare.summary["ground_contacts"] > 0
+    run = SafeFlight.build(config(terrain, **fields, filter=True), 1, PluginSpec.of(Diving)).run()
+    assert run.success
+    assert run.summary["ground_contacts"] == run.summary["guarantee_lost"] == 0
+    assert run.summary["min_clearance_m"] >= H_MIN
+    assert run.summary["filtered_share"] > 0.1
+    assert run.summary["filter_margin_min_m"] >= 0.0
+    assert Counter(event.kind for event in run.events)["command-unusable"] > 0
+
+
+def test_the_filter_leaves_the_commands_of_our_own_planner_alone(terrain: str) -> None:
+    run = SafeFlight.build(config(terrain, target=NEAR, filter=True), 1).run()
+    assert run.success
+    assert run.summary["filtered_share"] == 0.0

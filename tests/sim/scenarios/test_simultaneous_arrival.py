@@ -14,6 +14,7 @@ from mathnavi.sim.scenarios.closed_loop import RunResult
 from mathnavi.sim.scenarios.fault_fields import AerialFaults
 from mathnavi.sim.scenarios.fleet_fields import Clocks, Radio, SimultaneousArrivalConfig
 from mathnavi.sim.scenarios.simultaneous_arrival import SimultaneousArrival
+from mathnavi.sim.studies.fleet.arrival.narrow import swapping
 from tests import flight
 
 
@@ -51,14 +52,22 @@ def test_the_average_asks_some_for_more_than_they_can_and_costs_no_safety(terrai
     assert outcome.summary["separation_min_m"] >= 150.0
 
 
-def test_alone_they_would_arrive_far_apart(terrain: str) -> None:
-    """The agreement makes the arrivals simultaneous: with a radio that loses everything, no vehicle knows another's
-    time."""
-    outcome = flown(terrain, radio=Radio(loss=1.0))
-    assert not outcome.success
-    assert outcome.summary["ground_contacts"] == 0
-    assert outcome.summary["separation_min_m"] >= 150.0
+@pytest.mark.parametrize("radio", [Radio(loss=1.0), Radio(range=1.0)])
+def test_who_hears_nobody_flies_its_stored_plan_and_arrives_with_the_others(terrain: str, radio: Radio) -> None:
+    outcome = flown(terrain, radio=radio)
+    assert outcome.success, outcome.summary
     assert outcome.summary["plans_adopted"] == 3  # the stored ones
+    assert outcome.summary["arrivals_deferred"] == 3
+    silent = [event.t for event in outcome.recording.events if event.kind == "separation-silent"]
+    assert len(silent) == 3
+    assert max(silent) < 2.0  # announced when it is known
+
+
+def test_vehicles_that_swap_places_do_not_lock(terrain: str) -> None:
+    outcome = flown(**{**swapping(terrain, 6, 3500.0, 600.0), "slot_spacing": 400.0})
+    assert outcome.success, outcome.summary
+    assert outcome.summary["proposals_refused"] > 0
+    assert outcome.summary["separation_min_m"] >= 150.0
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -138,7 +147,7 @@ def test_without_a_clock_in_common_they_agree_on_one_and_then_arrive_at_one_time
     assert "coordinator-raised" not in kinds
     silent = [event.t for event in outcome.recording.events if event.kind == "not-admitted"]
     assert min(silent) < 3.0  # nobody asks for room until the clocks agree
-    assert outcome.summary["plans_adopted"] > outcome.summary["replans"] / 2
+    assert outcome.summary["plans_adopted"] > outcome.summary["replans"] / 3
 
 
 def test_clocks_that_are_trusted_too_soon_are_on_record(terrain: str) -> None:

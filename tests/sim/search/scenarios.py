@@ -28,6 +28,8 @@ class BowlConfig(ChanceFields):
     """from which on there is no mission at x"""
     fire: float = 1e9
     """from which on y ends the process"""
+    hole: float = 1e9
+    """from which on nothing can be built at y"""
     times: int = 4
     """how many numbers are drawn"""
 
@@ -47,11 +49,16 @@ class Bowl:
         if config.x >= config.rim:
             raise MissionError(f"x = {config.x!r} is beyond the rim; allowed: < {config.rim!r}")
 
+        if config.y >= config.hole:
+            raise ValueError(f"y = {config.y!r} is in the hole; allowed: < {config.hole!r}")
+
         def run() -> Any:
             if config.y >= config.fire:
                 os._exit(7)
             streams = generator(np.random.SeedSequence(seed), config.redraw).spawn(config.times)
             noise = sum(float(stream.standard_normal()) for stream in streams) / np.sqrt(config.times)
+            if config.x == -4.0:
+                raise ValueError("a defect in flight")
             height = (config.x - 1.0) ** 2 + (config.y + 2.0) ** 2 + config.place[1] ** 2 + (config.colour == "red")
             summary = {
                 "height_m": height, "noise": noise, "deep": height < 0.1, "word": "bowl", "nothing": None,

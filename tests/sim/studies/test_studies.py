@@ -32,6 +32,8 @@ SMALLEST: dict[str, dict[str, int]] = {
     "cost-to-go": {"targets": 1, "starts": 40, "repetitions": 1},
     "as-printed-planner": {"seeds": 1},
     "safety": {"missions": 1},
+    "guarantees": {"missions": 1, "timed": 1},
+    "safety-filter": {"episodes": 1, "seconds": 1, "population": 2, "generations": 1},
     "flight-grids": {"seeds": 1, "faulted": 1},
     "ocp-problems": {"problems": 2, "nodes": 12, "exhaustive": False},
     "missile-nodes": {"repeats": 1, "cases": 1, "grids": 5, "reference_nodes": 61, "indirect": 1},
@@ -68,6 +70,8 @@ CLAIMS = {
     "cost-to-go": {"flight.cost-to-go"},
     "as-printed-planner": {"A.safety-as-printed"},
     "safety": {"flight.safe", "flight.arrives"},
+    "guarantees": {"guarantee.peers"},
+    "safety-filter": {"guarantee.filter"},
     "flight-grids": {"flight.stretched"},
     "ocp-problems": {"ocp.all"},
     "missile-nodes": {

@@ -19,7 +19,7 @@ from mathnavi.sim.records.store import Store
 from mathnavi.sim.sweep import cluster
 from mathnavi.sim.sweep.child import RefusedError
 from mathnavi.sim.sweep.cluster import check
-from mathnavi.sim.sweep.execution import run_jobs, run_trials
+from mathnavi.sim.sweep.execution import Pool, run_jobs, run_trials
 from mathnavi.sim.sweep.job import job
 from tests.sim.sweep.computations import mishap
 from tests.sim.sweep.test_execution import TIMEOUT, coins
@@ -49,6 +49,13 @@ def test_the_records_are_those_of_this_machine(dask: Any, tmp_path: Path) -> Non
         local = run_trials(trials, here, workers=2, timeout=TIMEOUT)
         remote = run_trials(trials, there, cluster=dask.scheduler_address, timeout=TIMEOUT)
     assert [replace(record, timings={}) for record in remote] == [replace(record, timings={}) for record in local]
+
+
+def test_a_pool_on_a_cluster_runs_one_list_after_the_other(dask: Any, tmp_path: Path) -> None:
+    with Store.open(tmp_path / "store.db") as store, Pool(cluster=dask.scheduler_address) as pool:
+        counts = [len(run_trials(coins(count), store, pool=pool)) for count in (2, 4)]
+        assert counts == [2, 4]
+        assert len(store.keys()) == 4
 
 
 def test_the_results_of_jobs_are_those_of_this_machine(dask: Any, tmp_path: Path) -> None:

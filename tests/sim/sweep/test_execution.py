@@ -18,7 +18,7 @@ import pytest
 from mathnavi.sim.records.store import Record, Store, StoreWriteError
 from mathnavi.sim.sweep import code
 from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
-from mathnavi.sim.sweep.execution import Progress, run_trials
+from mathnavi.sim.sweep.execution import Pool, Progress, run_trials
 from mathnavi.sim.sweep.trial import Trial, keys, trial
 from tests.sim.sweep.scenarios import SLOW, Coin
 
@@ -204,6 +204,31 @@ def test_a_child_from_before_a_change_of_the_sources_is_replaced(
         assert worker.run(penny, penny.key).status == "ok"
     finally:
         worker.close()
+
+
+def test_a_pool_runs_one_list_after_the_other_in_the_same_process(store: Store, tmp_path: Path) -> None:
+    marks = tmp_path / "marks"
+    marks.mkdir()
+    with Pool(1) as pool:
+        for count in (2, 3, 3):
+            run_trials(coins(count, marks=str(marks)), store, pool=pool)
+    assert len(list(marks.iterdir())) == 3
+    (process,) = {int(mark.name.rpartition("-")[2]) for mark in marks.iterdir()}
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
+
+
+def test_a_pool_goes_on_after_a_mishap(store: Store) -> None:
+    with Pool(2) as pool:
+        first = run_trials(coins(3, segfault_at=(0,), hang_at=(1,)), store, timeout=TIMEOUT, pool=pool)
+        second = run_trials(coins(3, bias=0.4), store, pool=pool)
+    assert [record.status for record in first] == ["crashed", "timed-out", "ok"]
+    assert [record.status for record in second] == ["ok", "ok", "ok"]
+
+
+def test_a_pool_has_a_worker() -> None:
+    with pytest.raises(ValueError, match="workers = 0"):
+        Pool(0)
 
 
 def test_a_store_that_is_full_ends_the_sweep_and_keeps_what_it_has(store: Store) -> None:

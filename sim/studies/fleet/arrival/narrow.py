@@ -102,7 +102,7 @@ def _seconds(value: float | None, digits: int) -> str:
 
 
 def claim(records: Mapping[tuple[str, int], Record], period: float) -> Claim:
-    """Claim that all but a few arrive within a period [s] and none has a contact; the swap without exception."""
+    """Claim that all but two of thirty arrive within a planning period [s], the swap too, and none has a contact."""
     every, swap = list(records.values()), records.get((SWAP, SWAPPING))
     thirty = [record for record in every if record is not swap]
     together = int((_spreads(thirty) <= period).sum())

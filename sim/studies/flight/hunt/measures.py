@@ -30,11 +30,16 @@ def violations(outcome: RunResult) -> dict[str, Any]:
 
     ``relative_margin`` is the least of (clearance - h_min) / h_min, (separation - d_s) / d_s and (deadline - arrival) /
     deadline, and ``ANNOUNCED`` where it is negative and was announced: what a search for a silent violation minimises.
+    A hill that no map shows yet cannot be announced, and counts as if it had been.
     """
     found = [*_clearance(outcome), *_separation(outcome), *_deadline(outcome)]
     margin = min(share for _, share, _ in found)
     broken = sorted((t, kind) for kind, share, t in found if share < 0.0)
-    silent = [(t, kind) for t, kind in broken if not _announced(kind, t, outcome.events)]
+    silent = [
+        (t, kind)
+        for t, kind in broken
+        if not (_announced(kind, t, outcome.events) or (kind == "clearance" and _uncharted(outcome, t)))
+    ]
     return {
         "violated": bool(broken),
         "silently_violated": bool(silent),
@@ -49,9 +54,8 @@ def _clearance(outcome: RunResult) -> list[tuple[str, float, float]]:
     h_min = outcome.config["fields"]["clearance_min"]
     margin = outcome.summary["clearance_margin_m"] / max(h_min, 1.0)
     contacts = [event.t for event in outcome.events if event.kind in CONTACTS]
-    if contacts:
-        margin = min(margin, -1.0)
-    return [("clearance", margin, min([_lowest(outcome, h_min), *contacts]))]
+    times = contacts if contacts and margin >= 0.0 else [*contacts, _lowest(outcome, h_min)]
+    return [("clearance", min(margin, -1.0) if contacts else margin, min(times))]
 
 
 def _lowest(outcome: RunResult, h_min: float) -> float:
@@ -73,6 +77,19 @@ def _lowest(outcome: RunResult, h_min: float) -> float:
 def _ground(path: str, hills: tuple[tuple[float, ...], ...], reach: float) -> HeightField:
     ground = with_hills(load_terrain(path), hills_of(hills))
     return ground.inflated(reach, reach) if reach > 0.0 else ground
+
+
+def _uncharted(outcome: RunResult, t: float) -> bool:
+    """True if at ``t`` [s] there are hills that no map shows yet, and the mapped ground was kept clear of."""
+    config = outcome.config
+    fields = config["fields"]
+    if not fields.get("uncharted") or t >= fields["uncharted_time"]:
+        return False
+    ground, until = _ground(config["terrain"]["path"], (), 0.0), outcome.recording.t <= t
+    return all(
+        bool((x[until, 2] - ground.height(x[until, 0], x[until, 1]) >= fields["clearance_min"]).all())
+        for x in outcome.recording.truths.values()
+    )
 
 
 def _separation(outcome: RunResult) -> list[tuple[str, float, float]]:

@@ -19,7 +19,7 @@ MUTANTS = "mathnavi.sim.studies.flight.hunt.mutants"
 SEEDS = 100_000
 CANYONS = ("canyon:3", "canyon:7")
 GRID = {"planner.grid_nodes": 17}  # of the cost-to-go, so that a mission is built quickly
-SHORT = {"drawn_separation": (0.25, 0.5), "deadline_factor": 1.5, **GRID}
+SHORT = {"drawn_separation": (0.2, 0.35), "deadline_factor": 1.5, **GRID}
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ QUADROTOR = Hunt(
         Range("height", 1.0, 10.0), Range("speed_max", 6.0, 14.0),
     ),
     scenario="quadrotor-canyon",
-    fields={"drawn_separation": (0.1, 0.25), "planner.flight.grid_nodes": 17},
+    fields={"drawn_separation": (0.05, 0.12), "planner.flight.grid_nodes": 17},
     derived=_low,
 )  # fmt: skip
 
@@ -166,22 +166,34 @@ def _between(values: Values) -> dict[str, Any]:
 LOWEST = 20.0  # [m] h_min over the canyon of the mutants
 
 
-def _mutant(name: str, attribute: str, *more: Dimension, **fields: Any) -> Hunt:
-    """Missions that are safe at both ends, so that what is found lies on the way."""
-    ends = [Range(f"{end}_{axis}", 80.0, 560.0) for end in ("start", "target") for axis in "xy"]
-    space = (
-        SEED, *ends, Range("height", 20.0, 200.0), Range("planner.margin", 0.0, 100.0), Range("speed_max", 15.0, 60.0),
-        Range("acceleration_max", 8.0, 40.0), Range("faults.gust_rms", 0.0, 1.0), *more,
-    )  # fmt: skip
+def _mutant(name: str, attribute: str, *space: Dimension, **fields: Any) -> Hunt:
     given = {"terrain": CANYONS[0], "clearance_min": LOWEST, "deadline_factor": 1.5, **GRID, **fields}
-    return Hunt(name, space, fields=given, controller=f"{MUTANTS}:{attribute}", derived=_between)
+    return Hunt(name, (SEED, *space), fields=given, controller=f"{MUTANTS}:{attribute}", derived=_between)
 
 
+ENDS = tuple(Range(f"{end}_{axis}", 80.0, 560.0) for end in ("start", "target") for axis in "xy")
+MARGIN = Range("planner.margin", 0.0, 100.0)
+GUSTS = Range("faults.gust_rms", 0.0, 1.0)
+FAILURES = Range("faults.solver_failure_rate", 0.0, 0.95)
+# Missions that are high at both ends, so that what is found lies on the way.
+HIGH = (
+    *ENDS, Range("height", 20.0, 200.0), MARGIN, Range("speed_max", 15.0, 150.0),
+    Range("acceleration_max", 3.0, 40.0), GUSTS, FAILURES,
+)  # fmt: skip
 HOLES = (
-    _mutant("no clearance check", "NoClearanceCheck"),
-    _mutant("no start check", "NoStartCheck"),
+    _mutant("no clearance check", "NoClearanceCheck", *HIGH),
     _mutant(
-        "late plans flown", "LatePlansFlown", Range("planner.late_every", 1, 10), Range("planner.lateness", 0.0, 1.0)
+        "no start check", "NoStartCheck",
+        *ENDS, Range("height", 0.0, 200.0), MARGIN, Range("speed_max", 30.0, 150.0),
+        Range("acceleration_max", 8.0, 40.0), GUSTS, FAILURES,
     ),
-    _mutant("tracking bound halved", "HalvedBound", **{"noise.position": 0.5}),
-)
+    _mutant(
+        "late plans flown", "LatePlansFlown",
+        *HIGH, Range("planner.late_every", 1, 10), Range("planner.lateness", 0.0, 1.0),
+    ),
+    _mutant(
+        "tracking bound halved", "HalvedBound",
+        *ENDS, Range("height", 0.0, 200.0), GUSTS, Range("faults.gust_time_constant", 0.5, 10.0, log=True),
+        **{"planner.margin": 0.0, "noise.position": 0.5, "speed_max": 40.0, "acceleration_max": 10.0},
+    ),
+)  # fmt: skip

@@ -31,7 +31,7 @@ MARGIN = Objective("relative_margin")
 CLEARANCE = Objective("clearance_margin_m")
 FEWEST = 2000  # missions of a hunt from which its claim is judged
 ENOUGH = 200  # missions within which a search has to find a hole
-SEED, BATCH = 1, 8
+SEED, BATCH = 0, 8
 COLOURS = ("#2166ac", "#e08214", "#1a9850", "#8a4fd0")
 
 
@@ -43,9 +43,9 @@ class HuntConfig:
     """of each of four searches"""
     tries: Count = ENOUGH
     """at most, of a search for the hole of a mutant"""
-    draws: Count = 1000
+    draws: Count = 400
     """at most, of random draws for the same"""
-    repeats: Count = 3
+    repeats: Count = 2
     """searches for each hole, and as many lots of random draws"""
 
 

@@ -1,0 +1,274 @@
+"""A safety filter for anybody's commands: of those that can be certified, the nearest to the proposed one.
+
+A command u that is proposed at t for a period h is certified if C(pi) holds (``certificate``) for the plan pi that
+starts at the estimate x^, holds u for h, and comes to rest on the target by the completion path behind it
+(``kernels.stopping``). Then u itself is flown, and pi is stored. Otherwise the nearest of some commands near u that are
+certified so; and where none is, the stored plan is tracked, which was certified whole when it was stored: the rule of
+gatekeeper (D. Agrawal, R. Chen, D. Panagou, arXiv 2211.14361), of which model predictive shielding is a case. So at
+every control step the vehicle is within the tracking bound of a plan that keeps h_min, the bounds and the map to rest.
+
+The guarantee is over what the mission declares, estimates and gusts. It is announced as lost while the estimate is lost
+or worse than declared, for nobody knows better than the stored plan where the vehicle is; when the vehicle has left the
+tracking bound and nothing can be certified from where it is; and before a first command is certified. From the next
+certified command on it is regained.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from mathnavi.controllers.flight.certificate import Certificate, remainder
+from mathnavi.controllers.flight.certified import doubt
+from mathnavi.controllers.flight.completion import ArcList
+from mathnavi.controllers.flight.kernels.stopping import Limits, completed, margin_of, nearest
+from mathnavi.controllers.flight.plugin import FlightConfig
+from mathnavi.controllers.flight.tracker import CriticallyDamped, tracking_bound
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.kernels import arc_at
+from mathnavi.models.aerial.mission import FlightMission
+from mathnavi.models.aerial.plan_status import FlightPhase
+from mathnavi.models.tolerances import TIME_TOLERANCE
+from mathnavi.sim.interfaces.signals import Array, Estimate, Message, Plan
+
+_ROUNDING = 1e-6  # of a period
+_SLOW = 0.05  # bandwidth times period of a tracker on the plan itself, which has nothing to feed back
+Flown = Literal["proposed", "nearest", "stored plan"]
+
+CANDIDATES = 32
+"""commands that are tried near one that cannot be certified"""
+
+
+@dataclass(frozen=True)
+class FilteredCommand:
+    """A command, and why it is that one."""
+
+    u: Array  # (nu,) of the actuators; of a point mass the acceleration (3,) [m/s^2]
+    flown: Flown
+    distance: float  # [m/s^2] of the acceleration that is flown from the proposed one
+    reason: str  # why the proposed command is not certified; "" where it is flown
+    margin: float  # [m] least clearance beyond h_min and the tracking bound until the plan that is flown has stopped
+    lost: str  # why the guarantee is lost; "" while it holds
+    breach: bool  # True if the vehicle is outside the tracking bound of the plan stored before
+
+    @property
+    def intervened(self) -> bool:
+        """True if another command than the proposed one is flown."""
+        return self.flown != "proposed"
+
+    def info(self) -> dict[str, Any]:
+        """The decision as plain values by name."""
+        return {
+            "intervened": self.intervened,
+            "flown": self.flown,
+            "reason": self.reason,
+            "distance": self.distance,
+            "margin": self.margin,
+            "guaranteed": not self.lost,
+            "announced": self.lost,
+            "breach": self.breach,
+        }
+
+
+class CommandFilter:
+    """Filter of the commands of one point mass, one a control period."""
+
+    def __init__(self, mission: FlightMission, tracker: CriticallyDamped, candidates: int = CANDIDATES) -> None:
+        """``tracker`` follows the stored plan. With more ``candidates`` a command is changed less, or as much.
+
+        Raises ValueError if the tracker's bound leaves nothing to fly with, and for fewer than 0 candidates.
+        """
+        if candidates < 0:
+            raise ValueError(f"candidates = {candidates!r}; allowed: a whole number >= 0")
+        self.period = self.hold = tracker.period
+        """[s] between two steps, for which a command is held"""
+        self.bound = tracker.bound
+        self.stored: Plan | None = None
+        """the plan that is flown unless a command is certified; None before the first step"""
+        self._tracker, self._candidates = tracker, candidates
+        self._certificate = Certificate.of(mission, tracker.bound, tracker.held)
+        self._limits = _limits(self._certificate, tracker.period)
+        self._worst = mission.quality.worst(mission.gust)
+        x, y, z = mission.target
+        lowest = float(self._certificate.terrain.height(x, y)) + mission.clearance_min
+        if not z >= lowest:  # NaN off the map
+            raise ValueError(
+                f"target = {mission.target!r}; allowed: a place on the map with z >= {lowest:.1f} m, what the least "
+                "clearance and the tracking bound leave"
+            )
+        self._margins = np.empty(0)  # (K,) [m] of the stored plan's arcs
+        self._stopped = 0  # how many of them end when the vehicle has stopped
+        self._certified = False  # True if the stored plan is
+        self._t = -np.inf  # [s] of the last step
+
+    @staticmethod
+    def of(mission: FlightMission, bandwidth: float = FlightConfig.bandwidth) -> CommandFilter:
+        """The filter of a mission with the tracker of the controller ``flight``; errors as of its making."""
+        bound = tracking_bound(bandwidth, mission)
+        return CommandFilter(mission, CriticallyDamped(mission.control_period, bandwidth, bound))
+
+    def updated_with(self, messages: Sequence[Message]) -> None:
+        """Take in what is learnt of target and map (``models.aerial.knowledge``)."""
+        certificate = self._certificate.updated_with(messages)
+        if certificate is self._certificate:
+            return
+        self._certificate, self._limits = certificate, _limits(certificate, self.period)
+        if self.stored is not None:
+            self._margins = certificate.clearances(self.stored) - certificate.clearance_min
+            ahead = remainder(self.stored, self._t)
+            self._certified = self._certified and certificate.check_clearance(ahead) is None
+
+    def step(self, t: float, estimate: Estimate, proposed: Array) -> FilteredCommand:
+        """The command (3,) [m/s^2] to hold for a period from t [s] on, in place of a proposed one (3,).
+
+        ValueError for arrays of another shape, and for a t that is not one period after the last.
+        """
+        x, u = estimate.x, np.asarray(proposed, dtype=np.float64)
+        for name, value, shape in (("state", x, (6,)), ("proposed command", u, (3,))):
+            if value.shape != shape:
+                raise ValueError(f"the {name} has shape {value.shape}; allowed: {shape}")
+        next_t = self._t + self.period
+        if np.isfinite(self._t) and not abs(t - next_t) <= _ROUNDING * self.period:
+            raise ValueError(f"t = {t!r} s; allowed: {next_t!r} s, a period of {self.period:.6g} s after the last step")
+        self._t = t
+        finite = bool(np.isfinite(x).all())
+        unsure = doubt(estimate, self._worst) if finite else "the estimate is not finite"
+        breach = finite and self.stored is not None and self.bound.broken_by(x - state_at(self.stored, t))
+        if unsure:
+            if self.stored is None:
+                self._recover(t, x)
+            return self._tracked(t, estimate, u, unsure, unsure, breach)
+        reason = self._adopt(x, u) if np.isfinite(u).all() else "it is not finite"
+        if not reason:
+            return FilteredCommand(u, "proposed", 0.0, "", self._margin(t), "", breach)
+        nearest_command = self._nearest(t, estimate, u) if np.isfinite(u).all() else None
+        if nearest_command is not None:
+            distance = float(np.linalg.norm(nearest_command - u))
+            return FilteredCommand(nearest_command, "nearest", distance, reason, self._margin(t), "", breach)
+        lost = "" if self._certified and not breach else f"no command is certified: {reason}"
+        if self.stored is None or breach:
+            self._recover(t, x)
+        return self._tracked(t, estimate, u, reason, lost, breach)
+
+    def _adopt(self, x: Array, u: Array, climb: float | None = None) -> str:
+        """Store the plan behind a command (3,) if it is certified; else the reason why not.
+
+        ``climb`` is that of ``margin_of``, which is asked for it if it is not given.
+        """
+        if climb is None:
+            margin, climb = margin_of(self._limits, x, u)
+            if margin < 0.0:
+                allowed = f"{self._certificate.speed_max:.2f} m/s and {self._certificate.acceleration_max:.2f} m/s^2"
+                return f"{-margin:.3g} m too near to stop" if np.isfinite(margin) else f"beyond {allowed}"
+        plan = Plan(*completed(self._limits, self._certificate.target, self._t, x, u, climb))
+        if not len(plan.u):
+            return "the vehicle stops off the map"
+        refusal = self._certificate.check(plan)
+        if refusal is not None:
+            return refusal.message
+        self._store(plan, certified=True)
+        return ""
+
+    def _nearest(self, t: float, estimate: Estimate, u: Array) -> Array | None:
+        """The nearest certified command to u (3,) of those that are tried, whose plan is stored then."""
+        stored = u if self.stored is None else self._command(t, estimate, self.stored)
+        found, climbs = nearest(self._limits, estimate.x, u, stored, self._candidates)
+        for k in np.argsort(np.linalg.norm(found - u, axis=1), kind="stable"):
+            if not self._adopt(estimate.x, found[k], float(climbs[k])):
+                command: Array = found[k]
+                return command
+        return None
+
+    def _tracked(
+        self, t: float, estimate: Estimate, proposed: Array, reason: str, lost: str, breach: bool
+    ) -> FilteredCommand:
+        """Track the stored plan."""
+        assert self.stored is not None
+        u = self._command(t, estimate, self.stored)
+        distance = float(np.linalg.norm(u - proposed))
+        return FilteredCommand(u, "stored plan", distance, reason, self._margin(t), lost, breach)
+
+    def _command(self, t: float, estimate: Estimate, plan: Plan) -> Array:
+        """The tracker's command (3,), without feedback where the estimate is not finite."""
+        if not np.isfinite(estimate.x).all():
+            estimate = Estimate(t, state_at(plan, t))
+        return self._tracker.command(t, estimate, plan)
+
+    def _recover(self, t: float, x: Array) -> None:
+        """Store a plan that stops at once, uncertified, if it has more clearance than the rest of the stored one."""
+        if not np.isfinite(x).all():
+            raise ValueError(f"the first state = {x.tolist()}; allowed: finite numbers")
+        speed, a_max = float(np.linalg.norm(x[3:])), self._certificate.acceleration_max
+        duration = max(speed / a_max, self.period)
+        braking = -x[3:] / duration
+        climb = margin_of(self._limits, x, braking)[1]
+        plan = Plan(*completed(self._limits, self._certificate.target, t, x, braking, climb))
+        if not len(plan.u):  # off the map
+            arcs = ArcList.begin(t, x)
+            arcs.add(braking, duration, FlightPhase.MANOEUVRE)
+            arcs.rest()
+            plan = arcs.plan(np.nan, np.nan)
+        if self.stored is not None:
+            present = self._certificate.clearances(remainder(self.stored, t))
+            if not self._certificate.clearances(plan).min() > present.min():
+                return
+        self._store(plan, certified=False)
+
+    def _store(self, plan: Plan, *, certified: bool) -> None:
+        self.stored, self._certified = plan, certified
+        self._margins = self._certificate.clearances(plan) - self._certificate.clearance_min
+        self._stopped = int((plan.phase <= FlightPhase.MANOEUVRE).sum())
+
+    def _margin(self, t: float) -> float:
+        """Least margin [m] of the stored plan from t [s] until it has stopped, of the present arc once it has."""
+        assert self.stored is not None
+        last = len(self._margins) - 1
+        arc = min(max(arc_at(self.stored.t, t), 0), last)
+        return float(self._margins[arc : max(arc + 1, self._stopped)].min())
+
+
+class TrackedCommandFilter:
+    """Filter of the accelerations that a tracker flies with other actuators, the rotors of a quadrotor for one.
+
+    An acceleration is proposed for ``hold`` [s], so long as the tracker's bound takes a plan to be, and starts on the
+    plan being flown: the vehicle cannot jump onto its estimate. In between the tracker follows the plan.
+    """
+
+    def __init__(self, mission: FlightMission, tracker: Any, hold: float) -> None:
+        """``mission`` is that of the point mass that ``tracker``, which states its ``bound``, keeps the vehicle near.
+
+        Raises ValueError if the bound leaves nothing to fly with.
+        """
+        self.period, self.hold, self.bound = tracker.period, hold, tracker.bound
+        self._tracker = tracker
+        self._filter = CommandFilter(mission, CriticallyDamped(hold, _SLOW / hold, tracker.bound))
+        self._decided: FilteredCommand | None = None
+        self._next = -np.inf  # [s] at which a proposal is taken up
+
+    def step(self, t: float, estimate: Estimate, proposed: Array) -> FilteredCommand:
+        """The input (nu,) of the actuators from t [s] on; ``proposed`` (3,) [m/s^2] is taken up once a ``hold``.
+
+        Raises ValueError as ``CommandFilter.step`` and the tracker do.
+        """
+        stored = self._filter.stored
+        breach = stored is not None and self.bound.broken_by(estimate.x - state_at(stored, t))
+        if self._decided is None or t >= self._next - TIME_TOLERANCE:
+            x = estimate.x if stored is None or breach else state_at(stored, t)
+            self._decided = self._filter.step(t, dataclasses.replace(estimate, x=x), proposed)
+            self._next, stored = t + self.hold, self._filter.stored
+            breach = self._decided.breach
+        assert stored is not None
+        lost = self._decided.lost or ("the vehicle is outside its tracking bound" if breach else "")
+        u = self._tracker.command(t, estimate, stored)
+        return dataclasses.replace(self._decided, u=u, lost=lost, breach=breach)
+
+
+def _limits(certificate: Certificate, period: float) -> Limits:
+    return Limits(
+        certificate.terrain.z, certificate.terrain.spacing, certificate.clearance_min, certificate.border,
+        certificate.speed_max, certificate.acceleration_max, certificate.cruise_level, period,
+    )  # fmt: skip

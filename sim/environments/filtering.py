@@ -1,0 +1,70 @@
+"""The safety filter around the commands of an episode, for the wrappers of Gymnasium and dm_env.
+
+Each vehicle has a filter of its own (``mathnavi.controllers.flight.command_filter``), which sees its estimate and never
+the truth. It guards a vehicle against the ground and the edge of the map; what it knows of the map is what is charted
+at the start. It does not keep the vehicles of a fleet apart.
+
+To point masses an acceleration is proposed for each period of the tracker. To a quadrotor accelerations are proposed
+too, for each period of its planner, and not thrusts: its tracker flies them, for from an attitude that anything may
+have led to no way to rest is certified.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from mathnavi.controllers.flight.command_filter import FilteredCommand
+from mathnavi.sim.engine.loop import whole_ticks
+from mathnavi.sim.environments.episode_runner import EpisodeRunner
+from mathnavi.sim.scenarios.task import Inputs
+
+
+class EpisodeFilter:
+    """Filter of the commands to all vehicles of an episode."""
+
+    def __init__(self, episode: EpisodeRunner) -> None:
+        """ValueError for a scenario that states no safety filter."""
+        self._episode = episode
+        self.begin()
+        hold = next(iter(self._filters.values())).hold
+        self.repeats = whole_ticks(hold, episode.period, "the time for which a command is held")
+        """periods of the tracker for which a proposal is held"""
+
+    @property
+    def inputs(self) -> Inputs:
+        """Commands that may be proposed to each vehicle."""
+        return self._episode.proposals
+
+    def begin(self) -> None:
+        """Fresh filters, for a new episode."""
+        self._filters = self._episode.filters()
+        self._interventions = dict.fromkeys(self._episode.names, 0)
+        self._answers: dict[str, list[FilteredCommand]] = {name: [] for name in self._episode.names}
+
+    def filtered(self, proposed: Any) -> Any:
+        """The command (nu,) for the tracker's period, of a fleet (n, nu), in place of a proposed one.
+
+        ValueError for a proposal of another shape or not finite.
+        """
+        commands = []
+        for name, u in self._episode.checked(proposed, self.inputs).items():
+            answer = self._filters[name].step(self._episode.t, self._episode.estimates[name], u)
+            self._answers[name].append(answer)
+            commands.append(answer.u)
+        return self._episode.rows(commands)
+
+    def decided(self) -> dict[str, Any]:
+        """What was decided since this was asked last, for one proposal; of a fleet by vehicle.
+
+        That is ``FilteredCommand.info``, whatever was announced meanwhile included, with the number of "interventions"
+        so far and what is "guarded".
+        """
+        infos = {}
+        for name, answers in self._answers.items():
+            self._interventions[name] += answers[0].intervened
+            lost = next((answer for answer in answers if answer.lost), answers[-1])
+            whole = dataclasses.replace(lost, breach=any(answer.breach for answer in answers))
+            infos[name] = {**whole.info(), "interventions": self._interventions[name], "guarded": ("ground", "map")}
+            answers.clear()
+        return infos if len(infos) > 1 else next(iter(infos.values()))

@@ -1,0 +1,107 @@
+"""Each mutant of the study ``hunt`` lacks the check that it is named after, which the product has."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mathnavi.controllers.flight.certificate import Certificate
+from mathnavi.controllers.flight.certified import Certified
+from mathnavi.controllers.flight.planner import StopAndHover
+from mathnavi.controllers.flight.plugin import FlightConfig
+from mathnavi.controllers.flight.tracker import tracking_bound
+from mathnavi.models.aerial.dynamics import state_at
+from mathnavi.models.aerial.mission import DeclaredGusts, FlightMission
+from mathnavi.models.aerial.plan_status import FlightStatus
+from mathnavi.sim.interfaces.signals import Estimate, Plan, PlanRequest
+from mathnavi.sim.studies.flight.hunt.mutants import (
+    BlindCertificate,
+    CertifiedFromAnywhere,
+    ConstantVelocityStart,
+    HalvedBound,
+    Retimed,
+)
+from tests.flight import mission
+
+CONFIG = FlightConfig()
+
+
+@pytest.fixture(scope="module")
+def flight() -> FlightMission:
+    return mission(gust=DeclaredGusts(1.0, 3.0, 4.0), position_noise=1.0)
+
+
+@pytest.fixture(scope="module")
+def certificate(flight: FlightMission) -> Certificate:
+    return Certificate.of(flight, tracking_bound(CONFIG.bandwidth, flight))
+
+
+@pytest.fixture(scope="module")
+def plan(flight: FlightMission, certificate: Certificate) -> Plan:
+    """A certified plan from the start."""
+    made = StopAndHover(certificate, 5.0 / 3.0).plan(PlanRequest(0.0, 0.0, Estimate(0.0, flight.start_state), None))
+    assert certificate.check(made) is None
+    return made
+
+
+class Answers:
+    """A planner with one answer; it keeps what it was asked."""
+
+    period = 5.0 / 3.0
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self.request: Any = None
+
+    def plan(self, request: PlanRequest) -> Plan:
+        self.request = request
+        return self._plan
+
+
+def test_one_certificate_does_not_see_the_ground(certificate: Certificate, plan: Plan) -> None:
+    higher = dataclasses.replace(certificate, clearance_min=1e3)
+    blind = BlindCertificate(**{entry.name: getattr(higher, entry.name) for entry in dataclasses.fields(higher)})
+    refused = higher.check(plan)
+    assert refused is not None
+    assert refused.status is FlightStatus.LOW_CLEARANCE
+    assert blind.check(plan) is None
+    outside = dataclasses.replace(plan, x=plan.x + np.array([0.0, 1e6, 0.0, 0.0, 0.0, 0.0]))
+    assert blind.check_clearance(outside) is not None
+
+
+@pytest.mark.parametrize(("kind", "flown"), [(Certified, False), (CertifiedFromAnywhere, True)])
+def test_one_certified_planner_starts_anywhere(
+    kind: type[Certified], flown: bool, flight: FlightMission, certificate: Certificate, plan: Plan
+) -> None:
+    t, period = 1.0, Answers.period
+    behind = dataclasses.replace(plan, t=plan.t + t + period)  # where the vehicle was at the beginning
+    bound = tracking_bound(CONFIG.bandwidth, flight)
+    planner = kind(Answers(behind), lambda made: StopAndHover(made, period), certificate, bound, 1.3)
+    answer = planner.plan(PlanRequest(t, t + period, Estimate(t, state_at(plan, t)), plan))
+    assert answer.ok is flown
+    assert flown or answer.status is FlightStatus.WRONG_START
+
+
+def test_one_planner_begins_where_the_vehicle_would_be_at_constant_velocity(plan: Plan) -> None:
+    within = Answers(plan)
+    x = np.array([1.0, 2.0, 3.0, 10.0, 0.0, -4.0])
+    ConstantVelocityStart(within).plan(PlanRequest(4.0, 6.0, Estimate(4.0, x), plan))
+    assert within.request.current is None
+    assert within.request.estimate.x.tolist() == [21.0, 2.0, -5.0, 10.0, 0.0, -4.0]
+
+
+def test_one_planner_flies_every_so_many_plans_later_than_certified(plan: Plan) -> None:
+    planner = Retimed(Answers(plan), 2, 0.3)
+    request = PlanRequest(0.0, 0.0, Estimate(0.0, plan.x[0]), plan)
+    starts = [planner.plan(request).t_start for _ in range(4)]
+    assert starts == pytest.approx([plan.t_start, plan.t_start + 0.3] * 2)
+
+
+def test_one_tracker_declares_half_of_its_bound(flight: FlightMission) -> None:
+    whole = tracking_bound(CONFIG.bandwidth, flight)
+    _, tracker = HalvedBound.build(CONFIG, flight)
+    halves = dataclasses.astuple(tracker.bound)  # type: ignore[attr-defined]
+    assert halves == pytest.approx([0.5 * value for value in dataclasses.astuple(whole)])

@@ -30,7 +30,7 @@ from mathnavi.sim.studies.framework.study import Setup, StudyResult
 from mathnavi.sim.sweep.trial import Trial, trial
 
 GROUND = "canyon:5"
-RING, UNEVEN, HEIGHT = 250.0, 0.1, 60.0  # [m] of the starts, drawn by so large a share, and [m] above the ground
+RING, UNEVEN, HEIGHT = 250.0, 0.02, 60.0  # [m] of the starts, drawn by so large a share, and [m] above the ground
 LIMITS: Mapping[str, Any] = {
     **{"speed_max": 15.0, "acceleration_max": 6.0, "clearance_min": 10.0, "separation": 10.0, "slot_spacing": 20.0},
     **{"arrival_radius": 3.0, "planner.margin": 3.0},

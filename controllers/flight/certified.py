@@ -199,7 +199,10 @@ class Certified:
 
     def _from_start(self, request: PlanRequest) -> PlanRequest:
         """The first request, from the start that the mission states where the estimate says nothing else."""
-        if self._start is None or self._bound.broken_by(request.estimate.x - self._start):
+        if self._start is None:
+            return request
+        error = request.estimate.x - self._start
+        if self._bound.broken_by(error) or not np.linalg.norm(error[3:]) <= self._bound.speed:
             return request
         return dataclasses.replace(request, estimate=dataclasses.replace(request.estimate, x=self._start.copy()))
 

@@ -100,8 +100,8 @@ class CommandFilter:
                 f"target = {mission.target!r}; allowed: a place on the map with z >= {lowest:.1f} m, what the least "
                 "clearance and the tracking bound leave"
             )
-        self._margins = np.empty(0)  # (K,) [m] of the stored plan's arcs
-        self._stopped = 0  # how many of them end when the vehicle has stopped
+        self._margins: Array | None = None  # (K,) [m] of the stored plan's arcs, once they are asked for
+        self._first = np.nan  # [m] margin of the stored plan at its start, where it is known
         self._certified = False  # True if the stored plan is
         self._t = -np.inf  # [s] of the last step
 
@@ -118,7 +118,7 @@ class CommandFilter:
             return
         self._certificate, self._limits = certificate, _limits(certificate, self.period)
         if self.stored is not None:
-            self._margins = certificate.clearances(self.stored) - certificate.clearance_min
+            self._margins, self._first = None, np.nan
             ahead = remainder(self.stored, self._t)
             self._certified = self._certified and certificate.check_clearance(ahead) is None
 
@@ -154,16 +154,12 @@ class CommandFilter:
             self._recover(t, x)
         return self._tracked(t, estimate, u, reason, lost, breach)
 
-    def _adopt(self, x: Array, u: Array, climb: float | None = None) -> str:
-        """Store the plan behind a command (3,) if it is certified; else the reason why not.
-
-        ``climb`` is that of ``margin_of``, which is asked for it if it is not given.
-        """
-        if climb is None:
-            margin, climb = margin_of(self._limits, x, u)
-            if margin < 0.0:
-                allowed = f"{self._certificate.speed_max:.2f} m/s and {self._certificate.acceleration_max:.2f} m/s^2"
-                return f"{-margin:.3g} m too near to stop" if np.isfinite(margin) else f"beyond {allowed}"
+    def _adopt(self, x: Array, u: Array) -> str:
+        """Store the plan behind a command (3,) if it is certified; else the reason why not."""
+        margin, climb = margin_of(self._limits, x, u)
+        if margin < 0.0:
+            allowed = f"{self._certificate.speed_max:.2f} m/s and {self._certificate.acceleration_max:.2f} m/s^2"
+            return f"{-margin:.3g} m too near to stop" if np.isfinite(margin) else f"beyond {allowed}"
         plan = Plan(*completed(self._limits, self._certificate.target, self._t, x, u, climb))
         if not len(plan.u):
             return "the vehicle stops off the map"
@@ -171,14 +167,15 @@ class CommandFilter:
         if refusal is not None:
             return refusal.message
         self._store(plan, certified=True)
+        self._first = margin
         return ""
 
     def _nearest(self, t: float, estimate: Estimate, u: Array) -> Array | None:
         """The nearest certified command to u (3,) of those that are tried, whose plan is stored then."""
         stored = u if self.stored is None else self._command(t, estimate, self.stored)
-        found, climbs = nearest(self._limits, estimate.x, u, stored, self._candidates)
+        found = nearest(self._limits, estimate.x, u, stored, self._candidates)
         for k in np.argsort(np.linalg.norm(found - u, axis=1), kind="stable"):
-            if not self._adopt(estimate.x, found[k], float(climbs[k])):
+            if not self._adopt(estimate.x, found[k]):
                 command: Array = found[k]
                 return command
         return None
@@ -220,15 +217,18 @@ class CommandFilter:
 
     def _store(self, plan: Plan, *, certified: bool) -> None:
         self.stored, self._certified = plan, certified
-        self._margins = self._certificate.clearances(plan) - self._certificate.clearance_min
-        self._stopped = int((plan.phase <= FlightPhase.MANOEUVRE).sum())
+        self._margins, self._first = None, np.nan
 
     def _margin(self, t: float) -> float:
         """Least margin [m] of the stored plan from t [s] until it has stopped, of the present arc once it has."""
         assert self.stored is not None
-        last = len(self._margins) - 1
-        arc = min(max(arc_at(self.stored.t, t), 0), last)
-        return float(self._margins[arc : max(arc + 1, self._stopped)].min())
+        if t <= self.stored.t_start and not np.isnan(self._first):
+            return self._first
+        if self._margins is None:
+            self._margins = self._certificate.clearances(self.stored) - self._certificate.clearance_min
+        arc = min(max(arc_at(self.stored.t, t), 0), len(self._margins) - 1)
+        stopped = int((self.stored.phase <= FlightPhase.MANOEUVRE).sum())
+        return float(self._margins[arc : max(arc + 1, stopped)].min())
 
 
 class TrackedCommandFilter:

@@ -141,14 +141,14 @@ def margin_of(limits: Limits, x: Array, u: Array) -> tuple[float, float]:
 
 
 @njit(cache=True, nogil=True)
-def nearest(limits: Limits, x: Array, proposed: Array, stored: Array, budget: int) -> tuple[Array, Array]:
-    """Commands (n, 3) [m/s^2] with margins that are not negative near one that has none, and their climbs (n,).
+def nearest(limits: Limits, x: Array, proposed: Array, stored: Array, budget: int) -> Array:
+    """Commands (n, 3) [m/s^2] with margins that are not negative near one that has none.
 
     In order: ``proposed`` (3,) within the bounds of speed and acceleration; steps along the gradient of the margin; the
     command ``stored`` (3,) of the plan that is flown, full braking, straight up; then the segment between the nearest
     of these and the first, halved. No more than ``budget`` are tried, and a greater budget tries the same first.
     """
-    found, climbs = np.empty((budget, 3)), np.empty(budget)
+    found = np.empty((budget, 3))
     before = math.sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5])
     allowed = max(limits.speed_max, before)
     first = _within(proposed, x[3:], allowed, limits)
@@ -158,18 +158,18 @@ def nearest(limits: Limits, x: Array, proposed: Array, stored: Array, budget: in
     for step in range(_STEPS):
         for i in range(4):  # the command itself, then a difference along each axis
             if tried == budget:
-                return found[:count], climbs[:count]
+                return found[:count]
             c = u.copy()
             if i > 0:
                 c[i - 1] += _STEP
-            margin, climb = margin_of(limits, x, c)
+            margin = margin_of(limits, x, c)[0]
             tried += 1
             if i == 0:
                 here = margin
             else:
                 gradient[i - 1] = (margin - here) / _STEP
             if margin >= 0.0:
-                found[count], climbs[count] = c, climb
+                found[count] = c
                 count += 1
                 distance = _distance(c, first)
                 if distance < least:
@@ -178,7 +178,7 @@ def nearest(limits: Limits, x: Array, proposed: Array, stored: Array, budget: in
                     break
         if here >= 0.0:
             if step == 0:
-                return found[:count], climbs[:count]
+                return found[:count]
             break
         square = gradient[0] ** 2 + gradient[1] ** 2 + gradient[2] ** 2
         if not (0.0 < square < np.inf):
@@ -186,38 +186,38 @@ def nearest(limits: Limits, x: Array, proposed: Array, stored: Array, budget: in
         u = _within(u + ((_INSIDE - here) / square) * gradient, x[3:], allowed, limits)
     for other in range(3):
         if tried == budget:
-            return found[:count], climbs[:count]
+            return found[:count]
         if other == 0:
             c = _within(stored, x[3:], allowed, limits)
         elif other == 1:
             c = -x[3:] * (limits.acceleration_max / max(before, limits.acceleration_max * limits.period))
         else:
             c = _within(np.array([0.0, 0.0, limits.acceleration_max]), x[3:], allowed, limits)
-        margin, climb = margin_of(limits, x, c)
+        margin = margin_of(limits, x, c)[0]
         tried += 1
         if margin >= 0.0:
-            found[count], climbs[count] = c, climb
+            found[count] = c
             count += 1
             distance = _distance(c, first)
             if distance < least:
                 best, least = c, distance
     if count == 0:
-        return found[:0], climbs[:0]
+        return found[:0]
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         if tried == budget:
             break
         share = 0.5 * (low + high)
         c = first + share * (best - first)
-        margin, climb = margin_of(limits, x, c)
+        margin = margin_of(limits, x, c)[0]
         tried += 1
         if margin >= 0.0:
-            found[count], climbs[count] = c, climb
+            found[count] = c
             count += 1
             high = share
         else:
             low = share
-    return found[:count], climbs[:count]
+    return found[:count]
 
 
 @njit(cache=True, nogil=True)

@@ -91,14 +91,14 @@ def test_who_queues_defers_and_all_agree_on_the_time_that_stored_plans_keep() ->
     fleet = Fleet(dict.fromkeys(NAMES, 50.0), assured=ASSURED)
     a, begin = fleet.coordinators["a"], 0.0
     for k in range(PATIENCE):
-        assert all(told[-1] < 60.0 for told in fleet.told.values() if told)
+        assert all(times[-1] < 60.0 for times in fleet.announced.values() if times)
         plan = along(900.0, t=begin + H)  # in the way of b
         a.propose(begin, plan)
         fleet.exchange(begin, begin + H)
         assert not a.admits(begin + H, plan), k
         begin += H
     fleet.exchange(begin, begin + H)
-    assert [told[-1] for told in fleet.told.values()] == [100.0] * 3
+    assert [times[-1] for times in fleet.announced.values()] == [100.0] * 3
     assert [kind for kind, _ in fleet.events].count("arrival-deferred") == 3
 
 
@@ -111,7 +111,7 @@ def test_a_refused_commitment_stops_all_others_before_they_adopt_theirs() -> Non
     c.propose(1.0, clear)
     fleet.exchange(1.0, 1.0 + H)
     assert not c.admits(1.0 + H, clear)  # though nothing is in its way
-    assert fleet.told["c"][-1] == 100.0
+    assert fleet.announced["c"][-1] == 100.0
 
 
 def test_a_plan_that_does_not_keep_what_is_agreed_is_announced() -> None:

@@ -189,7 +189,7 @@ def test_a_start_without_a_certificate_is_refused(refused: Refusal, hills: Path)
 @pytest.mark.parametrize(
     ("argv", "expected"),
     [
-        ("fly", ["COMMAND", "fly", "list, run, sweep, store, study, estimate, render, view, compare, terrain"]),
+        ("fly", ["COMMAND", "fly", "list, run, sweep, search, store, study, estimate, render, view, compare, terrain"]),
         ("run", ["SCENARIO", "safe-flight"]),
         ("run --seed 3", ["--seed", "safe-flight"]),
         ("run hover", ["SCENARIO", "hover", "safe-flight"]),
@@ -273,7 +273,7 @@ def test_a_controller_that_builds_the_wrong_thing_is_named(
 @pytest.mark.parametrize(
     ("scenario", "flag", "name", "fitting"),
     [
-        ("safe-flight", "--controller", "missile", "as_printed, flight"),
+        ("safe-flight", "--controller", "missile", "as_printed, barrier, faster, flight, gatekeeper"),
         ("missile-guidance", "--controller", "flight", "missile"),
         ("missile-guidance", "--estimator", "kalman", "full_state, missile_kalman"),
         ("safe-flight", "--estimator", "missile_kalman", "full_state, kalman"),

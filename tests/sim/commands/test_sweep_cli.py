@@ -79,7 +79,7 @@ def test_a_trial_is_the_flight_of_a_run(mission: Words, path: Path, tmp_path: Pa
     assert {"solve_ms_mean", "real_time_factor", "trial_wall_s"} <= flown[11].timings.keys()
     page = path.with_suffix(".html").read_text(encoding="utf-8")
     assert "mathnavi sweep safe-flight" in page
-    assert "lowest, seed 4" in page
+    assert "lowest, seed 4" in page or "of median length, seed 4" in page  # where one trial is both
 
 
 @pytest.mark.usefixtures("trials_here")

@@ -161,5 +161,5 @@ class HalvedBound:
     def build(config: FlightConfig, mission: FlightMission) -> Parts:
         """Return the planner of a mission, and the tracker of its plans."""
         whole = tracking_bound(config.bandwidth, mission)
-        half = TrackingBound(0.5 * whole.horizontal, 0.5 * whole.vertical, 0.5 * whole.speed, 0.5 * whole.feedback)
+        half = TrackingBound(*(None if part is None else 0.5 * part for part in dataclasses.astuple(whole)))
         return _parts(config, mission, half)

@@ -43,7 +43,7 @@ _DRIVEN: Mapping[str, Mapping[str, float]] = {"figure-eight": {"speed": 0.08}, "
 _CIRCLES = {SLOW: 0.1, FAST: 0.5}  # [m/s]: of radii .67 m and .5 m, the field being 2.83 m wide
 _EIGHT_SPAN = 15.111  # [rad] cycle times turn rate of a figure of eight, a little more than 2 pi times J_0's first zero
 _SLIPPERY: Mapping[str, float] = {"friction": 0.1, "speed_max": 0.6, "turn_rate_max": 1.2}
-_NEVER_UNSURE = 100.0  # [m, rad]
+_NEVER_UNSURE = 100.0, math.pi  # [m, rad]
 _STEP = 0.05  # [s] between poses at which a pattern's clearance is evaluated
 
 
@@ -85,7 +85,7 @@ class LocalisationRun:
 
 def tracking(kind: str, seed: int, seconds: float) -> Trial:
     """A differential drive on a slippery floor that is to keep a figure of eight, from a start it does not know."""
-    sure = {} if kind == SENSES_FIRST else {"sure_position": _NEVER_UNSURE, "sure_heading": _NEVER_UNSURE}
+    sure = {} if kind == SENSES_FIRST else dict(zip(("sure_position", "sure_heading"), _NEVER_UNSURE, strict=True))
     planner = {f"planner.{name}": value for name, value in {**PATH, **sure}.items()}
     fields = {"drive": "differential", **_SLIPPERY, "duration": seconds, **planner}
     return trial("range-localisation", seed, fields=fields, measure=f"{__name__}:tracked")

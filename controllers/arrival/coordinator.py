@@ -1,6 +1,6 @@
 """What a vehicle of a fleet says to the others: its plans, for their room, and when it can arrive, for a common time.
 
-    plan proposed -> Separation, over the network, with every other vehicle -> admitted, or the stored plan stays
+    plan proposed -> SeparationRule, over the network, with every other vehicle -> admitted, or the stored plan stays
     ``ArrivalEstimate`` of the plan being flown -> Consensus, with the neighbours in the graph -> t_a for the planner
 
 Once a planning period the vehicle gives its consensus its own time of arrival. What is agreed is rounded up to the
@@ -13,8 +13,8 @@ defers its arrival to T_A ("arrival-deferred") and communicates this to all othe
 planning instants running, if the plan by which it commits to the agreed time is refused, or if it has none some periods
 after the horizon has reached that. The agreed time then moves to T_A, once: all have known it from the start, and who
 has not committed to an earlier arrival need not do anything to keep it. A plan that commits to a time before the agreed
-one is not adopted any more, even if it was admitted. What is agreed and the plan being flown does not keep is announced
-when it is known ("arrival-unkept").
+one is not adopted any more, even if it was admitted, unless the rule binds the vehicle to it. What is agreed and the
+plan being flown does not keep is announced when it is known ("arrival-unkept").
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mathnavi.controllers.arrival.separation import TOPIC, Separation
+from mathnavi.controllers.arrival.separation_rule import TOPIC, SeparationRule
 from mathnavi.controllers.flight.planner import ARRIVAL
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.protocols import Consensus
@@ -52,7 +52,7 @@ class FleetCoordinator:
 
     def __init__(
         self,
-        separation: Separation,
+        separation: SeparationRule,
         consensus: Consensus,
         neighbours: Sequence[str],
         estimate: Callable[[Plan, float], float],
@@ -104,7 +104,7 @@ class FleetCoordinator:
         self._proposed = self._separation.propose(plan), plan
 
     def admits(self, t: float, plan: Plan) -> bool:
-        """True if a plan may be flown: all others have acknowledged it.
+        """True if a plan may be flown: the rule of separation has admitted it.
 
         True too, unasked and with the guarantee lost, for a plan made anew because the one before was worth nothing.
         """
@@ -113,7 +113,8 @@ class FleetCoordinator:
             return True
         if self._proposed is None or self._proposed[1] is not plan:
             return False
-        admitted = self._separation.admitted(self._proposed[0]) and not self._outdated(t, plan)
+        rule = self._separation
+        admitted = rule.admitted(self._proposed[0]) and (rule.binding or not self._outdated(t, plan))
         silence = self._silence()
         if not admitted:
             self._separation.withdraw()

@@ -48,12 +48,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mathnavi.controllers.arrival.distance import PlannedTrajectory
+from mathnavi.controllers.arrival.separation_rule import TOPIC, objection
 from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.tolerances import TIME_TOLERANCE
 from mathnavi.sim.interfaces.checks import check_names
 from mathnavi.sim.interfaces.signals import Event, Message, Plan
-
-TOPIC = "separation"
 
 
 @dataclass(frozen=True)
@@ -74,12 +73,14 @@ class SeparationReply:
 
 
 class Separation:
-    """The protocol of one vehicle. It keeps no time and sends nothing by itself: ``exchange`` is to be called often.
+    """The ``SeparationRule`` of one vehicle, by acknowledged plans.
 
     ``events`` are those since they were last taken: ``separation-refused``, ``separation-yielded``,
     ``separation-late`` (not admitted by its start), ``separation-ignored`` (a message that cannot be) and
     ``separation-unguaranteed`` (a rebase: the guarantee is lost until the next adoption).
     """
+
+    binding = False
 
     def __init__(
         self, name: str, peers: Sequence[str], zone: Zone, current: Plan | PlannedTrajectory, rng: np.random.Generator
@@ -172,7 +173,7 @@ class Separation:
         for message in received:
             if message.topic != TOPIC:
                 continue
-            if wrong := self._wrong(message, t):
+            if wrong := objection(message, t, self.peers, self.zone, Proposal, SeparationReply):
                 self._record(t, "ignored", wrong)
             elif isinstance(message.payload, SeparationReply):
                 self._take(message.sender, message.payload, t)
@@ -183,18 +184,6 @@ class Separation:
             again = Message(t, self.name, TOPIC, self._pending)
             outgoing += [(peer, again) for peer in self.peers if peer not in self._acknowledged]
         return outgoing
-
-    def _wrong(self, message: Message, t: float) -> str:
-        """Why a message cannot be, or "": to ignore one is as safe as to lose it."""
-        if message.sender not in self.peers:
-            return f"sender = {message.sender!r}; allowed: {', '.join(self.peers)}"
-        if not message.t <= t + 2.0 * self.zone.clock_error + TIME_TOLERANCE:
-            return f"t = {message.t!r} of {message.sender} lies in the future; allowed: <= {t!r}"
-        if not isinstance(message.payload, Proposal | SeparationReply):
-            return (
-                f"payload of {message.sender} is {type(message.payload).__name__}; allowed: Proposal, SeparationReply"
-            )
-        return ""
 
     def _take(self, sender: str, answer: SeparationReply, t: float) -> None:
         """Count an answer to the pending proposal; any other is void."""

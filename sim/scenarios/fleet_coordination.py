@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -11,11 +11,13 @@ import numpy as np
 
 from mathnavi.controllers.arrival.clock import ClockConfig, ClockConsensus
 from mathnavi.controllers.arrival.coordinator import AssuredArrival, FleetCoordinator
+from mathnavi.controllers.arrival.delay_check import DelayCheck
 from mathnavi.controllers.arrival.local_clock import ClockedCoordinator, LocalClock
 from mathnavi.controllers.arrival.separation import Separation
+from mathnavi.controllers.arrival.separation_rule import SeparationRule
 from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.models.fleet.graph import Graph
-from mathnavi.sim.interfaces.errors import PluginError
+from mathnavi.sim.interfaces.errors import FieldError, PluginError
 from mathnavi.sim.interfaces.protocols import Coordinator
 from mathnavi.sim.interfaces.signals import Plan
 from mathnavi.sim.plugin.registry import PluginSpec, checked_consensus, load, names
@@ -34,7 +36,7 @@ def coordinators(
     deadline: float,
     streams: RandomStreams,
 ) -> dict[str, Coordinator]:
-    """The coordinator of every vehicle, by name; FieldError for a graph that cannot be.
+    """The coordinator of every vehicle, by name; FieldError for a graph or a delay check that cannot be.
 
     ``deadline`` [s] is that of the fleet.
     """
@@ -42,7 +44,9 @@ def coordinators(
     *ranks, ticking = streams["ranks"].spawn(len(fleet) + 1)
     made: dict[str, Coordinator] = {}
     for (name, vehicle), rank in zip(fleet.items(), ranks, strict=True):
-        talker = partial(_talker, name, list(fleet), vehicle, zone, graph, deadline, consensus, rank)
+        peers = [other for other in fleet if other != name]
+        rule = _rule(config, name, peers, zone, vehicle.planner.period, rank)
+        talker = partial(_talker, name, rule, vehicle, zone, graph, deadline, consensus)
         if config.clocks.agree:
             made[name] = talker(vehicle.stored, 0.0)
             continue
@@ -73,20 +77,38 @@ def consensus_of(config: SimultaneousArrivalConfig) -> PluginSpec:
     return PluginSpec(plugin, config.consensus_config(plugin))
 
 
+def _rule(
+    config: SimultaneousArrivalConfig, name: str, peers: list[str], zone: Zone, period: float, rng: np.random.Generator
+) -> Callable[[Plan], SeparationRule]:
+    """The rule of separation of a vehicle that plans once a period [s], given its stored plan.
+
+    FieldError for a delay check that leaves a period no time.
+    """
+    if config.separation_rule == "agreement":
+        return lambda stored: Separation(name, peers, zone, stored, rng)
+    wait = period - config.delay_check - 3.0 * EXCHANGE_PERIOD
+    if wait < 0.0:
+        raise FieldError(
+            f"delay_check = {config.delay_check!r}; allowed: <= {period - 3.0 * EXCHANGE_PERIOD:.4g}, the planning "
+            "period less three exchanges of messages"
+        )
+    return lambda stored: DelayCheck(
+        name, peers, zone, stored, rng, config.delay_check, wait=wait, step=EXCHANGE_PERIOD
+    )
+
+
 def _talker(
     name: str,
-    names: list[str],
+    rule: Callable[[Plan], SeparationRule],
     vehicle: StartedVehicle,
     zone: Zone,
     graph: Graph,
     deadline: float,
     consensus: PluginSpec,
-    rng: np.random.Generator,
     stored: Plan,
     ahead: float,
 ) -> FleetCoordinator:
     """The coordinator of one vehicle, in a time that is ``ahead`` [s] of the simulation's."""
-    separation = Separation(name, [other for other in names if other != name], zone, stored, rng)
     node: Any = dataclasses.replace(
         graph.node(name, vehicle.planner.period, deadline + ahead), clock_error=zone.clock_error
     )
@@ -94,6 +116,6 @@ def _talker(
     follows = getattr(consensus.plugin, "only_rises", False)
     assured = AssuredArrival(vehicle.assured + ahead, vehicle.estimate.arrives, vehicle.braking) if follows else None
     return FleetCoordinator(
-        separation, checked_consensus(consensus, node), graph.neighbours(name), vehicle.estimate,
+        rule(stored), checked_consensus(consensus, node), graph.neighbours(name), vehicle.estimate,
         vehicle.planner.period, EXCHANGE_PERIOD, assured,
     )  # fmt: skip

@@ -50,6 +50,7 @@ from mathnavi.sim.scenarios.redraw import ChanceFields
 
 GraphName = Literal["line", "ring", "complete", "random"]
 SlotAssignment = Literal["least_squares", "in_order"]
+SeparationRuleName = Literal["agreement", "delay_check"]
 
 EXCHANGE_PERIOD = 1.0 / 12.0  # [s] between two exchanges of messages, also of the consensus
 _MOST = 64
@@ -167,6 +168,10 @@ class FleetFields(LimitFields, FleetEndFields):
     """plug-in by which that is agreed"""
     consensus_with: tuple[str, ...] = ()
     """FIELD=VALUE of that plug-in; may be given several times"""
+    separation_rule: SeparationRuleName = "agreement"
+    """keeps plans apart: flown once all others agree, or (RMADER) if none received meanwhile is in the way"""
+    delay_check: NonNegative = 0.5
+    """delta_DC, how long the latter checks what it receives; it keeps vehicles apart if no message takes longer [s]"""
     control_rate: Rate = MissionFields.control_rate
     """of estimator, tracker and log [Hz]; the physics runs at 300 Hz"""
 

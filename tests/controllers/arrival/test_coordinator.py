@@ -9,7 +9,8 @@ import pytest
 
 from mathnavi.controllers.arrival.coordinator import AGREEMENT, PATIENCE, AssuredArrival, FleetCoordinator
 from mathnavi.controllers.arrival.maximum import Maximum
-from mathnavi.controllers.arrival.separation import TOPIC, Separation
+from mathnavi.controllers.arrival.separation import Separation
+from mathnavi.controllers.arrival.separation_rule import TOPIC
 from mathnavi.controllers.arrival.zone import Zone
 from mathnavi.controllers.flight.planner import ARRIVAL
 from mathnavi.models.aerial.dynamics import flow
@@ -153,6 +154,19 @@ def test_a_vehicle_that_left_its_plan_flies_what_it_made_anew_and_the_others_hee
     b.propose(1.0, near)
     fleet.exchange(1.0, 2.0)
     assert not b.admits(3.0, near)
+
+
+def test_a_plan_that_comes_before_the_agreed_time_is_flown_only_under_a_rule_that_binds_to_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fleet = Fleet(dict.fromkeys(NAMES, 50.0))
+    a, plan = fleet.coordinators["a"], along(-100.0, t=2.0)
+    monkeypatch.setattr(a, "_outdated", lambda t, plan: True)
+    for binding in (False, True):
+        monkeypatch.setattr(a._separation, "binding", binding, raising=False)
+        a.propose(0.0, plan)
+        fleet.exchange(0.0, 1.0)
+        assert a.admits(2.0, plan) is binding
 
 
 def test_what_cannot_be_understood_changes_nothing() -> None:

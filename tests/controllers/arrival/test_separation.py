@@ -14,7 +14,8 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from mathnavi.controllers.arrival.distance import PlannedTrajectory
-from mathnavi.controllers.arrival.separation import TOPIC, Proposal, Separation, SeparationReply
+from mathnavi.controllers.arrival.separation import Proposal, Separation, SeparationReply
+from mathnavi.controllers.arrival.separation_rule import TOPIC
 from mathnavi.controllers.arrival.zone import Zone, checked_start
 from mathnavi.models.aerial.dynamics import state_at
 from mathnavi.sim.engine.network import DelayedLinks, IdealNetwork, LossyLinks, Network, Partition, partitioned

@@ -82,6 +82,14 @@ def test_lost_messages_and_failing_solvers_cost_no_safety(terrain: str, seed: in
     assert outcome.summary["arrived"]
 
 
+def test_a_fleet_is_kept_apart_by_the_delay_check(terrain: str) -> None:
+    outcome = flown(terrain, separation_rule="delay_check", delay_check=0.5, radio=Radio(delay=(0.0, 0.3)))
+    assert outcome.summary["arrived"], outcome.summary
+    assert outcome.summary["separation_min_m"] >= 150.0
+    assert outcome.summary["guarantee_lost"] == 0
+    assert outcome.summary["plans_adopted"] > 3  # others than the stored ones
+
+
 def test_the_same_seed_is_the_same_log(terrain: str) -> None:
     one, other = (flown(terrain, radio=Radio(loss=0.2), faults=AerialFaults(solver_failure_rate=0.2)) for _ in range(2))
     assert one.arrays.keys() == other.arrays.keys()
@@ -196,6 +204,7 @@ def bad(terrain: str) -> list[tuple[dict[str, Any], str]]:
         ({"name": ("a", "b", "c"), "edge": (("a", "d", 1.0),)}, r"'d'"),
         ({"name": ("a", "b", "c"), "edge": (("a", "b", 1.0), ("b", "a", 2.0))}, r"each pair of vehicles once"),
         ({"clocks": Clocks(offset=10.0, error=2.0)}, r"slot_spacing = 800\.0; allowed: >= 1350"),
+        ({"separation_rule": "delay_check", "delay_check": 1.5}, r"delay_check = 1\.5; allowed: <= 1\.4"),
         ({"consensus_with": ("period",)}, r"consensus_with = 'period'; allowed: FIELD=VALUE"),
         ({"consensus_with": ("=3",)}, r"consensus_with = '=3'; allowed: FIELD=VALUE"),
         ({"consensus_with": ("period=3",)}, r"consensus_with = 'period=3'; allowed: any field but the period"),

@@ -51,6 +51,7 @@ SMALLEST: dict[str, dict[str, int]] = {
     "arrival": {"seeds": 1, "sizes": 1, "steps": 1, "narrow": 1},
     "quadrotor": {"canyons": 1, "missions": 1, "drawn": 1},
     "separation": {"seeds": 1, "sizes": 1, "grown": 1, "repetitions": 1},
+    "fleet-peers": {"seeds": 1, "sizes": 1, "conditions": 1, "tuning": 1, "checks": 1, "vehicles": 2},
     "contraction": {"distances": 6, "directions": 3, "points": 1},
     "consensus": {"sizes": 1, "seeds": 1, "vehicles": 4},
     "attitude": {"seeds": 1, "others": 1, "seconds": 1},
@@ -101,6 +102,7 @@ CLAIMS = {
     "arrival": {"fleet.spread", "fleet.narrow", "A.consensus-by-A12", "A.constraint", "A.penalty", "A.one-step"},
     "quadrotor": {"fleet.quadrotor"},
     "separation": {"fleet.separation", "fleet.cost"},
+    "fleet-peers": {"fleet.peers"},
     "hunt": {"search.safe", "search.power"},
     "mechanisms": {
         *("riemannian.mechanisms", "riemannian.model-error", "riemannian.cost", "riemannian.menagerie"),

@@ -51,15 +51,16 @@ def fleets(count: int) -> dict[tuple[str, int], Trial]:
     return dict(list(trials.items())[:count])
 
 
-def swapping(terrain: str, vehicles: int, ring: float, height: float) -> dict[str, Any]:
+def swapping(terrain: str, vehicles: int, ring: float | np.ndarray, height: float) -> dict[str, Any]:
     """Fields of a fleet that starts on a ``ring`` [m] about the middle of a map, each opposite to its own slot.
 
-    ``height`` [m] is that of starts and target above the ground.
+    ``ring`` is one radius, or (vehicles,) one of each; ``height`` [m] is that of starts and target above the ground.
     """
     ground = load_terrain(terrain)
     x, y = 0.5 * ground.width, 0.5 * ground.depth
     angles = [2.0 * math.pi * k / vehicles + math.pi for k in range(vehicles)]
-    places = [(x + ring * math.cos(angle), y + ring * math.sin(angle)) for angle in angles]
+    radii = np.broadcast_to(ring, vehicles).tolist()
+    places = [(x + r * math.cos(angle), y + r * math.sin(angle)) for r, angle in zip(radii, angles, strict=True)]
     *starts, target = [(px, py, float(ground.height(px, py)) + height) for px, py in (*places, (x, y))]
     return {
         "terrain": terrain, "vehicles": vehicles, "start": tuple(starts), "target": target,

@@ -162,5 +162,7 @@ class HalvedBound:
         """Return the planner of a mission, and the tracker of its plans."""
         whole = tracking_bound(config.bandwidth, mission)
         held = None if whole.held is None else 0.5 * whole.held
-        half = TrackingBound(0.5 * whole.horizontal, 0.5 * whole.vertical, 0.5 * whole.speed, 0.5 * whole.feedback, held)
+        half = TrackingBound(
+            0.5 * whole.horizontal, 0.5 * whole.vertical, 0.5 * whole.speed, 0.5 * whole.feedback, held
+        )
         return _parts(config, mission, half)

@@ -138,7 +138,7 @@ def _draw_order(axes: Axes, search: SearchPage, values: Array) -> None:
         axes.axhline(search.until, color=BOUND, ls="--", lw=1.0)
     axes.set(xlabel="mission", ylabel=f"{name} [{unit}]" if unit else name, title="In the order of the search")
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(fontsize=8.0)
+        axes.legend(fontsize=8.0, frameon=True, framealpha=0.9, edgecolor="none")
 
 
 def _draw_probabilities(axes: Axes, search: SearchPage) -> None:

@@ -31,7 +31,8 @@ def test_six_lines_fly_a_scenario_and_read_arrays(shown: dict[str, Any], capsys:
     run = shown["run"]
     assert run.success
     assert run["truth.x"].shape == (len(run.t), 6)
-    assert float(capsys.readouterr().out.split()[0]) == run.summary["min_clearance_m"] >= 50.0
+    (line,) = capsys.readouterr().out.splitlines()[-1:]  # after the word of kernels that are compiled, on a new machine
+    assert float(line.split()[0]) == run.summary["min_clearance_m"] >= 50.0
     assert {path.name for path in Path("flight").iterdir()} >= {"config.json", "log.npz", "summary.json"}
     assert "safe-flight" in Path("flight.html").read_text(encoding="utf-8")
 

@@ -14,7 +14,7 @@ conflict let i be the first to publish. By the time at which j could commit it h
 its own. So committed trajectories are D (``Zone``) apart. **A message that takes longer, or is lost, voids the
 guarantee**, and neither vehicle notices: ``mathnavi.controllers.arrival.separation`` is a rule that needs no bound.
 
-Where the print says nothing, its rule is given the benefit:
+Where the paper says nothing, its rule is given the benefit:
   - vehicles plan at the same instants here, and asynchronously there: each publishes after a random wait;
   - the links there repeat what is lost: each message is sent again in every exchange;
   - messages may overtake each other: trajectories are numbered, and an old one replaces no new one;

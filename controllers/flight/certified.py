@@ -123,7 +123,7 @@ class Certified:
         self._unsure = False  # True if the plan being flown was certified over another map
         self._lost = False  # True from when the loss of the guarantee was announced until it is regained
         self._doubted = False  # True while the estimate is lost or worse than declared
-        self._breached = False  # True once a breach was answered since the last planning instant
+        self._breached = False  # True from a breach that found no plan until the next planning instant
         self._worst = worst
         self._start = start
         self._flown: Plan | None = None  # the plan being flown, at the last request
@@ -188,6 +188,7 @@ class Certified:
             notes = (*notes, "guarantee-lost")
         elif (far := self._breach(request)) is not None:
             answer = self._rebased(request, request.estimate, (*notes, "tracking-breach"), far)
+            self._breached = not answer.ok
             return answer if self._danger(current, request.t) is None else self._evading(answer, request)
         if (danger := self._danger(current, request.t)) is not None:
             return self._endangered(request, current, danger, notes)
@@ -227,8 +228,9 @@ class Certified:
         far = None if self._breached else self._breach(request)
         if far is None:
             return None
-        self._breached = True
-        return self._rebased(request, request.estimate, ("tracking-breach",), far)
+        answer = self._rebased(request, request.estimate, ("tracking-breach",), far)
+        self._breached = not answer.ok
+        return answer
 
     def _breach(self, request: PlanRequest) -> str | None:
         """How far a vehicle outside its tracking bound is from the plan; None for one within."""

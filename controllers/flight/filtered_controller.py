@@ -4,7 +4,7 @@ certified.
     planner -> plan -> tracker -> proposed command -> filter -> command
 
 The filter may lead the vehicle off the plan. A planner that starts its plans on the plan being flown would never learn
-of it, so it is asked for a plan from the estimate where the vehicle is beyond the tracking bound of that plan.
+that, so it is asked for a plan from the estimate where the vehicle is beyond the tracking bound of that plan.
 """
 
 from __future__ import annotations

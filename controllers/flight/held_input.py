@@ -32,6 +32,7 @@ from mathnavi.sim.interfaces.signals import Array, Plan
 
 NO_LAG = np.zeros(6)
 NO_LAG.setflags(write=False)
+_LONGEST = 1e7  # [s] of a plan
 _GONE = 1e-9  # [m] of a lag that no longer matters
 
 
@@ -55,8 +56,10 @@ class HeldInput:
         """Greatest lag [m] over a plan's whole future, from the lag (6,) [m, m/s] at its start.
 
         What the feedback asks for is bounded by it too: a lag of e asks for no more than omega^2 |e|, and more than
-        that counts as the lag that would ask for it.
+        that counts as the lag that would ask for it. Infinite for a plan too long to count its periods.
         """
+        if not plan.t_end - plan.t_start <= _LONGEST:
+            return math.inf
         _, position, feedback = _lag_along(
             plan.t, plan.x, plan.u, plan.t_start, math.inf, self.period, self.bandwidth, lag
         )

@@ -98,7 +98,7 @@ class SafetyFilterWrapper(gymnasium.Wrapper[Observation, Array, Observation, Arr
         return begun
 
     def step(self, action: Array) -> tuple[Observation, Any, bool, bool, dict[str, Any]]:
-        """Hold the filtered action for a period; the reward is that of all of it."""
+        """Hold the filtered action for a period; the reward is that of the whole period."""
         total = 0.0
         for _ in range(self._filter.repeats):
             observation, reward, terminated, truncated, info = self.env.step(self._filter.filtered(action))

@@ -3,8 +3,8 @@
     ask for a batch of values -> trials, flown where the store lacks them -> tell the sampler the figures, in order
 
 The sampler is Optuna's: TPE, the tree-structured Parzen estimator, CMA-ES, or independent draws. What it proposes
-follows from its seed and from what it was told, and it is told batch by batch: the same seed and batch make the same
-search, with whatever number of workers. So a search that was killed goes on by being repeated: what it had flown is
+follows from its seed and from the figures that it got, batch by batch: the same seed and batch make the same search,
+with whatever number of workers. So a search that was killed goes on by being repeated: what it had flown is
 found in the store.
 """
 

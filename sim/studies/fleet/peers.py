@@ -1,7 +1,7 @@
 """Two rules that keep the plans of a fleet apart, on the same missions: agreement, and the delay check of RMADER.
 
 The vehicles swap places: they start on a ring above a canyon, each opposite to its own slot. Planner, certificate,
-zones and network are the same, only the rule differs. Messages are delayed by as much as in the print (0 to 300 ms), by
+zones and network are the same, only the rule differs. Messages are delayed by as much as in the paper (0 to 300 ms), by
 more than the delay check allows, lost, or cut off. The delay check's own time delta_DC is tuned on other seeds: of the
 values under which no two vehicles come too close at 300 ms, the one with the earliest arrival.
 """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -86,6 +87,16 @@ def test_the_lag_is_that_of_the_vehicle(seed: int, arcs: int, shortest: float, b
     assert flown <= foreseen * (1.0 + 1e-6) + 1e-7
     if shortest >= PERIOD:  # tight: what happens between two commands is less than what adds up
         assert foreseen <= 3.0 * flown + 1e-6
+
+
+@pytest.mark.parametrize("hover", [1e8, 1e19])
+def test_a_plan_without_end_is_refused_and_not_counted(hover: float) -> None:
+    plan = pulses(1, 10.0, 1.0)
+    later = dataclasses.replace(plan, t=np.append(plan.t, plan.t[-1] + hover), x=np.vstack([plan.x, plan.x[-1]]))
+    later = dataclasses.replace(later, u=np.vstack([plan.u, np.zeros(3)]), phase=np.append(plan.phase, plan.phase[-1]))
+    refusal = CERTIFICATE.check(later)
+    assert refusal is not None
+    assert refusal.status is FlightStatus.NOT_TRACKABLE
 
 
 def test_a_lag_is_carried_from_plan_to_plan() -> None:

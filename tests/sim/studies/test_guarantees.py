@@ -5,13 +5,15 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+from mathnavi.sim.records.store import Record
 from mathnavi.sim.studies.flight import guarantees
 from mathnavi.sim.studies.flight.guarantees import PLANNERS, SETTINGS, TUNING_SEED, GuaranteesConfig
 from mathnavi.sim.sweep.trial import trial
 
 
-def flight(time: float, *, arrived: bool = True, violated: bool = False) -> Any:
-    return SimpleNamespace(summary={"flight_time_s": time, "arrived": arrived, "violated": violated})
+def flight(time: float, *, arrived: bool = True, violated: bool = False) -> Record:
+    summary = {"flight_time_s": time, "arrived": arrived, "violated": violated}
+    return Record("", "safe-flight", {}, 0, "", "ok", arrived, summary)
 
 
 def test_the_fastest_of_the_settings_that_spoil_the_fewest_missions_is_flown() -> None:

@@ -62,7 +62,12 @@ _SETTINGS = 4
 SETTINGS: dict[str, tuple[dict[str, Any], ...]] = {  # that are tried, the defaults first
     **dict.fromkeys(
         (OURS, "gatekeeper", "faster"),
-        ({}, _FAST, {"planner.beta": 6400.0}, {**_FAST, "planner.horizon": 40.0, "planner.stretch": 1.12}),
+        (
+            {},
+            _FAST,
+            {**_FAST, "planner.horizon": 40.0, "planner.stretch": 1.12},
+            {**_FAST, **_FAR, "planner.stretch": 1.19},
+        ),
     ),
     "barrier": ({}, _LATE, {**_LATE, **_FAR}, {**_FAR, "planner.approach": 1.0}),
     "as_printed": ({}, {"planner.beta": 400.0}, _FAST, {"planner.beta": 6400.0}),

@@ -16,7 +16,7 @@ from annotated_types import Interval
 
 from mathnavi.models.manifold.mission import LagrangianMission
 from mathnavi.models.manifold.sensors import PositionQuality
-from mathnavi.models.mechanism.entity import build_model
+from mathnavi.models.mechanism.entity import MechanismPlace, build_model
 from mathnavi.models.mechanism.system import MechanismSystem, heavier
 from mathnavi.sim.engine.plant import MujocoPlant, VehicleSetup
 from mathnavi.sim.interfaces.bounds import FINITE, FINITE_NUMBERS, configuration
@@ -49,7 +49,7 @@ class ArmVelocityConfig(LagrangianFields):
     """how the encoders err"""
     settled: float = 1.0
     """from when on errors count [s]"""
-    mechanism: str = "two-link"
+    mechanism: MechanismPlace = "two-link"
     """rigid-body, cart-pendulum, two-link, seven-joint, dm_control:NAME of its suite, or the path of an MJCF file"""
     load: Annotated[float, Interval(ge=0.01, le=100.0), FINITE] = 1.0
     """mass of the last link, times what the observer believes"""

@@ -66,7 +66,7 @@ class Worker:
     def run(
         self,
         task: SweepTask,
-        key: str,
+        content: str,
         timeout: float | None = None,
         stopped: Callable[[], bool] = lambda: False,
         compiling: Callable[[], None] = lambda: None,
@@ -80,7 +80,7 @@ class Worker:
         Raises RefusedError, and StoppedError when the worker is stopped meanwhile or ``stopped()``, which is asked now
         and then, says that nobody waits for the record.
         """
-        request = pickle.dumps((task, key))
+        request = pickle.dumps((task, content))
         while True:
             child = self._living()
             served = child.served
@@ -88,11 +88,11 @@ class Worker:
                 return child.ask(request, timeout, compiling, stopped)
             except OverdueError as error:
                 self._replace()
-                return self._failed(task, key, "timed-out", error)
+                return self._failed(task, content, "timed-out", error)
             except DiedError as error:
                 self._replace()
                 if not served:
-                    return self._failed(task, key, "crashed", error)
+                    return self._failed(task, content, "crashed", error)
             except RefusedError:
                 self._replace()
                 if not served:
@@ -117,8 +117,8 @@ class Worker:
             self._child = None
 
     @staticmethod
-    def _failed(task: SweepTask, key: str, status: str, error: Exception) -> Ended:
-        record: Ended = task.record(key, status, error=str(error))
+    def _failed(task: SweepTask, content: str, status: str, error: Exception) -> Ended:
+        record: Ended = task.record(content, status, error=str(error))
         return record
 
     def _living(self) -> _Child:

@@ -9,7 +9,8 @@ import pytest
 
 from mathnavi.models.terrain.dem import write_npz
 from mathnavi.models.terrain.height_field import HeightField
-from mathnavi.sim.sweep import code, execution
+from mathnavi.sim.plugin import code_version as code
+from mathnavi.sim.sweep import execution
 from tests.sim.here import Here
 
 

@@ -141,7 +141,7 @@ class Setup:
 
     def flown(self, missions: Mapping[Key, Trial]) -> dict[Key, RunResult]:
         """The runs of some missions with their logs, for pictures, without processor and wall-clock times."""
-        made = [job(logged_run, mission, mission.key, seed=mission.seed) for mission in missions.values()]
+        made = [job(logged_run, mission, mission.content, seed=mission.seed) for mission in missions.values()]
         return dict(zip(missions, self.perform(made), strict=True))
 
 
@@ -151,13 +151,13 @@ def call(function: Callable[..., Any], argument: Any, **named: Any) -> Job:
     return job(function, argument, seed=seed if type(seed) is int else 0, **named)
 
 
-def logged_run(mission: Trial, key: str) -> RunResult:
-    """A job: the run of a mission, its log and all; ``key`` is the mission's, so that files it names count too.
+def logged_run(mission: Trial, content: str) -> RunResult:
+    """A job: the run of a mission, its log and all; ``content`` is the hash of all that the mission depends on.
 
     Left out are processor and wall-clock times, and the solver's, which no other run repeats.
     """
-    if mission.key != key:
-        raise ValueError(f"trial {key} is now {mission.key}; allowed: sources and files as they were")
+    if mission.content != content:
+        raise ValueError(f"trial {content} is now {mission.content}; allowed: sources and files as they were")
     outcome = mission.flown()
     agents = {
         name: replace(agent, solve_ms=[], plans=[(t, replace(plan, solve_ms=np.nan)) for t, plan in agent.plans])

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mathnavi.sim.plugin import code_version as code
 from mathnavi.sim.records.store import Record, Store, StoreWriteError
-from mathnavi.sim.sweep import code
 from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
 from mathnavi.sim.sweep.execution import Pool, Progress, run_trials
 from mathnavi.sim.sweep.trial import Trial, keys, trial
-from tests.sim.sweep.scenarios import SLOW, Coin
+from tests.sim.sweep.scenarios import SLOW
 
 COIN = "tests.sim.sweep.scenarios:Coin"
 MISHAPS: dict[str, Any] = {
@@ -135,15 +135,14 @@ def test_records_name_files_as_they_were_asked_for(
 ) -> None:
     files = [tmp_path / "one", tmp_path / "other"]
     for file in files:
-        file.mkdir()
-    monkeypatch.setattr(Coin, "inputs", staticmethod(lambda config: {"marks": "the same"}), raising=False)
+        file.write_text("the same")
     monkeypatch.setattr("mathnavi.sim.sweep.trial.code_version", lambda *_: "any")
-    one, other = (coins(1, marks=str(file))[0] for file in files)
+    one, other = (coins(1, table=str(file))[0] for file in files)
     assert one.key == other.key
-    store.add(one.record(one.key, "ok", success=True))
+    store.add(one.record(one.content, "ok", success=True))
     for asked in (one, other):
         (record,) = run_trials([asked], store)
-        assert record.fields["marks"] == asked.config.marks
+        assert record.fields["table"] == asked.config.table
 
 
 def test_progress_counts_what_failed_before_too(store: Store) -> None:
@@ -194,14 +193,14 @@ def test_a_child_from_before_a_change_of_the_sources_is_replaced(
     file.write_text("from tests.sim.sweep.scenarios import Coin\n\nclass Penny(Coin):\n    pass\n")
     monkeypatch.syspath_prepend(tmp_path)
     penny = trial(f"{name}:Penny")
-    before = penny.key
+    before = penny.content
     worker = Worker(module_path())
     try:
         assert worker.run(penny, before).status == "ok"
         file.write_text(f"{file.read_text()}# changed\n")
         code._stranger.cache_clear()
-        assert penny.key != before
-        assert worker.run(penny, penny.key).status == "ok"
+        assert penny.content != before
+        assert worker.run(penny, penny.content).status == "ok"
     finally:
         worker.close()
 

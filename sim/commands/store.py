@@ -15,6 +15,7 @@ from rich.console import Console
 from mathnavi.sim.commands.arguments import FlagGroup, parse
 from mathnavi.sim.commands.errors import BadInputError, bad_input
 from mathnavi.sim.commands.evidence import print_evidence, verdict
+from mathnavi.sim.records.computing_environment import difference, environment_digest
 from mathnavi.sim.records.store import Record, Store, canonical_json
 from mathnavi.sim.records.sweep_data import Sweep, grouped
 
@@ -63,12 +64,22 @@ def _show(argv: Sequence[str]) -> None:
     console = Console()
     if not records:
         console.print(f"{options.file}: no trials", soft_wrap=True, highlight=False)
-    kinds = Counter((record.scenario, record.code) for record in records)
-    for scenario, code in kinds:
-        members = [record for record in records if (record.scenario, record.code) == (scenario, code)]
+    if other := sum(record.origin.digest != environment_digest() for record in records):
+        console.print(
+            f"{other} of {len(records)} trials come from another environment", highlight=False, soft_wrap=True
+        )
+    for scenario, code, environment in Counter(map(_kind, records)):
+        members = [record for record in records if _kind(record) == (scenario, code, environment)]
         console.print(f"{scenario}, {verdict(members)}", style="bold", highlight=False, soft_wrap=True)
         console.print(f"code {code}", style="dim", highlight=False, soft_wrap=True)
+        words = difference(members[0].origin.environment) or "as here"
+        console.print(f"environment {words}", style="dim", highlight=False, soft_wrap=True)
         print_evidence(console, members, _varied(members))
+
+
+def _kind(record: Record) -> tuple[str, str, str]:
+    """Scenario, version of the code and digest of the environment: records that differ in them are told apart."""
+    return record.scenario, record.code, record.origin.digest
 
 
 def _export(argv: Sequence[str]) -> None:

@@ -256,6 +256,21 @@ class Store:
             stored = keys_by_content(self._connection)
         return (elsewhere or Elsewhere()).chosen(contents, stored, environment_digest(), mix_environments)
 
+    def input_digests(self, field: str, value: str) -> dict[str, int]:
+        """Numbers of the trials in which a field that names a file has a value, by the digest that the file had then.
+
+        ``field`` is named as on the command line.
+        """
+        prefix, _, rest = field.partition(".")
+        part = {"planner": "controller.fields", "estimator": "estimator.fields"}.get(prefix, "config")
+        name = rest if part != "config" else field
+        query = (
+            "SELECT json_extract(parameters, ?) AS digest, COUNT(*) FROM trials "
+            "WHERE json_extract(parameters, ?) = ? GROUP BY digest HAVING digest IS NOT NULL"
+        )
+        with self._errors_named():
+            return dict(self._connection.execute(query, (f'$.inputs."{field}"', f"$.{part}.{name}", value)).fetchall())
+
     def environments(self) -> dict[str, dict[str, str]]:
         """Description of the environments that the records were made in, by their digests."""
         with self._errors_named():

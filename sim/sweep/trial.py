@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, ClassVar
 
-from mathnavi.sim.interfaces.fields import plain, with_fields
+from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
 from mathnavi.sim.interfaces.input_files import Digests, named_plugins, run_inputs
 from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.registry import PluginSpec, load
@@ -208,6 +208,18 @@ def contents(trials: Sequence[Trial]) -> list[str]:
     """
     known: Digests = {}
     return [each._content(run_inputs(*each._configs, known)) for each in trials]
+
+
+def named_files(trials: Sequence[Trial]) -> dict[tuple[str, str], str]:
+    """Digest of each file that trials name, by the name of the field and its value; errors as of ``contents``."""
+    known: Digests = {}
+    found: dict[tuple[str, str], str] = {}
+    for each in trials:
+        parts = {"planner": each.controller_config, "estimator": each.estimator_config}
+        for name, digest in run_inputs(*each._configs, known).items():
+            first, _, rest = name.partition(".")
+            found[name, str(leaf(*((parts[first], rest) if first in parts else (each.config, name))))] = digest
+    return found
 
 
 @cache

@@ -28,8 +28,10 @@ from mathnavi.renders.study_report import StudyPage, Table, write_study_report
 from mathnavi.renders.terrain_view import Track
 from mathnavi.sim.interfaces.errors import TerrainError
 from mathnavi.sim.records.claims import Claim
+from mathnavi.sim.records.computing_environment import environment
 from mathnavi.sim.records.figure_names import is_wall_clock
 from mathnavi.sim.records.files import write_bytes, write_json, write_text
+from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.statistics import Band, supported_band
 from mathnavi.sim.records.store import Record, Store
 from mathnavi.sim.records.sweep_data import figures
@@ -77,6 +79,8 @@ class Setup:
     workers: int = 1
     progress: Callable[[Progress], None] | None = None
     cluster: str | None = None  # address of a Dask scheduler whose workers take the place of this machine's
+    mix_environments: bool = False  # results that are stored from another computing environment count too
+    elsewhere: Elsewhere = field(default_factory=Elsewhere)  # counts of those
 
     @cached_property
     def ground(self) -> HeightField:
@@ -101,8 +105,9 @@ class Setup:
         StudyError if a trial did not run to its end: a table over what is left would not be the one it claims to be.
         """
         records = run_trials(
-            trials, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True
-        )
+            trials, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True,
+            mix_environments=self.mix_environments, elsewhere=self.elsewhere,
+        )  # fmt: skip
         for record in records:
             if record.status != "ok":
                 raise StudyError(
@@ -131,8 +136,9 @@ class Setup:
     def perform(self, jobs: Sequence[Job]) -> list[Any]:
         """The results of the jobs, in their order, as ``compute`` has them."""
         records = run_jobs(
-            jobs, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True
-        )
+            jobs, self.store, workers=self.workers, cluster=self.cluster, progress=self.progress, retry=True,
+            mix_environments=self.mix_environments, elsewhere=self.elsewhere,
+        )  # fmt: skip
         for record in records:
             if record.status != "ok":
                 last = _last_line(record.error)
@@ -256,6 +262,8 @@ def write_result(
         "claims": [asdict(claim) for claim in findings.claims],
         "command": command,
         "first_look": small,
+        "environment": dict(environment()),
+        "from_other_environments": setup.elsewhere.taken.total(),
     }
     write_json(folder / f"{name}.json", document)
 

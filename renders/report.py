@@ -147,7 +147,8 @@ def again(directory: Path, config: Mapping[str, Any]) -> tuple[Markup, ...]:
     command = f"mathnavi run {config['scenario']} --from {directory}"
     return (
         page.paragraph(
-            "The same seed gives the same log, bit for bit, on the same kind of processor with the same versions; elsewhere to rounding."
+            "The same seed gives the same log: bit for bit on the same kind of processor with the same versions, to "
+            "rounding elsewhere."
         ),
         page.card(page.preformatted(command)),
         page.card(page.details("config.json", page.preformatted(text))),

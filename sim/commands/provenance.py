@@ -30,7 +30,7 @@ def note_changed_files(errors: Console, store: Store, named: Mapping[tuple[str, 
         if stored and digest not in stored:
             before = " and ".join(f"{each[:SHOWN]}..." for each in sorted(stored))
             errors.print(
-                f"{name} = {value} has changed since {sum(stored.values())} trials with it were stored: its digest was "
+                f"{name} = {value} has changed since {sum(stored.values())} of the stored trials: its digest was "
                 f"{before} and is {digest[:SHOWN]}...; those stay as they are",
                 style="dim", highlight=False, soft_wrap=True,
             )  # fmt: skip

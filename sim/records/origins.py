@@ -116,12 +116,12 @@ class Elsewhere:
     def words(self, described: Mapping[str, Mapping[str, str]]) -> list[str]:
         """Sentences on what comes from elsewhere; none where nothing does."""
         said = [
-            f"{count} come from another environment, {difference(described.get(digest, {}))}: they agree with results "
-            "of this one to rounding, not bit for bit"
+            f"from another environment, {difference(described.get(digest, {}))}: {count}; they agree with results of "
+            "this one to rounding, not bit for bit"
             for digest, count in sorted(self.taken.items())
         ]
         return said + [
-            f"{count} are stored from another environment, {difference(described.get(digest, {}))}: they are computed "
-            "here anew; --mix-environments takes them as they are"
+            f"stored from another environment, {difference(described.get(digest, {}))}: {count}; they are computed "
+            "here anew, and --mix-environments takes them as they are"
             for digest, count in sorted(self.left.items())
         ]

@@ -39,9 +39,9 @@ def note_changed_files(errors: Console, store: Store, named: Mapping[tuple[str, 
 def note_environment(errors: Console, run_config: RunConfig) -> None:
     """Print that a recorded run was made in another computing environment, or by another version, if it was."""
     if other := difference(run_config.environment):
+        named = f"in another environment: {other}" if run_config.environment else "without a note of its environment"
         errors.print(
-            f"{run_config.path.parent} was recorded in another environment: {other}; results agree to rounding, not "
-            "bit for bit",
+            f"{run_config.path.parent} was recorded {named}; results agree to rounding, perhaps not bit for bit",
             style="dim", highlight=False, soft_wrap=True,
         )  # fmt: skip
 

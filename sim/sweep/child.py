@@ -41,6 +41,18 @@ class RefusedError(RuntimeError):
     """A child process does not run what was asked, because its code or its files are others."""
 
 
+class OtherEnvironmentError(RefusedError):
+    """A worker computes in another environment, so that its results agree with those of this one to rounding only."""
+
+    @staticmethod
+    def of(words: str) -> OtherEnvironmentError:
+        """The error for a difference between two environments in words."""
+        return OtherEnvironmentError(
+            f"a worker computes in another environment, {words}: its results would agree with those of this one to "
+            "rounding, not bit for bit; allowed: the same environment, or --mix-environments"
+        )
+
+
 class StoppedError(RuntimeError):
     """Nobody waits for the task any more."""
 

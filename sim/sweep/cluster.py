@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from mathnavi.sim.records.computing_environment import difference, environment
-from mathnavi.sim.sweep.child import RefusedError, Worker, module_path
+from mathnavi.sim.sweep.child import OtherEnvironmentError, RefusedError, Worker, module_path
 from mathnavi.sim.sweep.task import Ended, Message, SweepTask
 
 PATIENCE = 5.0  # [s] for the scheduler to answer
@@ -32,10 +32,6 @@ _ALLOWED = "allowed: the address of a Dask scheduler that answers, tcp://HOST:87
 
 class LostError(RuntimeError):
     """The cluster is gone, or cannot run tasks at all."""
-
-
-class OtherEnvironmentError(RefusedError):
-    """A worker of the cluster computes in another environment, whose results agree to rounding only."""
 
 
 def check(address: str) -> None:
@@ -139,10 +135,7 @@ def execute(
     OtherEnvironmentError where the computing environment is not the one that is ``needed``, if one is.
     """
     if needed and (other := difference(needed)):
-        raise OtherEnvironmentError(
-            f"a worker of the cluster computes in another environment: {other.replace('(here', '(there')}; its results "
-            "would agree to rounding, not bit for bit; allowed: the same environment, or --mix-environments"
-        )
+        raise OtherEnvironmentError.of(other.replace("(here", "(there"))
     known = module_path()
     place = (folder if os.path.isdir(folder) else None, (*known, *(entry for entry in path if entry not in known)))
     dask_worker = _dask().get_worker()

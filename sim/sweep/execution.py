@@ -16,10 +16,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from queue import Empty, SimpleQueue
 
+from mathnavi.sim.records.computing_environment import difference, environment_digest
 from mathnavi.sim.records.jobs import JobRecord
 from mathnavi.sim.records.origins import Elsewhere
 from mathnavi.sim.records.store import TRANSIENT, Ending, Record, Store, StoreWriteError
-from mathnavi.sim.sweep.child import StoppedError, Worker, module_path
+from mathnavi.sim.sweep.child import OtherEnvironmentError, StoppedError, Worker, module_path
 from mathnavi.sim.sweep.cluster import DaskCluster
 from mathnavi.sim.sweep.job import Job
 from mathnavi.sim.sweep.task import Backend, Ended, Message, SweepTask
@@ -133,7 +134,8 @@ class _Run:
         found = {content: end for content, end in ended.items() if not (self.retry and end.status in TRANSIENT)}
         if missing := {content: task for content, task in tasks.items() if content not in found}:
             backend = self.pool or _backend(self.workers, self.cluster, self.mix_environments)
-            _Sweep(missing, found, store, self.retry, self.progress or (lambda _: None)).run(backend, self.timeout)
+            sweep = _Sweep(missing, found, store, self.retry, self.progress or (lambda _: None), self.mix_environments)
+            sweep.run(backend, self.timeout)
             stored = store.keys_of(tasks, self.mix_environments)
         return stored
 
@@ -197,8 +199,10 @@ class _Sweep:
         store: Store,
         retry: bool,
         progress: Callable[[Progress], None],
+        mix_environments: bool,
     ) -> None:
         self._tasks, self._store, self._retry, self._progress = tasks, store, retry, progress
+        self._mix_environments = mix_environments
         self._pending = set(tasks)
         total = len(tasks) + len(found)
         self._now = _counted(Progress(total, len(found), len(found), 0, 0, False), found.values())
@@ -226,9 +230,15 @@ class _Sweep:
             backend.stop()
 
     def _take(self, messages: Sequence[Message]) -> None:
-        """Commit what has ended, and count it, once though it may be taken twice."""
+        """Commit what has ended, and count it, once though it may be taken twice.
+
+        OtherEnvironmentError for what was computed in another environment, unless environments are mixed.
+        """
         ended = [message for message in messages if isinstance(message, Ended)]
         self._store.add(*ended, retried=self._retry)
+        other = next((record.origin for record in ended if record.origin.digest != environment_digest()), None)
+        if other is not None and not self._mix_environments:
+            raise OtherEnvironmentError.of(difference(other.environment))
         new = [record for record in ended if record.origin.content in self._pending]
         self._pending.difference_update(record.origin.content for record in new)
         now = _counted(self._now, [Ending(record.status, record.success) for record in new])

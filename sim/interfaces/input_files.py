@@ -9,13 +9,15 @@
 
 A result depends on what is in a file, not on where it lies. The mark ``InputFile`` declares that with the field, so
 that no scenario, plug-in or study has to do anything else: ``input_digests`` finds every marked field of a
-configuration. A field of type ``Path`` without a mark counts where it names a file that is there.
+configuration. A ``Path`` or a text without a mark counts too where it is the path of a file that is there, and its name
+remains in the key.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -55,8 +57,8 @@ class InputFile:
     digest: Callable[[str], str] = content_digest
 
 
-_ANY = InputFile(content_digest)
-"""Mark of a field of type Path that has none of its own"""
+_UNDECLARED = InputFile(content_digest)
+"""Mark of a path or a text that has none of its own"""
 
 
 @dataclass(frozen=True)
@@ -103,12 +105,12 @@ def run_inputs(config: Any, controller: Any, estimator: Any, known: Digests | No
 
 
 def argument_digests(value: Any) -> list[str]:
-    """Digests of the files that the arguments of a call name, in their order: paths, and marked fields of dataclasses.
+    """Digests of the files that the arguments of a call name, in their order: paths, and fields of dataclasses.
 
     Errors as of ``input_digests``.
     """
-    if isinstance(value, Path):
-        return [content_digest(value)] if value.is_file() else []
+    if isinstance(value, str | Path):
+        return [content_digest(value)] if _is_file(str(value), isinstance(value, Path)) else []
     if isinstance(value, Mapping):
         return [digest for item in value.values() for digest in argument_digests(item)]
     if isinstance(value, tuple | list):
@@ -121,7 +123,7 @@ def argument_digests(value: Any) -> list[str]:
             for name, mark in marked.items()
             for digest in (
                 argument_digests(getattr(value, name))
-                if mark is None or mark is _ANY
+                if mark is None
                 else [mark.digest(place) for place in _places(getattr(value, name))]
             )
         ]
@@ -134,10 +136,15 @@ def named_plugins(config: Any) -> list[Any]:
     return [each for each in loaded if each is not None]
 
 
+def declared_inputs(config: Any, prefix: str = "") -> set[str]:
+    """Names of the fields of a configuration that declare files, and name some, with ``prefix`` before them."""
+    return {name for name, mark, _ in _named(config, InputFile, prefix) if mark is not _UNDECLARED}
+
+
 def names_files(hint: Any) -> InputFile | None:
-    """The mark of a type that names files; None for one that names none."""
+    """The mark of a type that declares files; None for one that does not."""
     mark: InputFile | None = _mark(hint, InputFile)
-    return _ANY if mark is None and Path in _members(hint) else mark
+    return mark
 
 
 def names_plugin(hint: Any) -> PluginName | None:
@@ -154,9 +161,10 @@ def _named(config: Any, kind: type[Any], prefix: str) -> Iterator[tuple[str, Any
         if dataclasses.is_dataclass(value):
             yield from _named(value, kind, f"{prefix}{name}.")
             continue
-        mark = names_files(hint) if kind is InputFile else names_plugin(hint)
-        given = () if mark is None else _places(value)
-        places = [place for place in given if mark is not _ANY or Path(place).is_file()]
+        mark: Any = _mark(hint, kind)
+        places = [] if mark is None else list(_places(value))
+        if mark is None and kind is InputFile:
+            mark, places = _UNDECLARED, [place for place in _places(value) if _is_file(place, isinstance(value, Path))]
         if places:
             yield f"{prefix}{name}", mark, places
 
@@ -184,8 +192,9 @@ def _mark(hint: Any, kind: type[Any]) -> Any:
     return next(filter(None, (_mark(each, kind) for each in get_args(hint))), None)
 
 
-def _members(hint: Any) -> Iterator[Any]:
-    """A type and the types in it."""
-    yield hint
-    for each in get_args(hint):
-        yield from _members(each)
+def _is_file(place: str, is_path: bool) -> bool:
+    """True for a path, or a text with a folder or an ending as paths have them, at which there is a file."""
+    try:
+        return (is_path or "." in place or os.sep in place) and Path(place).is_file()
+    except (OSError, ValueError):  # too long, or with a null in it: some other text
+        return False

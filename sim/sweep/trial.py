@@ -17,7 +17,7 @@ from functools import cache
 from typing import Any, ClassVar
 
 from mathnavi.sim.interfaces.fields import leaf, plain, with_fields
-from mathnavi.sim.interfaces.input_files import Digests, named_plugins, run_inputs
+from mathnavi.sim.interfaces.input_files import Digests, declared_inputs, named_plugins, run_inputs
 from mathnavi.sim.plugin.code_version import code_version
 from mathnavi.sim.plugin.registry import PluginSpec, load
 from mathnavi.sim.records.computing_environment import environment, in_environment
@@ -142,7 +142,12 @@ class Trial:
             "planner": parameters["controller"]["fields"],
             "estimator": parameters["estimator"]["fields"],
         }
-        for name in inputs:  # what is in a file counts, not where it lies
+        declared = {
+            *declared_inputs(self.config),
+            *declared_inputs(self.controller_config, "planner."),
+            *declared_inputs(self.estimator_config, "estimator."),
+        }
+        for name in declared & set(inputs):  # what is in a file counts, not where it lies
             first, *rest = name.split(".")
             holder = places[first] if first in places else parameters["config"]
             *above, last = rest if first in places else (first, *rest)

@@ -12,6 +12,7 @@ from mathnavi.sim.interfaces.input_files import (
     InputFile,
     argument_digests,
     content_digest,
+    declared_inputs,
     input_digests,
     names_files,
     names_plugin,
@@ -45,6 +46,7 @@ class Config:
     more: Annotated[tuple[str, ...], InputFile()] = ()
     bare: Path | None = None
     word: str = "word"
+    words: tuple[str, ...] = ()
 
 
 @pytest.fixture
@@ -64,6 +66,7 @@ def test_every_form_of_field_is_found(files: list[str]) -> None:
         "table.file": digests[a],
         "more": f"{digests[a]},{digests[c]}",
         "bare": digests[c],
+        "word": digests[a],
     }
     assert input_digests(config) == expected
     assert input_digests(Config()) == {}
@@ -97,9 +100,22 @@ def test_a_file_that_is_not_there_is_reported(tmp_path: Path) -> None:
 
 
 def test_arguments_of_a_call_name_files_too(files: list[str]) -> None:
+    a, b, c = files
+    found = argument_digests(((Table(a), {"there": Path(b)}), c, "text", 1))
+    assert found == [content_digest(each) for each in files]
+
+
+def test_a_path_without_a_mark_counts_where_there_is_a_file(files: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     a, b, _ = files
-    found = argument_digests(((Table(a), {"there": Path(b)}), a))
-    assert found == [content_digest(a), content_digest(b)]
+    config = Config(Table(a), words=("red", b), word="x" * 5000 + ".", bare=Path(b))
+    assert input_digests(config) == {
+        "table.file": content_digest(a),
+        **dict.fromkeys(("bare", "words"), content_digest(b)),
+    }
+    assert declared_inputs(config) == {"table.file"}
+    monkeypatch.chdir(Path(a).parent)
+    assert input_digests(Config(bare=Path("a"))) == {"bare": content_digest(a)}
+    assert input_digests(Config(word="a")) == {}  # a name, and by chance that of a file
 
 
 def _texts(hint: Any) -> bool:
@@ -130,4 +146,4 @@ def test_every_installed_configuration_declares_the_files_that_it_names() -> Non
     }
     assert found == TEXTS
     bare = {leaf.field_name for leaf in leaves_of(Config, "") if _undeclared(leaf)}
-    assert bare == {"bare", "word"}  # such fields would be found
+    assert bare == {"bare", "word", "words"}  # such fields would be found
